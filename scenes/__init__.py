@@ -1,0 +1,1 @@
+"""Scenes: where frames and labels come from (simulated, measured or recorded)."""
