@@ -1,0 +1,55 @@
+"""Convolutional network: blocks of convolution, ReLU and max pooling, then one linear layer.
+
+The paper compares with "a CNN" of one and of three convolution layers with max pooling and gives
+no more. The numbers below are our choices, the textbook ones: filters doubling from layer to layer
+as their maps shrink, LeNet's 5×5 kernels and 2×2 pooling (LeCun et al., Proc. IEEE 86, 2278
+(1998)), padding that keeps the size, PyTorch's default initial weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from torch import nn
+
+from baselines.training import IterativeClassifier
+
+KERNEL = 5  # pixels a side
+POOL = 2  # pixels a side, also the stride
+
+
+@dataclass(kw_only=True, eq=False)
+class CNN(IterativeClassifier):
+    """A convolution layer of ``filters[k]`` filters for each k, then the classes.
+
+    Args:
+        filters: number of filters, layer by layer: [16] or [16, 32, 64].
+
+    Other arguments and attributes are those of
+    :class:`baselines.training.IterativeClassifier`.
+
+    Raises:
+        ValueError: in ``train``, if the frames are too small to be halved in every layer.
+    """
+
+    filters: Sequence[int] = (16,)
+
+    def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
+        least = POOL ** len(self.filters)
+        if min(shape) < least:
+            raise ValueError(
+                f"frames: {len(self.filters)} pooling layers need at least {least}×{least} pixels, "
+                f"found {shape[0]}×{shape[1]}"
+            )
+        layers: list[nn.Module] = []
+        (height, width), channels = shape, 1
+        for filters in self.filters:
+            layers += [
+                nn.Conv2d(channels, filters, KERNEL, padding=KERNEL // 2),
+                # Pooling first gives the same maps as ReLU first, at a quarter of the ReLU's work.
+                nn.MaxPool2d(POOL),
+                nn.ReLU(),
+            ]
+            (height, width), channels = (height // POOL, width // POOL), filters
+        return nn.Sequential(*layers, nn.Flatten(), nn.Linear(channels * height * width, classes))

@@ -1,0 +1,108 @@
+"""Pixels to numbers: x ↦ (x − offset)·scale, with offset and scale chosen by name.
+
+========================  =================  ====================================================
+``raw``                   x                  0…255 (or 0…65535), as the camera gives them
+``unit``                  x / max            0…1, max = 255 or 65535
+``standard``              (x − μ) / σ        mean and standard deviation of each pixel over the
+                                             training frames (scikit-learn's StandardScaler)
+``standard_global``       (x − μ) / σ        one mean and standard deviation for all pixels
+========================  =================  ====================================================
+
+A pixel that never changes has σ = 0 and is divided by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from baselines.base import Classifier, FrameSource, choose
+
+CHUNK = 20  # frames; float32 sums of 20 squared 8-bit pixels are exact (20·255² < 2²⁴)
+
+
+@dataclass
+class PixelScaling:
+    """x ↦ (x − offset)·scale.
+
+    Args:
+        offset: number, or float32 [H, W].
+        scale: number, or float32 [H, W].
+    """
+
+    offset: float | Tensor = 0.0
+    scale: float | Tensor = 1.0
+
+    def __call__(self, batch: Tensor) -> Tensor:
+        """Frames [n, H, W] → float32 of the same shape."""
+        values = batch.float()  # a copy of our own, so the rest can happen in place
+        if isinstance(self.offset, Tensor) or self.offset != 0:
+            values.sub_(self.offset)
+        if isinstance(self.scale, Tensor) or self.scale != 1:
+            values.mul_(self.scale)
+        return values
+
+    def state_tensors(self) -> dict[str, Tensor]:
+        """The maps that a prediction needs; none when offset and scale are numbers."""
+        maps = {"pixel_offset": self.offset, "pixel_scale": self.scale}
+        return {name: value for name, value in maps.items() if isinstance(value, Tensor)}
+
+
+def fit_scaling(pixels: str, model: Classifier, frames: FrameSource) -> PixelScaling:
+    """The scaling called ``pixels``, from the training frames where it needs them.
+
+    Raises:
+        ValueError: for an unknown name, listing the valid ones.
+    """
+    return choose("pixels", pixels, SCALINGS)(model, frames)
+
+
+def _raw(model: Classifier, frames: FrameSource) -> PixelScaling:
+    return PixelScaling()
+
+
+def _unit(model: Classifier, frames: FrameSource) -> PixelScaling:
+    return PixelScaling(scale=1 / (255 if model.frame_dtype_ == torch.uint8 else 65535))
+
+
+def _standard(model: Classifier, frames: FrameSource) -> PixelScaling:
+    total, squares = _sums(model, frames)
+    mean = total / len(frames)
+    deviation = _deviation(squares / len(frames) - mean**2)
+    return PixelScaling(offset=mean.float(), scale=(1 / deviation).float())
+
+
+def _standard_global(model: Classifier, frames: FrameSource) -> PixelScaling:
+    total, squares = _sums(model, frames)
+    pixels = len(frames) * total.numel()
+    mean = total.sum() / pixels
+    deviation = _deviation(squares.sum() / pixels - mean**2)
+    return PixelScaling(offset=mean.item(), scale=1 / deviation.item())
+
+
+SCALINGS: dict[str, Callable[[Classifier, FrameSource], PixelScaling]] = {
+    "unit": _unit,
+    "raw": _raw,
+    "standard": _standard,
+    "standard_global": _standard_global,
+}
+
+
+def _sums(model: Classifier, frames: FrameSource) -> tuple[Tensor, Tensor]:
+    """Σx and Σx² over the frames, float64 [H, W], exact for 8-bit pixels."""
+    exact = torch.float32 if model.frame_dtype_ == torch.uint8 else torch.float64
+    total = torch.zeros(model.shape_, dtype=torch.float64, device=model.device)
+    squares = torch.zeros_like(total)
+    for start in range(0, len(frames), CHUNK):
+        batch = model.load(frames, slice(start, start + CHUNK)).to(exact)
+        total += batch.sum(dim=0)
+        squares += batch.square_().sum(dim=0)
+    return total, squares
+
+
+def _deviation(variance: Tensor) -> Tensor:
+    # Integers up to 2³² per pixel: a true variance is never below 1/N², rounding is far below it.
+    return torch.where(variance > 1e-9, variance.clamp(min=1e-9).sqrt(), 1.0)

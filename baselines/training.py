@@ -1,0 +1,205 @@
+"""One training loop for every model that learns by gradients.
+
+Minimises the mean cross-entropy of the softmax of a network's outputs,
+
+    F(θ) = 1/N Σᵢ −log softmax(f_θ(xᵢ))[yᵢ]  (+ ‖W‖² / (2CN) with ``C`` set),
+
+over minibatches drawn by a seeded permutation in each epoch. The published recipe gives the
+learning rate 1e-4 and no more (Kitagawa et al., Sec. III.A); Adam, batches of 20 and no penalty
+are our choices, the most usual ones.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from baselines.base import Classifier, FrameSource, choose
+from baselines.pixels import fit_scaling
+
+
+@dataclass(kw_only=True, eq=False)
+class IterativeClassifier(Classifier):
+    """A network trained by minibatches; a subclass writes ``build``.
+
+    Args:
+        pixels: ``unit``, ``raw``, ``standard`` or ``standard_global`` (see baselines.pixels).
+        optimizer: ``Adam``, ``SGD``, or ``LBFGS`` with strong-Wolfe line search (full batch).
+        lr: learning rate; the published one is 1e-4.
+        batch_size: frames a step; None for the whole training set, which makes SGD plain
+            gradient descent.
+        max_epochs: passes over the training frames after which ``train`` returns.
+        C: inverse strength of the L2 penalty on weights (biases go free), as in scikit-learn's
+            LogisticRegression; None for no penalty.
+        dtype: ``float32``, or ``bfloat16`` for the products alone (autocast: the weights, their
+            gradients and the optimiser stay in float32).
+        memory_format: ``contiguous`` or ``channels_last``.
+        micro_batch: frames held as activations at a time; the gradients of a batch are summed over
+            its micro-batches, so the step is the same and only memory and speed change.
+            None for the whole batch.
+        reports_per_epoch: how often in an epoch ``train`` yields.
+        seed: of the initial weights and the permutations.
+        device: where the network lives.
+
+    Attributes:
+        network_: the trained ``torch.nn.Module``.
+        scaling_: the PixelScaling in front of it.
+    """
+
+    pixels: str = "unit"
+    optimizer: str = "Adam"
+    lr: float = 1e-4
+    batch_size: int | None = 20
+    max_epochs: int = 100
+    C: float | None = None
+    dtype: str = "float32"
+    memory_format: str = "contiguous"
+    micro_batch: int | None = None
+    reports_per_epoch: int = 1
+    seed: int = 0
+
+    @abstractmethod
+    def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
+        """The untrained network: float32 [n, 1, H, W] → logits [n, L]."""
+
+    def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
+        """Train from new initial weights; yields samples_seen, epoch and loss.
+
+        ``samples_seen`` counts a frame every time it is used, ``epoch`` is samples_seen / N, and
+        ``loss`` is the mean of F over the steps since the last yield. A loss that is not finite is
+        yielded like any other: it is the caller who stops.
+        """
+        targets = self.start(frames, labels)
+        choose("dtype", self.dtype, DTYPES)
+        layout = choose("memory_format", self.memory_format, MEMORY_FORMATS)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(self.seed)
+            network = self.build(self.shape_, len(self.classes_))
+        # The stubs of torch do not know this keyword of Module.to.
+        self.network_ = network.to(device=self.device, memory_format=layout)  # type: ignore[call-overload]
+        optimizer = choose("optimizer", self.optimizer, OPTIMIZERS)(
+            self.network_.parameters(), self.lr
+        )
+        if isinstance(optimizer, torch.optim.LBFGS) and self.batch_size is not None:
+            raise ValueError(
+                f"batch_size: LBFGS needs the whole training set (null), found {self.batch_size}"
+            )
+        self.scaling_ = fit_scaling(self.pixels, self, frames)
+        yield from self._epochs(frames, targets, optimizer)
+
+    def scores(self, batch: Tensor) -> Tensor:
+        """Logits float32 [n, L]."""
+        layout = MEMORY_FORMATS[self.memory_format]
+        # [n, 1, H, W] is the same memory in both layouts, so this only renames the strides.
+        inputs = self.scaling_(batch)[:, None].to(memory_format=layout)
+        kind = torch.device(self.device).type
+        with torch.autocast(kind, torch.bfloat16, enabled=self.dtype == "bfloat16"):
+            return self.network_(inputs).float()
+
+    def state_tensors(self) -> dict[str, Tensor]:
+        """The parameters of the network, and the maps of a pixel-by-pixel scaling."""
+        parameters = {name: p.detach() for name, p in self.network_.named_parameters()}
+        return parameters | self.scaling_.state_tensors()
+
+    def _epochs(
+        self, frames: FrameSource, targets: Tensor, optimizer: torch.optim.Optimizer
+    ) -> Iterator[dict[str, float]]:
+        n = len(frames)
+        size = n if self.batch_size is None else min(self.batch_size, n)
+        steps = math.ceil(n / size)
+        reports = {
+            math.ceil(steps * k / self.reports_per_epoch)
+            for k in range(1, self.reports_per_epoch + 1)
+        }
+        order = torch.Generator().manual_seed(self.seed)
+        seen = 0
+        while seen < self.max_epochs * n:
+            # In a full batch the order is of no consequence, and a slice costs no copy.
+            permutation = torch.randperm(n, generator=order) if size < n else None
+            losses: list[Tensor] = []
+            for step in range(1, steps + 1):
+                first, last = (step - 1) * size, min(step * size, n)
+                evaluated: list[Tensor] = []
+
+                def closure(first: int = first, last: int = last, into: Any = evaluated) -> Any:
+                    optimizer.zero_grad(set_to_none=True)
+                    into.append(self._backward(frames, targets, permutation, first, last))  # noqa: B023
+                    return into[-1]
+
+                optimizer.step(closure)
+                # The first evaluation is at the weights before the step, for every optimiser.
+                losses.append(evaluated[0])
+                seen += len(evaluated) * (last - first)
+                if step in reports:
+                    mean = torch.stack(losses).mean().item()
+                    losses.clear()
+                    yield {"samples_seen": seen, "epoch": seen / n, "loss": mean}
+            if self._converged(optimizer):
+                return
+
+    def _backward(
+        self, frames: FrameSource, targets: Tensor, order: Tensor | None, first: int, last: int
+    ) -> Tensor:
+        """Loss of one batch, its gradient left in the parameters."""
+        size = self.micro_batch or (DEFAULT_FULL_CHUNK if order is None else last - first)
+        loss = torch.zeros((), device=self.device)
+        for start in range(first, last, size):
+            chunk = slice(start, min(start + size, last))
+            index = chunk if order is None else order[chunk]
+            logits = self.scores(self.load(frames, index))
+            part = F.cross_entropy(logits, targets[index], reduction="sum") / (last - first)
+            part.backward()
+            loss += part.detach()
+        if self.C is not None:
+            penalty = self._squared_weights() / (2 * self.C * len(frames))
+            penalty.backward()
+            loss += penalty.detach()
+        return loss
+
+    def _squared_weights(self) -> Tensor:
+        weights = (p for p in self.network_.parameters() if p.ndim > 1)
+        return torch.stack([p.square().sum() for p in weights]).sum()
+
+    def _converged(self, optimizer: torch.optim.Optimizer) -> bool:
+        """Whether L-BFGS has no step left to take; the other optimisers always have."""
+        if not isinstance(optimizer, torch.optim.LBFGS):
+            return False
+        gradients = [p.grad.abs().max() for p in self.network_.parameters() if p.grad is not None]
+        return bool(torch.stack(gradients).max() <= LBFGS_TOLERANCE)
+
+
+DEFAULT_FULL_CHUNK = 20  # frames scaled at a time in a full batch
+LBFGS_TOLERANCE = 1e-7  # largest component of the gradient
+
+
+def _lbfgs(parameters: Iterable[nn.Parameter], lr: float) -> torch.optim.Optimizer:
+    return torch.optim.LBFGS(
+        parameters,
+        lr,
+        max_iter=5,  # iterations between two reports
+        history_size=10,
+        tolerance_grad=LBFGS_TOLERANCE,
+        tolerance_change=0.0,
+        line_search_fn="strong_wolfe",
+    )
+
+
+# fused: one pass over the parameters a step instead of several; the arithmetic is the same.
+OPTIMIZERS: dict[str, Callable[[Iterable[nn.Parameter], float], torch.optim.Optimizer]] = {
+    "Adam": lambda parameters, lr: torch.optim.Adam(parameters, lr, fused=True),
+    "SGD": lambda parameters, lr: torch.optim.SGD(parameters, lr, fused=True),
+    "LBFGS": _lbfgs,
+}
+DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16}
+MEMORY_FORMATS = {
+    "contiguous": torch.contiguous_format,
+    "channels_last": torch.channels_last,
+}
