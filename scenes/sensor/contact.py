@@ -1,0 +1,145 @@
+"""Who touches: where, how deep, and how well the next touch repeats the last.
+
+A touch of depth δ at (x, y) adds k0·n·q_s·δ·L(x, y) to the phases, L the lengthening of each path per
+metre of indentation (``paths.PathSet.lengthening``). δ = depth·(1 + σ_d·N), and both coordinates of
+the centre miss their target by σ_xy·N. The displacement is linear in the depth; at 1.8 mm of a 5 mm
+layer that is an assumption.
+
+A robot repeats its position to a fraction of the contact radius a. Then L is expanded about the
+target to second order, once a class, and a touch costs six multiplications a path instead of V table
+look-ups. What that neglects is about k0·n·q_s·δ·(3σ_xy/a)³/6; where this exceeds ``EXPANSION`` rad
+(a finger), every touch looks up its own displacement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from scenes.sensor.sensor import Sensor
+from scenes.sensor.validate import require, require_number
+
+EXPANSION = 0.05
+
+
+@dataclass(frozen=True)
+class Touch:
+    """One touch as it happened: depth, target and miss in m, and a stream for what else is random."""
+
+    depth: float
+    x: float
+    y: float
+    stream: np.random.Generator | None = None
+
+
+class BoundContact(Protocol):
+    def __call__(self, touch: Touch) -> Tensor:
+        """Change of phase float64 [P] in rad."""
+        ...
+
+
+@dataclass(frozen=True)
+class Press:
+    """A smooth round contact, pressed to a depth.
+
+    Args:
+        position: (x, y) in m.
+        radius: a of the Hertz pressure in m.
+        depth: mean indentation δ in m.
+        depth_spread: σ_d, relative.
+        position_spread: σ_xy in m, each axis.
+    """
+
+    position: tuple[float, float]
+    radius: float
+    depth: float
+    depth_spread: float = 0.0
+    position_spread: float = 0.0
+
+    def __post_init__(self) -> None:
+        key = "scene.classes.*.position"
+        pair = isinstance(self.position, tuple | list) and len(self.position) == 2
+        require(pair, key, self.position, "two coordinates (x, y) in m")
+        object.__setattr__(self, "position", (float(self.position[0]), float(self.position[1])))
+        require_number("scene.contact.radius", self.radius, 0, strict=True)
+        for name in ("depth", "depth_spread", "position_spread"):
+            require_number(f"scene.contact.{name}", getattr(self, name), 0)
+
+    def check(self, sensor: Sensor, name: str) -> None:
+        """Raise unless the contact lies on the sensor and within the layer."""
+        sensor.paths.require_inside(f"scene.classes.{name}.position", self.position)
+
+    def draw(self, normals: np.ndarray) -> dict[str, np.ndarray]:
+        """Depth and centre of n touches from standard normals [n, 3]."""
+        return {
+            "depth": self.depth * (1 + self.depth_spread * normals[:, 0]),
+            "x": self.position[0] + self.position_spread * normals[:, 1],
+            "y": self.position[1] + self.position_spread * normals[:, 2],
+        }
+
+    def bind(self, sensor: Sensor) -> BoundContact:
+        """The phases that this contact causes on a sensor."""
+        miss = 3 * self.position_spread / self.radius
+        neglected = sensor.paths.wavenumber * self.depth * miss**3 / 6
+        return ExpandedPress(self, sensor) if neglected < EXPANSION else ExactPress(self, sensor)
+
+
+class ExactPress:
+    """Every touch looks up the displacement of every vertex."""
+
+    def __init__(self, press: Press, sensor: Sensor) -> None:
+        self._sensor = sensor
+        self._table = sensor.table(press.radius, torch.float32)
+
+    def __call__(self, touch: Touch) -> Tensor:
+        sensor = self._sensor
+        lengthening = sensor.path_set.lengthening(self._table, (touch.x, touch.y))
+        return lengthening.to(torch.float64).mul_(sensor.paths.wavenumber * touch.depth)
+
+
+class ExpandedPress:
+    """L about the target: L + L_x·ξ + L_y·η + ½L_xx·ξ² + L_xy·ξη + ½L_yy·η², float32 [6, P].
+
+    The derivatives are central differences over the 3 × 3 points at ± two standard deviations, so
+    that the expansion interpolates where the touches are.
+    """
+
+    def __init__(self, press: Press, sensor: Sensor) -> None:
+        self._press, self._wavenumber = press, sensor.paths.wavenumber
+        table = sensor.table(press.radius, torch.float64)
+        (x, y), e = press.position, 2 * press.position_spread
+
+        def at(i: int, j: int) -> Tensor:
+            return sensor.path_set.lengthening(table, (x + i * e, y + j * e))
+
+        centre = at(0, 0)
+        terms = [centre]
+        if e > 0:
+            east, west, north, south = at(1, 0), at(-1, 0), at(0, 1), at(0, -1)
+            corners = at(1, 1) - at(1, -1) - at(-1, 1) + at(-1, -1)
+            terms += [(east - west) / (2 * e), (north - south) / (2 * e)]
+            terms += [(east - 2 * centre + west) / (2 * e * e), corners / (4 * e * e)]
+            terms += [(north - 2 * centre + south) / (2 * e * e)]
+        self._terms = [t.to(torch.float32) for t in terms]
+
+    def __call__(self, touch: Touch) -> Tensor:
+        xi, eta = touch.x - self._press.position[0], touch.y - self._press.position[1]
+        factors = (1.0, xi, eta, xi * xi, xi * eta, eta * eta)
+        scale = self._wavenumber * touch.depth
+        total = self._terms[0].to(torch.float64) * scale
+        for term, factor in zip(self._terms[1:], factors[1:], strict=False):
+            total += term.to(torch.float64) * (scale * factor)
+        return total
+
+
+def line(
+    start: tuple[float, float], stop: tuple[float, float], number: int
+) -> Mapping[str, Mapping[str, tuple[float, float]]]:
+    """Classes "0", "1", … at ``number`` positions evenly spaced from start to stop (x, y) in m."""
+    points = np.linspace(start, stop, number)
+    return {str(i): {"position": (float(x), float(y))} for i, (x, y) in enumerate(points)}

@@ -1,0 +1,212 @@
+"""Displacement of an incompressible elastic layer, bonded to a rigid base, under a round contact.
+
+The layer fills 0 ≤ z ≤ h, is fixed at z = 0 and free at z = h. Under an axisymmetric pressure the
+displacement solves the Stokes equations; its Hankel transform is a combination of s·sinh s and
+sinh s − s·cosh s with s = kz (both vanish with their slope at the base), fixed by zero shear at the
+surface H = kh. With the Hertz pressure p0·√(1 − r²/a²) (Johnson, *Contact Mechanics*, 1985,
+Eq. 3.39; transform ∝ Φ(ka), Φ(x) = (sin x − x·cos x)/x³) it is
+
+    u_z(r, z) = −∫ J0(kr) Φ(ka) P(k, z) dk / w0,     P = w̄·U
+    u_r(r, z) = +∫ J1(kr) Φ(ka) Q(k, z) dk / w0,     Q = w̄·U′/k,     w0 = ∫ Φ(ka) P(k, h) dk
+
+where w̄ = (sinh 2H − 2H)/(cosh 2H + 1 + 2H²) is the surface compliance relative to a half-space and
+U, U(k, h) = 1, the profile in depth: u_z(0, h) = −1, in metres per metre of indentation. The shear
+modulus cancels. (The same derivation: Dhaliwal & Rau, Int. J. Eng. Sci. 8 (1970) 843.)
+
+Numerically, sinh 2H − 2H cancels for thin layers and cosh 2H overflows for thick ones. Neither
+appears here: the *products* P and Q have no sinh 2H − 2H, and what is integrated is their difference
+to the half-space, P∞ = (1 + kd)·e^{−kd}, Q∞ = kd·e^{−kd}, d = h − z, whose terms are all of order
+e^{−2kz} and smaller and are formed without cancellation. The half-space part is a closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+from scipy.interpolate import CubicSpline
+
+from scenes.sensor.validate import require_count, require_number
+
+Array = NDArray[np.float64]
+
+TAIL = 40.0  # the integrand is dropped where e^{−kh} < e^{−40}
+NODES_PER_PERIOD = 8  # Gauss-Legendre nodes a period of the fastest oscillation
+
+
+def hertz_transform(x: Array) -> Array:
+    """Φ(x) = (sin x − x·cos x)/x³ = j1(x)/x, with Φ(0) = 1/3."""
+    x = np.asarray(x, dtype=np.float64)
+    safe = np.where(x > 1e-6, x, 1.0)
+    return np.where(x > 1e-6, special.spherical_jn(1, safe) / safe, 1 / 3)
+
+
+def layer_response(k: Array, z: Array, thickness: float) -> tuple[Array, Array]:
+    """(P, Q) of the layer at wavenumbers k [1/m] and heights z [m], broadcast; no over/underflow."""
+    near, far = _excess(k, z, thickness)
+    kd = k * (thickness - z)
+    return near + (1 + kd) * np.exp(-kd), far + kd * np.exp(-kd)
+
+
+def _excess(k: Array, z: Array, h: float) -> tuple[Array, Array]:
+    """(P − P∞, Q − Q∞). From U's numerator N, with every sinh and cosh of s and H written out:
+
+    P = −e^{−kd}·M/D,  M = −kd(1 + e_s e_H) + (s + H)(e_s + e_H) − (1 − e_s)(1 + e_H) + 2sH(e_s − e_H)
+    Q = −e^{−kd}·R/D,  R = −kd(1 − e_s)(1 + e_H) − 2sH(e_s + e_H)
+    D = 1 + e_H² + 2 e_H (1 + 2H²),  e_s = e^{−2s}, e_H = e^{−2H}; half-space: M → −(1 + kd), D → 1.
+    """
+    big_h, s, kd = k * h, k * z, k * (h - z)
+    es, eh = np.exp(-2 * s), np.exp(-2 * big_h)
+    rest = eh**2 + 2 * eh * (1 + 2 * big_h**2)  # D − 1
+    scale = -np.exp(-kd) / (1 + rest)
+    p = (
+        (es - eh) * (1 + 2 * s * big_h)
+        + es * eh * (1 - kd)
+        + (s + big_h) * (es + eh)
+        + (1 + kd) * rest
+    )
+    q = kd * (es - eh + es * eh + rest) - 2 * s * big_h * (es + eh)
+    return scale * p, scale * q
+
+
+def half_space(r: Array, d: Array, a: float) -> tuple[Array, Array]:
+    """∫ J0(kr) Φ(ka) P∞ dk and ∫ J1(kr) Φ(ka) Q∞ dk / r at depth d below the surface.
+
+    Φ(ka) = ½∫₀¹ (1 − t²) cos(kat) dt turns them into ∫ (1 − t²)·f(ζ) dt along ζ = d + iat, where
+    the integrals over k are powers of R = √(r² + ζ²) and those over t are elementary.
+    """
+    r = np.maximum(np.asarray(r, dtype=np.float64), 1e-9 * a)
+    r, d = np.broadcast_arrays(r, np.asarray(d, dtype=np.float64))
+    c0, c1, c2 = 1 + (d / a) ** 2, -2 * d / a**2, 1 / a**2  # 1 − t² = c0 + c1·ζ + c2·ζ²
+
+    def primitives(zeta: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
+        root = np.sqrt(r * r + zeta * zeta)
+        log = np.log(zeta + root)
+        even = c0 * log + c1 * root + c2 * (zeta * root - r * r * log) / 2
+        slope = -c0 / root + c1 * (log - zeta / root) + c2 * (root + r * r / root)
+        radial = -c0 / (root * (zeta + root)) - c1 / root + c2 * (log - zeta / root)
+        return even, slope, radial
+
+    ends = zip(primitives(d + 1j * a), primitives(d + 0j), strict=True)
+    even, slope, radial = (np.real((upper - lower) / (1j * a)) / 2 for upper, lower in ends)
+    return even + d * slope, np.where(d > 0, d * radial, 0.0)
+
+
+@dataclass(frozen=True)
+class RadialTable:
+    """Cubic pieces of u_r/r [1/m] and u_z [1] in the stretched radius t = r/(r + c).
+
+    ``coefficients`` [levels, intervals, 8]: four of u_r/r, four of u_z, lowest power first, in the
+    fraction of an interval. Beyond ``reach`` the displacement is taken as zero.
+    """
+
+    coefficients: NDArray[np.float64]
+    stretch: float
+    reach: float
+
+    @property
+    def intervals(self) -> int:
+        return self.coefficients.shape[1]
+
+    @property
+    def step(self) -> float:
+        return self.reach / (self.reach + self.stretch) / self.intervals
+
+
+@dataclass(frozen=True)
+class Layer:
+    """The silicone.
+
+    Args:
+        thickness: h in m (assumed: the published text gives no dimension).
+        levels: number of heights inside the layer at which scattering happens. They are the nodes of
+            the Gauss-Legendre rule on (0, h), drawn with its weights, so that the mean over paths of
+            any polynomial in z up to degree 2·levels − 1 is that of uniformly distributed heights.
+    """
+
+    thickness: float = 5e-3
+    levels: int = 16
+
+    def __post_init__(self) -> None:
+        require_number("scene.sensor.layer.thickness", self.thickness, 0, strict=True)
+        require_count("scene.sensor.layer.levels", self.levels)
+
+    @cached_property
+    def heights(self) -> Array:
+        """z of the levels [levels + 1] in m; the last is the free surface."""
+        nodes, _ = np.polynomial.legendre.leggauss(self.levels)
+        return np.append(self.thickness * (1 + nodes) / 2, self.thickness)
+
+    @cached_property
+    def weights(self) -> Array:
+        """Probability of each inner level [levels]."""
+        return np.polynomial.legendre.leggauss(self.levels)[1] / 2
+
+    def displacement(self, r: Array, z: Array, radius: float) -> tuple[Array, Array]:
+        """(u_r, u_z) [len(r), len(z)] per metre of indentation by a contact of this radius."""
+        r, z = np.atleast_1d(r).astype(np.float64), np.atleast_1d(z).astype(np.float64)
+        u_r_over_r, u_z = _displacement(r, z, radius, self.thickness)
+        return u_r_over_r * r[:, None], u_z
+
+    def table(self, radius: float, intervals: int = 400, extent: float = 0.12) -> RadialTable:
+        """Tabulated displacement at the levels; ``extent`` is the largest radius asked for."""
+        reach = min(extent, radius + 30 * self.thickness)  # e-folding length of the tail: 1.15 h
+        return _table(self, radius, intervals, reach)
+
+    def compliance(self, radius: float) -> float:
+        """w0 in 1/m: the dimensionless surface compliance ∫ Φ(ka) P(k, h) dk of a Hertz contact."""
+        return _compliance(radius, self.thickness)
+
+
+@lru_cache(maxsize=32)
+def _table(layer: Layer, radius: float, intervals: int, reach: float) -> RadialTable:
+    stretch = 4 * radius  # steps near the contact about a/60, at r = 100 mm about h/2
+    t = np.linspace(0, reach / (reach + stretch), intervals + 1)
+    r = stretch * t / (1 - t)
+    pieces = []
+    for values in _displacement(r, layer.heights, radius, layer.thickness):
+        # Both are even in r, so their slope at the axis is zero.
+        spline = CubicSpline(
+            t, values, axis=0, bc_type=((1, np.zeros(values.shape[1])), "not-a-knot")
+        )
+        pieces += [spline.c[3 - p] * (t[1] - t[0]) ** p for p in range(4)]
+    return RadialTable(np.stack(pieces, axis=-1).swapaxes(0, 1).copy(), stretch, reach)
+
+
+@lru_cache(maxsize=64)
+def _compliance(radius: float, h: float) -> float:
+    return float(_unscaled(np.zeros(1), np.array([h]), radius, h)[1][0, 0])
+
+
+def _displacement(r: Array, z: Array, radius: float, h: float) -> tuple[Array, Array]:
+    """(u_r/r [1/m], u_z [1]) with u_z(0, h) = −1."""
+    u_r_over_r, sunk = _unscaled(r, z, radius, h)
+    w0 = _compliance(radius, h)
+    return u_r_over_r / w0, -sunk / w0
+
+
+def _unscaled(r: Array, z: Array, radius: float, h: float) -> tuple[Array, Array]:
+    k, weight = _nodes(TAIL / h, float(r.max()) + radius)
+    p, q = _excess(k[:, None], z, h)
+    weight = weight * hertz_transform(k * radius)
+    kr = r[:, None] * k
+    # J1(x)/x → 1/2 on the axis.
+    j1_over_r = np.where(kr > 1e-8, special.j1(kr) / np.maximum(r[:, None], 1e-300), k / 2)
+    space_z, space_r = half_space(r[:, None], h - z, radius)
+    return space_r + j1_over_r @ (weight[:, None] * q), space_z + special.j0(kr) @ (
+        weight[:, None] * p
+    )
+
+
+def _nodes(k_max: float, length: float) -> tuple[Array, Array]:
+    """Composite Gauss-Legendre nodes and weights on (0, k_max) for oscillations of e^{ik·length}."""
+    periods = k_max * length / (2 * math.pi)
+    panels = max(8, math.ceil(periods * NODES_PER_PERIOD / 16))
+    x, w = np.polynomial.legendre.leggauss(16)
+    edges = np.linspace(0, k_max, panels + 1)
+    half = (edges[1] - edges[0]) / 2
+    return (edges[:-1, None] + half * (1 + x)).ravel(), np.tile(half * w, panels)

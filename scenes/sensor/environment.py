@@ -1,0 +1,100 @@
+"""Temperature, and what it does to the phase of a path.
+
+Room: a thermostat keeps the temperature within bounds, so a slow Gaussian process is squashed into a
+uniform distribution of half-width ``slow``; a fast small part rides on it. With X, Y stationary
+Ornstein-Uhlenbeck processes of unit variance (correlation e^{−Δm/τ} between samples Δm apart),
+
+    T_m = T0 + slow·(2Φ(X_m) − 1) + fast·Y_m,     Φ the normal distribution function.
+
+Thermal: path p changes its phase by S_p·T, S_p = scale·g·exp(spread·g′) with g, g′ standard normal:
+heavy-tailed, as path lengths in a scattering medium are. ``scale`` is k0·β·L, β the thermo-optic
+coefficient plus expansion (dn/dT ≈ −5e-4 /K for PDMS) and L a typical length. The mean correlation of
+the field after a temperature step is then E cos(S·T) (Siegert: its square for the intensity).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+from scipy.special import ndtr
+
+from scenes.sensor.validate import require, require_number
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Thermal:
+    """Distribution of S over paths.
+
+    Args:
+        scale: k0·β·L in rad/K (fitted: same-class correlation, accuracy at few samples).
+        spread: σ of the logarithm (fitted with it; the median of |S| is then 68 rad/K).
+        limit: rad/K above which the lognormal tail is unphysical: metres of path. Those paths get a
+            magnitude uniform between 0.3·limit and limit; one common value would keep them
+            coherent with each other.
+    """
+
+    scale: float = 124.0
+    spread: float = 2.8
+    limit: float = 1000.0
+
+    def __post_init__(self) -> None:
+        require_number("scene.sensor.thermal.scale", self.scale, 0)
+        require_number("scene.sensor.thermal.spread", self.spread, 0)
+        require_number("scene.sensor.thermal.limit", self.limit, 0, strict=True)
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """S [count] in rad/K."""
+        g = rng.standard_normal(count)
+        s = self.scale * g * np.exp(self.spread * rng.standard_normal(count))
+        replacement = np.sign(g) * self.limit * rng.uniform(0.3, 1.0, count)
+        return np.where(np.abs(s) > self.limit, replacement, s)
+
+
+@dataclass(frozen=True)
+class Room:
+    """One session's temperature, as an offset from the first day's set point.
+
+    Args:
+        offset: T0 in K.
+        slow: half-width of the slow variation in K; with ``fast`` the published ±0.2 °C.
+        slow_time: τ of the slow part in samples (assumed).
+        fast: standard deviation of the fast part in K.
+        fast_time: τ of the fast part in samples (assumed).
+        creep: what the silicone did since the first session, see ``creep.Creep``; none by default.
+    """
+
+    offset: float = 0.0
+    slow: float = 0.18
+    slow_time: float = 40.0
+    fast: float = 0.03
+    fast_time: float = 3.0
+    creep: object | None = None
+
+    def __post_init__(self) -> None:
+        key = "scene.sessions"
+        require_number(f"{key}.offset", self.offset, -np.inf)
+        for name in ("slow", "fast"):
+            require_number(f"{key}.{name}", getattr(self, name), 0)
+        for name in ("slow_time", "fast_time"):
+            require_number(f"{key}.{name}", getattr(self, name), 0, strict=True)
+        good = self.creep is None or hasattr(self.creep, "phases")
+        require(good, f"{key}.creep", self.creep, "null or scenes.sensor.creep.Creep")
+
+    def temperatures(self, count: int, rng: np.random.Generator) -> Array:
+        """T [count] in K at consecutive samples; the first m do not depend on ``count``."""
+        x, y = rng.standard_normal((count, 2)).T
+        slow = self.slow * (2 * ndtr(_ornstein_uhlenbeck(x, self.slow_time)) - 1)
+        return self.offset + slow + self.fast * _ornstein_uhlenbeck(y, self.fast_time)
+
+
+def _ornstein_uhlenbeck(noise: Array, time: float) -> Array:
+    """Exact discretisation: x₀ = ξ₀, x_m = ρ·x_{m−1} + √(1 − ρ²)·ξ_m, ρ = e^{−1/τ}."""
+    rho = np.exp(-1 / time)
+    drive = noise * np.sqrt(1 - rho * rho)
+    drive[:1] = noise[:1]
+    return lfilter([1.0], [1.0, -rho], drive)

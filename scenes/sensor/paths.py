@@ -1,0 +1,175 @@
+"""Scattering paths through the layer and how their lengths answer to a displacement.
+
+A path runs from the fibre to the camera in straight legs between V scattering vertices. If vertex v
+moves by u_v, the path of direction ŝ before and after it becomes longer by (ŝ_before − ŝ_after)·u_v,
+to first order in u over the length of a leg, so that its phase changes by
+
+    Δφ_p = k0·n·q_s·Σ_v (ŝ_in − ŝ_out)_pv · u(r_pv),     k0 = 2π/λ.
+
+The factor q_s < 1 stands for forward scattering, which bends light by less than the polyline does.
+Sampling paths instead of solving for the field: Bar et al., ACM Trans. Graph. 38 (2019) 37; Goodman,
+*Speckle Phenomena in Optics* (2007), ch. 2, for the sum of many random phasors.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from scenes.sensor.elastomer import Layer, RadialTable
+from scenes.sensor.validate import require, require_count, require_number
+
+KEY = "scene.sensor.paths"
+
+
+@dataclass(frozen=True)
+class Paths:
+    """Where light goes. Coordinates: x away from fibre and camera, y along them, z up.
+
+    The defaults are the one calibrated sensor; how each was set is beside it.
+
+    Args:
+        wavelength: λ in m, of a red laser diode (assumed).
+        index: refractive index of silicone at that wavelength (assumed; 1.41 to 1.43 in tables).
+        vertices: scattering vertices a path (assumed).
+        forward: q_s (fitted: crosstalk of touches).
+        reach: mean of the exponential distribution of how far out a path goes, l_x in m (fitted).
+        length: L_x in m: no light beyond it (fitted: 51 mm of positions need light).
+        width: L_y in m (assumed).
+        spread: standard deviation of y about the straight line, in m (assumed).
+        surface: share of the vertices that lie on the free surface (assumed).
+        fibre, camera: (x, y) in m of both ends, at half the thickness (assumed).
+    """
+
+    wavelength: float = 0.66e-6
+    index: float = 1.41
+    vertices: int = 6
+    forward: float = 0.25
+    reach: float = 22e-3
+    length: float = 90e-3
+    width: float = 40e-3
+    spread: float = 6e-3
+    surface: float = 0.30
+    fibre: tuple[float, float] = (0.0, -8e-3)
+    camera: tuple[float, float] = (0.0, 8e-3)
+
+    def __post_init__(self) -> None:
+        for name in ("wavelength", "index", "reach", "length", "width", "spread"):
+            require_number(f"{KEY}.{name}", getattr(self, name), 0, strict=True)
+        require_count(f"{KEY}.vertices", self.vertices)
+        require_number(f"{KEY}.forward", self.forward, 0)
+        require_number(f"{KEY}.surface", self.surface, 0, 1)
+        for name in ("fibre", "camera"):
+            position = tuple(getattr(self, name))
+            object.__setattr__(self, name, position)
+            self.require_inside(f"{KEY}.{name}", position)
+
+    @property
+    def wavenumber(self) -> float:
+        """k0·n·q_s in rad/m: phase per metre of lengthening."""
+        return 2 * math.pi / self.wavelength * self.index * self.forward
+
+    def require_inside(self, key: str, position: tuple[float, float]) -> None:
+        """Raise unless the position lies on the sensor."""
+        x, y = position
+        require(
+            0 <= x <= self.length and abs(y) <= self.width / 2,
+            key,
+            position,
+            f"x in [0, {self.length:g}] m and |y| <= {self.width / 2:g} m (the sensor's surface)",
+        )
+
+    def draw(
+        self, count: int, layer: Layer, rng: np.random.Generator, device: torch.device
+    ) -> PathSet:
+        """``count`` independent paths."""
+        require(
+            count >= 1, "scene.sensor.camera.pupil", count, "a pupil that at least one path fills"
+        )
+        v, p = self.vertices, count
+        t = (np.arange(1, v + 1) / (v + 1))[:, None]
+        outermost = np.minimum(rng.exponential(self.reach, p), self.length)
+        scatter = 1 + 0.15 * rng.standard_normal((v, p))
+        x = np.clip(outermost * np.sin(np.pi * t) ** 0.7 * scatter, 0, self.length)
+        line = self.fibre[1] + t * (self.camera[1] - self.fibre[1])
+        y = np.clip(
+            line + self.spread * rng.standard_normal((v, p)), -self.width / 2, self.width / 2
+        )
+        inner = np.minimum(
+            np.cumsum(layer.weights).searchsorted(rng.random((v, p))), layer.levels - 1
+        )
+        level = np.where(rng.random((v, p)) < self.surface, layer.levels, inner)
+
+        points = np.empty((v + 2, p, 3))
+        points[0] = (*self.fibre, layer.thickness / 2)
+        points[-1] = (*self.camera, layer.thickness / 2)
+        points[1:-1] = np.stack([x, y, layer.heights[level]], axis=-1)
+        legs = np.diff(points, axis=0)
+        legs /= np.maximum(np.linalg.norm(legs, axis=-1, keepdims=True), 1e-12)
+        bend = (legs[:-1] - legs[1:]).transpose(2, 0, 1)
+
+        def tensor(array: np.ndarray, dtype: torch.dtype = torch.float32) -> Tensor:
+            return torch.from_numpy(np.ascontiguousarray(array)).to(device, dtype)
+
+        return PathSet(tensor(x), tensor(y), tensor(level, torch.int64), tensor(bend))
+
+
+@dataclass(frozen=True)
+class PathSet:
+    """P paths of V vertices.
+
+    Attributes:
+        x, y: float32 [V, P] in m.
+        level: int64 [V, P], index into ``Layer.heights``.
+        bend: float32 [3, V, P], ŝ_in − ŝ_out.
+    """
+
+    x: Tensor
+    y: Tensor
+    level: Tensor
+    bend: Tensor
+
+    def __len__(self) -> int:
+        return self.x.shape[1]
+
+    def lengthening(self, table: Table, centre: tuple[float, float]) -> Tensor:
+        """Σ_v (ŝ_in − ŝ_out)·u [P] per metre of indentation at ``centre`` (x, y) in m.
+
+        In the precision of the table. Vertex by vertex, so that the temporaries stay in the cache.
+        """
+        total = torch.zeros(len(self), dtype=table.rows.dtype, device=self.x.device)
+        for v in range(self.x.shape[0]):
+            dx, dy = (
+                (self.x[v] - centre[0]).to(total.dtype),
+                (self.y[v] - centre[1]).to(total.dtype),
+            )
+            outward, down = table.look_up((dx * dx + dy * dy).sqrt_(), self.level[v])
+            along = self.bend[0, v] * dx + self.bend[1, v] * dy
+            total += along * outward
+            total += self.bend[2, v] * down
+        return total
+
+
+class Table:
+    """A :class:`RadialTable` on the device, with the cubic evaluated at many vertices at once."""
+
+    def __init__(self, table: RadialTable, dtype: torch.dtype, device: torch.device) -> None:
+        self.rows = torch.from_numpy(table.coefficients).to(device, dtype).reshape(-1, 8)
+        self._table = table
+
+    def look_up(self, r: Tensor, level: Tensor) -> tuple[Tensor, Tensor]:
+        """(u_r/r, u_z) at radii r [P] in m and levels int64 [P]; zero beyond the table's reach."""
+        n = self._table.intervals
+        position = r / (r + self._table.stretch)
+        position *= 1 / self._table.step
+        interval = position.to(torch.int64).clamp_(max=n - 1)
+        fraction = (position - interval).clamp_(max=1.0)
+        c = self.rows.index_select(0, level * n + interval)
+        outward = ((c[:, 3] * fraction + c[:, 2]) * fraction + c[:, 1]) * fraction + c[:, 0]
+        down = ((c[:, 7] * fraction + c[:, 6]) * fraction + c[:, 5]) * fraction + c[:, 4]
+        inside = r <= self._table.reach
+        return outward * inside, down * inside

@@ -1,0 +1,187 @@
+"""A scene of the simulated sensor: labels, sessions, samples, and frames made when asked for."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy
+import torch
+from torch import Tensor
+
+from scenes.sensor.environment import Room
+from scenes.sensor.seeds import stream
+from scenes.sensor.sensor import Sensor
+from scenes.sensor.validate import require, require_count
+
+if TYPE_CHECKING:  # a scene in which nobody touches loads no mechanics of contact
+    from scenes.sensor.contact import BoundContact, Press
+
+CPU_BATCH, DEVICE_BATCH = 2, 64  # a frame's arrays fill a core's cache; a GPU wants many
+
+
+class SpeckleScene:
+    """N labelled frames of one sensor.
+
+    Args:
+        sensor: the sensor.
+        classes: class name → what differs between classes (``position`` at least), or ``None`` for
+            a class in which nobody touches.
+        contact: called with a class's mapping to make its contact (a ``_partial_`` in the
+            configuration); may be ``None`` if nobody touches.
+        samples_per_class: in every session; one number, or a mapping of class names to numbers.
+        sessions: one ``Room`` each, in order of time.
+        seed: seed of everything that differs between samples.
+
+    Sample ``s·n + m`` is the m-th of n in session s. Its label, touch, temperature and noise are
+    addressed by (seed, session, m) alone: the first session of two is the same as the only one.
+    """
+
+    origin = "simulated"
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        classes: Mapping[str, Mapping[str, Any] | None],
+        contact: Callable[..., Press] | None = None,
+        samples_per_class: int | Mapping[str, int] = 100,
+        sessions: Sequence[Room] = (Room(),),
+        seed: int = 0,
+    ) -> None:
+        require_count("seed.samples", seed, 0)
+        require(len(classes) > 0, "scene.classes", classes, "at least one class")
+        require(len(sessions) > 0, "scene.sessions", sessions, "at least one session")
+        self.sensor, self.sessions, self.seed = sensor, tuple(sessions), seed
+        self.classes = tuple(str(name) for name in classes)
+        self.contacts = [
+            _contact(str(name), contact, difference, sensor) for name, difference in classes.items()
+        ]
+        self._counts = _counts(samples_per_class, self.classes)
+        self.shape = (sensor.camera.crop, sensor.camera.crop)
+        self.labels, self.samples = self._plan()
+        self._bound: dict[int, BoundContact] = {}
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+        """uint8 [n, H, W] on the CPU; each sample the same whatever else is asked for."""
+        wanted = np.atleast_1d(np.asarray(indices)).astype(np.int64)
+        outside = (wanted < -len(self)) | (wanted >= len(self))
+        if outside.any():
+            raise IndexError(f"sample {wanted[outside][0]} of a scene of {len(self)} samples")
+        wanted %= len(self)
+        frames = torch.empty((len(wanted), *self.shape), dtype=torch.uint8)
+        batch = CPU_BATCH if self.sensor.place.type == "cpu" else DEVICE_BATCH
+        camera = self.sensor.mounted
+        for start in range(0, len(wanted), batch):
+            part = wanted[start : start + batch]
+            intensity = camera.intensity(torch.stack([self.phases(int(i)) for i in part]))
+            noise = [self._stream("noise", int(i)) for i in part]
+            frames[start : start + batch] = camera.expose(intensity, noise).cpu()
+        return frames
+
+    def phases(self, index: int) -> Tensor:
+        """φ float64 [P] in rad of one sample, not reduced."""
+        sensor, label = self.sensor, int(self.labels[index])
+        phases = sensor.phase + sensor.sensitivity * float(self.samples["temperature"][index])
+        session = int(self.samples["session"][index])
+        if self.sessions[session].creep is not None:
+            phases += self.sessions[session].creep.phases(sensor)  # type: ignore[attr-defined]
+        contact = self.contacts[label]
+        if contact is not None:
+            from scenes.sensor.contact import Touch
+
+            if label not in self._bound:
+                self._bound[label] = contact.bind(sensor)
+            depth, x, y = (float(self.samples[key][index]) for key in ("depth", "x", "y"))
+            phases += self._bound[label](Touch(depth, x, y, self._stream("texture", index)))
+        return phases
+
+    def fingerprint(self) -> str:
+        """SHA-256 over parameters, seeds, this package's source and the libraries' versions."""
+        parts = {
+            "sensor": asdict(self.sensor),
+            "contacts": [
+                None if c is None else [type(c).__name__, asdict(c)] for c in self.contacts
+            ],
+            "classes": self.classes,
+            "counts": self._counts,
+            "sessions": [asdict(room) for room in self.sessions],
+            "seed": self.seed,
+            "versions": [torch.__version__, np.__version__, scipy.__version__, platform.machine()],
+        }
+        digest = hashlib.sha256(json.dumps(parts, sort_keys=True, default=repr).encode())
+        for source in sorted(Path(__file__).parent.glob("*.py")):
+            digest.update(source.name.encode() + b"\0" + source.read_bytes())
+        return digest.hexdigest()
+
+    def _plan(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Labels in random order within each session, and what each sample will be."""
+        per_session = int(sum(self._counts))
+        columns: dict[str, list[np.ndarray]] = {}
+        labels = []
+        for session, room in enumerate(self.sessions):
+            ordered = np.repeat(np.arange(len(self.classes)), self._counts)
+            label = stream(self.seed, "labels", session).permutation(ordered)
+            normals = stream(self.seed, "touches", session).standard_normal((per_session, 3))
+            temperature = room.temperatures(per_session, stream(self.seed, "room", session))
+            sample = {
+                "order": np.arange(per_session),
+                "session": np.full(per_session, session),
+                "temperature": temperature,
+                "depth": np.zeros(per_session),
+                "x": np.full(per_session, np.nan),
+                "y": np.full(per_session, np.nan),
+            }
+            for c, contact in enumerate(self.contacts):
+                if contact is not None:
+                    mine = np.flatnonzero(label == c)
+                    for name, values in contact.draw(normals[mine]).items():
+                        sample[name][mine] = values
+            labels.append(label)
+            for name, values in sample.items():
+                columns.setdefault(name, []).append(values)
+        samples = {name: np.concatenate(parts) for name, parts in columns.items()}
+        deepest = float(samples["depth"].max(initial=0.0))
+        thickness = self.sensor.layer.thickness
+        limit = f"less than the layer's thickness, {thickness:g} m, in every touch"
+        require(deepest < thickness, "scene.contact.depth", deepest, limit)
+        return np.concatenate(labels).astype(np.int64), samples
+
+    def _stream(self, purpose: str, index: int) -> np.random.Generator:
+        place = self.samples["session"][index], self.samples["order"][index]
+        return stream(self.seed, purpose, *place)
+
+
+def _contact(
+    name: str,
+    contact: Callable[..., Press] | None,
+    difference: Mapping[str, Any] | None,
+    sensor: Sensor,
+) -> Press | None:
+    if difference is None:
+        return None
+    require(
+        contact is not None, "scene.contact", contact, f"a contact, as class {name!r} is touched"
+    )
+    made = contact(**difference)  # type: ignore[misc]
+    made.check(sensor, name)
+    return made
+
+
+def _counts(wanted: int | Mapping[str, int], classes: tuple[str, ...]) -> list[int]:
+    key = "scene.samples_per_class"
+    if not isinstance(wanted, Mapping):
+        require_count(key, wanted)
+        return [wanted] * len(classes)
+    for name, count in wanted.items():
+        require(str(name) in classes, key, name, f"one of the labels {', '.join(classes)}")
+        require_count(f"{key}.{name}", count, 0)
+    return [int(wanted.get(name, 0)) for name in classes]

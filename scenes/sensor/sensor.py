@@ -1,0 +1,91 @@
+"""The sensor that every scene shares: layer, paths, thermal sensitivity and camera under one seed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any, TypeVar
+
+import torch
+from torch import Tensor
+
+from scenes.sensor.camera import Camera, MountedCamera
+from scenes.sensor.elastomer import Layer
+from scenes.sensor.environment import Thermal
+from scenes.sensor.paths import Paths, PathSet, Table
+from scenes.sensor.seeds import stream
+from scenes.sensor.validate import require, require_count
+
+Part = TypeVar("Part")
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One calibrated sensor; nothing is drawn before a frame is asked for.
+
+    Each part may be given as the object or as a mapping of what differs from its calibrated
+    defaults, so ``+scene.sensor.camera.photons=100`` works on the command line.
+
+    Args:
+        seed: which sensor: the paths, their phases and thermal sensitivities.
+        device: where frames are computed.
+    """
+
+    seed: int = 0
+    device: str = "cpu"
+    layer: Layer = field(default_factory=Layer)
+    paths: Paths = field(default_factory=Paths)
+    thermal: Thermal = field(default_factory=Thermal)
+    camera: Camera = field(default_factory=Camera)
+
+    def __post_init__(self) -> None:
+        require_count("seed.sensor", self.seed, 0)
+        for name, kind in (
+            ("layer", Layer),
+            ("paths", Paths),
+            ("thermal", Thermal),
+            ("camera", Camera),
+        ):
+            object.__setattr__(self, name, _part(f"scene.sensor.{name}", kind, getattr(self, name)))
+
+    @cached_property
+    def place(self) -> torch.device:
+        return torch.device(self.device)
+
+    @cached_property
+    def path_set(self) -> PathSet:
+        count = self.camera.path_count
+        return self.paths.draw(count, self.layer, stream(self.seed, "paths"), self.place)
+
+    @cached_property
+    def phase(self) -> Tensor:
+        """φ0 float64 [P] in rad."""
+        rng = stream(self.seed, "phase")
+        values = rng.uniform(0, 2 * torch.pi, self.camera.path_count)
+        return torch.from_numpy(values).to(self.place)
+
+    @cached_property
+    def sensitivity(self) -> Tensor:
+        """S float64 [P] in rad/K."""
+        values = self.thermal.draw(self.camera.path_count, stream(self.seed, "thermal"))
+        return torch.from_numpy(values).to(self.place)
+
+    @cached_property
+    def mounted(self) -> MountedCamera:
+        return self.camera.on(self.place)
+
+    def table(self, radius: float, dtype: torch.dtype) -> Table:
+        """Displacement under a contact of this radius, at the heights of the paths' vertices."""
+        extent = self.paths.length + self.paths.width  # more than the sensor's diagonal
+        return Table(self.layer.table(radius, extent=extent), dtype, self.place)
+
+
+def _part(key: str, kind: type[Part], value: Part | Mapping[str, Any]) -> Part:
+    if isinstance(value, kind):
+        return value
+    require(isinstance(value, Mapping), key, value, f"a mapping or a {kind.__name__}")
+    known = [f.name for f in fields(kind)]  # type: ignore[arg-type]
+    for name in value:  # type: ignore[attr-defined]
+        require(name in known, f"{key}.{name}", name, f"one of {', '.join(known)}")
+    return kind(**value)  # type: ignore[arg-type]
