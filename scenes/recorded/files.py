@@ -1,0 +1,91 @@
+"""Reading files that may be broken or hostile: bounded, regular, and named in every error."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import re
+import stat
+from pathlib import Path
+
+
+class BadFrame(ValueError):
+    """A frame that cannot be used, and why; ``on_bad_frame`` decides what happens."""
+
+
+def shown(name: object) -> str:
+    """A name from outside, fit for a message or a record: control characters are escaped."""
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in str(name)
+    )
+
+
+def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Sorts frame2 before frame10, and the same everywhere: no locale is asked."""
+    parts = re.split(r"([0-9]+)", name)
+    key = tuple((0, int(p), p) if p.isdecimal() else (1, 0, p.casefold()) for p in parts if p)
+    return (*key, (2, 0, name))  # Frame1 and frame1 in a fixed order
+
+
+def read_bytes(path: Path, limit: int) -> bytes:
+    """The contents of a regular file of at most ``limit`` bytes.
+
+    Raises:
+        BadFrame: it is none (a folder, a pipe, a loop of links), is empty, larger or unreadable.
+    """
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            kind = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
+            raise BadFrame(f"{shown(path)}: expected a file, found {kind}")
+        if status.st_size > limit:
+            raise BadFrame(f"{shown(path)}: expected at most {limit} bytes, found {status.st_size}")
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        if isinstance(error, BadFrame):
+            raise
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise BadFrame(f"{shown(path)}: expected a readable file, found: {reason}") from error
+    if not data:
+        raise BadFrame(f"{shown(path)}: expected an image, found an empty file")
+    return data
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of the contents."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_csv(path: Path, required: tuple[str, ...]) -> list[dict[str, str]]:
+    """Rows of a comma-separated table in UTF-8 whose header holds at least the given columns.
+
+    Raises:
+        ValueError: no such file, not a table, a column missing, or a row of another length.
+    """
+    try:
+        text = read_bytes(path, limit=2**28).decode("utf-8-sig")
+        rows = list(csv.reader(io.StringIO(text, newline=""), strict=True))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{shown(path)}: expected a CSV table in UTF-8, found: {error}") from error
+    header = [name.strip() for name in rows[0]] if rows else []
+    if missing := [name for name in required if name not in header]:
+        raise ValueError(
+            f"{shown(path)}: expected columns {', '.join(required)}, "
+            f"found no {', '.join(missing)} in {shown(header)}"
+        )
+    if len(set(header)) < len(header):
+        raise ValueError(f"{shown(path)}: expected different column names, found {shown(header)}")
+    table = []
+    for line, row in enumerate(rows[1:], start=2):
+        if not row:  # a blank line
+            continue
+        if len(row) != len(header):
+            raise ValueError(
+                f"{shown(path)}, row {line}: expected {len(header)} values, found {len(row)}"
+            )
+        table.append(dict(zip(header, (value.strip() for value in row), strict=True)))
+    if not table:
+        raise ValueError(f"{shown(path)}: expected at least one row, found none")
+    return table
