@@ -6,13 +6,11 @@ import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 import torch
 from torch import Tensor
-
-PREDICTION_BATCH = 50  # frames; bounds the memory of predict, whatever the number of queries
 
 
 class FrameSource(Protocol):
@@ -38,6 +36,9 @@ class Classifier(ABC):
     """
 
     device: str = "cpu"
+
+    # Frames scored at a time: bounds the memory of predict, whatever the number of queries.
+    prediction_batch: ClassVar[int] = 50
 
     @abstractmethod
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[Mapping[str, float]]:
@@ -67,8 +68,8 @@ class Classifier(ABC):
         self.check_queries(frames)
         best = []
         with torch.inference_mode():
-            for start in range(0, len(frames), PREDICTION_BATCH):
-                batch = self.load(frames, slice(start, start + PREDICTION_BATCH))
+            for start in range(0, len(frames), self.prediction_batch):
+                batch = self.load(frames, slice(start, start + self.prediction_batch))
                 best.append(self.scores(batch).argmax(dim=1).cpu())
         return self.classes_[torch.cat(best).numpy()] if best else np.empty(0, dtype=np.int64)
 

@@ -1,0 +1,177 @@
+"""Hyperdimensional classifier with the conventional record-based encoding.
+
+Each pixel position i has a random hypervector P_i, each grey level v a hypervector L_v, and a frame
+is the majority of its bound pairs (Ge and Parhi, IEEE Circuits Syst. Mag. 20, 30 (2020)), in ±1
+
+    V[d] = sign Σᵢ P_i[d]·L_{x_i}[d].
+
+Level hypervectors are close to their neighbours and orthogonal end to end: from L_0 to L_{n−1} the
+first half of the coordinates flips in n − 1 equal blocks and the other half never does (positions
+are random, so which coordinates flip is of no consequence).
+
+Encoding N frames of m pixels costs N·m·D bind-and-add operations, and the position codebook m·D
+bits: 10¹² and 312 MB for 400 frames of 250,000 pixels at D = 10,000. That is the price which the
+optical encoding avoids. The sums below are exact, but cheaper than they look. In the block of
+coordinates that flips at level τ,
+
+    Σᵢ P_i[d]·L_{x_i}[d] = L_0[d]·Σᵢ P_i[d]·s_i,        s_i = +1 where x_i < τ, else −1,
+
+which is an integer matrix product of two-level images with the bits of the positions: N·m·D/2
+multiply-adds of bytes. The half that never flips is the same for every frame and is summed once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from baselines.base import Classifier, FrameSource
+from baselines.integer import integer_product, pack, unpack
+
+POSITIONS = 8192  # rows of the codebook handled at a time; also the unit of its random streams
+
+
+@dataclass(kw_only=True, eq=False)
+class RecordHDC(Classifier):
+    """Record-based encoding, majority prototypes, nearest by Hamming distance.
+
+    Ties of either majority go to the bits of L_0, a fixed random hypervector.
+
+    Args:
+        dimension: D, a multiple of 16; the literature uses 1,000–10,000.
+        levels: n, grey levels told apart, 2…256; ours, the literature uses 10–100.
+        n_pixels: how many pixels are encoded, drawn once at random; None for all.
+        store_codebook: keep the position hypervectors, as a standard implementation does;
+            otherwise they are drawn again whenever frames are encoded.
+        seed: of positions, levels and the choice of pixels.
+
+    Attributes:
+        prototypes_: uint8 [L, D/8].
+        base_: L_0, uint8 [1, D/8].
+        positions_: P, uint8 [m, D/8], with ``store_codebook``.
+        fixed_: the half of V that is the same for every frame, uint8 [1, D/16].
+        pixels_: int64 [m], the pixels encoded.
+        codebook_bytes_: positions and levels in a standard implementation, (m + n)·D/8.
+    """
+
+    dimension: int = 10_000
+    levels: int = 16
+    n_pixels: int | None = None
+    store_codebook: bool = True
+    seed: int = 0
+
+    prediction_batch: ClassVar[int] = 500  # each batch unpacks the whole codebook once
+
+    def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
+        """Make the codebooks, encode and bundle; yields once, with samples_seen = N."""
+        targets = self.start(frames, labels)
+        self._make_codebooks()
+        signs = self.encode(self.load(frames, slice(0, len(frames))))
+        onehot = torch.nn.functional.one_hot(targets, len(self.classes_)).float()
+        counters = onehot.T @ signs
+        self.prototypes_ = pack(torch.where(counters == 0, self._base() > 0, counters > 0))
+        yield {"samples_seen": len(frames)}
+
+    def encode(self, batch: Tensor) -> Tensor:
+        """Hypervectors V of frames uint8 or int32 [n, H, W] as ±1, float32 [n, D]."""
+        half, n = self.dimension // 2, len(batch)
+        images = self._quantise(batch.flatten(1))
+        # With bits B = (1 + P)/2 and t = (1 + s)/2:  Σ P·s = 4 Σ B·t − 2 Σ B − 2 Σ t + m.
+        # The last row of t is all ones and gives Σ B; Σ t is a cumulative histogram.
+        t = torch.ones(n + 1, POSITIONS, dtype=torch.bool, device=self.device)
+        products = torch.zeros(n + 1, half, device=self.device)
+        for start in range(0, len(self.pixels_), POSITIONS):
+            bits = unpack(self._positions(start)[:, : half // 8].contiguous())
+            chunk = images[:, start : start + POSITIONS]
+            used = t[:, : chunk.shape[1]]
+            for level, block in self._blocks():
+                torch.lt(chunk, level, out=used[:n])
+                products[:, block] += integer_product(used.view(torch.int8), bits[:, block])
+        sums = 4 * products[:n] - 2 * products[n] + len(self.pixels_)
+        histogram = torch.stack([torch.bincount(row, minlength=self.levels) for row in images])
+        below = histogram.cumsum(dim=1).float()
+        for level, block in self._blocks():
+            sums[:, block] -= 2 * below[:, level - 1 : level]
+        base = self._base()
+        varying = torch.where(sums == 0, base[:half], (sums * base[:half]).sign())
+        fixed = 2.0 * unpack(self.fixed_) - 1
+        return torch.cat([varying, fixed.expand(n, -1)], dim=1)
+
+    def scores(self, batch: Tensor) -> Tensor:
+        """D − 2·(Hamming distance) to each prototype, float32 [n, L]."""
+        return self.encode(batch) @ (2.0 * unpack(self.prototypes_) - 1).T
+
+    def state_tensors(self) -> dict[str, Tensor]:
+        """prototypes [L, D/8], base [1, D/8], fixed [1, D/16], and the stored positions."""
+        state = {"prototypes": self.prototypes_, "base": self.base_, "fixed": self.fixed_}
+        return state | ({"positions": self.positions_} if self.store_codebook else {})
+
+    def _make_codebooks(self) -> None:
+        if self.dimension < 16 or self.dimension % 16:
+            raise ValueError(f"dimension: expected a multiple of 16, found {self.dimension}")
+        if not 2 <= self.levels <= 256:
+            raise ValueError(f"levels: expected 2 to 256, found {self.levels}")
+        size = self.shape_[0] * self.shape_[1]
+        m = size if self.n_pixels is None else self.n_pixels
+        if not 1 <= m <= size:
+            raise ValueError(f"n_pixels: expected 1 to {size}, found {m}")
+        random = self._stream(-1)
+        chosen = np.arange(size) if m == size else np.sort(random.choice(size, m, replace=False))
+        self.pixels_ = torch.from_numpy(chosen).to(self.device)
+        self.base_ = self._random_bytes(random, 1)
+        self.codebook_bytes_ = (m + self.levels) * self.dimension // 8
+        half = self.dimension // 2
+        ones = torch.zeros(half, dtype=torch.float64, device=self.device)
+        drawn = []
+        for start in range(0, m, POSITIONS):
+            rows = self._draw_positions(start)
+            count = torch.ones(1, len(rows), dtype=torch.int8, device=self.device)
+            ones += integer_product(count, unpack(rows[:, half // 8 :].contiguous()))[0]
+            if self.store_codebook:
+                drawn.append(rows)
+        if self.store_codebook:
+            self.positions_ = torch.cat(drawn)
+        base = self._base()[half:]
+        sums = (2 * ones - m) * base
+        self.fixed_ = pack(torch.where(sums == 0, base > 0, sums > 0)[None])
+
+    def _blocks(self) -> list[tuple[int, slice]]:
+        """Level at which a block of coordinates flips, and the block."""
+        edges = np.linspace(0, self.dimension // 2, self.levels).round().astype(int)
+        return [(k, slice(int(edges[k - 1]), int(edges[k]))) for k in range(1, self.levels)]
+
+    def _quantise(self, images: Tensor) -> Tensor:
+        """Levels uint8 [n, m] of the encoded pixels, equal steps of the camera's range."""
+        bits = 8 if images.dtype == torch.uint8 else 16
+        if len(self.pixels_) < images.shape[1]:
+            images = images[:, self.pixels_]
+        out = torch.empty(images.shape, dtype=torch.uint8, device=self.device)
+        for row, image in zip(out, images, strict=True):
+            row.copy_((image.int() * self.levels) >> bits)
+        return out
+
+    def _positions(self, start: int) -> Tensor:
+        if self.store_codebook:
+            return self.positions_[start : start + POSITIONS]
+        return self._draw_positions(start)
+
+    def _draw_positions(self, start: int) -> Tensor:
+        """Rows start … start + POSITIONS of P: a pure function of the seed and the row."""
+        rows = min(POSITIONS, len(self.pixels_) - start)
+        return self._random_bytes(self._stream(start), rows)
+
+    def _random_bytes(self, random: np.random.Generator, rows: int) -> Tensor:
+        drawn = bytearray(random.bytes(rows * self.dimension // 8))
+        return torch.frombuffer(drawn, dtype=torch.uint8).view(rows, -1).to(self.device)
+
+    def _stream(self, start: int) -> np.random.Generator:
+        return np.random.Generator(np.random.Philox(key=[self.seed, start + 1]))
+
+    def _base(self) -> Tensor:
+        """L_0 as ±1, float32 [D]."""
+        return 2.0 * unpack(self.base_)[0] - 1

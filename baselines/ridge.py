@@ -1,0 +1,42 @@
+"""Ridge regression on the speckle itself: the read-out of an optical extreme learning machine.
+
+The scattering medium is the random hidden layer, its camera image the features, and only a linear
+read-out is learnt (Saade et al., ICASSP 2016; Sunada et al., Opt. Express 28, 30349 (2020)):
+
+    min over W, b of Σᵢ ‖W·xᵢ + b − yᵢ‖² + α ‖W‖²,    yᵢ = +1 at the class of frame i, −1 elsewhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from baselines.dual import DualLinearClassifier
+
+
+@dataclass(kw_only=True, eq=False)
+class RidgeReadout(DualLinearClassifier):
+    """Ridge classifier with the weights of scikit-learn's RidgeClassifier, from one N×N solve.
+
+    Args:
+        alpha: strength of the penalty, above zero.
+
+    Other arguments and attributes are those of
+    :class:`baselines.dual.DualLinearClassifier`.
+    """
+
+    alpha: float = 1.0
+
+    def solve(self, gram: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, float]:
+        """(K + α)·A = Y − mean(Y), b = mean(Y); the loss is the mean squared error."""
+        if not self.alpha > 0:
+            raise ValueError(f"alpha: expected a number above zero, found {self.alpha}")
+        y = 2 * F.one_hot(targets, len(self.classes_)).double() - 1
+        mean = y.mean(dim=0)
+        system = gram + self.alpha * torch.eye(len(gram), dtype=gram.dtype, device=gram.device)
+        a = torch.cholesky_solve(y - mean, torch.linalg.cholesky(system))
+        # K·A + b − Y = −α·A
+        return a, mean, float((self.alpha * a).square().mean())
