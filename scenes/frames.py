@@ -71,8 +71,10 @@ class Frames:
             raise ValueError(f"images: expected shape [N, H, W], found {tuple(self.images.shape)}")
         if self.images.dtype not in (torch.uint8, torch.uint16):
             raise ValueError(f"images: expected uint8 or uint16, found {self.images.dtype}")
-        if len(self.labels) != n:
-            raise ValueError(f"labels: expected {n} (one a frame), found {len(self.labels)}")
+        if np.shape(self.labels) != (n,):
+            raise ValueError(f"labels: expected {n} (one a frame), found {np.shape(self.labels)}")
+        if np.asarray(self.labels).dtype.kind not in "iu":
+            raise ValueError(f"labels: expected integers, found {np.asarray(self.labels).dtype}")
         bad = (self.labels < 0) | (self.labels >= len(self.classes))
         if bad.any():
             raise ValueError(
@@ -95,12 +97,15 @@ class Frames:
         return self.images[torch.as_tensor(np.asarray(indices), dtype=torch.int64)]
 
     def fingerprint(self) -> str:
-        return content_hash(self.images, self.labels, self.classes)
+        # The order is part of it: a split by time depends on it.
+        order = np.ascontiguousarray(self.samples["order"], dtype="<f8")
+        content = content_hash(self.images, self.labels, self.classes)
+        return hashlib.sha256(content.encode() + order.tobytes()).hexdigest()
 
 
 def content_hash(images: Tensor, labels: np.ndarray, classes: Sequence[str]) -> str:
     """SHA-256 over the pixels, labels and class names: equal data, equal digest."""
     digest = hashlib.sha256(repr((tuple(images.shape), str(images.dtype), list(classes))).encode())
-    digest.update(np.ascontiguousarray(labels, dtype="<i8"))
-    digest.update(np.ascontiguousarray(images.numpy(force=True)))
+    digest.update(np.ascontiguousarray(labels, dtype="<i8").data)
+    digest.update(np.ascontiguousarray(images.numpy(force=True)).data)
     return digest.hexdigest()

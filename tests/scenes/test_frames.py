@@ -1,0 +1,57 @@
+"""Frames: the scene that lies in memory."""
+
+import numpy as np
+import pytest
+import torch
+
+from scenes.frames import Frames, Scene, content_hash
+
+
+def frames(dtype=np.uint8, **changed):
+    images = torch.from_numpy(np.arange(24, dtype=dtype).reshape(4, 2, 3))
+    given = {"images": images, "labels": np.array([0, 1, 0, 1]), "classes": ("a", "b")}
+    return Frames(**{**given, **changed})
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_frames_are_those_asked_for_in_any_order(dtype):
+    scene = frames(dtype)
+    assert isinstance(scene, Scene)
+    for indices in ([3, 0, 3], np.array([3, 0, 3]), torch.tensor([3, 0, 3])):
+        made = scene.frames(indices)
+        assert made.numpy().dtype == dtype
+        assert np.array_equal(made.numpy(), scene.images.numpy()[[3, 0, 3]])
+    assert scene.frames([]).shape == (0, 2, 3)
+
+
+def test_the_fingerprint_changes_with_whatever_a_result_depends_on():
+    scene = frames()
+    assert frames().fingerprint() == scene.fingerprint()
+    pixel = scene.images.clone()
+    pixel[0, 0, 0] ^= 1
+    others = [
+        frames(images=pixel),
+        frames(images=scene.images.reshape(4, 3, 2)),
+        frames(labels=np.array([0, 1, 1, 0])),
+        frames(classes=("a", "c")),
+        frames(samples={"order": np.array([3, 2, 1, 0])}),
+        frames(dtype=np.uint16),
+    ]
+    assert len({scene.fingerprint(), *(other.fingerprint() for other in others)}) == 7
+    assert len(content_hash(scene.images, scene.labels, scene.classes)) == 64
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"images": torch.zeros(4, 6, dtype=torch.uint8)}, r"images: expected shape \[N, H, W\]"),
+        ({"images": torch.zeros(4, 2, 3)}, "images: expected uint8 or uint16, found torch.float32"),
+        ({"labels": np.array([0, 1])}, r"labels: expected 4 \(one a frame\), found \(2,\)"),
+        ({"labels": np.array([0, 1, np.nan, 1])}, "labels: expected integers, found float64"),
+        ({"labels": np.array([0, 1, 2, 1])}, r"values in \[0, 2\), found 2 at index 2"),
+        ({"samples": {"session": np.zeros(3)}}, "samples.'session'.: expected 4 values, found 3"),
+    ],
+)
+def test_what_does_not_fit_together_is_named(changed, message):
+    with pytest.raises(ValueError, match=message):
+        frames(**changed)

@@ -1,0 +1,121 @@
+"""Splits: laws that hold for any labels."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenes.split import by_session, learning_curve_subsets, split
+
+seeds = st.integers(0, 2**32)
+
+
+@st.composite
+def labelled(draw, least=4):
+    """Labels of 2-6 classes, unequal, not contiguous, in any order."""
+    counts = draw(st.lists(st.integers(least, 40), min_size=2, max_size=6))
+    names = draw(
+        st.lists(st.integers(0, 99), min_size=len(counts), max_size=len(counts), unique=True)
+    )
+    labels = np.repeat(names, counts)
+    return np.random.default_rng(draw(seeds)).permutation(labels)
+
+
+def counts_of(labels, names):
+    return np.array([(labels == name).sum() for name in names])
+
+
+@given(labelled(), st.sampled_from([0.25, 0.4, 0.5]), seeds, st.sampled_from(["random", "ordered"]))
+def test_a_split_is_a_stratified_partition(labels, fraction, seed, kind):
+    order = np.random.default_rng(seed).permutation(len(labels))
+    train, test = split(labels, test_fraction=fraction, kind=kind, seed=seed, order=order)
+    assert np.array_equal(np.sort(np.concatenate([train, test])), np.arange(len(labels)))
+    names = np.unique(labels)
+    share = len(test) / len(labels) * counts_of(labels, names)
+    assert (np.abs(counts_of(labels[test], names) - share) < 1).all()
+    again = split(labels, test_fraction=fraction, kind=kind, seed=seed, order=order)
+    assert np.array_equal(again[0], train)
+    assert np.array_equal(again[1], test)
+
+
+@given(labelled(), seeds)
+def test_an_ordered_split_tests_on_what_came_last_of_each_class(labels, seed):
+    order = np.random.default_rng(seed).permutation(len(labels))
+    train, test = split(labels, test_fraction=0.25, kind="ordered", order=order)
+    for name in np.unique(labels):
+        of_class = labels == name
+        assert order[train[of_class[train]]].max() < order[test[of_class[test]]].min()
+    assert (np.diff(order[train]) > 0).all()
+
+
+@given(labelled(), seeds, st.data())
+def test_learning_curve_subsets_are_nested_and_stratified(labels, seed, data):
+    train, _ = split(labels, test_fraction=0.25, seed=seed)
+    names = np.unique(labels)
+    sizes = data.draw(st.lists(st.integers(len(names), len(train)), min_size=1, max_size=6))
+    subsets = learning_curve_subsets(train, labels, sizes, seed)
+    assert list(subsets) == sorted(set(sizes))
+    before: set[int] = set()
+    for n, chosen in subsets.items():
+        assert len(set(chosen)) == n
+        assert before <= set(chosen) <= set(train)
+        before = set(chosen)
+        got = counts_of(labels[chosen], names)
+        assert got.min() >= 1
+        # One a class comes first, so a small class may hold a sample more than its share.
+        share = n / len(train) * counts_of(labels[train], names)
+        assert (np.abs(got - share) <= 1 + (len(names) - 1) * (share < 1).any()).all()
+
+
+def test_the_example_of_the_paper():
+    labels = np.arange(500) % 5
+    train, test = split(labels, n_test=100)
+    assert np.bincount(labels[test]).tolist() == [20] * 5
+    assert not np.array_equal(train, np.sort(train))  # a random order, so classes are mixed
+    assert not np.array_equal(split(labels, n_test=100, seed=1)[1], test)
+    subsets = learning_curve_subsets(train, labels, [5, 10, 40, 400])
+    assert [np.bincount(labels[s]).tolist() for s in subsets.values()] == [
+        [n // 5] * 5 for n in (5, 10, 40, 400)
+    ]
+
+
+def test_sessions():
+    sessions = np.array([0, 0, 1, 2, 1])
+    train, test = by_session(sessions)
+    assert (train.tolist(), test.tolist()) == ([0, 1], [2, 4])
+    with pytest.raises(ValueError, match=r"split.test: expected one of the sessions \[0, 1, 2\]"):
+        by_session(sessions, 0, 5)
+    with pytest.raises(ValueError, match="expected a session other than 1"):
+        by_session(sessions, 1, 1)
+
+
+LABELS = np.arange(20) % 2
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: split(LABELS, test_fraction=1.0), r"test_fraction: expected .* \(0, 1\), found 1"),
+        (lambda: split(LABELS, test_fraction="0.2"), "test_fraction: expected a number"),
+        (lambda: split(LABELS, test_fraction=float("nan")), "test_fraction: expected a number"),
+        (lambda: split(LABELS, n_test=20), r"n_test: expected an integer in \[1, 19\], found 20"),
+        (lambda: split(LABELS, n_test=True), "n_test: expected an integer"),
+        (lambda: split(LABELS, n_test=4, test_fraction=0.2), "found both"),
+        (lambda: split(LABELS, kind="time"), "kind: expected one of random, ordered, found 'time'"),
+        (lambda: split(LABELS, kind="ordered"), "needs each sample's place in time"),
+        (
+            lambda: split(LABELS, kind="ordered", order=np.arange(3)),
+            r"order: expected shape \(20,\)",
+        ),
+        (lambda: split(LABELS, seed=-1), "seed: expected an integer ≥ 0, found -1"),
+        (lambda: split(LABELS.astype(float)), "labels: expected integers"),
+        (lambda: split(LABELS[:0]), "expected at least one sample"),
+        (lambda: split(np.array([0, 0, 0, 0, 1])), "class 1 has 1 samples, of which 0 would test"),
+        (lambda: learning_curve_subsets(np.arange(9), LABELS, [1]), "integers from 2 .* found 1"),
+        (lambda: learning_curve_subsets(np.arange(9), LABELS, [10]), "to 9 .* found 10"),
+        (lambda: learning_curve_subsets(np.arange(9), LABELS, [4.5]), "found 4.5"),
+    ],
+)
+def test_arguments_that_make_no_sense_are_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
