@@ -5,19 +5,20 @@ speckle field, one Fourier transform a polarisation, and the sensor adds their i
 
     E_pol = F[A·e^{iφ}],   I = W·Σ_pol |E_pol|²,   A = 1 in a disc of ``pupil`` pixels.
 
-W is the illumination, a Gaussian that is off centre; it is the only thing that all frames share, and
-gives every pair of them the correlation C_W²/[C_W² + C²(1 + C_W²)], C_W = std W/mean W, C the contrast.
+W is the illumination, a Gaussian that is off centre; it is the only thing that all frames share,
+and gives every pair of them the correlation C_W²/[C_W² + C²(1 + C_W²)], C_W = std W/mean W, C the
+speckle contrast 1/√polarisations.
 
 The camera counts n_e ~ Poisson(N_ph·I/⟨I⟩) electrons with a fixed exposure (⟨I⟩ is the sensor's
 constant, the number of paths, not the frame's mean), and shows
 grey = clip(round(G·n_e/N_ph + read·ξ), 0, 255).
 
-Noise in one draw. With a read noise of many electrons the sum of the Poisson number and the Gaussian
-has no visible steps and a skewness of at most 0.385/(read noise in electrons), and its distribution
-is that of one Gaussian variate z pushed through the first Cornish-Fisher term,
-grey = m + s·(z + γ·(z² − 1)/6): same mean, variance and skewness, and each grey level's probability
-right to 1e-4 (tested against the exact convolution at every illumination). Below ``CONTINUOUS``
-electrons of read noise the Poisson number is drawn exactly.
+Noise in one draw. With a read noise of many electrons the sum of the Poisson number and the
+Gaussian has no visible steps and a skewness γ of at most 0.385/(read noise in electrons), and its
+distribution is that of one Gaussian variate z pushed through the first Cornish-Fisher term,
+grey = m + s·(z + γ·(z² − 1)/6): same mean, variance and skewness to that order; the distribution of
+grey levels is tested against the exact convolution. Below ``CONTINUOUS`` electrons of read noise
+the Poisson number is drawn exactly.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
 """Who touches: where, how deep, and how well the next touch repeats the last.
 
-A touch of depth δ at (x, y) adds k0·n·q_s·δ·L(x, y) to the phases, L the lengthening of each path per
-metre of indentation (``paths.PathSet.lengthening``). δ = depth·(1 + σ_d·N), and both coordinates of
-the centre miss their target by σ_xy·N. The displacement is linear in the depth; at 1.8 mm of a 5 mm
-layer that is an assumption.
+A touch of depth δ at (x, y) adds k0·n·q_s·δ·L(x, y) to the phases, L the lengthening of each path
+per metre of indentation (``paths.PathSet.lengthening``). δ = depth·(1 + σ_d·N), and both
+coordinates of the centre miss their target by σ_xy·N. The displacement is linear in the depth; at
+1.8 mm of a 5 mm layer that is an assumption.
 
 A robot repeats its position to a fraction of the contact radius a. Then L is expanded about the
-target to second order, once a class, and a touch costs six multiplications a path instead of V table
-look-ups. What that neglects is about k0·n·q_s·δ·(3σ_xy/a)³/6; where this exceeds ``EXPANSION`` rad
-(a finger), every touch looks up its own displacement.
+target to second order, once a class, and a touch costs six multiplications a path instead of V
+table look-ups. What that neglects is about k0·n·q_s·δ·(3σ_xy/a)³/6; where this exceeds
+``EXPANSION`` rad (a finger), every touch looks up its own displacement.
 """
 
 from __future__ import annotations
@@ -29,12 +29,19 @@ EXPANSION = 0.05
 
 @dataclass(frozen=True)
 class Touch:
-    """One touch as it happened: depth, target and miss in m, and a stream for what else is random."""
+    """One touch as it happened.
+
+    Attributes:
+        depth: indentation in m.
+        x, y: the centre in m.
+        sample, object: random streams of this touch alone, and of what is touched.
+    """
 
     depth: float
     x: float
     y: float
-    stream: np.random.Generator | None = None
+    sample: np.random.Generator | None = None
+    object: np.random.Generator | None = None
 
 
 class BoundContact(Protocol):

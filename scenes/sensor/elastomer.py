@@ -14,9 +14,9 @@ U, U(k, h) = 1, the profile in depth: u_z(0, h) = −1, in metres per metre of i
 modulus cancels. (The same derivation: Dhaliwal & Rau, Int. J. Eng. Sci. 8 (1970) 843.)
 
 Numerically, sinh 2H − 2H cancels for thin layers and cosh 2H overflows for thick ones. Neither
-appears here: the *products* P and Q have no sinh 2H − 2H, and what is integrated is their difference
-to the half-space, P∞ = (1 + kd)·e^{−kd}, Q∞ = kd·e^{−kd}, d = h − z, whose terms are all of order
-e^{−2kz} and smaller and are formed without cancellation. The half-space part is a closed form.
+appears here: the *products* P and Q have no sinh 2H − 2H, and what is integrated is their
+difference to the half-space, P∞ = (1 + kd)·e^{−kd}, Q∞ = kd·e^{−kd}, d = h − z, whose terms are all
+of order e^{−2kz} and smaller and are formed without cancellation. The half-space is a closed form.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ def hertz_transform(x: Array) -> Array:
 
 
 def layer_response(k: Array, z: Array, thickness: float) -> tuple[Array, Array]:
-    """(P, Q) of the layer at wavenumbers k [1/m] and heights z [m], broadcast; no over/underflow."""
+    """(P, Q) at wavenumbers k [1/m] and heights z [m], broadcast; nothing overflows."""
     near, far = _excess(k, z, thickness)
     kd = k * (thickness - z)
     return near + (1 + kd) * np.exp(-kd), far + kd * np.exp(-kd)
@@ -55,9 +56,12 @@ def layer_response(k: Array, z: Array, thickness: float) -> tuple[Array, Array]:
 def _excess(k: Array, z: Array, h: float) -> tuple[Array, Array]:
     """(P − P∞, Q − Q∞). From U's numerator N, with every sinh and cosh of s and H written out:
 
-    P = −e^{−kd}·M/D,  M = −kd(1 + e_s e_H) + (s + H)(e_s + e_H) − (1 − e_s)(1 + e_H) + 2sH(e_s − e_H)
+    P = −e^{−kd}·M/D,
+    M = −kd(1 + e_s e_H) + (s + H)(e_s + e_H) − (1 − e_s)(1 + e_H) + 2sH(e_s − e_H)
     Q = −e^{−kd}·R/D,  R = −kd(1 − e_s)(1 + e_H) − 2sH(e_s + e_H)
-    D = 1 + e_H² + 2 e_H (1 + 2H²),  e_s = e^{−2s}, e_H = e^{−2H}; half-space: M → −(1 + kd), D → 1.
+    D = 1 + e_H² + 2 e_H (1 + 2H²),  e_s = e^{−2s},  e_H = e^{−2H}
+
+    Half-space: M → −(1 + kd), R → −kd, D → 1; here (M + (1 + kd)D)/D and (R + kd·D)/D are formed.
     """
     big_h, s, kd = k * h, k * z, k * (h - z)
     es, eh = np.exp(-2 * s), np.exp(-2 * big_h)
@@ -83,7 +87,7 @@ def half_space(r: Array, d: Array, a: float) -> tuple[Array, Array]:
     r, d = np.broadcast_arrays(r, np.asarray(d, dtype=np.float64))
     c0, c1, c2 = 1 + (d / a) ** 2, -2 * d / a**2, 1 / a**2  # 1 − t² = c0 + c1·ζ + c2·ζ²
 
-    def primitives(zeta: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
+    def primitives(zeta: NDArray[Any]) -> tuple[NDArray[Any], ...]:
         root = np.sqrt(r * r + zeta * zeta)
         log = np.log(zeta + root)
         even = c0 * log + c1 * root + c2 * (zeta * root - r * r * log) / 2
@@ -123,9 +127,10 @@ class Layer:
 
     Args:
         thickness: h in m (assumed: the published text gives no dimension).
-        levels: number of heights inside the layer at which scattering happens. They are the nodes of
-            the Gauss-Legendre rule on (0, h), drawn with its weights, so that the mean over paths of
-            any polynomial in z up to degree 2·levels − 1 is that of uniformly distributed heights.
+        levels: number of heights inside the layer at which scattering happens. They are the nodes
+            of the Gauss-Legendre rule on (0, h), drawn with its weights, so that the mean over
+            paths of any polynomial in z up to degree 2·levels − 1 is that of heights distributed
+            uniformly. Every table is then a function of r alone.
     """
 
     thickness: float = 5e-3
@@ -203,7 +208,7 @@ def _unscaled(r: Array, z: Array, radius: float, h: float) -> tuple[Array, Array
 
 
 def _nodes(k_max: float, length: float) -> tuple[Array, Array]:
-    """Composite Gauss-Legendre nodes and weights on (0, k_max) for oscillations of e^{ik·length}."""
+    """Composite Gauss-Legendre nodes and weights on (0, k_max) for oscillations e^{ik·length}."""
     periods = k_max * length / (2 * math.pi)
     panels = max(8, math.ceil(periods * NODES_PER_PERIOD / 16))
     x, w = np.polynomial.legendre.leggauss(16)

@@ -1,15 +1,16 @@
 """Temperature, and what it does to the phase of a path.
 
-Room: a thermostat keeps the temperature within bounds, so a slow Gaussian process is squashed into a
-uniform distribution of half-width ``slow``; a fast small part rides on it. With X, Y stationary
+Room: a thermostat keeps the temperature within bounds, so a slow Gaussian process is squashed into
+a uniform distribution of half-width ``slow``; a fast small part rides on it. With X, Y stationary
 Ornstein-Uhlenbeck processes of unit variance (correlation e^{−Δm/τ} between samples Δm apart),
 
     T_m = T0 + slow·(2Φ(X_m) − 1) + fast·Y_m,     Φ the normal distribution function.
 
-Thermal: path p changes its phase by S_p·T, S_p = scale·g·exp(spread·g′) with g, g′ standard normal:
-heavy-tailed, as path lengths in a scattering medium are. ``scale`` is k0·β·L, β the thermo-optic
-coefficient plus expansion (dn/dT ≈ −5e-4 /K for PDMS) and L a typical length. The mean correlation of
-the field after a temperature step is then E cos(S·T) (Siegert: its square for the intensity).
+Thermal: path p changes its phase by S_p·T, S_p = scale·g·exp(spread·g′), g, g′ standard normal,
+heavy-tailed as path lengths in a scattering medium are. ``scale`` is k0·β·L, β the thermo-optic
+coefficient plus expansion (dn/dT ≈ −5e-4 /K for PDMS), L a typical length. The correlation of the
+field before and after a step of T is then E cos(S·T), and that of the intensity its square (the
+Siegert relation); for ``spread`` = 0 it is e^{−(scale·T)²/2}.
 """
 
 from __future__ import annotations

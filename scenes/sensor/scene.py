@@ -101,7 +101,9 @@ class SpeckleScene:
             if label not in self._bound:
                 self._bound[label] = contact.bind(sensor)
             depth, x, y = (float(self.samples[key][index]) for key in ("depth", "x", "y"))
-            phases += self._bound[label](Touch(depth, x, y, self._stream("texture", index)))
+            touched = stream(self.seed, "object", label)
+            touch = Touch(depth, x, y, self._stream("texture", index), touched)
+            phases += self._bound[label](touch)
         return phases
 
     def fingerprint(self) -> str:

@@ -1,4 +1,4 @@
-"""The sensor that every scene shares: layer, paths, thermal sensitivity and camera under one seed."""
+"""The sensor that every scene shares: layer, paths, thermal part and camera under one seed."""
 
 from __future__ import annotations
 
@@ -85,7 +85,8 @@ def _part(key: str, kind: type[Part], value: Part | Mapping[str, Any]) -> Part:
     if isinstance(value, kind):
         return value
     require(isinstance(value, Mapping), key, value, f"a mapping or a {kind.__name__}")
+    assert isinstance(value, Mapping)
     known = [f.name for f in fields(kind)]  # type: ignore[arg-type]
-    for name in value:  # type: ignore[attr-defined]
+    for name in value:
         require(name in known, f"{key}.{name}", name, f"one of {', '.join(known)}")
-    return kind(**value)  # type: ignore[arg-type]
+    return kind(**value)

@@ -1,0 +1,25 @@
+"""Scenes by name for this package's commands: configs/scene/NAME.yaml with its seeds filled in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from hydra.utils import instantiate
+from omegaconf import OmegaConf
+
+from scenes.sensor.scene import SpeckleScene
+
+FOLDER = Path(__file__).parents[2] / "configs" / "scene"
+
+
+def scene(
+    name: str, sensor: int = 0, samples: int = 0, overrides: Sequence[str] = (), device: str = "cpu"
+) -> SpeckleScene:
+    """The scene ``name`` for these seeds; overrides like ``contact.depth=1e-3``."""
+    root = OmegaConf.create({"seed": {"sensor": sensor, "samples": samples}, "device": device})
+    chosen = OmegaConf.merge(
+        OmegaConf.load(FOLDER / f"{name}.yaml"), OmegaConf.from_dotlist([*overrides])
+    )
+    root.scene = chosen
+    return instantiate(root.scene, _convert_="all")
