@@ -50,7 +50,7 @@ class Classifier(ABC):
 
     @abstractmethod
     def state_tensors(self) -> dict[str, Tensor]:
-        """What has to be stored to predict, sharing memory with the model."""
+        """What has to be stored to predict, sharing memory with the model; each contiguous."""
 
     def fit(self, frames: FrameSource, labels: np.ndarray) -> Self:
         """Run ``train`` to its end."""
@@ -144,6 +144,12 @@ def pixel_type(batch: Tensor) -> torch.dtype:
     if batch.is_floating_point() and not batch.isfinite().all():
         found += " with NaN or infinite pixels"
     raise ValueError(f"frames: expected uint8 or uint16, found {found}")
+
+
+def in_memory_order(tensor: Tensor) -> Tensor:
+    """The same memory with its dimensions in the order they lie there, which is contiguous for any
+    layout such as channels last: so that ``view(-1)`` needs no copy."""
+    return tensor.permute(sorted(range(tensor.ndim), key=lambda k: -tensor.stride()[k]))
 
 
 def choose(name: str, value: str, options: Mapping[str, Any]) -> Any:

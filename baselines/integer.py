@@ -6,6 +6,8 @@ eight times faster than the float32 product of the same size, and makes no round
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -19,16 +21,42 @@ FLOAT32_TERMS = 2**10
 def integer_product(a: Tensor, b: Tensor) -> Tensor:
     """a·b exactly: int8 [n, k] and [k, m] → float64 [n, m].
 
-    Off the CPU, or where torch lacks its integer product, float32 blocks short enough to be exact
-    give the same numbers.
+    Off the CPU, and on one whose byte instructions are not exact, float32 blocks short enough to be
+    exact give the same numbers.
     """
     product = torch.zeros(a.shape[0], b.shape[1], dtype=torch.float64, device=a.device)
-    native = a.device.type == "cpu" and hasattr(torch, "_int_mm")
+    native = a.device.type == "cpu" and native_is_exact()
     terms = INT32_TERMS if native else FLOAT32_TERMS
     for start in range(0, a.shape[1], terms):
         left, right = a[:, start : start + terms], b[start : start + terms]
-        product += torch._int_mm(left, right) if native else left.float() @ right.float()
+        product += _native(left, right) if native else left.float() @ right.float()
     return product
+
+
+@functools.cache
+def native_is_exact() -> bool:
+    """Whether torch's integer product is there and right on this CPU.
+
+    Without VNNI instructions oneDNN may add pairs of products in 16 bits, which saturate
+    (pytorch issue 136746), so the largest products are tried once.
+    """
+    if not hasattr(torch, "_int_mm"):
+        return False
+    signs = torch.arange(64 * 64).reshape(64, 64) * 7919 % 13 < 6
+    a = torch.where(signs, 127, -128).to(torch.int8)
+    return all(
+        bool((_native(x, y) == x.long() @ y.long()).all())
+        for x, y in [(a, a.T), (a, a), (a[:1], a), (a[:, :1], a[:1])]
+    )
+
+
+def _native(a: Tensor, b: Tensor) -> Tensor:
+    return torch._int_mm(_plain(a), _plain(b))
+
+
+def _plain(x: Tensor) -> Tensor:
+    """The same matrix; a dimension of one may have any stride, and _int_mm trusts it (#195066)."""
+    return x.flatten().view(x.shape) if 1 in x.shape else x
 
 
 def pack(bits: Tensor) -> Tensor:

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.base import Classifier, FrameSource
+from baselines.base import Classifier, FrameSource, in_memory_order
 from baselines.pixels import fit_scaling
 
 FRAMES = 20  # scaled at a time into the one float32 array
@@ -71,7 +71,7 @@ class SklearnClassifier(Classifier):
                 f"{type(self.estimator_).__name__}: expected learnt parameters in NumPy arrays, "
                 "found none"
             )
-        tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
+        tensors = {name: in_memory_order(torch.from_numpy(array)) for name, array in arrays.items()}
         return tensors | self.scaling_.state_tensors()
 
     def _features(self, batch: Tensor) -> np.ndarray:

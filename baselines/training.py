@@ -22,7 +22,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from baselines.base import Classifier, FrameSource, choose
+from baselines.base import Classifier, FrameSource, choose, in_memory_order
 from baselines.pixels import fit_scaling
 
 
@@ -106,7 +106,9 @@ class IterativeClassifier(Classifier):
 
     def state_tensors(self) -> dict[str, Tensor]:
         """The parameters of the network, and the maps of a pixel-by-pixel scaling."""
-        parameters = {name: p.detach() for name, p in self.network_.named_parameters()}
+        parameters = {
+            name: in_memory_order(p.detach()) for name, p in self.network_.named_parameters()
+        }
         return parameters | self.scaling_.state_tensors()
 
     def _epochs(
@@ -120,7 +122,7 @@ class IterativeClassifier(Classifier):
             for k in range(1, self.reports_per_epoch + 1)
         }
         order = torch.Generator().manual_seed(self.seed)
-        seen = 0
+        seen, mean, previous = 0, math.nan, math.inf
         while seen < self.max_epochs * n:
             # In a full batch the order is of no consequence, and a slice costs no copy.
             permutation = torch.randperm(n, generator=order) if size < n else None
@@ -142,8 +144,10 @@ class IterativeClassifier(Classifier):
                     mean = torch.stack(losses).mean().item()
                     losses.clear()
                     yield {"samples_seen": seen, "epoch": seen / n, "loss": mean}
-            if self._converged(optimizer):
-                return
+            if isinstance(optimizer, torch.optim.LBFGS):
+                if abs(previous - mean) <= LBFGS_TOLERANCE * abs(mean):
+                    return
+                previous = mean
 
     def _backward(
         self, frames: FrameSource, targets: Tensor, order: Tensor | None, first: int, last: int
@@ -168,16 +172,9 @@ class IterativeClassifier(Classifier):
         weights = (p for p in self.network_.parameters() if p.ndim > 1)
         return torch.stack([p.square().sum() for p in weights]).sum()
 
-    def _converged(self, optimizer: torch.optim.Optimizer) -> bool:
-        """Whether L-BFGS has no step left to take; the other optimisers always have."""
-        if not isinstance(optimizer, torch.optim.LBFGS):
-            return False
-        gradients = [p.grad.abs().max() for p in self.network_.parameters() if p.grad is not None]
-        return bool(torch.stack(gradients).max() <= LBFGS_TOLERANCE)
-
 
 DEFAULT_FULL_CHUNK = 20  # frames scaled at a time in a full batch
-LBFGS_TOLERANCE = 1e-7  # largest component of the gradient
+LBFGS_TOLERANCE = 1e-7  # relative change of the loss between two reports: float32 has no more
 
 
 def _lbfgs(parameters: Iterable[nn.Parameter], lr: float) -> torch.optim.Optimizer:
@@ -186,7 +183,7 @@ def _lbfgs(parameters: Iterable[nn.Parameter], lr: float) -> torch.optim.Optimiz
         lr,
         max_iter=5,  # iterations between two reports
         history_size=10,
-        tolerance_grad=LBFGS_TOLERANCE,
+        tolerance_grad=0.0,
         tolerance_change=0.0,
         line_search_fn="strong_wolfe",
     )

@@ -1,0 +1,52 @@
+"""Small frames on which the laws can be checked in seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+
+def make_speckle(
+    n: int, shape: tuple[int, int], classes: int, seed: int = 0
+) -> tuple[Tensor, np.ndarray]:
+    """Noisy speckle frames uint8 [n, H, W] about one pattern a class, and labels [n] in turn."""
+    rng = np.random.default_rng(seed)
+    labels = np.arange(n) % classes
+    patterns = rng.exponential(1.0, (classes, *shape))
+    mixed = 0.5 * patterns[labels] + 0.5 * rng.exponential(1.0, (n, *shape))
+    return torch.from_numpy(np.clip(50 * mixed, 0, 255).astype(np.uint8)), labels
+
+
+@pytest.fixture(name="speckle")
+def speckle_maker() -> Callable[..., tuple[Tensor, np.ndarray]]:
+    return make_speckle
+
+
+@pytest.fixture
+def small() -> tuple[Tensor, np.ndarray]:
+    """40 frames of 12×10 pixels in 4 classes."""
+    return make_speckle(40, (12, 10), 4)
+
+
+class Lazy:
+    """A FrameSource that makes its frames only when indexed."""
+
+    def __init__(self, images: Tensor) -> None:
+        self._images = images
+        self.shape = tuple(images.shape)
+
+    def __len__(self) -> int:
+        return len(self._images)
+
+    def __getitem__(self, index: slice | Tensor) -> Tensor:
+        assert isinstance(index, slice | Tensor)
+        return self._images[index].clone()
+
+
+@pytest.fixture
+def lazy() -> type[Lazy]:
+    return Lazy

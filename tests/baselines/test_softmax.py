@@ -1,0 +1,194 @@
+"""Softmax regression: one optimum by every road, and the stability limit of the explicit one."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+from sklearn.linear_model import LogisticRegression
+from sklearn.preprocessing import StandardScaler
+from torch import Tensor
+
+from baselines.cnn import CNN
+from baselines.softmax import SoftmaxRegression
+from baselines.softmax_dual import DualSoftmaxRegression
+
+C = 0.1
+
+
+def features(frames: Tensor, pixels: str = "unit") -> np.ndarray:
+    x = frames.flatten(1).double().numpy()
+    if pixels == "standard":
+        return StandardScaler().fit_transform(x)
+    if pixels == "standard_global":
+        return (x - x.mean()) / x.std()
+    return x / 255 if pixels == "unit" else x
+
+
+def objective(weight: np.ndarray, bias: np.ndarray, x: np.ndarray, labels: np.ndarray) -> float:
+    """C Σ log-loss + ½‖W‖², in float64."""
+    logits = torch.from_numpy(x @ weight.T + bias)
+    loss = torch.nn.functional.cross_entropy(logits, torch.from_numpy(labels), reduction="sum")
+    return C * loss.item() + 0.5 * (weight**2).sum()
+
+
+def reference(x: np.ndarray, labels: np.ndarray) -> float:
+    best = LogisticRegression(C=C, tol=1e-12, max_iter=100_000, solver="newton-cg").fit(x, labels)
+    return objective(best.coef_, best.intercept_, x, labels)
+
+
+@pytest.mark.filterwarnings("ignore:.*[Ll]ine [Ss]earch")  # scikit-learn at the end of float64
+@pytest.mark.parametrize("pixels", ["unit", "raw", "standard", "standard_global"])
+def test_dual_reaches_the_optimum_of_scikit_learn(pixels, speckle):
+    frames, labels = speckle(60, (20, 15), 5)
+    model = DualSoftmaxRegression(C=C, pixels=pixels).fit(frames, labels)
+    x = features(frames, pixels)
+    # The weights act on raw pixels; taken back to the scaled ones they are those of the objective.
+    raw = features(frames, "raw")
+    scale = x.std(axis=0) / raw.std(axis=0)
+    weight = model.weight_.double().numpy() / scale
+    logits = model.scores(model.load(frames, slice(0, 60))).double().numpy()
+    bias = (logits - x @ weight.T).mean(axis=0)
+    best = reference(x, labels)
+    assert model.objective_ == pytest.approx(best, rel=1e-6)
+    assert objective(weight, bias, x, labels) == pytest.approx(best, rel=1e-6)
+
+
+def test_lbfgs_reaches_the_optimum_of_scikit_learn(speckle):
+    frames, labels = speckle(60, (20, 15), 5)
+    model = SoftmaxRegression(optimizer="LBFGS", lr=1.0, batch_size=None, C=C, max_epochs=1000)
+    rows = list(model.train(frames, labels))
+    assert rows[-1]["samples_seen"] < 1000 * 60, "it stops by itself"
+    best = reference(features(frames), labels)
+    assert rows[-1]["loss"] * C * 60 == pytest.approx(best, rel=1e-6)
+
+
+def test_two_classes_are_the_logistic_form_at_half_of_c(speckle):
+    frames, labels = speckle(30, (9, 9), 2)
+    model = DualSoftmaxRegression(C=C / 2).fit(frames, labels)
+    best = LogisticRegression(C=C, tol=1e-12, max_iter=10_000, solver="newton-cg")
+    best.fit(features(frames), labels)
+    difference = (model.weight_[1] - model.weight_[0]).double().numpy() * 255
+    np.testing.assert_allclose(difference, best.coef_[0], rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "case", ["duplicates", "constant", "fewer_than_classes", "unequal", "huge_c", "tiny_c", "raw"]
+)
+def test_dual_at_the_limits_stays_finite(case, speckle):
+    frames, labels = speckle(24, (8, 8), 3)
+    c, pixels = 1.0, "unit"
+    if case == "duplicates":
+        frames, labels = frames.repeat(4, 1, 1), np.tile(labels, 4)
+    elif case == "constant":
+        frames = torch.full_like(frames, 255)
+    elif case == "fewer_than_classes":
+        frames, labels = frames[:3], np.array([0, 7, 50])
+    elif case == "unequal":
+        labels = np.where(np.arange(24) == 0, 2, labels % 2)
+    elif case in ("huge_c", "raw"):
+        c, pixels = 1e8, "raw"
+    else:
+        c = 1e-12
+    model = DualSoftmaxRegression(C=c, pixels=pixels).fit(frames, labels)
+    assert np.isfinite(model.objective_)
+    assert model.weight_.isfinite().all()
+    assert model.bias_.isfinite().all()
+    assert set(model.predict(frames)) <= set(labels)
+    if case == "constant":  # nothing to see but how often each class occurs
+        share = model.scores(model.load(frames, slice(0, 1))).softmax(dim=1)
+        torch.testing.assert_close(share, torch.full((1, 3), 1 / 3), atol=1e-4, rtol=0)
+
+
+def test_duplicating_the_frames_is_doubling_c(speckle):
+    frames, labels = speckle(24, (8, 8), 3)
+    once = DualSoftmaxRegression(C=2.0).fit(frames, labels)
+    twice = DualSoftmaxRegression(C=1.0).fit(frames.repeat(2, 1, 1), np.tile(labels, 2))
+    assert once.objective_ == pytest.approx(twice.objective_, rel=1e-7)
+
+
+def largest_curvature(x: np.ndarray, labels: np.ndarray) -> float:
+    """λ_max of the Hessian of the mean loss at W = 0, b = 0, bias included.
+
+    There P = 1/L for every sample, so the Hessian is (1/L − 11ᵀ/L²) ⊗ XᵀX/N.
+    """
+    extended = np.hstack([x, np.ones((len(x), 1))])
+    return np.linalg.norm(extended, 2) ** 2 / len(x) / (labels.max() + 1)
+
+
+@pytest.mark.parametrize("pixels", ["unit", "raw", "standard"])
+def test_gradient_descent_is_stable_below_two_over_lambda_and_unstable_above(pixels, speckle):
+    """Labels at random and more frames than pixels, so that the optimum is finite.
+
+    On separable frames one step far too long may end at a loss of zero, and above the limit the
+    loss oscillates instead of growing without bound: the gradient of the softmax is bounded.
+    """
+    frames, _ = speckle(80, (3, 4), 1)
+    labels = np.random.default_rng(0).permutation(np.arange(80) % 4)
+    limit = 2 / largest_curvature(features(frames, pixels), labels)
+
+    def losses(factor: float) -> list[float]:
+        model = SoftmaxRegression(
+            pixels=pixels, optimizer="SGD", batch_size=None, lr=factor * limit, max_epochs=60
+        )
+        return [row["loss"] for row in model.train(frames, labels)]
+
+    below = losses(0.5)
+    assert all(b < a for a, b in pairwise(below)), "decreases at every step"
+    above = losses(8.0)
+    assert min(above[-10:]) > below[-1]
+    assert not all(b < a for a, b in pairwise(above))
+
+
+def test_a_diverging_run_yields_a_loss_that_is_not_finite(small):
+    model = SoftmaxRegression(optimizer="SGD", pixels="raw", lr=1e38, max_epochs=5)
+    losses = [row["loss"] for row in model.train(*small)]
+    assert len(losses) == 5
+    assert not np.isfinite(losses[-1])
+    assert set(model.predict(small[0])) <= {0, 1, 2, 3}
+
+
+def test_logits_of_ten_thousand_are_harmless(small):
+    model = SoftmaxRegression(optimizer="SGD", pixels="raw", lr=1.0, max_epochs=5)
+    losses = [row["loss"] for row in model.train(*small)]
+    assert model.scores(model.load(small[0], slice(0, 40))).abs().max() > 1e4
+    assert np.isfinite(losses).all()
+
+
+def test_a_batch_in_parts_is_the_batch(small):
+    whole = SoftmaxRegression(optimizer="SGD", lr=0.1, max_epochs=3).fit(*small)
+    parts = SoftmaxRegression(optimizer="SGD", lr=0.1, max_epochs=3, micro_batch=3).fit(*small)
+    for name, tensor in whole.state_tensors().items():
+        torch.testing.assert_close(tensor, parts.state_tensors()[name])
+
+
+def test_reports_come_as_often_as_asked(speckle):
+    frames, labels = speckle(50, (6, 6), 2)
+    model = SoftmaxRegression(reports_per_epoch=5, max_epochs=2)  # 3 steps an epoch
+    seen = [row["samples_seen"] for row in model.train(frames, labels)]
+    assert seen == [20, 40, 50, 70, 90, 100]
+    model = SoftmaxRegression(batch_size=5, reports_per_epoch=2, max_epochs=1)
+    assert [row["epoch"] for row in model.train(frames, labels)] == [0.5, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"optimizer": "Adagrad"}, "optimizer: expected one of Adam, SGD, LBFGS, found 'Adagrad'"),
+        ({"optimizer": "LBFGS"}, r"batch_size: LBFGS needs the whole training set \(null\)"),
+        ({"pixels": "log"}, "pixels: expected one of unit, raw, standard, standard_global"),
+        ({"dtype": "float16"}, "dtype: expected one of float32, bfloat16"),
+        ({"memory_format": "nhwc"}, "memory_format: expected one of contiguous, channels_last"),
+    ],
+)
+def test_unknown_choices_list_the_valid_ones(small, given, message):
+    with pytest.raises(ValueError, match=message):
+        SoftmaxRegression(**given).fit(*small)
+
+
+def test_too_small_a_frame_for_the_pooling(speckle):
+    frames, labels = speckle(8, (7, 9), 2)
+    with pytest.raises(ValueError, match=r"3 pooling layers need at least 8×8 pixels, found 7×9"):
+        CNN(filters=[2, 2, 2]).fit(frames, labels)
