@@ -18,8 +18,8 @@ def scene(
 ) -> SpeckleScene:
     """The scene ``name`` for these seeds; overrides like ``contact.depth=1e-3``."""
     root = OmegaConf.create({"seed": {"sensor": sensor, "samples": samples}, "device": device})
-    chosen = OmegaConf.merge(
-        OmegaConf.load(FOLDER / f"{name}.yaml"), OmegaConf.from_dotlist([*overrides])
-    )
-    root.scene = chosen
+    root.scene = OmegaConf.load(FOLDER / f"{name}.yaml")
+    for override in overrides:
+        key, value = override.split("=", 1)
+        OmegaConf.update(root.scene, key, OmegaConf.create(f"value: {value}").value)
     return instantiate(root.scene, _convert_="all")

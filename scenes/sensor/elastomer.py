@@ -91,13 +91,14 @@ def half_space(r: Array, d: Array, a: float) -> tuple[Array, Array]:
         root = np.sqrt(r * r + zeta * zeta)
         log = np.log(zeta + root)
         even = c0 * log + c1 * root + c2 * (zeta * root - r * r * log) / 2
+        root = np.where(d > 0, root, 1.0)  # only even counts on the surface, and R is 0 at r = a
         slope = -c0 / root + c1 * (log - zeta / root) + c2 * (root + r * r / root)
         radial = -c0 / (root * (zeta + root)) - c1 / root + c2 * (log - zeta / root)
         return even, slope, radial
 
     ends = zip(primitives(d + 1j * a), primitives(d + 0j), strict=True)
     even, slope, radial = (np.real((upper - lower) / (1j * a)) / 2 for upper, lower in ends)
-    return even + d * slope, np.where(d > 0, d * radial, 0.0)
+    return even + d * slope, d * radial
 
 
 @dataclass(frozen=True)
@@ -210,7 +211,7 @@ def _unscaled(r: Array, z: Array, radius: float, h: float) -> tuple[Array, Array
 def _nodes(k_max: float, length: float) -> tuple[Array, Array]:
     """Composite Gauss-Legendre nodes and weights on (0, k_max) for oscillations e^{ik·length}."""
     periods = k_max * length / (2 * math.pi)
-    panels = max(8, math.ceil(periods * NODES_PER_PERIOD / 16))
+    panels = 16 + math.ceil(periods * NODES_PER_PERIOD / 16)
     x, w = np.polynomial.legendre.leggauss(16)
     edges = np.linspace(0, k_max, panels + 1)
     half = (edges[1] - edges[0]) / 2

@@ -46,7 +46,8 @@ class TexturedPress(Press):
             at a position).
         fresh: a new patch of the object every touch; ``False`` if the press returns to the same
             place of an object that lies still.
-        cell: finest grid cell in m.
+        cell: finest grid cell in m. A grain's force is spread over one cell, so this is also the
+            size of the spot that it presses on (a point force would sink without bound).
         side: grid points a side; a power of two.
     """
 
@@ -123,12 +124,18 @@ class GrainyPress:
 class Patch:
     """Displacement by grains on a periodic grid about one position, read by the paths.
 
-    Levels are grouped by the grid they need. ``_groups``: (points a side, response complex64
+    Levels are grouped by the grid they need: cells up to ``finest`` times their depth. ``_groups``: (points a side, response complex64
     [levels·3, n, n/2 + 1]); ``_read``: sparse float32 [P, all grid values].
     """
 
     def __init__(
-        self, sensor: Sensor, position: tuple[float, float], radius: float, cell: float, side: int
+        self,
+        sensor: Sensor,
+        position: tuple[float, float],
+        radius: float,
+        cell: float,
+        side: int,
+        finest: float = 1 / 5,
     ) -> None:
         self._sensor, self._position, self._cell, self._side = sensor, position, cell, side
         self._half = side * cell / 2
@@ -139,7 +146,7 @@ class Patch:
         self._kx, self._ky, self._hertz = kx, ky, 3 * hertz_transform(k * radius)
         grids: dict[int, list[int]] = {}
         for level, z in enumerate(layer.heights):
-            coarser = (layer.thickness - z) / (5 * cell)
+            coarser = finest * (layer.thickness - z) / cell
             doublings = int(math.log2(coarser)) if coarser > 2 else 0
             grids.setdefault(max(side >> doublings, 8), []).append(level)
         safe = np.where(k > 0, k, 1.0)

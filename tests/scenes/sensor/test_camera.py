@@ -1,0 +1,149 @@
+"""Speckle against theory (Goodman, Speckle Phenomena in Optics, chapters 3 and 4)."""
+
+import numpy as np
+import pytest
+import torch
+from scipy import stats
+
+from scenes.sensor.camera import CONTINUOUS, Camera, MountedCamera
+from scenes.sensor.seeds import stream
+
+CPU = torch.device("cpu")
+
+
+def intensities(camera, n, seed=0):
+    phases = stream(seed, "test").uniform(0, 2 * np.pi, (n, camera.path_count))
+    return camera.on(CPU).intensity(torch.from_numpy(phases)).double().numpy()
+
+
+@pytest.mark.parametrize("modes", [1, 2])
+def test_contrast_and_distribution(modes):
+    camera = Camera(grid=128, crop=128, pupil=32, polarisations=modes, unevenness=0)
+    i = intensities(camera, 60)
+    assert i.mean() == pytest.approx(1, rel=2e-3)
+    assert i.std() == pytest.approx(1 / np.sqrt(modes), rel=0.02)
+    apart = i[:, ::8, ::8].ravel()  # several grains apart: nearly independent
+    assert stats.kstest(apart, stats.gamma(modes, scale=1 / modes).cdf).statistic < 0.02
+
+
+def test_autocovariance_is_the_squared_transform_of_the_pupil():
+    camera = Camera(grid=128, crop=128, pupil=40, polarisations=1, unevenness=0)
+    i = intensities(camera, 200) - 1
+    power = np.mean(np.abs(np.fft.fft2(i)) ** 2, 0)
+    found = np.fft.ifft2(power).real
+    found /= found[0, 0]
+    pupil = np.zeros((128, 128))
+    pupil[:40, :40] = camera.disc
+    expected = np.abs(np.fft.ifft2(pupil)) ** 2
+    expected /= expected[0, 0]
+    assert np.abs(found - expected)[:10, :10].max() < 0.02
+
+
+def test_pruned_transform_is_the_whole_one():
+    camera = Camera(grid=64, crop=50, pupil=20, unevenness=0.2)
+    phases = stream(1, "test").uniform(-1e5, 1e5, (3, camera.path_count))
+    field = np.zeros((3, 2, 64, 64), dtype=complex)
+    field[:, :, :20, :20][..., camera.disc] = np.exp(1j * phases).reshape(3, 2, -1)
+    power = (np.abs(np.fft.fft2(field)) ** 2).sum(1)[:, :50, :50]
+    expected = power * camera.illumination / camera.path_count
+    found = camera.on(CPU).intensity(torch.from_numpy(phases)).numpy()
+    assert np.allclose(found, expected, rtol=1e-4, atol=1e-5)
+
+
+def test_siegert_and_the_closed_form_of_a_phase_step():
+    """Gaussian phase steps: field correlation e^{-s²/2}, intensity correlation its square."""
+    camera = Camera(grid=128, crop=128, pupil=64, polarisations=2, unevenness=0)
+    rng = stream(2, "test")
+    start = rng.uniform(0, 2 * np.pi, (20, camera.path_count))
+    step = rng.standard_normal(start.shape)
+    mounted = camera.on(CPU)
+    before = mounted.intensity(torch.from_numpy(start)).numpy().ravel()
+    for s in (0.3, 0.8, 1.5):
+        after = mounted.intensity(torch.from_numpy(start + s * step)).numpy().ravel()
+        assert np.corrcoef(before, after)[0, 1] == pytest.approx(np.exp(-(s**2)), abs=0.02)
+
+
+def test_floor_that_all_frames_share():
+    camera = Camera(grid=256, crop=250, pupil=120)
+    i = intensities(camera, 12).reshape(12, -1)
+    floor = np.corrcoef(i)[np.triu_indices(12, 1)].mean()
+    w, c = 0.275**2, 0.5
+    assert floor == pytest.approx(w / (w + c * (1 + w)), abs=0.01)
+
+
+def test_illumination_has_its_unevenness():
+    w = Camera().illumination
+    assert w.mean() == pytest.approx(1)
+    assert w.std() == pytest.approx(0.275, rel=1e-6)
+    y, x = np.unravel_index(w.argmax(), w.shape)
+    assert (x / 500, y / 500) == pytest.approx((0.6, 0.45), abs=0.01)
+
+
+def grey_distribution(camera, mean):
+    """Exact probabilities of the grey levels: Poisson convolved with the read noise, rounded."""
+    scale = camera.grey / camera.photons
+    n = np.arange(int(stats.poisson.ppf(1e-13, mean)), int(stats.poisson.isf(1e-13, mean)) + 1)
+    edges = np.arange(-0.5, 255)[:, None]
+    below = stats.norm.cdf((edges[1:] - n * scale) / camera.read_noise) @ stats.poisson.pmf(n, mean)
+    return np.diff(np.concatenate([[0.0], below, [1.0]]))
+
+
+@pytest.mark.parametrize("light", [0.0, 1e-3, 0.01, 0.1, 0.3, 1.0, 3.0, 4.5])
+def test_noise_in_one_draw_has_the_exact_distribution(light):
+    """No sampling here: the variate z is pushed through on a grid of quantiles."""
+    camera = Camera(grid=512, crop=512, pupil=2)
+
+    class Quantiles:
+        def standard_normal(self, dtype, out):
+            p = (np.arange(out.size) + 0.5) / out.size
+            out[...] = stats.norm.ppf(p).reshape(out.shape).astype(dtype)
+
+    even = torch.full((1, 512, 512), light)
+    grey = MountedCamera(camera, CPU).expose(even, [Quantiles()])
+    found = np.bincount(grey.numpy().ravel(), minlength=256) / grey.numel()
+    exact = grey_distribution(camera, light * camera.photons)
+    assert camera.read_noise * camera.photons / camera.grey >= CONTINUOUS
+    assert np.abs(found - exact).sum() / 2 < 1e-4
+
+
+@pytest.mark.parametrize(("photons", "read"), [(1.0, 0.0), (100.0, 0.5)])
+def test_few_photons_are_counted_one_by_one(photons, read):
+    camera = Camera(grid=256, crop=256, pupil=4, photons=photons, read_noise=read)
+    even = torch.full((4, 256, 256), 1.0)
+    grey = camera.on(CPU).expose(even, [stream(0, "test", i) for i in range(4)]).double()
+    if read == 0:
+        assert set(np.unique(grey)) <= {0, 50, 100, 150, 200, 250, 255}
+        assert (grey == 0).double().mean() == pytest.approx(np.exp(-1), abs=0.005)
+    else:
+        assert grey.mean() == pytest.approx(50, rel=0.01)
+        variance = (50 / photons) ** 2 * photons + read**2 + 1 / 12
+        assert grey.var() == pytest.approx(variance, rel=0.03)
+
+
+def test_no_light_and_saturation():
+    dark = Camera(grid=64, crop=64, pupil=8, photons=0.0, read_noise=0.0)
+    assert (dark.on(CPU).expose(torch.ones(1, 64, 64), [stream(0, "t")]) == 0).all()
+    bright = Camera(grid=64, crop=64, pupil=8)
+    assert (bright.on(CPU).expose(torch.full((1, 64, 64), 50.0), [stream(0, "t")]) == 255).all()
+
+
+def test_one_path_and_one_pixel():
+    camera = Camera(grid=1, crop=1, pupil=1, polarisations=1, unevenness=0)
+    assert camera.path_count == 1
+    assert intensities(camera, 2) == pytest.approx(np.ones((2, 1, 1)))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"pupil": 600}, r"scene\.sensor\.camera\.pupil: found 600, expected at most the grid"),
+        ({"crop": 513}, r"scene\.sensor\.camera\.crop: found 513"),
+        ({"pupil": 0}, r"scene\.sensor\.camera\.pupil: found 0"),
+        ({"photons": -1.0}, r"scene\.sensor\.camera\.photons: found -1\.0"),
+        ({"polarisations": 3}, r"scene\.sensor\.camera\.polarisations: found 3"),
+        ({"unevenness": 2.0}, r"scene\.sensor\.camera\.unevenness: found 2\.0"),
+    ],
+)
+def test_bad_values_are_named(values, message):
+    with pytest.raises(ValueError, match=message):
+        Camera(**values)

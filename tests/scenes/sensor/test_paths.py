@@ -1,0 +1,101 @@
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from scenes.sensor.contact import ExactPress, ExpandedPress, Press, Touch, line
+from scenes.sensor.paths import Paths
+from scenes.sensor.sensor import Sensor
+
+
+def test_phase_is_the_change_of_the_optical_path(small):
+    """Move every vertex by a tiny touch: the polyline's length changes by what is predicted."""
+    sensor = small
+    paths, layer = sensor.path_set, sensor.layer
+    depth, centre, radius = 1e-8, (20e-3, 3e-3), 2.45e-3
+    x, y = paths.x.double().numpy(), paths.y.double().numpy()
+    z = layer.heights[paths.level.numpy()]
+    dx, dy = x - centre[0], y - centre[1]
+    r = np.hypot(dx, dy)
+    u = np.zeros((3, *x.shape))
+    for level in range(len(layer.heights)):
+        mine = paths.level.numpy() == level
+        u_r, u_z = layer.displacement(r[mine], layer.heights[level], radius)
+        u[0][mine], u[1][mine] = u_r[:, 0] * (dx / r)[mine], u_r[:, 0] * (dy / r)[mine]
+        u[2][mine] = u_z[:, 0]
+
+    def length(scale):
+        moved = np.stack([x, y, z], -1) + scale * np.moveaxis(u, 0, -1)
+        ends = [(*sensor.paths.fibre, 2.5e-3), (*sensor.paths.camera, 2.5e-3)]
+        start, stop = (np.broadcast_to(e, (1, x.shape[1], 3)) for e in ends)
+        return np.linalg.norm(np.diff(np.concatenate([start, moved, stop]), axis=0), axis=-1).sum(0)
+
+    growth = (length(depth) - length(-depth)) / (2 * depth)
+    found = paths.lengthening(sensor.table(radius, torch.float64), centre).numpy()
+    assert np.abs(found - growth).max() < 1e-3
+    assert np.abs(growth).max() > 0.5
+
+
+def test_paths_lie_in_the_layer(small):
+    paths = small.path_set
+    assert paths.x.min() >= 0
+    assert paths.x.max() <= small.paths.length
+    assert paths.y.abs().max() <= small.paths.width / 2
+    share = (paths.level == small.layer.levels).double().mean().item()
+    assert share == pytest.approx(0.30, abs=4 * math.sqrt(0.21 / paths.level.numel()))
+    assert torch.linalg.vector_norm(paths.bend, dim=0).max() <= 2 + 1e-5
+
+
+def test_phases_are_linear_in_depth(small):
+    press = Press((28e-3, 8e-3), 2.45e-3, 1.8e-3, 0.01, 0.02e-3).bind(small)
+    one, two = (press(Touch(depth, 28.01e-3, 8e-3)) for depth in (0.9e-3, 1.8e-3))
+    assert torch.allclose(two, 2 * one)
+
+
+def test_expansion_about_the_target_is_exact_enough(small):
+    """A robot's touch: the expansion's error stays far below the 0.02 rad of a grey level's noise."""
+    press = Press((28e-3, 8e-3), 2.45e-3, 1.8e-3, 0.01, 0.02e-3)
+    assert isinstance(press.bind(small), ExpandedPress)
+    touch = Touch(1.8e-3, 28.03e-3, 7.96e-3)
+    near, exact = press.bind(small)(touch), ExactPress(press, small)(touch)
+    assert (near - exact).abs().max() < 0.05
+    assert (near - exact).square().mean().sqrt() < 5e-3
+    centred = ExactPress(press, small)(Touch(1.8e-3, 28e-3, 8e-3))
+    assert (centred - exact).square().mean().sqrt() > 1  # the miss itself matters
+
+
+def test_a_finger_looks_its_displacement_up(small):
+    assert isinstance(Press((34e-3, 0.0), 5e-3, 0.8e-3, 0.12, 0.4e-3).bind(small), ExactPress)
+
+
+def test_far_touch_changes_nothing(small):
+    far = Press((90e-3, 0.0), 1e-3, 1e-3).bind(small)(Touch(1e-3, 90e-3, 0.0))
+    near = small.path_set.x.max(dim=0).values < 30e-3
+    assert near.any()
+    assert far[near].abs().max() < 0.05
+
+
+def test_line_of_positions():
+    classes = line((12e-3, 0.0), (62e-3, 0.0), 51)
+    assert list(classes) == [str(i) for i in range(51)]
+    assert classes["7"]["position"] == pytest.approx((19e-3, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Paths(vertices=0), r"scene\.sensor\.paths\.vertices: found 0"),
+        (lambda: Paths(surface=1.5), r"scene\.sensor\.paths\.surface: found 1\.5"),
+        (lambda: Paths(wavelength=float("nan")), r"scene\.sensor\.paths\.wavelength: found nan"),
+        (lambda: Paths(fibre=(0.0, 0.5)), r"scene\.sensor\.paths\.fibre.*sensor's surface"),
+        (lambda: Press((0.01,), 1e-3, 1e-3), r"two coordinates"),
+        (lambda: Press((0.01, 0.0), 0.0, 1e-3), r"scene\.contact\.radius: found 0"),
+        (lambda: Sensor(seed=-1), r"seed\.sensor: found -1"),
+        (lambda: Sensor(paths={"vertexes": 3}), r"scene\.sensor\.paths\.vertexes: .* one of"),
+        (lambda: Sensor(camera=3), r"scene\.sensor\.camera: found 3"),
+    ],
+)
+def test_bad_values_are_named(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()

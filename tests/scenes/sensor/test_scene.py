@@ -1,0 +1,193 @@
+"""The scenes as a user composes them, and the promise that a sample is always the same."""
+
+import functools
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+
+from scenes.frames import Scene
+from scenes.sensor.configured import scene
+from scenes.sensor.contact import Press
+from scenes.sensor.environment import Room
+from scenes.sensor.scene import SpeckleScene
+from scenes.sensor.sensor import Sensor
+
+TINY = ("sensor.camera.grid=64", "sensor.camera.crop=60", "sensor.camera.pupil=24")
+ALL = ("touch", "finger", "spatial", "drift", "tactile")
+
+
+def tiny(name, *overrides, sensor=3, samples=5):
+    return scene(name, sensor, samples, (*TINY, *overrides))
+
+
+def press(**values):
+    return functools.partial(Press, **{"radius": 2.45e-3, "depth": 1.8e-3, **values})
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_scene_is_a_scene(name):
+    made = tiny(name)
+    assert isinstance(made, Scene)
+    assert made.origin == "simulated"
+    assert len(made) == len(made.labels) == {"touch": 500, "finger": 700, "spatial": 5100,
+                                             "drift": 1000, "tactile": 360}[name]  # fmt: skip
+    per_session = made.labels[made.samples["session"] == 0]
+    assert len(set(np.bincount(per_session))) == 1
+    assert all(len(values) == len(made) for values in made.samples.values())
+    frames = made.frames([0, 1])
+    assert frames.dtype == torch.uint8
+    assert tuple(frames.shape) == (2, *made.shape)
+    assert 35 < frames.double().mean() < 65
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_sample_is_the_same_however_it_is_asked_for(name):
+    indices = [4, 0, 17, 3, 9, 4]
+    whole = tiny(name).frames(indices)
+    assert (whole[0] == whole[5]).all()
+    again = tiny(name)
+    for at, index in reversed(list(enumerate(indices))):
+        assert (again.frames([index])[0] == whole[at]).all()
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(3)
+        assert (tiny(name).frames(torch.tensor(indices)) == whole).all()
+    finally:
+        torch.set_num_threads(before)
+
+
+def test_full_size_frames_do_not_depend_on_threads_or_batch():
+    before = torch.get_num_threads()
+    try:
+        for name in ("touch", "finger"):
+            torch.set_num_threads(1)
+            made = scene(name, 1, 1)
+            one = made.frames([0, 1, 2])
+            assert tuple(one.shape) == (3, 500, 500)
+            torch.set_num_threads(2)
+            assert (made.frames([2])[0] == one[2]).all()
+    finally:
+        torch.set_num_threads(before)
+
+
+def test_first_session_of_drift_is_touch():
+    touch, drift = tiny("touch"), tiny("drift")
+    assert (touch.labels == drift.labels[:500]).all()
+    assert (touch.frames(range(6)) == drift.frames(range(6))).all()
+    temperature, session = drift.samples["temperature"], drift.samples["session"]
+    assert temperature[session == 1].mean() - temperature[session == 0].mean() > 0.3
+    assert (drift.samples["order"][500:] == np.arange(500)).all()
+
+
+def test_fingerprint_knows_what_matters_and_makes_no_frame():
+    prints = [
+        tiny("touch").fingerprint(),
+        tiny("touch", sensor=4).fingerprint(),
+        tiny("touch", samples=6).fingerprint(),
+        tiny("touch", "contact.depth=1.7e-3").fingerprint(),
+        tiny("touch", "samples_per_class=99").fingerprint(),
+        tiny("touch", "sessions.0.offset=0.1").fingerprint(),
+        tiny("touch", "sensor.thermal.scale=100.0").fingerprint(),
+        tiny("tactile").fingerprint(),
+        tiny("tactile", "classes.P40.offset=0.0").fingerprint(),
+    ]
+    assert len(set(prints)) == len(prints)
+    made = tiny("touch")
+    assert made.fingerprint() == prints[0]
+    assert "path_set" not in vars(made.sensor)
+
+
+def test_labels_come_in_random_order_and_samples_are_described():
+    made = tiny("touch")
+    assert (np.diff(made.labels) == 0).mean() == pytest.approx(0.2, abs=0.1)
+    none = made.labels == made.classes.index("None")
+    assert np.isnan(made.samples["x"][none]).all()
+    assert (made.samples["depth"][none] == 0).all()
+    left = made.labels == made.classes.index("L1")
+    assert made.samples["x"][left].mean() == pytest.approx(28e-3, abs=1e-5)
+    assert made.samples["depth"][left].std() == pytest.approx(0.018e-3, rel=0.3)
+
+
+def test_classes_look_alike_within_and_differ_between():
+    """At the calm temperature of one room, the same press gives correlated frames."""
+    calm = ("sessions.0.slow=0.0", "sessions.0.fast=0.0", "sensor.camera.unevenness=0.0")
+    made = tiny("touch", *calm)
+    frames = made.frames(range(100)).double().reshape(100, -1).numpy()
+    c, same = np.corrcoef(frames), made.labels[:100, None] == made.labels[:100]
+    np.fill_diagonal(same, False)
+    different = made.labels[:100, None] != made.labels[:100]
+    assert c[same].mean() > c[different].mean() + 0.05
+
+
+def test_counts_may_differ_between_classes():
+    made = tiny("touch", "samples_per_class={L1: 3, None: 5}")
+    assert np.bincount(made.labels, minlength=5).tolist() == [3, 0, 0, 0, 5]
+
+
+@pytest.mark.parametrize(
+    ("name", "override", "message"),
+    [
+        ("touch", "contact.depth=6e-3", r"scene\.contact\.depth: found 0\.006.* layer's thickness"),
+        ("finger", "contact.depth=4e-3", r"scene\.contact\.depth: found 0\.00.* in every touch"),
+        ("touch", "classes.L1.position=[0.2, 0.0]", r"scene\.classes\.L1\.position: .*surface"),
+        ("touch", "classes.L1.position=[0.02]", r"position: found \[0\.02\], expected two"),
+        ("touch", "sensor.camera.pupil=700", r"scene\.sensor\.camera\.pupil: found 700"),
+        ("touch", "sensor.camera.photons=-5", r"scene\.sensor\.camera\.photons: found -5"),
+        ("touch", "sensor.paths.vertices=0", r"scene\.sensor\.paths\.vertices: found 0"),
+        ("touch", "samples_per_class={L9: 3}", r"samples_per_class: found 'L9', .* L1, L2"),
+        ("touch", "samples_per_class=0", r"scene\.samples_per_class: found 0"),
+        ("touch", "contact=null", r"scene\.contact: found None.* 'L1' is touched"),
+        ("touch", "sensor.camera.pixels=3", r"scene\.sensor\.camera\.pixels: .*one of grid, crop"),
+        ("tactile", "contact.side=100", r"scene\.contact\.side: found 100, expected a power"),
+        ("tactile", "contact.radius=12e-3", r"scene\.contact\.side: found 256.*2\.5 contact radii"),
+        ("tactile", "classes.P40.spacing=0", r"scene\.contact\.spacing: found 0"),
+    ],
+)
+def test_bad_values_are_named_before_any_frame(name, override, message):
+    with pytest.raises(Exception, match=message):
+        tiny(name, override)
+
+
+def test_sample_that_does_not_exist():
+    with pytest.raises(IndexError, match="sample 500 of a scene of 500"):
+        tiny("touch").frames([500])
+
+
+def test_a_scene_without_touches_builds_no_mechanics():
+    made = SpeckleScene(Sensor(camera={"grid": 64, "crop": 60, "pupil": 24}), {"None": None})
+    assert made.frames([0]).shape == (1, 60, 60)
+    assert "path_set" not in vars(made.sensor)
+    assert made.contacts == [None]
+
+
+def test_rooms_and_contacts_from_python():
+    sensor = Sensor(camera={"grid": 64, "crop": 60, "pupil": 24})
+    classes = {"here": {"position": (0.03, 0.0)}, "nobody": None}
+    made = SpeckleScene(sensor, classes, press(), 4, [Room(), Room(offset=1.0)], seed=2)
+    assert made.frames(range(16)).shape == (16, 60, 60)
+    with pytest.raises(ValueError, match="at least one class"):
+        SpeckleScene(sensor, {})
+
+
+@pytest.mark.parametrize(
+    ("name", "absent"),
+    [
+        ("touch", ["scenes.sensor.texture", "scenes.sensor.creep"]),
+        ("drift", ["scenes.sensor.texture", "scenes.sensor.creep"]),
+        ("tactile", ["scenes.sensor.creep"]),
+    ],
+)
+def test_absent_parts_are_not_imported(name, absent):
+    everywhere = ["hdc", "baselines", "experiments", "pandas", "cv2", "sklearn", "matplotlib"]
+    program = (
+        "import sys; from scenes.sensor.configured import scene;"
+        f"scene({name!r}, 0, 0, {TINY!r}).frames([0, 1, 2, 3]);"
+        f"print([m for m in {absent + everywhere!r} if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"

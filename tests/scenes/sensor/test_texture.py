@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+import torch
+
+from scenes.sensor.contact import Press, Touch
+from scenes.sensor.elastomer import Layer
+from scenes.sensor.seeds import stream
+from scenes.sensor.sensor import Sensor
+from scenes.sensor.texture import Patch, TexturedPress
+
+AT, A = (34e-3, 0.0), 5e-3
+
+
+def touch(i=0, depth=0.8e-3, x=AT[0], y=AT[1]):
+    return Touch(depth, x, y, stream(0, "texture", i), stream(0, "object"))
+
+
+def face(**values):
+    return TexturedPress(AT, A, 0.8e-3, 0.01, 0.05e-3, **values)
+
+
+def test_smooth_face_is_a_press(small):
+    smooth, plain = face(spacing=None), Press(AT, A, 0.8e-3, 0.01, 0.05e-3)
+    assert torch.equal(smooth.bind(small)(touch()), plain.bind(small)(touch()))
+
+
+def test_many_equal_grains_are_nearly_smooth(small):
+    fine = face(spacing=0.1e-3, variance=0.0).bind(small)(touch())
+    coarse = face(spacing=0.6e-3, variance=1.0).bind(small)(touch())
+    smooth = face(spacing=None).bind(small)(touch())
+    little, much = ((g - smooth).square().mean().sqrt().item() for g in (fine, coarse))
+    assert little < 0.01 * smooth.square().mean().sqrt().item()
+    assert much > 20 * little
+
+
+def test_every_touch_meets_another_patch_unless_told(small):
+    for fresh in (True, False):
+        bound = face(spacing=0.6e-3, variance=1.0, fresh=fresh).bind(small)
+        same = torch.equal(bound(touch(0)), bound(touch(1)))
+        assert same is not fresh
+
+
+def test_grains_carry_the_whole_force_inside_the_contact(small):
+    bound = face(spacing=0.2e-3, variance=1.0).bind(small)
+    x, y, force = bound.grains(touch(), stream(0, "g"))
+    assert force.sum() == pytest.approx(1)
+    assert np.hypot(x, y).max() <= A
+    assert len(x) == pytest.approx(np.pi * 25 / 0.04, rel=0.03)
+
+
+@pytest.fixture
+def near():
+    """Every path scatters once, so that many lie within the grid."""
+    return Sensor(seed=7, paths={"vertices": 1}, camera={"grid": 64, "crop": 60, "pupil": 48})
+
+
+def test_displacement_on_the_grid_is_the_one_of_the_table(near):
+    """With its sign turned, a patch without grains is the smooth press itself."""
+    patch = Patch(near, AT, A, 0.25e-3, 256)  # 64 mm: no neighbour within its reach
+    none = np.zeros(0)
+    lonely = patch.phases(none, none, none, touch(depth=1.0))
+    whole = Press(AT, A, 1.0).bind(near)(touch(depth=1.0))
+    paths = near.path_set
+    far = (paths.x - AT[0]).abs().maximum(paths.y.abs()) < 9e-3
+    inside = far.all(dim=0)
+    assert inside.sum() > 100
+    difference = (lonely + whole)[inside].abs().max() / whole[inside].abs().max()
+    assert difference < 0.01
+
+
+def test_coarse_grids_lose_nothing_that_matters(near):
+    """Coarser grids for deeper levels against the finest grid at every level."""
+    rng = stream(0, "g")
+    x, y, force = face(spacing=0.6e-3, variance=1.0).bind(near).grains(touch(), rng)
+    fast = Patch(near, AT, A, 0.1e-3, 256).phases(x, y, force, touch())
+    fine = Patch(near, AT, A, 0.1e-3, 256, finest=0).phases(x, y, force, touch())
+    error = (fast - fine).square().mean().sqrt() / fine.square().mean().sqrt()
+    assert error < 0.02
+
+
+def test_point_force_on_the_surface_far_away_is_boussinesq():
+    """A grain on a thick layer: u_z·r is constant, and ties the constant C to Hertz's depth."""
+    layer, r = Layer(thickness=50.0), np.array([10.0, 20.0]) * A
+    _, u_z = layer.displacement(r, np.array([50.0]), A)
+    # F/(4πμr) with F/(2μ) = (2π/3)/w0 of ``texture``.
+    strength = 2 * np.pi / 3 / layer.compliance(A)
+    assert -u_z[:, 0] == pytest.approx(strength / (2 * np.pi * r), rel=0.02)
