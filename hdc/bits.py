@@ -1,0 +1,213 @@
+"""Packed bit tensors: the only file that knows where a bit lies in a word.
+
+A hypervector of D bits is W = ⌈D/64⌉ int64 words; bit j is bit j mod 64 (least significant first)
+of word j // 64, and the bits of the last word above D are zero. Everything is plain torch and runs
+on any device; on the CPU, where torch 2.13 has no population count, numpy's (or NumKong's, where it
+is installed) takes its place, with the same results bit for bit.
+"""
+
+from __future__ import annotations
+
+import functools
+import sys
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hdc import planes
+
+WORD = 64
+TIES = ("zero", "one", "random")
+
+# Eight bools seen as one int64 times this constant carry their bits into the top byte, in order.
+_GATHER_BYTE = 0x0102040810204080
+
+if sys.byteorder != "little":  # the byte views below would put bits elsewhere
+    raise ImportError("hdc.bits: expected a little-endian machine, found a big-endian one")
+
+
+def words_for(dimension: int) -> int:
+    """W, the number of 64-bit words that hold D bits."""
+    return -(-dimension // WORD)
+
+
+def pack(mask: Tensor) -> Tensor:
+    """Pack bool [..., D] into int64 words [..., ⌈D/64⌉]; the inverse of :func:`unpack`.
+
+    >>> pack(torch.tensor([True, False, True]))
+    tensor([5])
+    """
+    if mask.dtype != torch.bool:
+        raise TypeError(f"mask: expected dtype torch.bool, found {mask.dtype}")
+    *batch, dimension = mask.shape
+    n_words = words_for(dimension)
+    if mask.device.type == "cpu":
+        bytes_ = np.packbits(mask.numpy(), axis=-1, bitorder="little")
+        words = np.zeros((*batch, n_words), np.int64)
+        words.view(np.uint8)[..., : bytes_.shape[-1]] = bytes_
+        return torch.from_numpy(words)
+    padded = torch.zeros(*batch, n_words * WORD, dtype=torch.bool, device=mask.device)
+    padded[..., :dimension] = mask
+    top_bytes = (padded.view(torch.int64) * _GATHER_BYTE) >> 56
+    return top_bytes.to(torch.uint8).view(torch.int64)
+
+
+def unpack(words: Tensor, dimension: int) -> Tensor:
+    """Unpack int64 words [..., W] into bool [..., D]."""
+    _check_width(words, dimension)
+    if words.device.type == "cpu":
+        bytes_ = words.contiguous().numpy().view(np.uint8)
+        ones = np.unpackbits(bytes_, axis=-1, count=dimension, bitorder="little")
+        return torch.from_numpy(ones.view(np.bool_))
+    shifts = torch.arange(WORD, device=words.device)
+    bits = (words.unsqueeze(-1) >> shifts) & 1
+    return bits.flatten(-2)[..., :dimension].bool()
+
+
+def popcount(words: Tensor) -> Tensor:
+    """Number of ones of each word: int64 [...] to uint8 [...]."""
+    if words.device.type == "cpu":
+        # numpy counts the bits of the magnitude of a signed integer, hence the unsigned view.
+        return torch.from_numpy(np.bitwise_count(words.numpy().view(np.uint64)))
+    return _swar_popcount(words).to(torch.uint8)
+
+
+def count_ones(words: Tensor) -> Tensor:
+    """Number of ones of each hypervector: int64 [..., W] to int64 [...]."""
+    if words.device.type == "cpu":
+        counts = np.bitwise_count(words.numpy().view(np.uint64))
+        return torch.from_numpy(np.asarray(counts.sum(-1, dtype=np.int64)))
+    return _swar_popcount(words).sum(-1)
+
+
+def hamming(queries: Tensor, prototypes: Tensor) -> Tensor:
+    """Hamming distances (paper, Eq. 2) between all pairs: [Q, W] × [L, W] → int64 [Q, L].
+
+    Raises:
+        ValueError: if the two do not have the same number of words.
+    """
+    if queries.shape[-1] != prototypes.shape[-1]:
+        raise ValueError(
+            f"hamming: expected queries and prototypes of equal width, found "
+            f"{queries.shape[-1]} and {prototypes.shape[-1]} words"
+        )
+    if queries.device.type == "cpu" and prototypes.device.type == "cpu":
+        return _cpu_hamming()(queries.contiguous(), prototypes.contiguous())
+    return hamming_torch(queries, prototypes)
+
+
+def hamming_torch(queries: Tensor, prototypes: Tensor) -> Tensor:
+    """:func:`hamming` in torch alone, for any device; working memory at most about 256 MB."""
+    (n, width), n_prototypes = queries.shape, len(prototypes)
+    out = torch.empty(n, n_prototypes, dtype=torch.int64, device=queries.device)
+    step = max(1, 2**25 // max(1, n_prototypes * width))
+    for start in range(0, n, step):
+        differing = queries[start : start + step, None] ^ prototypes
+        out[start : start + step] = _swar_popcount(differing).sum(-1)
+    return out
+
+
+def hamming_numpy(queries: Tensor, prototypes: Tensor) -> Tensor:
+    """:func:`hamming` by ``numpy.bitwise_count``, a prototype at a time."""
+    q, p = (np.atleast_2d(x.numpy()).view(np.uint64) for x in (queries, prototypes))
+    out = np.empty((len(q), len(p)), np.int64)
+    # Some tens of queries a step keep the intermediate words in the processor's cache.
+    step = max(1, 2**16 // max(1, q.shape[1]))
+    for start in range(0, len(q), step):
+        block = q[start : start + step]
+        for j, prototype in enumerate(p):
+            np.bitwise_count(block ^ prototype).sum(-1, out=out[start : start + step, j])
+    return torch.from_numpy(out)
+
+
+def hamming_numkong(queries: Tensor, prototypes: Tensor) -> Tensor:
+    """:func:`hamming` by NumKong's vectorised population count."""
+    import numkong
+
+    q, p = (x.numpy().view(np.uint8) for x in (queries, prototypes))
+    if 0 in (len(q), len(p), q.shape[1]):
+        return torch.zeros(len(q), len(p), dtype=torch.int64)
+    distances = numkong.cdist(q, p, metric="hamming", dtype="uint1")
+    return torch.from_numpy(np.asarray(distances).reshape(len(q), len(p)).astype(np.int64))
+
+
+@functools.cache
+def _cpu_hamming():
+    """The fastest CPU route that is installed and agrees with numpy's on a trial; chosen once."""
+    trial = torch.arange(-6, 6).reshape(3, 4) * 0x0123456789ABCDEF
+    try:
+        if torch.equal(hamming_numkong(trial, trial[:2]), hamming_numpy(trial, trial[:2])):
+            return hamming_numkong
+    except (ImportError, TypeError, ValueError, AttributeError):
+        pass  # absent, or a version with another interface
+    return hamming_numpy
+
+
+def majority(words: Tensor, ties: str = "zero", tie_breaker: Tensor | None = None) -> Tensor:
+    """Bitwise majority (paper, Eq. 1) of N hypervectors: int64 [N, W] → [W].
+
+    Args:
+        words: the hypervectors to bundle.
+        ties: a bit with as many ones as zeros (even N) becomes ``"zero"``, ``"one"``, or, with
+            ``"random"``, the bit of ``tie_breaker``: the same as adding that hypervector to the
+            bundle (Schmuck et al., ACM JETC 15, 32 (2019)).
+        tie_breaker: int64 [W], needed for ``"random"`` only.
+    """
+    counts = planes.vertical_sum(words)
+    return majority_of_counts(counts, len(words), ties, tie_breaker)
+
+
+def majority_of_counts(
+    counts: Tensor, n: int, ties: str = "zero", tie_breaker: Tensor | None = None
+) -> Tensor:
+    """Majority from bit-sliced counts: int64 [P, W] of n hypervectors → [W]; see :func:`majority`.
+
+    Raises:
+        ValueError: for an unknown rule, n = 0, or ``"random"`` without a tie breaker.
+    """
+    if ties not in TIES:
+        raise ValueError(f"ties: expected one of {', '.join(TIES)}, found {ties!r}")
+    if n < 1:
+        raise ValueError("majority: expected at least one hypervector, found none")
+    more, equal = planes.compare(counts, n // 2)
+    if n % 2 or ties == "zero":
+        return more
+    if ties == "one":
+        # Beyond D every count is zero, which must not become a tie among n ≥ 2 hypervectors;
+        # n // 2 ≥ 1 there, so `equal` holds real bits only.
+        return more | equal
+    if tie_breaker is None:
+        raise ValueError("ties='random': expected a tie_breaker hypervector, found None")
+    return more | (equal & tie_breaker)
+
+
+def random_hypervector(dimension: int, seed: int, p: float = 0.5) -> Tensor:
+    """D independent bits that are one with probability p, from the seed alone: int64 [W] (CPU)."""
+    generator = torch.Generator().manual_seed(seed)
+    return pack(torch.rand(dimension, generator=generator, dtype=torch.float64) < p)
+
+
+def lowest_ones(words: Tensor, n: Tensor) -> Tensor:
+    """Keep the n lowest ones of each word and clear the rest: int64 [...], [...] → [...]."""
+    bits = unpack(words.unsqueeze(-1), WORD)
+    return pack(bits & (bits.cumsum(-1) <= n.unsqueeze(-1))).squeeze(-1)
+
+
+def _swar_popcount(words: Tensor) -> Tensor:
+    """Population count by adding neighbouring fields (Warren, Hacker's Delight, 5-1).
+
+    Torch shifts int64 arithmetically, so every shift is followed by a mask that clears the sign.
+    """
+    words = words - ((words >> 1) & 0x5555555555555555)
+    words = (words & 0x3333333333333333) + ((words >> 2) & 0x3333333333333333)
+    words = (words + (words >> 4)) & 0x0F0F0F0F0F0F0F0F
+    return ((words * 0x0101010101010101) >> 56) & 0x7F
+
+
+def _check_width(words: Tensor, dimension: int) -> None:
+    if words.shape[-1] != words_for(dimension):
+        raise ValueError(
+            f"words: expected {words_for(dimension)} words for D = {dimension}, "
+            f"found {words.shape[-1]}"
+        )
