@@ -49,7 +49,7 @@ class CNN(IterativeClassifier):
                 nn.Conv2d(channels, filters, KERNEL, padding=KERNEL // 2),
                 # Pooling first gives the same maps as ReLU first, at a quarter of the ReLU's work.
                 nn.MaxPool2d(POOL),
-                nn.ReLU(),
+                nn.ReLU(inplace=True),
             ]
             (height, width), channels = (height // POOL, width // POOL), filters
         return nn.Sequential(*layers, nn.Flatten(), nn.Linear(channels * height * width, classes))
