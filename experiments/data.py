@@ -1,0 +1,151 @@
+"""From a scene to the frames a run trains and tests on: split, memory, disk cache."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from experiments.clock import Clock
+from scenes.frames import Scene
+from scenes.split import by_session, learning_curve_subsets, split
+
+IN_MEMORY_BYTES = 512 * 2**20  # more frames than this are read while the model asks for them
+_BATCH = 16
+
+
+class LazyFrames:
+    """Frames of a scene that are made, or read, when a model asks; the clock is held meanwhile.
+
+    Args:
+        scene: where they come from.
+        indices: which samples, int64 [N].
+        clock: held while frames are acquired.
+    """
+
+    def __init__(self, scene: Scene, indices: np.ndarray, clock: Clock):
+        self.scene, self.indices, self.clock = scene, indices, clock
+        self.shape = (len(indices), *scene.shape)
+        self.dtype = torch.uint8
+        self.ndim = 3
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    def __getitem__(self, index: Any) -> Tensor:
+        with self.clock.held():
+            chosen = self.indices[index.numpy() if isinstance(index, Tensor) else index]
+            frames = self.scene.frames(np.atleast_1d(chosen))
+            return frames if np.ndim(chosen) else frames[0]
+
+
+class CachedScene:
+    """A scene whose frames lie in one file on disk.
+
+    Args:
+        scene: the scene they were made from.
+        path: uint8 or uint16 .npy [N, H, W].
+    """
+
+    def __init__(self, scene: Scene, path: Path):
+        self.classes, self.labels, self.shape = scene.classes, scene.labels, scene.shape
+        self.samples, self.origin, self._scene = scene.samples, scene.origin, scene
+        self._frames = np.load(path, mmap_mode="r", allow_pickle=False)
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def fingerprint(self) -> str:
+        return self._scene.fingerprint()
+
+    def frames(self, indices: Any) -> Tensor:
+        return torch.from_numpy(self._frames[np.asarray(indices)])
+
+
+def cached(scene: Scene, folder: Path, progress: Callable[[int, int], None]) -> Scene:
+    """The scene with its frames on disk, made there first if need be, whole or not at all.
+
+    Recorded scenes stay as they are: their frames lie on disk already.
+
+    Args:
+        scene: any scene.
+        folder: of the cache; a file is named after the scene's fingerprint.
+        progress: called with (frames made, frames in all).
+    """
+    if scene.origin == "recorded":
+        return scene
+    path = folder / f"{scene.fingerprint()[:24]}.npy"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        n = len(scene.labels)
+        handle, temporary = tempfile.mkstemp(dir=folder, suffix=".partial")
+        os.close(handle)
+        try:
+            frames = np.lib.format.open_memmap(temporary, "w+", np.uint8, (n, *scene.shape))
+            for start in range(0, n, _BATCH):
+                stop = min(n, start + _BATCH)
+                frames[start:stop] = scene.frames(np.arange(start, stop)).numpy(force=True)
+                progress(stop, n)
+            frames.flush()
+            del frames
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    return CachedScene(scene, path)
+
+
+def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Training and test indices as the ``split`` part of the config says.
+
+    Raises:
+        ValueError: naming the key of a value that does not fit.
+    """
+    # A scene of several sessions trains and tests within the first, unless the split crosses them.
+    session = scene.samples.get("session", np.zeros(len(scene.labels), np.int64))
+    if cfg["kind"] == "session":
+        first, test = by_session(session, *np.unique(session)[[0, -1]].tolist())
+        train, _ = split(scene.labels[first], test_fraction=cfg["test_fraction"], seed=seed)
+        train = first[train]
+    else:
+        first = np.flatnonzero(session == session.min())
+        train, test = (
+            first[part]
+            for part in split(
+                scene.labels[first],
+                test_fraction=cfg["test_fraction"],
+                kind=cfg["kind"],
+                seed=seed,
+                order=scene.samples["order"][first],
+            )
+        )
+    if cfg["n_train"] is not None:
+        n = cfg["n_train"]
+        train = learning_curve_subsets(train, scene.labels, [n], seed)[n]
+    return train, test
+
+
+def take(scene: Scene, indices: np.ndarray, clock: Clock) -> Tensor | LazyFrames:
+    """The frames of these samples: in memory if they fit, else made when asked for."""
+    if math.prod(scene.shape) * len(indices) > IN_MEMORY_BYTES:
+        return LazyFrames(scene, indices, clock)
+    frames = torch.empty(len(indices), *scene.shape, dtype=scene.frames(indices[:1]).dtype)
+    for start in range(0, len(indices), _BATCH):
+        frames[start : start + _BATCH] = scene.frames(indices[start : start + _BATCH]).cpu()
+    return frames
+
+
+def digest(frames: Tensor | LazyFrames, labels: np.ndarray) -> str:
+    """SHA-256 of frames and labels in their order."""
+    state = hashlib.sha256(np.ascontiguousarray(labels, dtype="<i8"))
+    for start in range(0, len(frames), _BATCH):
+        state.update(frames[start : start + _BATCH].contiguous().numpy(force=True))
+    return state.hexdigest()

@@ -1,0 +1,167 @@
+"""Records: one folder a run with record.json and curve.csv, written whole or not at all."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.metadata
+import json
+import math
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+SCHEMA = 1
+_PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "hydra-core", "numkong")
+_CODE = ("hdc", "baselines", "scenes", "experiments")
+
+
+def results_dir() -> Path:
+    """Where results go: $RESULTS_DIR, or results/ of the checkout; never the current directory."""
+    return Path(os.environ.get("RESULTS_DIR") or ROOT / "results").resolve()
+
+
+def run_id(scene: str, model: str, config: Mapping[str, Any], fingerprint: str) -> str:
+    """Name of a run: what it is, and a hash of everything that determines it."""
+    payload = json.dumps([SCHEMA, config, fingerprint], sort_keys=True)
+    return f"{scene}-{model}-{hashlib.sha256(payload.encode()).hexdigest()[:12]}"
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a file whole or not at all: temporary file beside it, flush to disk, rename."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def write_record(folder: Path, record: Mapping[str, Any]) -> None:
+    """Write record.json; numbers that JSON lacks (NaN, infinities) become null."""
+    text = json.dumps(_plain(record), indent=1, sort_keys=True, allow_nan=False) + "\n"
+    write_atomically(folder / "record.json", text)
+
+
+def read_record(folder: Path) -> dict[str, Any] | None:
+    """The record in a folder, or None if there is none yet.
+
+    Raises:
+        ValueError: if there is a file that is no record of this schema; it is named.
+    """
+    path = folder / "record.json"
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path}: expected a record in JSON, found {error}") from error
+    if not isinstance(record, dict) or record.get("schema") != SCHEMA:
+        found = record.get("schema") if isinstance(record, dict) else type(record).__name__
+        raise ValueError(f"{path}: expected a record of schema {SCHEMA}, found {found!r}")
+    return record
+
+
+def write_curve(folder: Path, rows: Sequence[Mapping[str, float]]) -> None:
+    """Write curve.csv: one row a report of the model."""
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    lines = [",".join(columns)]
+    lines += [",".join(_cell(row.get(column)) for column in columns) for row in rows]
+    write_atomically(folder / "curve.csv", "\n".join(lines) + "\n")
+
+
+def environment(device: str, threads: int) -> dict[str, Any]:
+    """Everything about the machine and the code that a reader of a time wants to know."""
+    return {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "cpu": _cpu_model(),
+        "cores": os.cpu_count(),
+        "threads": threads,
+        "device": _device_name(device),
+        "packages": {name: _version(name) for name in _PACKAGES},
+        "code": code_hash(),
+        **_git(),
+    }
+
+
+@functools.cache
+def code_hash() -> str:
+    """SHA-256 over the source files of the project's packages."""
+    state = hashlib.sha256()
+    for package in _CODE:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            state.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes())
+    return state.hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if hasattr(value, "tolist"):  # numpy scalars and arrays, tensors
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _cell(value: float | None) -> str:
+    return "" if value is None else repr(value)
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+@functools.cache
+def _cpu_model() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
+def _device_name(device: str) -> str:
+    if device.startswith("cuda"):
+        import torch
+
+        return f"{device}: {torch.cuda.get_device_name(device)}"
+    return device
+
+
+@functools.cache
+def _git() -> dict[str, Any]:
+    def ask(*words: str) -> str | None:
+        command = ["git", "-C", str(ROOT), *words]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)
+            return done.stdout.strip()
+        except (OSError, subprocess.SubprocessError):
+            return None
+
+    # Results are written while runs go on; only code and configs make a tree dirty.
+    changed = ask("status", "--porcelain", "--", *_CODE, "configs")
+    return {"commit": ask("rev-parse", "HEAD"), "dirty": None if changed is None else bool(changed)}
+
+
+def command() -> str:
+    """The command line that started this process, as a user would type it."""
+    return " ".join(["python -m experiments.run", *sys.argv[1:]])
