@@ -1,0 +1,68 @@
+"""Fill the marked tables of README.md from committed results: ``python -m experiments.readme``.
+
+A block between ``<!-- begin NAME -->`` and ``<!-- end NAME -->`` is made from the file that NAME
+stands for; a result that is missing shows as missing.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from experiments import benchmark
+from experiments.record import ROOT, results_dir, write_atomically
+
+_BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
+
+
+def fill(text: str, blocks: dict[str, Callable[[], str]]) -> str:
+    """Replace the content of every marked block.
+
+    Raises:
+        ValueError: for a block that has no source.
+    """
+
+    def content(match: re.Match[str]) -> str:
+        begin, name, end = match.groups()
+        if name not in blocks:
+            raise ValueError(f"README.md: expected a block among {list(blocks)}, found {name!r}")
+        return f"{begin}{blocks[name]()}\n{end}"
+
+    return _BLOCK.sub(content, text)
+
+
+def sources(results: Path) -> dict[str, Callable[[], str]]:
+    """What each block is made from."""
+    return {
+        "table1": lambda: _read(results / "tables" / "table1.md"),
+        "calibration": lambda: _csv_table(results / "calibration.csv"),
+        "benchmark": lambda: _benchmark(results / "benchmark.csv"),
+    }
+
+
+def _read(path: Path) -> str:
+    return path.read_text(encoding="utf-8").strip() if path.exists() else _missing(path)
+
+
+def _benchmark(path: Path) -> str:
+    return benchmark.markdown_table(path).strip() if path.exists() else _missing(path)
+
+
+def _csv_table(path: Path) -> str:
+    if not path.exists():
+        return _missing(path)
+    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
+    rows = list(csv.reader(lines))
+    table = [rows[0], ["---"] * len(rows[0]), *rows[1:]]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in table)
+
+
+def _missing(path: Path) -> str:
+    return f"*missing: {path.parent.name}/{path.name} has not been made*"
+
+
+if __name__ == "__main__":
+    readme = ROOT / "README.md"
+    write_atomically(readme, fill(readme.read_text(encoding="utf-8"), sources(results_dir())))
