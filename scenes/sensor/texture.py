@@ -124,7 +124,8 @@ class GrainyPress:
 class Patch:
     """Displacement by grains on a periodic grid about one position, read by the paths.
 
-    Levels are grouped by the grid they need: cells up to ``finest`` times their depth. ``_groups``: (points a side, response complex64
+    Levels are grouped by the grid they need: cells up to ``finest`` times their depth.
+    ``_groups``: (points a side, response complex64
     [levels·3, n, n/2 + 1]); ``_read``: sparse float32 [P, all grid values].
     """
 

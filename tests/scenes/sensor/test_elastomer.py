@@ -128,8 +128,17 @@ def test_bad_thickness_is_named():
 def test_layer_against_finite_elements():
     """Axisymmetric Taylor-Hood elements: the same displacement to a per cent of the indentation."""
     from skfem import (
-        Basis, BilinearForm, ElementTriP1, ElementTriP2, ElementVector, FacetBasis, LinearForm,
-        MeshTri, bmat, condense, solve,
+        Basis,
+        BilinearForm,
+        ElementTriP1,
+        ElementTriP2,
+        ElementVector,
+        FacetBasis,
+        LinearForm,
+        MeshTri,
+        bmat,
+        condense,
+        solve,
     )  # fmt: skip
 
     h, wide = 5e-3, 60e-3

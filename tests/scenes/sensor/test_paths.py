@@ -54,7 +54,7 @@ def test_phases_are_linear_in_depth(small):
 
 
 def test_expansion_about_the_target_is_exact_enough(small):
-    """A robot's touch: the expansion's error stays far below the 0.02 rad of a grey level's noise."""
+    """A robot's touch: what the expansion neglects stays in the noise."""
     press = Press((28e-3, 8e-3), 2.45e-3, 1.8e-3, 0.01, 0.02e-3)
     assert isinstance(press.bind(small), ExpandedPress)
     touch = Touch(1.8e-3, 28.03e-3, 7.96e-3)

@@ -1,0 +1,67 @@
+import csv
+
+import numpy as np
+import pytest
+import torch
+
+from scenes.export import compose, export, main
+from scenes.frames import Frames
+from scenes.recorded import open_recording
+
+SMALL = [
+    *("+scene.sensor.camera.grid=64", "+scene.sensor.camera.crop=60"),
+    *("+scene.sensor.camera.pupil=24", "scene.samples_per_class=3"),
+]
+
+
+def test_the_same_scene_comes_back(tmp_path):
+    made = compose(["scene=drift", *SMALL])
+    export(made, tmp_path / "out")
+    read = open_recording(tmp_path / "out")
+    assert read.classes == made.classes
+    assert (read.labels == made.labels).all()
+    assert torch.equal(read.frames(range(len(made))), made.frames(range(len(made))))
+    for name, values in made.samples.items():
+        # A column with a "nan" (None is nowhere) comes back as text.
+        back = read.samples[name].astype(values.dtype)
+        assert np.array_equal(back, values, equal_nan=True), name
+
+
+def test_sixteen_bits_survive(tmp_path):
+    images = torch.arange(0, 65536, 273, dtype=torch.int32)[:240].reshape(2, 10, 12)
+    scene = Frames(images.to(torch.uint16), np.array([1, 0]), ("a", "b"))
+    export(scene, tmp_path / "deep")
+    read = open_recording(tmp_path / "deep")
+    assert (read.frames([0, 1]).to(torch.int32) == images).all()
+
+
+def test_command(tmp_path, capsys):
+    out = tmp_path / "touch"
+    main(["scene=touch", f"out={out}", "seed.sensor=3", *SMALL])
+    assert "15 frames of 5 classes" in capsys.readouterr().out
+    with (out / "manifest.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 15
+    assert {"file", "label", "class_index", "order", "session", "temperature"} <= set(rows[0])
+    assert all((out / row["file"]).exists() for row in rows)
+
+
+def test_nothing_is_overwritten(tmp_path):
+    (tmp_path / "mine.txt").write_text("precious")
+    scene = Frames(torch.zeros(2, 4, 4, dtype=torch.uint8), np.array([0, 1]), ("a", "b"))
+    with pytest.raises(FileExistsError, match="expected a new or an empty folder"):
+        export(scene, tmp_path)
+    assert (tmp_path / "mine.txt").read_text() == "precious"
+
+
+def test_a_class_name_stays_inside_the_folder(tmp_path):
+    scene = Frames(torch.zeros(2, 4, 4, dtype=torch.uint8), np.array([0, 1]), ("a", "../b"))
+    with pytest.raises(ValueError, match=r"class '\.\./b'"):
+        export(scene, tmp_path / "new")
+    assert not (tmp_path / "b").exists()
+
+
+@pytest.mark.parametrize("arguments", [["scene=touch"], ["out=a", "out=b"], ["out="]])
+def test_one_folder_has_to_be_named(arguments):
+    with pytest.raises(SystemExit, match="expected one, out=FOLDER"):
+        main(arguments)
