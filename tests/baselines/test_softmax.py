@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +12,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.preprocessing import StandardScaler
 from torch import Tensor
 
+from baselines import softmax
 from baselines.cnn import CNN
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
@@ -192,3 +194,7 @@ def test_too_small_a_frame_for_the_pooling(speckle):
     frames, labels = speckle(8, (7, 9), 2)
     with pytest.raises(ValueError, match=r"3 pooling layers need at least 8×8 pixels, found 7×9"):
         CNN(filters=[2, 2, 2]).fit(frames, labels)
+
+
+def test_the_example_in_the_docstring():
+    assert doctest.testmod(softmax).failed == 0
