@@ -104,18 +104,29 @@ class Paths:
         )
         level = np.where(rng.random((v, p)) < self.surface, layer.levels, inner)
 
-        points = np.empty((v + 2, p, 3))
-        points[0] = (*self.fibre, layer.thickness / 2)
-        points[-1] = (*self.camera, layer.thickness / 2)
-        points[1:-1] = np.stack([x, y, layer.heights[level]], axis=-1)
-        legs = np.diff(points, axis=0)
-        legs /= np.maximum(np.linalg.norm(legs, axis=-1, keepdims=True), 1e-12)
-        bend = (legs[:-1] - legs[1:]).transpose(2, 0, 1)
+        def point(vertex: int) -> np.ndarray:
+            return np.stack([x[vertex], y[vertex], layer.heights[level[vertex]]], axis=-1)
+
+        # Leg by leg, so that little more than the result is in memory.
+        bend = np.empty((3, v, p), dtype=np.float32)
+        here, before = point(0), _direction(np.array([*self.fibre, layer.thickness / 2]), point(0))
+        for vertex in range(v):
+            end = np.array([*self.camera, layer.thickness / 2])
+            following = point(vertex + 1) if vertex + 1 < v else np.broadcast_to(end, (p, 3))
+            after = _direction(here, following)
+            bend[:, vertex] = (before - after).T
+            here, before = following, after
 
         def tensor(array: np.ndarray, dtype: torch.dtype = torch.float32) -> Tensor:
             return torch.from_numpy(np.ascontiguousarray(array)).to(device, dtype)
 
         return PathSet(tensor(x), tensor(y), tensor(level, torch.int64), tensor(bend))
+
+
+def _direction(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
+    """Unit vectors [P, 3]; zero where the points coincide."""
+    leg = stop - start
+    return leg / np.maximum(np.linalg.norm(leg, axis=-1, keepdims=True), 1e-12)
 
 
 @dataclass(frozen=True)

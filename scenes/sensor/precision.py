@@ -6,6 +6,7 @@ show in them.
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import subprocess
@@ -84,27 +85,33 @@ def expansion() -> Iterator[Line]:
 
 
 def phase_precision() -> Iterator[Line]:
-    """Relative error of the field e^{iφ} for phases of 10⁵ rad and 10, 100 times more."""
+    """Error of the field e^{iφ} as complex64, for phases of 10⁵ rad and 10, 100 times more.
+
+    The reference has the 64-bit mantissa of ``numpy.longdouble``.
+    """
+
+    def single(phase: torch.Tensor) -> torch.Tensor:
+        p = phase.to(torch.float32)
+        return torch.complex(p.cos(), p.sin())
+
+    def mixed(phase: torch.Tensor) -> torch.Tensor:
+        turns = phase * (1 / (2 * math.pi))
+        p = (turns - turns.floor()).mul_(2 * math.pi).to(torch.float32)
+        return torch.complex(p.cos(), p.sin())
+
+    def double(phase: torch.Tensor) -> torch.Tensor:
+        return torch.complex(phase.cos().to(torch.float32), phase.sin().to(torch.float32))
+
     for longer in (1, 10, 100):
         phase = torch.from_numpy(stream(2, "precision").uniform(-1e5, 1e5, 62_856)) * longer
-        exact = torch.polar(torch.ones_like(phase), phase)
-
-        def single(phase: torch.Tensor = phase) -> torch.Tensor:
-            p = phase.to(torch.float32)
-            return torch.complex(p.cos(), p.sin())
-
-        def mixed(phase: torch.Tensor = phase) -> torch.Tensor:
-            turns = phase * (1 / (2 * math.pi))
-            p = (turns - turns.floor()).mul_(2 * math.pi).to(torch.float32)
-            return torch.complex(p.cos(), p.sin())
-
-        def double(phase: torch.Tensor = phase) -> torch.Tensor:
-            return torch.complex(phase.cos(), phase.sin())
-
+        long = phase.numpy().astype(np.longdouble)
+        real, imaginary = np.cos(long), np.sin(long)
         for name, way in (("float32", single), ("mixed", mixed), ("float64", double)):
-            error = float((way() - exact).abs().square().mean().sqrt())
-            yield {"knob": f"phases of {longer}e5 rad", "value": name, "error": error,
-                   "time_s": cpu_time(way)}  # fmt: skip
+            field = way(phase).numpy()
+            square = (field.real - real) ** 2 + (field.imag - imaginary) ** 2
+            yield {"knob": f"phases of {longer * 10**5:.0e} rad", "value": name,
+                   "error": float(np.sqrt(square.mean())),
+                   "time_s": cpu_time(functools.partial(way, phase))}  # fmt: skip
 
 
 def path_count() -> Iterator[Line]:
@@ -148,7 +155,7 @@ def footprint(name: str) -> Line:
     """One scene in a process of its own: modules, peak memory above torch's, time a frame."""
     program = f"""
 import json, sys, time
-import torch, numpy, scipy.special, scipy.signal, hydra.utils, omegaconf
+import torch, numpy, scipy.special, hydra.utils, omegaconf
 torch.set_num_threads(1)
 now = time.process_time
 def peak():  # of this process alone; getrusage would count its parent's
@@ -206,28 +213,47 @@ def report(folder: Path) -> None:
     figure(lines, folder / "figures" / "sensor_precision.svg")
 
 
+PANELS = (
+    ("displacement table", "table intervals", "largest error (of the indentation)"),
+    ("repeated touch", "order of expansion", "phase error, rms (rad)"),
+    ("precision of phases", "phases of", "field error, rms"),
+    ("number of paths", "paths", "spread of a correlation"),
+)
+
+
 def figure(lines: list[Line], path: Path) -> None:
-    """Error against CPU time, one line a knob."""
+    """Error against CPU time, one panel a knob."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
+    from matplotlib import ticker
 
-    fig, axis = plt.subplots(figsize=(7.2, 4.6), constrained_layout=True)
-    for name in dict.fromkeys(str(line["knob"]) for line in lines):
-        mine = [p for p in lines if p["knob"] == name and p["error"] not in ("", 0.0)]
-        if mine:
-            x, y = ([1e3 * p["time_s"] for p in mine], [p["error"] for p in mine])
-            axis.loglog(x, y, "o-", label=name, markersize=4)
-            for p in (mine[0], mine[-1]):
-                place = (1e3 * p["time_s"], p["error"])
-                axis.annotate(
-                    str(p["value"]), place, (4, 4), textcoords="offset points", fontsize=7
-                )
-    axis.set_xlabel("CPU time (ms)")
-    axis.set_ylabel("error (of displacement, rad, field, correlation)")
-    axis.grid(alpha=0.3, which="major")
-    axis.legend(fontsize=8, loc="upper right")
+    fig, axes = plt.subplots(2, 2, figsize=(8.4, 6.2), layout="constrained")
+    for axis, (title, knob, error) in zip(axes.flat, PANELS, strict=True):
+        names = dict.fromkeys(str(p["knob"]) for p in lines if str(p["knob"]).startswith(knob))
+        for row, name in enumerate(names):
+            mine = [p for p in lines if p["knob"] == name and p["error"] not in ("", 0.0)]
+            x, y = [1e3 * p["time_s"] for p in mine], [p["error"] for p in mine]
+            style = "o" if len(names) > 1 else "o-"
+            axis.loglog(x, y, style, label=name, markersize=5)
+            for p in mine:
+                if row == len(names) - 1:
+                    place = (1e3 * p["time_s"], p["error"])
+                    axis.annotate(str(p["value"]), place, (5, 5), textcoords="offset points",
+                                  fontsize=8)  # fmt: skip
+        if len(names) > 1:
+            axis.legend(fontsize=8, loc="center right")
+        axis.set_title(title, fontsize=10)
+        axis.set_xlabel("CPU time (ms)", fontsize=9)
+        axis.set_ylabel(error, fontsize=9)
+        axis.margins(x=0.25, y=0.15)
+        narrow = [axis.xaxis] if knob == "phases of" else [axis.xaxis, axis.yaxis]
+        for ticks in narrow:  # less than two decades: 1, 2, 5 as plain numbers
+            ticks.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
+            ticks.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+            ticks.set_minor_formatter(ticker.NullFormatter())
+        axis.grid(alpha=0.3, which="major")
     path.parent.mkdir(parents=True, exist_ok=True)
-    fig.savefig(path, metadata={"Date": None})
+    fig.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
     plt.close(fig)

@@ -26,7 +26,7 @@ def hypervectors(frames: NDArray[np.uint8]) -> Bits:
     """Packed bits [n, ceil(D/8)]: ones above the median, pixels equal to it shared out at random
     (one fixed order) so that half of the bits are ones."""
     n, d = frames.shape
-    order: NDArray[np.float32] = np.random.default_rng(0).random(d, dtype=np.float32)
+    order = np.random.default_rng(0).random((d,), dtype=np.float32)
     packed = np.empty((n, (d + 7) // 8), dtype=np.uint8)
     for i, frame in enumerate(frames):
         below = np.bincount(frame, minlength=256).cumsum()
