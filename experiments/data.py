@@ -103,6 +103,40 @@ def cached(scene: Scene, folder: Path, progress: Callable[[int, int], None]) -> 
     return CachedScene(scene, path)
 
 
+class PixelSubset:
+    """A scene of which D pixels are seen, in one row; a smaller D sees some of a larger one's.
+
+    Args:
+        scene: any scene.
+        pixels: D.
+        seed: of the choice.
+
+    Raises:
+        ValueError: if the frames have fewer pixels.
+    """
+
+    def __init__(self, scene: Scene, pixels: int, seed: int):
+        all_pixels = math.prod(scene.shape)
+        if isinstance(pixels, bool) or not isinstance(pixels, int) or not 2 <= pixels <= all_pixels:
+            raise ValueError(
+                f"data.pixels: expected an integer in [2, {all_pixels}], found {pixels!r}"
+            )
+        self.classes, self.labels, self.samples = scene.classes, scene.labels, scene.samples
+        self.origin, self.shape, self._scene = scene.origin, (1, pixels), scene
+        self._chosen = np.sort(np.random.default_rng(seed).permutation(all_pixels)[:pixels])
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def fingerprint(self) -> str:
+        digest = hashlib.sha256(self._scene.fingerprint().encode() + self._chosen.tobytes())
+        return digest.hexdigest()
+
+    def frames(self, indices: Any) -> Tensor:
+        pixels = self._scene.frames(indices).flatten(1)
+        return pixels[:, torch.from_numpy(self._chosen)].unsqueeze(1)
+
+
 def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Training and test indices as the ``split`` part of the config says.
 

@@ -128,6 +128,8 @@ def _train_and_test(
     with _progress() as progress:
         if cfg.cache:
             scene = _cached(scene, progress, names["scene"])
+        if cfg.data.pixels is not None:
+            scene = data.PixelSubset(scene, cfg.data.pixels, cfg.seed.pixels)
         split = OmegaConf.to_container(cfg.split, resolve=True)
         train_indices, test_indices = data.choose(scene, split, cfg.seed.split)
         train, test = (data.take(scene, i, clock) for i in (train_indices, test_indices))
@@ -232,6 +234,7 @@ def _predictions(
         "test_ci_high": high,
         "confusion": evaluate.confusion(predicted, test_labels, len(scene.classes)),
         "test_indices": test_indices,
+        "test_labels": test_labels,
         "predicted": predicted,
         "predict_single_s": float(np.median(singles)),
         "predict_batch_s_per_frame": batch / len(held),
