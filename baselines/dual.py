@@ -29,10 +29,10 @@ class DualLinearClassifier(Classifier):
     """A linear classifier whose subclass writes ``solve``.
 
     The frames stay bytes, and all N of them are held at once. One pass makes K, exact in integers
-    for ``unit``, ``raw`` and ``standard_global`` pixels; a second makes the weights.
+    for all but ``standard`` pixels; a second makes the weights.
 
     Args:
-        pixels: ``unit``, ``raw``, ``standard`` or ``standard_global`` (see baselines.pixels).
+        pixels: one of the scalings in baselines.pixels, by name.
         device: where it is computed; needs float64.
 
     Attributes:

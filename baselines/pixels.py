@@ -3,6 +3,9 @@
 ========================  =================  ====================================================
 ``raw``                   x                  0…255 (or 0…65535), as the camera gives them
 ``unit``                  x / max            0…1, max = 255 or 65535
+``unit_centred``          (x − μ) / max      0…1 less one mean for all pixels: for a model with an
+                                             intercept the same problem as ``unit``, but far less
+                                             stiff, since the mean no longer acts as an intercept
 ``standard``              (x − μ) / σ        mean and standard deviation of each pixel over the
                                              training frames (scikit-learn's StandardScaler)
 ``standard_global``       (x − μ) / σ        one mean and standard deviation for all pixels
@@ -68,6 +71,11 @@ def _unit(model: Classifier, frames: FrameSource) -> PixelScaling:
     return PixelScaling(scale=1 / (255 if model.frame_dtype_ == torch.uint8 else 65535))
 
 
+def _unit_centred(model: Classifier, frames: FrameSource) -> PixelScaling:
+    total, _ = _sums(model, frames)
+    return PixelScaling(total.mean().item() / len(frames), _unit(model, frames).scale)
+
+
 def _standard(model: Classifier, frames: FrameSource) -> PixelScaling:
     total, squares = _sums(model, frames)
     mean = total / len(frames)
@@ -85,6 +93,7 @@ def _standard_global(model: Classifier, frames: FrameSource) -> PixelScaling:
 
 SCALINGS: dict[str, Callable[[Classifier, FrameSource], PixelScaling]] = {
     "unit": _unit,
+    "unit_centred": _unit_centred,
     "raw": _raw,
     "standard": _standard,
     "standard_global": _standard_global,

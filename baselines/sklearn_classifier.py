@@ -29,7 +29,7 @@ class SklearnClassifier(Classifier):
 
     Args:
         estimator: an unfitted estimator; it is copied, never fitted itself.
-        pixels: ``unit``, ``raw``, ``standard`` or ``standard_global`` (see baselines.pixels).
+        pixels: one of the scalings in baselines.pixels, by name.
         seed: given to the estimator as ``random_state`` where it has one that is not set.
 
     Attributes:

@@ -31,7 +31,7 @@ class IterativeClassifier(Classifier):
     """A network trained by minibatches; a subclass writes ``build``.
 
     Args:
-        pixels: ``unit``, ``raw``, ``standard`` or ``standard_global`` (see baselines.pixels).
+        pixels: one of the scalings in baselines.pixels, by name.
         optimizer: ``Adam``, ``SGD``, or ``LBFGS`` with strong-Wolfe line search (full batch).
         lr: learning rate; the published one is 1e-4.
         batch_size: frames a step; None for the whole training set, which makes SGD plain
@@ -75,7 +75,8 @@ class IterativeClassifier(Classifier):
 
         ``samples_seen`` counts a frame every time it is used, ``epoch`` is samples_seen / N, and
         ``loss`` is the mean of F over the steps since the last yield. A loss that is not finite is
-        yielded like any other: it is the caller who stops.
+        yielded like any other: it is the caller who stops. L-BFGS returns when the loss stands
+        still.
         """
         targets = self.start(frames, labels)
         choose("dtype", self.dtype, DTYPES)
@@ -154,11 +155,14 @@ class IterativeClassifier(Classifier):
     ) -> Tensor:
         """Loss of one batch, its gradient left in the parameters."""
         size = self.micro_batch or (DEFAULT_FULL_CHUNK if order is None else last - first)
-        loss = torch.zeros((), device=self.device)
+        # Near the optimum log-sum-exp and logit nearly cancel: in float32 the rounding of a logit
+        # of 5 is a thousandth of such a loss, and the line search of L-BFGS stalls.
+        exact = torch.float32 if targets.device.type == "mps" else torch.float64
+        loss = torch.zeros((), dtype=exact, device=self.device)
         for start in range(first, last, size):
             chunk = slice(start, min(start + size, last))
             index = chunk if order is None else order[chunk]
-            logits = self.scores(self.load(frames, index))
+            logits = self.scores(self.load(frames, index)).to(exact)
             part = F.cross_entropy(logits, targets[index], reduction="sum") / (last - first)
             part.backward()
             loss += part.detach()

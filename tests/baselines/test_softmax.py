@@ -67,6 +67,17 @@ def test_lbfgs_reaches_the_optimum_of_scikit_learn(speckle):
     assert rows[-1]["loss"] * C * 60 == pytest.approx(best, rel=1e-6)
 
 
+def test_centring_the_pixels_leaves_the_optimum_where_it_is(speckle):
+    frames, labels = speckle(40, (9, 9), 4)
+    given = {"optimizer": "LBFGS", "lr": 1.0, "batch_size": None, "C": C, "max_epochs": 1000}
+    unit = SoftmaxRegression(**given, pixels="unit")
+    centred = SoftmaxRegression(**given, pixels="unit_centred")
+    ends = [list(model.train(frames, labels))[-1]["loss"] for model in (unit, centred)]
+    assert ends[0] == pytest.approx(ends[1], rel=1e-6)
+    dual = DualSoftmaxRegression(C=C, pixels="unit_centred").fit(frames, labels)
+    assert dual.objective_ / (C * 40) == pytest.approx(ends[1], rel=1e-6)
+
+
 def test_two_classes_are_the_logistic_form_at_half_of_c(speckle):
     frames, labels = speckle(30, (9, 9), 2)
     model = DualSoftmaxRegression(C=C / 2).fit(frames, labels)
@@ -180,7 +191,7 @@ def test_reports_come_as_often_as_asked(speckle):
     [
         ({"optimizer": "Adagrad"}, "optimizer: expected one of Adam, SGD, LBFGS, found 'Adagrad'"),
         ({"optimizer": "LBFGS"}, r"batch_size: LBFGS needs the whole training set \(null\)"),
-        ({"pixels": "log"}, "pixels: expected one of unit, raw, standard, standard_global"),
+        ({"pixels": "log"}, "pixels: expected one of unit, unit_centred, raw, standard"),
         ({"dtype": "float16"}, "dtype: expected one of float32, bfloat16"),
         ({"memory_format": "nhwc"}, "memory_format: expected one of contiguous, channels_last"),
     ],
