@@ -170,16 +170,16 @@ def majority_of_counts(
         raise ValueError(f"ties: expected one of {', '.join(TIES)}, found {ties!r}")
     if n < 1:
         raise ValueError("majority: expected at least one hypervector, found none")
-    more, equal = planes.compare(counts, n // 2)
+    more = planes.greater(counts, n // 2)
     if n % 2 or ties == "zero":
         return more
+    # n // 2 ≥ 1 here, so the zero counts beyond D are not among these.
+    at_least_half = planes.greater(counts, n // 2 - 1)
     if ties == "one":
-        # Beyond D every count is zero, which must not become a tie among n ≥ 2 hypervectors;
-        # n // 2 ≥ 1 there, so `equal` holds real bits only.
-        return more | equal
+        return at_least_half
     if tie_breaker is None:
         raise ValueError("ties='random': expected a tie_breaker hypervector, found None")
-    return more | (equal & tie_breaker)
+    return more | (at_least_half & tie_breaker)
 
 
 def random_hypervector(dimension: int, seed: int, p: float = 0.5) -> Tensor:

@@ -8,16 +8,46 @@ instead of 64 n additions.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from torch import Tensor
 
+_BLOCK = 4096  # words a row that numpy's route works on at a time, to stay in the cache
+
+
+def zeros(shape: tuple[int, ...], device: torch.device | str) -> Tensor:
+    """Counters of zero; on the CPU from the system, already cleared, without torch's threads."""
+    if torch.device(device).type == "cpu":
+        return torch.from_numpy(np.zeros(shape, np.int64))
+    return torch.zeros(shape, dtype=torch.int64, device=device)
+
 
 def vertical_sum(words: Tensor) -> Tensor:
     """Count the ones of each bit position: int64 [N, W] → planes [P, W], P = bit length of N."""
-    if words.device.type == "cpu":
-        return _vertical_sum_numpy(words)
-    return vertical_sum_torch(words)
+    n, width = words.shape
+    counts = zeros((max(1, n.bit_length()), width), words.device)
+    count_into(counts, words, range(n))
+    return counts
+
+
+def count_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:
+    """Add the ones of some rows of words [N, W] to counters [P, W], in place.
+
+    The counters must have planes enough for the largest sum; none is checked.
+    """
+    if counts.device.type == "cpu":
+        # Row by row, without a copy of the chosen rows, and without torch's threads: handing one
+        # row to them takes longer than the row.
+        into, source = counts.numpy(), words.numpy()
+        for start in range(0, into.shape[1], _BLOCK):
+            block = slice(start, start + _BLOCK)
+            _count_into(into[:, block], source[:, block], rows)
+        return
+    chosen = words[torch.as_tensor(rows, device=words.device)]
+    total = add(counts, vertical_sum_torch(chosen))
+    counts.copy_(total[: len(counts)])
 
 
 def vertical_sum_torch(words: Tensor) -> Tensor:
@@ -41,34 +71,35 @@ def vertical_sum_torch(words: Tensor) -> Tensor:
     return result
 
 
-def _vertical_sum_numpy(words: Tensor) -> Tensor:
-    """:func:`vertical_sum` a row at a time, so that the rows in hand stay in the cache."""
-    n, width = words.shape
-    n_planes = max(1, n.bit_length())
+def _count_into(counts: np.ndarray, words: np.ndarray, rows: Sequence[int]) -> None:
+    """:func:`count_into` by a carry-save adder tree whose state is the counters themselves."""
+    n_planes = len(counts)
     # waiting[p] holds at most two rows of weight 2^p; a third one turns the three into one row of
-    # that weight and a carry.
-    waiting: list[list[np.ndarray]] = [[] for _ in range(n_planes + 1)]
-    for row in words.numpy():
-        p = 0
-        while True:
-            waiting[p].append(row)
-            if len(waiting[p]) < 3:
+    # that weight and a carry. A carry out of the last plane is zero.
+    waiting: list[list[np.ndarray]] = [[plane] if plane.any() else [] for plane in counts]
+    waiting.append([])
+    for i in rows:
+        row, p = words[i], 0
+        while p < n_planes:
+            held = waiting[p]
+            held.append(row)
+            if len(held) < 3:
                 break
-            total, row = _full_adder(*waiting[p])
+            total, row = _full_adder(*held)
             waiting[p] = [total]
             p += 1
-    result = np.zeros((n_planes, width), np.int64)
-    for p, rows in enumerate(waiting[:n_planes]):
+    for p, plane in enumerate(counts):
         # What waits is at most three rows here: two, and a carry from the plane below.
-        if len(rows) == 3:
-            result[p], carry = _full_adder(*rows)
+        held = waiting[p]
+        if len(held) == 3:
+            plane[:], carry = _full_adder(*held)
             waiting[p + 1].append(carry)
-        elif len(rows) == 2:
-            result[p] = rows[0] ^ rows[1]
-            waiting[p + 1].append(rows[0] & rows[1])
-        elif rows:
-            result[p] = rows[0]
-    return torch.from_numpy(result)
+        elif len(held) == 2:
+            carry = held[0] & held[1]
+            plane[:] = held[0] ^ held[1]
+            waiting[p + 1].append(carry)
+        elif held:
+            plane[:] = held[0]
 
 
 def add(a: Tensor, b: Tensor) -> Tensor:
@@ -85,22 +116,23 @@ def add(a: Tensor, b: Tensor) -> Tensor:
     return torch.cat((total, carry.unsqueeze(0))) if carry.any() else total
 
 
-def compare(counts: Tensor, threshold: int) -> tuple[Tensor, Tensor]:
-    """Where counters [P, W] are greater than, and where equal to, a number ≥ 0: two masks [W].
+def greater(counts: Tensor, threshold: int) -> Tensor:
+    """Where counters [P, W] are greater than a number ≥ 0: a mask [W].
 
-    A number that the planes cannot hold is greater than every counter.
+    Adding 2^P − 1 − threshold to a counter overflows P bits if and only if it is greater, and the
+    carry through a constant costs one operation a plane: OR where its bit is one, AND where not.
     """
-    more = torch.zeros_like(counts[0])
-    equal = torch.full_like(more, -1)
-    if threshold >> len(counts):
-        return more, more.clone()
-    for p in range(len(counts) - 1, -1, -1):
+    n_planes = len(counts)
+    mask = torch.zeros_like(counts[0])
+    if threshold >> n_planes:
+        return mask  # more than the planes can hold
+    carry, rows = (mask.numpy(), counts.numpy()) if counts.device.type == "cpu" else (mask, counts)
+    for p in range(n_planes):
         if threshold >> p & 1:
-            equal = equal & counts[p]
+            carry &= rows[p]
         else:
-            more = more | (equal & counts[p])
-            equal = equal & ~counts[p]
-    return more, equal
+            carry |= rows[p]
+    return mask
 
 
 def _full_adder(a, b, c):

@@ -33,9 +33,7 @@ class Counters:
             raise ValueError(f"dimension: expected at least 1, found {dimension}")
         self.dimension = dimension
         self.n = torch.zeros(n_classes, dtype=torch.int64)
-        self.planes = torch.zeros(
-            n_classes, 1, bits.words_for(dimension), dtype=torch.int64, device=device
-        )
+        self.planes = planes.zeros((n_classes, 1, bits.words_for(dimension)), device)
 
     def add(self, words: Tensor, labels: Tensor) -> None:
         """Count hypervectors int64 [N, W] with class indices int64 [N] in [0, L).
@@ -52,14 +50,15 @@ class Counters:
             raise ValueError(
                 f"labels: expected class indices below {len(self.n)}, found {int(labels.max())}"
             )
+        total = self.n + n
+        self._grow(int(total.max()).bit_length() if len(total) else 0)
+        order = labels.argsort(stable=True).tolist()
         start = 0
-        order = labels.argsort(stable=True).to(words.device)
         for c, n_c in enumerate(n.tolist()):
             if n_c:
-                members = words[order[start : start + n_c]]
-                self._add_to_class(c, planes.vertical_sum(members))
+                planes.count_into(self.planes[c], words, order[start : start + n_c])
                 start += n_c
-        self.n += n
+        self.n = total
 
     def merge(self, other: Counters) -> None:
         """Add another set of counters of the same classes and dimension to this one."""
@@ -68,9 +67,11 @@ class Counters:
                 f"merge: expected {len(self.n)} classes of D = {self.dimension}, "
                 f"found {len(other.n)} of D = {other.dimension}"
             )
+        total = self.n + other.n
+        self._grow(int(total.max()).bit_length() if len(total) else 0)
         for c, counts in enumerate(other.planes.to(self.planes.device)):
-            self._add_to_class(c, counts)
-        self.n += other.n
+            self.planes[c] = planes.add(self.planes[c], counts)[: self.planes.shape[1]]
+        self.n = total
 
     def append_classes(self, n_new: int) -> None:
         """Make room for further classes, at the end, with counts of zero."""
@@ -116,12 +117,13 @@ class Counters:
     def device(self) -> torch.device:
         return self.planes.device
 
-    def _add_to_class(self, c: int, counts: Tensor) -> None:
-        total = planes.add(self.planes[c], counts)
-        missing = len(total) - self.planes.shape[1]
-        if missing > 0:
-            self.planes = torch.nn.functional.pad(self.planes, (0, 0, 0, missing))
-        self.planes[c, : len(total)] = total
+    def _grow(self, n_planes: int) -> None:
+        """Make room for counts of n_planes bits."""
+        n_classes, n_old, width = self.planes.shape
+        if n_planes > n_old:
+            grown = planes.zeros((n_classes, n_planes, width), self.device)
+            grown[:, :n_old] = self.planes
+            self.planes = grown
 
     def _tie_breaker(self, seed: int, c: int) -> Tensor:
         return bits.random_hypervector(self.dimension, seed * 1_000_003 + c).to(self.device)
