@@ -16,7 +16,7 @@ from hdc.encode import encode
 from hdc.prototypes import Counters, recalibrate
 
 PROTOTYPES = ("binary", "integer")
-CHUNK = 64  # frames encoded at a time: 2 MB of packed bits at D = 250,000
+CHUNK = 128  # frames encoded at a time: 4 MB of packed bits at D = 250,000
 
 
 class HDCClassifier:

@@ -97,7 +97,7 @@ def _encode_uint8(images: np.ndarray, words: np.ndarray) -> list[int]:
     passed = np.zeros(words.shape[1] * bits.WORD, np.bool_)
     equal = np.zeros(_SCAN, np.bool_)
     constant = []
-    level, cut = _level(images[0], ones) if len(images) else 0, 0
+    level, cut = _sampled_level(images[0]) if len(images) else 0, 0
     for index, pixels in enumerate(images):
         row = words[index]
         missing = ones - _threshold(pixels, level, cut, passed, row)
@@ -119,6 +119,12 @@ def _encode_uint8(images: np.ndarray, words: np.ndarray) -> list[int]:
         if cut == ones and pixels.min() == pixels.max():
             constant.append(index)
     return constant
+
+
+def _sampled_level(pixels: np.ndarray) -> int:
+    """About the median, from every so many pixels."""
+    sample = pixels[:: max(1, len(pixels) // 4096)]
+    return int(np.partition(sample, len(sample) // 2)[len(sample) // 2])
 
 
 def _level(pixels: np.ndarray, ones: int) -> int:
