@@ -49,7 +49,7 @@ ROWS = (
         "0.64 for Gaussian intensities (arcsine law), 0.55 to first order for two polarisations"),
     Row("dcp_held_out", "ΔC^p, samples not in the prototypes", "0.1", 0.07, 0.13, "predicted"),
     Row("dcp_training", "ΔC^p, samples in the prototypes", "0.1", 0.07, 0.13, "predicted"),
-    Row("touch", "touch, N = 400, %", "100", 99, 100, "predicted", "five folds"),
+    Row("touch", "touch, N = 400, %", "100", 99, 100, "predicted", "watched in the fit"),
     Row("crossing", "touch, N at which 90 % is crossed", "20", 15, 40, "fitted"),
     *(Row(f"touch_{n}", f"touch, N = {n}, %", "> 90 only for N > 20", 0, 100, "fitted" if n == 20
           else "predicted") for n in SMALL),
