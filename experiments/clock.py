@@ -42,7 +42,7 @@ class Clock:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Do not count the time inside (acquiring or decoding frames); harmless when not running."""
+        """Do not count the time inside (acquiring frames); harmless when not running."""
         if self._started is None:
             yield
             return

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from experiments.clock import Clock
 from scenes.frames import Scene
-from scenes.split import by_session, learning_curve_subsets, split
+from scenes.split import KINDS, by_session, learning_curve_subsets, split
 
 IN_MEMORY_BYTES = 512 * 2**20  # more frames than this are read while the model asks for them
 _BATCH = 16
@@ -34,15 +34,13 @@ class LazyFrames:
     def __init__(self, scene: Scene, indices: np.ndarray, clock: Clock):
         self.scene, self.indices, self.clock = scene, indices, clock
         self.shape = (len(indices), *scene.shape)
-        self.dtype = torch.uint8
-        self.ndim = 3
 
     def __len__(self) -> int:
         return len(self.indices)
 
     def __getitem__(self, index: Any) -> Tensor:
         with self.clock.held():
-            chosen = self.indices[index.numpy() if isinstance(index, Tensor) else index]
+            chosen = self.indices[index.numpy(force=True) if isinstance(index, Tensor) else index]
             frames = self.scene.frames(np.atleast_1d(chosen))
             return frames if np.ndim(chosen) else frames[0]
 
@@ -53,12 +51,21 @@ class CachedScene:
     Args:
         scene: the scene they were made from.
         path: uint8 or uint16 .npy [N, H, W].
+
+    Raises:
+        ValueError: naming the file, if it is not that.
     """
 
     def __init__(self, scene: Scene, path: Path):
         self.classes, self.labels, self.shape = scene.classes, scene.labels, scene.shape
         self.samples, self.origin, self._scene = scene.samples, scene.origin, scene
-        self._frames = np.load(path, mmap_mode="r", allow_pickle=False)
+        expected = f"{path}: expected {len(self)} frames {self.shape} (remove it to make it anew)"
+        try:
+            self._frames = np.load(path, mmap_mode="r", allow_pickle=False)
+        except (ValueError, EOFError) as error:
+            raise ValueError(f"{expected}, found: {error}") from error
+        if self._frames.shape != (len(self), *self.shape):
+            raise ValueError(f"{expected}, found shape {self._frames.shape}")
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -87,15 +94,21 @@ def cached(scene: Scene, folder: Path, progress: Callable[[int, int], None]) -> 
         folder.mkdir(parents=True, exist_ok=True)
         n = len(scene.labels)
         handle, temporary = tempfile.mkstemp(dir=folder, suffix=".partial")
-        os.close(handle)
         try:
-            frames = np.lib.format.open_memmap(temporary, "w+", np.uint8, (n, *scene.shape))
-            for start in range(0, n, _BATCH):
-                stop = min(n, start + _BATCH)
-                frames[start:stop] = scene.frames(np.arange(start, stop)).numpy(force=True)
-                progress(stop, n)
-            frames.flush()
-            del frames
+            # Written, not mapped: a full disk is then an error and not a signal.
+            with os.fdopen(handle, "wb") as file:
+                for start in range(0, n, _BATCH):
+                    stop = min(n, start + _BATCH)
+                    frames = scene.frames(np.arange(start, stop)).numpy(force=True)
+                    if start == 0:
+                        header = np.lib.format.header_data_from_array_1_0(frames)
+                        header |= {"shape": (n, *scene.shape), "fortran_order": False}
+                        np.lib.format.write_array_header_1_0(file, header)
+                    file.write(np.ascontiguousarray(frames).data)
+                    progress(stop, n)
+                file.flush()
+                os.fsync(file.fileno())
+            os.chmod(temporary, 0o644)
             os.replace(temporary, path)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
@@ -145,6 +158,9 @@ def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """
     # A scene of several sessions trains and tests within the first, unless the split crosses them.
     session = scene.samples.get("session", np.zeros(len(scene.labels), np.int64))
+    if cfg["kind"] not in (*KINDS, "session"):
+        expected = ", ".join((*KINDS, "session"))
+        raise ValueError(f"split.kind: expected one of {expected}, found {cfg['kind']!r}")
     if cfg["kind"] == "session":
         first, test = by_session(session, *np.unique(session)[[0, -1]].tolist())
         train, _ = split(scene.labels[first], test_fraction=cfg["test_fraction"], seed=seed)
@@ -163,15 +179,19 @@ def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
         )
     if cfg["n_train"] is not None:
         n = cfg["n_train"]
-        train = learning_curve_subsets(train, scene.labels, [n], seed)[n]
+        try:
+            train = learning_curve_subsets(train, scene.labels, [n], seed)[n]
+        except ValueError as error:
+            raise ValueError(str(error).replace("split.sizes", "split.n_train")) from error
     return train, test
 
 
 def take(scene: Scene, indices: np.ndarray, clock: Clock) -> Tensor | LazyFrames:
     """The frames of these samples: in memory if they fit, else made when asked for."""
-    if math.prod(scene.shape) * len(indices) > IN_MEMORY_BYTES:
+    one = scene.frames(indices[:1])
+    if one.nbytes * len(indices) > IN_MEMORY_BYTES:
         return LazyFrames(scene, indices, clock)
-    frames = torch.empty(len(indices), *scene.shape, dtype=scene.frames(indices[:1]).dtype)
+    frames = torch.empty(len(indices), *scene.shape, dtype=one.dtype)
     for start in range(0, len(indices), _BATCH):
         frames[start : start + _BATCH] = scene.frames(indices[start : start + _BATCH]).cpu()
     return frames
@@ -179,7 +199,7 @@ def take(scene: Scene, indices: np.ndarray, clock: Clock) -> Tensor | LazyFrames
 
 def digest(frames: Tensor | LazyFrames, labels: np.ndarray) -> str:
     """SHA-256 of frames and labels in their order."""
-    state = hashlib.sha256(np.ascontiguousarray(labels, dtype="<i8"))
+    state = hashlib.sha256(np.ascontiguousarray(labels, dtype="<i8").data)
     for start in range(0, len(frames), _BATCH):
-        state.update(frames[start : start + _BATCH].contiguous().numpy(force=True))
+        state.update(frames[start : start + _BATCH].contiguous().numpy(force=True).data)
     return state.hexdigest()

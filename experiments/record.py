@@ -9,6 +9,7 @@ import json
 import math
 import os
 import platform
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -18,6 +19,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 SCHEMA = 1
+STATUSES = ("running", "finished", "failed", "interrupted")
 _PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "hydra-core", "numkong")
 _CODE = ("hdc", "baselines", "scenes", "experiments")
 
@@ -66,11 +68,15 @@ def read_record(folder: Path) -> dict[str, Any] | None:
         record = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: expected a record in JSON, found {error}") from error
     if not isinstance(record, dict) or record.get("schema") != SCHEMA:
         found = record.get("schema") if isinstance(record, dict) else type(record).__name__
         raise ValueError(f"{path}: expected a record of schema {SCHEMA}, found {found!r}")
+    if record.get("status") not in STATUSES:
+        raise ValueError(
+            f"{path}: expected a status among {', '.join(STATUSES)}, found {record.get('status')!r}"
+        )
     return record
 
 
@@ -119,8 +125,8 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _cell(value: float | None) -> str:
-    return "" if value is None else repr(value)
+def _cell(value: Any) -> str:
+    return "" if value is None else repr(value.item() if hasattr(value, "item") else value)
 
 
 def _version(package: str) -> str | None:
@@ -164,4 +170,4 @@ def _git() -> dict[str, Any]:
 
 def command() -> str:
     """The command line that started this process, as a user would type it."""
-    return " ".join(["python -m experiments.run", *sys.argv[1:]])
+    return shlex.join(["python", "-m", "experiments.run", *sys.argv[1:]])

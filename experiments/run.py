@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import functools
 import os
+import signal
 import sys
 import traceback
 import warnings
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import hydra
@@ -20,21 +22,31 @@ import numpy as np
 import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from torch import Tensor
 
 from experiments import data, evaluate, record
 from experiments.clock import Clock, timed
-from experiments.protocol import FrameSource, Model
+from experiments.protocol import Model
 from experiments.stop import StopRule
+from experiments.summary import summarise
 from scenes.frames import Scene
 
 console = Console()
+stderr = Console(stderr=True, highlight=False)
 
 # Keys that say how a run is carried out, not what it computes.
 _NOT_IDENTITY = ("force", "cache", "task")
 _WARM_UP_FRAMES = 40
 _SINGLE_FRAMES = 20
+# Errors that are the user's to mend: shown as one line. All others are ours, with their traceback.
+_USER_ERRORS = (ValueError, OSError, hydra.errors.HydraException, OmegaConfBaseException)
+
+_process: int | None = None  # set where the command line was given
+_failures: list[Exception] = []
 
 OmegaConf.register_new_resolver(
     "results_dir", lambda: str(record.results_dir()), replace=True, use_cache=False
@@ -43,12 +55,19 @@ OmegaConf.register_new_resolver(
 
 @hydra.main(version_base="1.3", config_path="../configs", config_name="config")
 def main(cfg: DictConfig) -> None:
-    """Run what the config says."""
-    torch.set_num_threads(int(cfg.threads or os.cpu_count() or 1))
-    if cfg.task is not None:
-        hydra.utils.instantiate(cfg.task, _recursive_=False, _convert_="all")
-        return
-    run(cfg, dict(HydraConfig.get().runtime.choices))
+    """Run what the config says; in a multirun, go on with the others after one that failed."""
+    try:
+        torch.set_num_threads(_threads(cfg.threads))
+        if cfg.task is not None:
+            hydra.utils.instantiate(cfg.task, _recursive_=False, _convert_="all")
+        else:
+            run(cfg, dict(HydraConfig.get().runtime.choices))
+    except Exception as error:
+        # In a worker of a launcher, or when asked for, Hydra hands the error on.
+        if os.getpid() != _process or os.environ.get("HYDRA_FULL_ERROR") == "1":
+            raise
+        _failures.append(error)
+        _complain(error)
 
 
 def run(cfg: DictConfig, choices: dict[str, str | None]) -> dict[str, Any]:
@@ -58,8 +77,10 @@ def run(cfg: DictConfig, choices: dict[str, str | None]) -> dict[str, Any]:
         cfg: the composed config.
         choices: which file of each group it was composed from, for names.
     """
-    config = OmegaConf.to_container(cfg, resolve=True)
-    assert isinstance(config, dict)
+    missing = ", ".join(sorted(OmegaConf.missing_keys(cfg)))
+    if missing:
+        raise ValueError(f"{missing}: expected a value, found none")
+    config: Any = OmegaConf.to_container(cfg, resolve=True)
     for key in _NOT_IDENTITY:
         config.pop(key)
     config["threads"] = torch.get_num_threads()
@@ -70,7 +91,7 @@ def run(cfg: DictConfig, choices: dict[str, str | None]) -> dict[str, Any]:
     folder = record.results_dir() / "runs" / identity
     known = record.read_record(folder)
     if known and known["status"] == "finished" and not cfg.force:
-        _summarise(known, folder, repeated=True)
+        summarise(console, known, folder, repeated=True)
         return known
     entry: dict[str, Any] = {
         "schema": record.SCHEMA,
@@ -88,9 +109,11 @@ def run(cfg: DictConfig, choices: dict[str, str | None]) -> dict[str, Any]:
             "shape": list(scene.shape),
             "n": len(scene.labels),
             "fingerprint": fingerprint,
+            "skipped": [str(frame) for frame in getattr(scene, "skipped", ())],
         },
     }
     record.write_record(folder, entry)
+    (folder / "curve.csv").unlink(missing_ok=True)  # of an earlier attempt
     curve: list[dict[str, float]] = []
     try:
         entry |= _train_and_test(cfg, scene, names, curve)
@@ -103,7 +126,7 @@ def run(cfg: DictConfig, choices: dict[str, str | None]) -> dict[str, Any]:
         if curve:
             record.write_curve(folder, curve)
         record.write_record(folder, entry)
-    _summarise(entry, folder)
+    summarise(console, entry, folder)
     return entry
 
 
@@ -113,17 +136,43 @@ def _instantiate(node: DictConfig, key: str) -> Any:
         return hydra.utils.instantiate(node, _convert_="all")
     except hydra.errors.InstantiationException as error:
         cause = error.__cause__
-        if isinstance(cause, ValueError | TypeError | OSError):
-            raise type(cause)(f"{key}: {cause}") from error
-        raise
+        if not isinstance(cause, ValueError | TypeError | OSError):
+            raise
+        text = str(cause)
+        raise ValueError(text if text.startswith(f"{key}.") else f"{key}: {text}") from error
+
+
+def _threads(wanted: Any) -> int:
+    if wanted is None:
+        return (
+            len(os.sched_getaffinity(0))
+            if hasattr(os, "sched_getaffinity")
+            else os.cpu_count() or 1
+        )
+    if not isinstance(wanted, int) or isinstance(wanted, bool) or wanted < 1:
+        raise ValueError(f"threads: expected an integer from 1, or null, found {wanted!r}")
+    return wanted
+
+
+@dataclass
+class _Part:
+    """The training or the test samples."""
+
+    indices: np.ndarray
+    labels: np.ndarray
+    frames: Tensor | data.LazyFrames
+
+    def accuracy(self, model: Model) -> float:
+        return evaluate.accuracy(model.predict(self.frames), self.labels)
 
 
 def _train_and_test(
     cfg: DictConfig, scene: Scene, names: dict[str, str], curve: list[dict[str, float]]
 ) -> dict[str, Any]:
     """Everything between the scene and the record; rows are added to the curve as they come."""
-    make_model = functools.partial(_instantiate, cfg.model, "model")
+    # Whatever is wrong with them is found before any frame is made.
     stop: StopRule = _instantiate(cfg.stop, "stop")
+    unused: Model = _instantiate(cfg.model, "model")
     clock = Clock(cfg.device)
     with _progress() as progress:
         if cfg.cache:
@@ -131,34 +180,36 @@ def _train_and_test(
         if cfg.data.pixels is not None:
             scene = data.PixelSubset(scene, cfg.data.pixels, cfg.seed.pixels)
         split = OmegaConf.to_container(cfg.split, resolve=True)
-        train_indices, test_indices = data.choose(scene, split, cfg.seed.split)
-        train, test = (data.take(scene, i, clock) for i in (train_indices, test_indices))
-        train_labels, test_labels = scene.labels[train_indices], scene.labels[test_indices]
-        _warm_up(make_model(), scene, min(len(train), _WARM_UP_FRAMES))
-        model: Model = make_model()
+        train, test = (
+            _Part(indices, scene.labels[indices], data.take(scene, indices, clock))
+            for indices in data.choose(scene, split, cfg.seed.split)
+        )
+        _warm_up(unused, scene, min(len(train.labels), _WARM_UP_FRAMES))
+        model: Model = _instantiate(cfg.model, "model")
         bar = progress.add_task(f"train {names['model']}", total=None)
-        reason = _train(model, train, train_labels, test, test_labels, clock, stop, curve, (
-            lambda text: progress.update(bar, description=f"train {names['model']} {text}")))  # fmt: skip
+
+        def show(text: str) -> None:
+            progress.update(bar, description=f"train {names['model']} {text}", refresh=True)
+
+        reason = _train(model, train, test, clock, stop, curve, show)
     if not curve:
         raise ValueError(f"model {names['model']}: expected at least one report, found none")
-    return _results(model, clock, stop, reason, curve) | _predictions(
-        cfg, scene, model, train, test, train_indices, test_indices
-    )
+    results = _results(model, clock, stop, reason, curve)
+    return results | _predictions(cfg.device, model, train, test, len(scene.classes))
 
 
 def _train(
     model: Model,
-    train: FrameSource,
-    train_labels: np.ndarray,
-    test: FrameSource,
-    test_labels: np.ndarray,
+    train: _Part,
+    test: _Part,
     clock: Clock,
     stop: StopRule,
     curve: list[dict[str, float]],
-    show: Any,
+    show: Callable[[str], None],
 ) -> str:
     """Train under the clock, evaluate with the clock stopped; returns the name of the stop."""
-    reports = model.train(train, train_labels)
+    with clock.running():
+        reports = iter(model.train(train.frames, train.labels))
     while True:
         with clock.running():
             report = next(reports, None)
@@ -167,8 +218,8 @@ def _train(
         loss = report.get("loss")
         row: dict[str, float] = {"training_s": clock.seconds, **report}
         if loss is None or np.isfinite(loss):
-            row["train_accuracy"] = evaluate.accuracy(model.predict(train), train_labels)
-            row["test_accuracy"] = evaluate.accuracy(model.predict(test), test_labels)
+            row["train_accuracy"] = train.accuracy(model)
+            row["test_accuracy"] = test.accuracy(model)
             show(
                 f"{clock.seconds:.2f} s  train {row['train_accuracy']:.1%}  "
                 f"test {row['test_accuracy']:.1%}"
@@ -180,11 +231,7 @@ def _train(
 
 
 def _results(
-    model: Model,
-    clock: Clock,
-    stop: StopRule,
-    reason: str,
-    curve: list[dict[str, float]],
+    model: Model, clock: Clock, stop: StopRule, reason: str, curve: list[dict[str, float]]
 ) -> dict[str, Any]:
     """What the curve says."""
     valid = [row for row in curve if "test_accuracy" in row]
@@ -208,39 +255,34 @@ def _results(
 
 
 def _predictions(
-    cfg: DictConfig,
-    scene: Scene,
-    model: Model,
-    train: FrameSource,
-    test: FrameSource,
-    train_indices: np.ndarray,
-    test_indices: np.ndarray,
+    device: str, model: Model, train: _Part, test: _Part, n_classes: int
 ) -> dict[str, Any]:
     """The final model on the test samples: accuracy, interval, confusion, time a frame."""
-    train_labels, test_labels = scene.labels[train_indices], scene.labels[test_indices]
-    held = test[:]
-    predicted = np.asarray(model.predict(held))
-    right = int((predicted == test_labels).sum())
-    low, high = evaluate.wilson(right, len(test_labels))
-    singles = [timed(lambda i=i: model.predict(held[i : i + 1]), cfg.device) for i in range(
-        min(_SINGLE_FRAMES, len(held)))]  # fmt: skip
-    batch = min(timed(lambda: model.predict(held), cfg.device) for _ in range(3))
+    frames = test.frames[:]
+    predicted = np.asarray(model.predict(frames))
+    right = int((predicted == test.labels).sum())
+    low, high = evaluate.wilson(right, len(frames))
+    singles = [
+        timed(functools.partial(model.predict, frames[i : i + 1]), device)
+        for i in range(min(_SINGLE_FRAMES, len(frames)))
+    ]
+    batch = min(timed(functools.partial(model.predict, frames), device) for _ in range(3))
     return {
-        "n_train": len(train_indices),
-        "n_test": len(test_indices),
-        "train_accuracy_final": evaluate.accuracy(model.predict(train), train_labels),
-        "test_accuracy_final": right / len(test_labels),
+        "n_train": len(train.indices),
+        "n_test": len(test.indices),
+        "train_accuracy_final": train.accuracy(model),
+        "test_accuracy_final": right / len(frames),
         "test_ci_low": low,
         "test_ci_high": high,
-        "confusion": evaluate.confusion(predicted, test_labels, len(scene.classes)),
-        "test_indices": test_indices,
-        "test_labels": test_labels,
+        "confusion": evaluate.confusion(predicted, test.labels, n_classes),
+        "test_indices": test.indices,
+        "test_labels": test.labels,
         "predicted": predicted,
         "predict_single_s": float(np.median(singles)),
-        "predict_batch_s_per_frame": batch / len(held),
+        "predict_batch_s_per_frame": batch / len(frames),
         "data_sha256": {
-            "train": data.digest(train, train_labels),
-            "test": data.digest(held, test_labels),
+            "train": data.digest(train.frames, train.labels),
+            "test": data.digest(frames, test.labels),
         },
     }
 
@@ -259,7 +301,7 @@ def _cached(scene: Scene, progress: Progress, name: str) -> Scene:
     def show(done: int, total: int) -> None:
         if not bar:
             bar.append(progress.add_task(f"make {name} frames ({scene.origin})", total=total))
-        progress.update(bar[0], completed=done)
+        progress.update(bar[0], completed=done, refresh=True)
 
     return data.cached(scene, record.results_dir() / "cache", show)
 
@@ -272,49 +314,31 @@ def _progress() -> Progress:
         TimeElapsedColumn(),
         console=console,
         transient=True,
+        disable=not console.is_terminal,
+        auto_refresh=False,  # no thread draws while the clock runs
     )
 
 
-def _summarise(entry: dict[str, Any], folder: Path, repeated: bool = False) -> None:
-    """A few lines on the terminal: accuracy with its interval, confusion, times, where it lies."""
-    from rich.table import Table
-
-    scene = entry["scene"]
-    console.print(
-        f"[bold]{entry['choices']['model']}[/bold] on [bold]{scene['name']}[/bold] "
-        f"({scene['origin']}), {entry['n_train']} training and {entry['n_test']} test samples"
-    )
-    console.print(
-        f"  test accuracy {entry['test_accuracy_final']:.1%} "
-        f"(95 % interval {entry['test_ci_low']:.1%} to {entry['test_ci_high']:.1%})"
-    )
-    console.print(
-        f"  training {entry['training_s']:.4g} s ({entry['stop']}), prediction "
-        f"{entry['predict_single_s'] * 1e3:.3g} ms a single frame, "
-        f"{entry['predict_batch_s_per_frame'] * 1e3:.3g} ms a frame in a batch"
-    )
-    if len(scene["classes"]) <= 12:
-        table = Table(title="confusion (rows: true class)", title_justify="left")
-        table.add_column("")
-        for name in scene["classes"]:
-            table.add_column(name, justify="right")
-        for name, row in zip(scene["classes"], np.asarray(entry["confusion"]), strict=True):
-            table.add_row(name, *(str(n) if n else "·" for n in row))
-        console.print(table)
-    note = " (finished before; force=true runs it again)" if repeated else ""
-    console.print(f"  record {os.path.relpath(folder)}{note}", soft_wrap=True)
+def _complain(error: BaseException) -> None:
+    if isinstance(error, _USER_ERRORS):
+        stderr.print("[red]error:[/red]", escape(str(error).strip()), soft_wrap=True)
+    else:
+        traceback.print_exception(error)
 
 
 def entry_point() -> None:
-    """:func:`main`, with an error that is the user's shown as one line."""
+    """:func:`main`, with an error that is the user's shown as one line; exits with 1 after any."""
+    global _process
+    _process = os.getpid()
     warnings.filterwarnings("ignore", message=".*hydra.run.dir.*")
+    # A scheduler's or a user's end of a run is written into its record.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         main()
-    except (ValueError, TypeError, FileNotFoundError) as error:
-        if os.environ.get("HYDRA_FULL_ERROR") == "1":
-            raise
-        console.print(f"[red]error:[/red] {error}", soft_wrap=True, highlight=False)
-        sys.exit(1)
+    except KeyboardInterrupt:
+        stderr.print("interrupted; the same command goes on")
+        sys.exit(128 + signal.SIGINT)
+    sys.exit(1 if _failures else 0)
 
 
 if __name__ == "__main__":
