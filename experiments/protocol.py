@@ -14,7 +14,8 @@ class FrameSource(Protocol):
     """Frames as a model sees them: a tensor, or something that makes a batch when indexed.
 
     ``frames[a:b]`` and ``frames[indices]`` give a tensor uint8 or uint16 [n, H, W];
-    ``frames.shape`` is (N, H, W). A model takes what it needs batch by batch and keeps no reference to it.
+    ``frames.shape`` is (N, H, W). A model takes what it needs batch by batch and keeps no
+    reference to it.
     """
 
     @property
