@@ -170,19 +170,20 @@ def _train_and_test(
     cfg: DictConfig, scene: Scene, names: dict[str, str], curve: list[dict[str, float]]
 ) -> dict[str, Any]:
     """Everything between the scene and the record; rows are added to the curve as they come."""
-    # Whatever is wrong with them is found before any frame is made.
+    # Whatever is wrong with these is found before any frame is made.
     stop: StopRule = _instantiate(cfg.stop, "stop")
     unused: Model = _instantiate(cfg.model, "model")
+    split = OmegaConf.to_container(cfg.split, resolve=True)
+    chosen = data.choose(scene, split, cfg.seed.split)
     clock = Clock(cfg.device)
     with _progress() as progress:
         if cfg.cache:
             scene = _cached(scene, progress, names["scene"])
         if cfg.data.pixels is not None:
             scene = data.PixelSubset(scene, cfg.data.pixels, cfg.seed.pixels)
-        split = OmegaConf.to_container(cfg.split, resolve=True)
         train, test = (
             _Part(indices, scene.labels[indices], data.take(scene, indices, clock))
-            for indices in data.choose(scene, split, cfg.seed.split)
+            for indices in chosen
         )
         _warm_up(unused, scene, min(len(train.labels), _WARM_UP_FRAMES))
         model: Model = _instantiate(cfg.model, "model")
