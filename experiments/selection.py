@@ -1,0 +1,243 @@
+"""Which records belong to a row of a table: chosen by what was computed, not by what it was called.
+
+A record counts for (scene, model, n_train, pixels) if its resolved configuration is the one that
+``configs/`` composes today for that scene and model with the record's own seeds. A run that was
+made for another experiment therefore counts too, and one with a changed learning rate never does.
+"""
+
+from __future__ import annotations
+
+import copy
+import csv
+import functools
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hydra import compose, initialize_config_dir
+from omegaconf import DictConfig, OmegaConf, open_dict
+
+from experiments.record import ROOT, read_record
+
+CONFIGS = ROOT / "configs"
+# Of several finished runs of one seed the first in this list counts; an unnamed rule comes last.
+STOPS = ("paper", "quick", "reached")
+# What may differ between a record and its reference; n_train and pixels are asked for by number.
+_FREE = ("stop", "threads", "split.n_train", "data.pixels", "force", "cache", "task")
+
+Curve = list[dict[str, float]]
+
+
+@dataclass
+class Run:
+    """A record and its curve.
+
+    Attributes:
+        record: what record.json holds.
+        curve: one dict a report of the model.
+    """
+
+    record: dict[str, Any]
+    curve: Curve = field(default_factory=list)
+
+    @property
+    def seeds(self) -> str:
+        return json.dumps(self.record["config"]["seed"], sort_keys=True)
+
+    @property
+    def iterative(self) -> bool:
+        """Whether the model learns by steps that report a loss, or in one pass."""
+        return any("loss" in row for row in self.curve)
+
+
+@dataclass
+class Group:
+    """The runs behind one row: finished ones of one stopping rule, one for each set of seeds.
+
+    Attributes:
+        scene, model: names of the configs.
+        n_train: training samples asked for; None for all.
+        pixels: pixels asked for; None for all.
+        runs: finished runs, in the order of their seeds.
+        failed: records of seeds that have no finished run.
+    """
+
+    scene: str
+    model: str
+    n_train: int | None = None
+    pixels: int | None = None
+    runs: list[Run] = field(default_factory=list)
+    failed: list[dict[str, Any]] = field(default_factory=list)
+
+    @property
+    def status(self) -> str:
+        """``ok``, ``missing``, or what went wrong."""
+        if not self.runs and not self.failed:
+            return "missing"
+        if not self.failed:
+            return "ok"
+        worst = self.failed[0]
+        text = f"{worst['status']}: {worst.get('error', 'no error recorded')}"
+        return text if not self.runs else f"{len(self.failed)} more {text}"
+
+
+class Records:
+    """Every record of a results folder, and the ones a row asks for.
+
+    Args:
+        results: the folder that holds ``runs/``.
+        device: records of other devices are left out; their times would not compare.
+
+    Attributes:
+        problems: files that are no records, by name and reason.
+        skipped: ids of records whose configuration is no longer the one of their config's names.
+    """
+
+    def __init__(self, results: Path, device: str = "cpu"):
+        self.device = device
+        self.problems: list[str] = []
+        self.skipped: list[str] = []
+        self._found: dict[tuple[str, str, int | None, int | None], list[Run]] = {}
+        folders = sorted(p for p in (results / "runs").glob("*") if p.is_dir())
+        runs = [run for run in map(self._read, folders) if run is not None]
+        whole = {
+            record["scene"]["name"]: record["n_train"]
+            for record in (run.record for run in runs)
+            if record["status"] == "finished" and record["config"]["split"]["n_train"] is None
+        }
+        for run in runs:
+            config, names = run.record["config"], run.record["choices"]
+            n_train = config["split"]["n_train"]
+            key = (
+                names["scene"],
+                names["model"],
+                None if n_train == whole.get(names["scene"]) else n_train,
+                config["data"]["pixels"],
+            )
+            self._found.setdefault(key, []).append(run)
+        self._whole = whole
+
+    def group(
+        self, scene: str, model: str, n_train: int | None = None, pixels: int | None = None
+    ) -> Group:
+        """The runs of one row."""
+        group = Group(scene, model, n_train, pixels)
+        wanted = None if n_train == self._whole.get(scene) else n_train
+        by_seeds: dict[str, list[Run]] = {}
+        for run in self._found.get((scene, model, wanted, pixels), []):
+            by_seeds.setdefault(run.seeds, []).append(run)
+        finished: dict[int, list[Run]] = {}
+        for same in by_seeds.values():
+            done = [run for run in same if run.record["status"] == "finished"]
+            if not done:
+                group.failed.append(min(same, key=_preference).record)
+            for rank in {_stop_rank(run) for run in done}:
+                best = min((r for r in done if _stop_rank(r) == rank), key=_preference)
+                finished.setdefault(rank, []).append(best)
+        if finished:
+            # Maxima of runs that were stopped by different rules must not be averaged.
+            group.runs = sorted(finished[min(finished)], key=lambda run: _seed_order(run.record))
+        group.failed.sort(key=_seed_order)
+        return group
+
+    def _read(self, folder: Path) -> Run | None:
+        try:
+            record = read_record(folder)
+            if record is None:
+                return None
+            if record["config"]["device"] != self.device:
+                return None
+            if not _is_current(record):
+                self.skipped.append(record["id"])
+                return None
+            return Run(record, read_curve(folder / "curve.csv"))
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            self.problems.append(f"{folder.name}: {type(error).__name__}: {error}")
+            return None
+
+
+def sweep(experiment: str) -> dict[str, list[str]]:
+    """The values that an experiment sweeps over, by key: what its tables expect to find."""
+    tree = OmegaConf.load(CONFIGS / "experiment" / f"{experiment}.yaml")
+    params = OmegaConf.to_container(tree, resolve=True)["hydra"]["sweeper"]["params"]  # type: ignore[index, call-overload]
+    return {key: [v.strip() for v in str(values).split(",")] for key, values in params.items()}
+
+
+def numbers(values: Sequence[str]) -> list[int | None]:
+    """Values of a sweep as integers; null is None."""
+    return [None if value == "null" else int(value) for value in values]
+
+
+def read_curve(path: Path) -> Curve:
+    """The rows of curve.csv; empty cells are left out, no file is no rows."""
+    if not path.exists():
+        return []
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = csv.DictReader(file)
+        return [{key: float(text) for key, text in row.items() if text} for row in rows]
+
+
+def _is_current(record: Mapping[str, Any]) -> bool:
+    """Whether today's configs, with the record's seeds, say what the record says it did."""
+    names, config = record["choices"], record["config"]
+    reference = _reference(
+        names["scene"], names["model"], json.dumps(config["seed"]), config["device"]
+    )
+    return reference is not None and _identity(config) == reference
+
+
+@functools.cache
+def _reference(scene: str, model: str, seeds: str, device: str) -> dict[str, Any] | None:
+    composed = _composed(scene, model)
+    if composed is None:
+        return None
+    cfg = copy.deepcopy(composed)
+    with open_dict(cfg):
+        cfg.seed, cfg.device = json.loads(seeds), device
+    return _identity(OmegaConf.to_container(cfg, resolve=True))  # type: ignore[arg-type]
+
+
+@functools.cache
+def _composed(scene: str, model: str) -> DictConfig | None:
+    for group, name in (("scene", scene), ("model", model)):
+        if not (CONFIGS / group / f"{name}.yaml").is_file():
+            return None
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        return compose("config", overrides=[f"scene={scene}", f"model={model}"])
+
+
+@functools.cache
+def _stops() -> list[dict[str, Any]]:
+    return [
+        OmegaConf.to_container(OmegaConf.load(CONFIGS / "stop" / f"{name}.yaml"), resolve=True)
+        for name in STOPS
+    ]  # type: ignore[return-value]
+
+
+def _identity(config: Mapping[str, Any]) -> dict[str, Any]:
+    """The part of a configuration that has to agree."""
+    kept = copy.deepcopy({key: value for key, value in config.items() if key not in _FREE})
+    for name in _FREE:
+        group, _, key = name.partition(".")
+        if key:
+            kept[group].pop(key)
+    return kept
+
+
+def _stop_rank(run: Run) -> int:
+    # What ran to its own end does not depend on the rule.
+    if run.record["stop"] == "finished":
+        return 0
+    stops = _stops()
+    stop = run.record["config"]["stop"]
+    return stops.index(stop) if stop in stops else len(stops)
+
+
+def _preference(run: Run) -> tuple[int, str]:
+    return -int(run.record["config"]["threads"]), run.record["id"]
+
+
+def _seed_order(record: Mapping[str, Any]) -> tuple[int, str]:
+    return record["config"]["seed"]["run"], json.dumps(record["config"]["seed"], sort_keys=True)
