@@ -343,4 +343,7 @@ def entry_point() -> None:
 
 
 if __name__ == "__main__":
-    entry_point()
+    # As a module that workers of a launcher can import: nothing of it has to be pickled.
+    from experiments.run import entry_point as start
+
+    start()
