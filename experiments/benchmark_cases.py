@@ -1,0 +1,140 @@
+"""The inputs of the benchmark: frames of one size, and what is right, computed in plain numpy."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hdc.encode import encode
+
+HELD_OUT = 16  # frames that trained models predict
+
+
+class Case:
+    """Frames of one size, their labels, and what the reference needs, made when first asked for.
+
+    Speckle-like uint8 frames [N, D]: half a pattern of the class, half one of the frame's own, with
+    gamma-distributed intensity of mean 50, and a brightness that varies by 1 % a frame.
+    """
+
+    def __init__(self, n: int, d: int, n_classes: int, device: str = "cpu", seed: int = 0):
+        self.n, self.d, self.n_classes, self.device, self.seed = n, d, n_classes, device, seed
+        self.labels = np.arange(n) % n_classes
+
+    @functools.cached_property
+    def frames(self) -> Tensor:
+        return self._speckle(self.labels, 1)
+
+    @functools.cached_property
+    def few(self) -> tuple[Tensor, np.ndarray]:
+        """Four frames a class: enough to make a model whose prediction is timed."""
+        labels = np.arange(4 * self.n_classes) % self.n_classes
+        return self._speckle(labels, 2), labels
+
+    @functools.cached_property
+    def held(self) -> tuple[Tensor, np.ndarray]:
+        """Frames that no model was trained on."""
+        labels = np.arange(HELD_OUT) % self.n_classes
+        return self._speckle(labels, 3), labels
+
+    @functools.cached_property
+    def words(self) -> Tensor:
+        """Packed hypervectors int64 [N, W]."""
+        return encode(self.frames.to(self.device))
+
+    @functools.cached_property
+    def prototypes(self) -> Tensor:
+        """Packed hypervectors int64 [L, W] to compare with."""
+        return encode(self._speckle(np.arange(self.n_classes), 4).to(self.device))
+
+    def _speckle(self, labels: np.ndarray, stream: int) -> Tensor:
+        patterns = np.random.default_rng([self.seed, 0])
+        own = np.random.default_rng([self.seed, stream])
+        base = patterns.standard_gamma(3, (self.n_classes, self.d), np.float32)
+        pool = own.standard_gamma(3, 16 * self.d, np.float32)
+        starts = own.integers(0, 15 * self.d + 1, len(labels))
+        gains = 50 / 3 / 2 * (1 + 0.01 * own.standard_normal(len(labels), np.float32))
+        out = np.empty((len(labels), self.d), np.uint8)
+        for frame, label, start, gain in zip(out, labels, starts, gains, strict=True):
+            frame[:] = np.minimum(gain * (base[label] + pool[start : start + self.d]), 255)
+        return torch.from_numpy(out)
+
+    # The reference, in numpy alone ---------------------------------------------------------------
+
+    def verdict(self, operation: str, result: np.ndarray) -> str:
+        """What a result in common form is worth: ``yes``, ``yes, ties aside`` (bits that the median
+        or the majority leaves open), ``same labels`` (the right ones), or ``no``."""
+        if operation == "hamming":
+            return "yes" if np.array_equal(result, self.distances) else "no"
+        if result.dtype != np.uint8:
+            return "same labels" if np.array_equal(result, self.held[1]) else "no"
+        expected, free = getattr(self, f"expected_{operation}")
+        if result.shape != expected.shape:
+            return "no"
+        differing = result ^ expected
+        if not differing.any():
+            return "yes"
+        return "no" if (differing & ~free).any() else "yes, ties aside"
+
+    @functools.cached_property
+    def expected_encode(self) -> tuple[np.ndarray, np.ndarray]:
+        """Packed bits, and which pixels equal their frame's median: others have no choice."""
+        ones = self.d // 2
+        expected = np.empty((self.n, -(-self.d // 8)), np.uint8)
+        ties = np.empty_like(expected)
+        for i, pixels in enumerate(self.frames.numpy()):
+            at_least = np.bincount(pixels, minlength=256)[::-1].cumsum()[::-1]
+            level = np.flatnonzero(at_least >= ones)[-1]
+            equal = pixels == level
+            passed = pixels > level
+            ties[i] = pack_bits(equal)
+            passed[np.flatnonzero(equal)[: ones - int(passed.sum())]] = True
+            expected[i] = pack_bits(passed)
+        return expected, ties
+
+    @functools.cached_property
+    def expected_bundle(self) -> tuple[np.ndarray, np.ndarray]:
+        """Prototypes of the words, and the bits that as many samples have as have not."""
+        counts, n = self._counts(packed_bytes(self.words, self.d))
+        return pack_bits(2 * counts > n), pack_bits(2 * counts == n)
+
+    @functools.cached_property
+    def expected_train(self) -> tuple[np.ndarray, np.ndarray]:
+        """Prototypes of the frames, and the bits that hang on how ties are split."""
+        passed, ties = self.expected_encode
+        counts, n = self._counts(passed)
+        low, high = (self._counts(x)[0] for x in (passed & ~ties, passed | ties))
+        return pack_bits(2 * counts > n), pack_bits((2 * low <= n) & (2 * high >= n))
+
+    @functools.cached_property
+    def distances(self) -> np.ndarray:
+        ones = unpack_bits(packed_bytes(self.words, self.d), self.d)
+        prototypes = unpack_bits(packed_bytes(self.prototypes, self.d), self.d)
+        return np.stack([(ones != p).sum(1) for p in prototypes], 1)
+
+    def _counts(self, packed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Ones of each bit a class, [L, D], and samples a class, [L, 1]."""
+        counts = np.zeros((self.n_classes, self.d), np.int32)
+        for c in range(self.n_classes):
+            rows = packed[self.labels == c]
+            for start in range(0, len(rows), 128):  # sums of at most 128 ones fit a byte
+                ones = unpack_bits(rows[start : start + 128], self.d)
+                counts[c] += ones.view(np.uint8).sum(0, dtype=np.uint8)
+        return counts, np.bincount(self.labels, minlength=self.n_classes)[:, None]
+
+
+def pack_bits(mask: np.ndarray) -> np.ndarray:
+    """Bool [..., D] → uint8 [..., ⌈D/8⌉], the common form of hypervectors."""
+    return np.packbits(mask, axis=-1, bitorder="little")
+
+
+def unpack_bits(packed: np.ndarray, d: int) -> np.ndarray:
+    return np.unpackbits(packed, axis=-1, count=d, bitorder="little").view(np.bool_)
+
+
+def packed_bytes(words: Tensor, d: int) -> np.ndarray:
+    """Our words [..., W] in common form."""
+    return words.numpy(force=True).view(np.uint8)[..., : -(-d // 8)]
