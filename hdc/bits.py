@@ -40,14 +40,20 @@ def pack(mask: Tensor) -> Tensor:
     """
     if mask.dtype != torch.bool:
         raise TypeError(f"mask: expected dtype torch.bool, found {mask.dtype}")
+    if mask.device.type != "cpu":
+        return pack_torch(mask)
     *batch, dimension = mask.shape
-    n_words = words_for(dimension)
-    if mask.device.type == "cpu":
-        bytes_ = np.packbits(mask.numpy(), axis=-1, bitorder="little")
-        words = np.zeros((*batch, n_words), np.int64)
-        words.view(np.uint8)[..., : bytes_.shape[-1]] = bytes_
-        return torch.from_numpy(words)
-    padded = torch.zeros(*batch, n_words * WORD, dtype=torch.bool, device=mask.device)
+    bytes_ = np.packbits(mask.numpy(), axis=-1, bitorder="little")
+    words = np.zeros((*batch, words_for(dimension)), np.int64)
+    words.view(np.uint8)[..., : bytes_.shape[-1]] = bytes_
+    return torch.from_numpy(words)
+
+
+def pack_torch(mask: Tensor) -> Tensor:
+    """:func:`pack` in torch alone, for any device."""
+    *batch, dimension = mask.shape
+    n_bits = words_for(dimension) * WORD
+    padded = torch.zeros(*batch, n_bits, dtype=torch.bool, device=mask.device)
     padded[..., :dimension] = mask
     top_bytes = (padded.view(torch.int64) * _GATHER_BYTE) >> 56
     return top_bytes.to(torch.uint8).view(torch.int64)
@@ -56,10 +62,15 @@ def pack(mask: Tensor) -> Tensor:
 def unpack(words: Tensor, dimension: int) -> Tensor:
     """Unpack int64 words [..., W] into bool [..., D]."""
     _check_width(words, dimension)
-    if words.device.type == "cpu":
-        bytes_ = words.contiguous().numpy().view(np.uint8)
-        ones = np.unpackbits(bytes_, axis=-1, count=dimension, bitorder="little")
-        return torch.from_numpy(ones.view(np.bool_))
+    if words.device.type != "cpu":
+        return unpack_torch(words, dimension)
+    bytes_ = words.contiguous().numpy().view(np.uint8)
+    ones = np.unpackbits(bytes_, axis=-1, count=dimension, bitorder="little")
+    return torch.from_numpy(ones.view(np.bool_))
+
+
+def unpack_torch(words: Tensor, dimension: int) -> Tensor:
+    """:func:`unpack` in torch alone, for any device."""
     shifts = torch.arange(WORD, device=words.device)
     bits = (words.unsqueeze(-1) >> shifts) & 1
     return bits.flatten(-2)[..., :dimension].bool()
@@ -101,7 +112,7 @@ def hamming_torch(queries: Tensor, prototypes: Tensor) -> Tensor:
     """:func:`hamming` in torch alone, for any device; working memory at most about 256 MB."""
     (n, width), n_prototypes = queries.shape, len(prototypes)
     out = torch.empty(n, n_prototypes, dtype=torch.int64, device=queries.device)
-    step = max(1, 2**25 // max(1, n_prototypes * width))
+    step = max(1, 2**23 // max(1, n_prototypes * width))  # some four such tensors at once
     for start in range(0, n, step):
         differing = queries[start : start + step, None] ^ prototypes
         out[start : start + step] = _swar_popcount(differing).sum(-1)
@@ -128,7 +139,7 @@ def hamming_numkong(queries: Tensor, prototypes: Tensor) -> Tensor:
     q, p = (x.numpy().view(np.uint8) for x in (queries, prototypes))
     if 0 in (len(q), len(p), q.shape[1]):
         return torch.zeros(len(q), len(p), dtype=torch.int64)
-    distances = numkong.cdist(q, p, metric="hamming", dtype="uint1")
+    distances = numkong.hammings_packed(q, numkong.hammings_pack(p, dtype="uint1"))
     return torch.from_numpy(np.asarray(distances).reshape(len(q), len(p)).astype(np.int64))
 
 
@@ -186,12 +197,6 @@ def random_hypervector(dimension: int, seed: int, p: float = 0.5) -> Tensor:
     """D independent bits that are one with probability p, from the seed alone: int64 [W] (CPU)."""
     generator = torch.Generator().manual_seed(seed)
     return pack(torch.rand(dimension, generator=generator, dtype=torch.float64) < p)
-
-
-def lowest_ones(words: Tensor, n: Tensor) -> Tensor:
-    """Keep the n lowest ones of each word and clear the rest: int64 [...], [...] → [...]."""
-    bits = unpack(words.unsqueeze(-1), WORD)
-    return pack(bits & (bits.cumsum(-1) <= n.unsqueeze(-1))).squeeze(-1)
 
 
 def _swar_popcount(words: Tensor) -> Tensor:

@@ -39,7 +39,7 @@ class HDCClassifier:
         device: where frames are encoded and prototypes live.
 
     Attributes:
-        classes_: array [L] of the labels, sorted where they can be.
+        classes_: array [L] of the labels, sorted (labels of mixed types by type and spelling).
         counts_: int64 array [L], training samples a class.
         prototypes_: int64 tensor [L, W], the packed prototypes.
         dimension_: D, the pixels of a frame.
@@ -100,7 +100,7 @@ class HDCClassifier:
             )
         # Classes come as they are met: an intermediate model knows only what it has seen.
         for start in range(0, len(frames), CHUNK):
-            self._count(frames[start : start + CHUNK], labels[start : start + CHUNK])
+            self._count(frames[start : start + CHUNK], labels[start : start + CHUNK], start)
             if len(self.classes_) == len(classes):
                 self._finish()
                 yield {"samples_seen": min(start + CHUNK, len(frames))}
@@ -113,18 +113,24 @@ class HDCClassifier:
             labels: of the batch.
             classes: accepted for scikit-learn's sake; classes may also appear later.
 
-        After :meth:`recalibrate`, counting starts again from what was counted before it.
+        After :meth:`recalibrate`, counting starts again from what was counted before it. What was
+        counted before a batch that raises stays counted.
         """
         self._check_parameters()
-        for batch, batch_labels in frames if labels is None else [(frames, labels)]:
-            batch = _indexable(batch)
-            batch_labels = _label_array(batch_labels, len(batch))
-            for start in range(0, len(batch), CHUNK):
-                chunk = slice(start, start + CHUNK)
-                self._count(batch[chunk], batch_labels[chunk])
+        counted = False
+        try:
+            for batch, batch_labels in frames if labels is None else [(frames, labels)]:
+                batch = _indexable(batch)
+                batch_labels = _label_array(batch_labels, len(batch))
+                for start in range(0, len(batch), CHUNK):
+                    chunk = slice(start, start + CHUNK)
+                    self._count(batch[chunk], batch_labels[chunk], start)
+                    counted = True
+        finally:
+            if counted:  # classes and prototypes stay in step with the counters
+                self._finish()
         if not hasattr(self, "counters_"):
             raise ValueError("frames: expected at least one frame, found none")
-        self._finish()
         return self
 
     def recalibrate(self, frames: Any, labels: Any, p: float, seed: int = 0) -> HDCClassifier:
@@ -258,23 +264,23 @@ class HDCClassifier:
                 f"(shape {self.frame_shape_}), found {dimension}"
             )
 
-    def _encode(self, frames: Any) -> Tensor:
+    def _encode(self, frames: Any, first: int) -> Tensor:
         tensor = _tensor(frames).to(self.device)
         if hasattr(self, "dimension_"):
             self._check_dimension(tensor[0].numel() if len(tensor) else self.dimension_)
-        return encode(tensor)
+        return encode(tensor, first)
 
     def _encoded(self, frames: Any) -> Iterator[Tensor]:
         frames = _indexable(frames)
         for start in range(0, max(1, len(frames)), CHUNK):
-            yield self._encode(frames[start : start + CHUNK])
+            yield self._encode(frames[start : start + CHUNK], start)
 
-    def _count(self, frames: Any, labels: np.ndarray) -> None:
+    def _count(self, frames: Any, labels: np.ndarray, first: int) -> None:
         """Encode one chunk of frames and add it to the counters."""
         frames = _tensor(frames)
         if len(frames) == 0:
             return
-        words = self._encode(frames)
+        words = self._encode(frames, first)
         if not hasattr(self, "counters_"):
             self.frame_shape_ = tuple(frames.shape[1:])
             self.dimension_ = frames[0].numel()
@@ -307,7 +313,7 @@ class HDCClassifier:
         return bits.hamming(words, self.prototypes_)
 
     def _cosine_distances(self, words: Tensor) -> Tensor:
-        """Minus the cosine between bipolar queries and 2c − n, from the planes of c alone.
+        """Minus √D times the cosine of bipolar queries and 2c − n, from the planes of c alone.
 
         A query v ∈ {0, 1} has v·c = Σ_p 2^p |v ∧ plane_p| and |v ∧ b| = (|v| + |b| − Ham(v, b))/2.
         """
@@ -358,6 +364,8 @@ def _tensor(frames: Any) -> Tensor:
     array = np.asarray(frames)
     if array.dtype == object or array.dtype.kind not in "uif":
         raise TypeError(f"frames: expected real or integer pixels, found dtype {array.dtype}")
+    if not array.dtype.isnative:
+        array = array.astype(array.dtype.newbyteorder("="))
     if not array.flags.writeable or not array.flags.c_contiguous:
         array = array.copy()
     return torch.from_numpy(array)
@@ -368,13 +376,20 @@ def _label_array(labels: Any, n: int) -> np.ndarray:
         labels = labels.numpy(force=True)
     elif not isinstance(labels, np.ndarray):
         labels = list(labels) if isinstance(labels, Iterable) else [labels]
-        kinds = {type(label) for label in labels}
-        simple = len(kinds) == 1 and kinds <= {str, int, float, bool}
-        labels = np.array(labels) if simple else _object_array(labels)
+        values = [x.item() if isinstance(x, np.generic | Tensor) else x for x in labels]
+        kinds = {type(value) for value in values}
+        labels = _object_array(values)
+        if len(kinds) == 1 and kinds <= {str, int, float, bool}:
+            array = np.array(values)
+            # numpy rounds some large integers and drops null characters at the end of a string.
+            labels = array if kinds == {float} or array.tolist() == values else labels
+    if labels.ndim != 1:
+        raise ValueError(f"labels: expected one dimension, found shape {labels.shape}")
     if len(labels) != n:
         raise ValueError(f"labels: expected {n}, one a frame, found {len(labels)}")
-    if labels.dtype.kind == "f" and np.isnan(labels).any():
-        raise ValueError(f"labels[{int(np.flatnonzero(np.isnan(labels))[0])}]: found NaN")
+    for i, label in enumerate(labels.tolist() if labels.dtype.kind in "fO" else ()):
+        if isinstance(label, float) and label != label:
+            raise ValueError(f"labels[{i}]: found NaN")
     return labels
 
 
@@ -385,8 +400,10 @@ def _object_array(values: list[Any]) -> np.ndarray:
 
 
 def _classes_of(labels: np.ndarray) -> np.ndarray:
-    """The distinct labels, sorted where they can be and else as they are first met."""
+    """The distinct labels, sorted; those without a common order by type and spelling."""
+    distinct = list(dict.fromkeys(labels.tolist()))
     try:
-        return np.unique(labels)
-    except TypeError:  # labels of types that have no common order
-        return _object_array(list(dict.fromkeys(labels.tolist())))
+        distinct.sort()
+    except TypeError:
+        distinct.sort(key=lambda label: (type(label).__name__, repr(label)))
+    return _label_array(distinct, len(distinct))

@@ -21,30 +21,33 @@ _STEP = 64  # frames thresholded at once where frames of other types, or an acce
 _SCAN = 2**16  # pixels looked through at a time for ties; a multiple of 64
 
 
-def encode(frames: Tensor) -> Tensor:
+def encode(frames: Tensor, first: int = 0) -> Tensor:
     """Hypervectors of frames: [N, H, W] or [N, D] of any real or integer dtype → int64 [N, ⌈D/64⌉].
 
     Each hypervector has exactly ⌊D/2⌋ ones. A constant frame carries no information; it gets its
-    ones by the order of pixels alone, and a warning names it.
+    ones by the order of pixels alone, and a warning names it. Warnings and errors count frames from
+    `first`, for frames that are a part of more.
 
     Raises:
         ValueError: for a shape other than the above, no pixels, or pixels that are not finite.
         TypeError: for a dtype that has no order (bool, complex).
     """
-    pixels = _flatten(frames)
+    pixels = _flatten(frames, first)
     n, dimension = pixels.shape
     words = torch.zeros(n, bits.words_for(dimension), dtype=torch.int64, device=pixels.device)
+    constant: list[int] = []
     if dimension < 2:
-        return words  # ⌊D/2⌋ = 0 ones
-    if pixels.dtype == torch.uint8 and pixels.device.type == "cpu":
+        constant = list(range(n))  # ⌊D/2⌋ = 0 ones
+    elif pixels.dtype == torch.uint8 and pixels.device.type == "cpu":
         constant = _encode_uint8(pixels.numpy(), words.numpy())
     else:
-        constant = []
         for start in range(0, n, _STEP):
             words[start : start + _STEP], flat = _encode_any(pixels[start : start + _STEP])
             constant += (start + flat.nonzero().flatten()).tolist()
     if constant:
-        listed = ", ".join(map(str, constant[:10])) + (", …" if len(constant) > 10 else "")
+        listed = ", ".join(str(first + i) for i in constant[:10]) + (
+            ", …" if len(constant) > 10 else ""
+        )
         warnings.warn(
             f"{len(constant)} constant frame(s), at index {listed}: every pixel is equal, "
             "so the hypervector carries no information",
@@ -53,7 +56,7 @@ def encode(frames: Tensor) -> Tensor:
     return words
 
 
-def _flatten(frames: Tensor) -> Tensor:
+def _flatten(frames: Tensor, first: int) -> Tensor:
     if frames.ndim not in (2, 3) or 0 in frames.shape[1:]:
         raise ValueError(
             f"frames: expected shape [N, H, W] or [N, D] with pixels, found {tuple(frames.shape)}"
@@ -66,9 +69,11 @@ def _flatten(frames: Tensor) -> Tensor:
         if bad.any():
             index = int(bad.nonzero()[0])
             value = pixels[index][~pixels[index].isfinite()][0].item()
-            raise ValueError(f"frames[{index}]: expected finite pixels, found {value}")
+            raise ValueError(f"frames[{first + index}]: expected finite pixels, found {value}")
         # Exact; the half types lack a selection on some devices.
         return pixels.float() if pixels.dtype in (torch.float16, torch.bfloat16) else pixels
+    if pixels.dtype == torch.uint64:  # the same order, without the wrap at 2^63
+        return pixels.view(torch.int64) ^ torch.iinfo(torch.int64).min
     # Torch compares and selects few unsigned types wider than 8 bits.
     return pixels if pixels.dtype == torch.uint8 else pixels.to(torch.int64)
 

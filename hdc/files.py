@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 
-from hdc import bits
+from hdc import bits, planes
 from hdc.prototypes import Counters
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def save(model: HDCClassifier, path: Path) -> None:
             )
     header = {
         "format": FORMAT,
-        "parameters": model.get_params(),
+        "parameters": model.get_params() | {"seed": int(model.seed), "device": str(model.device)},
         "classes": labels,
         "frame_shape": model.frame_shape_,
     }
@@ -56,7 +57,7 @@ def save(model: HDCClassifier, path: Path) -> None:
 
 def load(cls: type[HDCClassifier], path: Path) -> HDCClassifier:
     """Read a model; every damage gives a ValueError that names the file."""
-    from safetensors import SafetensorError, safe_open
+    from safetensors import safe_open
 
     try:
         with safe_open(path, framework="pt") as file:
@@ -70,7 +71,7 @@ def load(cls: type[HDCClassifier], path: Path) -> HDCClassifier:
         return _build(cls, header, tensors)
     except FileNotFoundError:
         raise
-    except (SafetensorError, ValueError, TypeError, KeyError, RuntimeError, OSError) as error:
+    except Exception as error:  # a hostile header reaches torch and json in many ways
         raise ValueError(f"{path}: expected a saved HDCClassifier, found {error}") from error
 
 
@@ -81,7 +82,10 @@ def _build(
         raise ValueError(f"no header of format {FORMAT!r}")
     model = cls().set_params(**header["parameters"])
     model._check_parameters()
-    torch.device(model.device)
+    if torch.device(model.device).type == "cuda" and not torch.cuda.is_available():
+        warnings.warn(f"trained on {model.device!r}, which is not here: on the CPU", stacklevel=4)
+        model.device = "cpu"
+    torch.zeros(1, device=model.device).item()  # raises where the device is not to be had
     if not isinstance(model.seed, int):
         raise ValueError(f"seed {model.seed!r}")
     shape = header["frame_shape"]
@@ -89,12 +93,12 @@ def _build(
             isinstance(s, int) and s > 0 for s in shape)):  # fmt: skip
         raise ValueError(f"frame shape {shape!r}")
     classes, dimension = header["classes"], int(np.prod(shape, dtype=object))
-    planes, n, prototypes = tensors["planes"], tensors["n"], tensors["prototypes"]
+    counts, n, prototypes = tensors["planes"], tensors["n"], tensors["prototypes"]
     n_classes, width = len(classes), bits.words_for(dimension)
     if len(set(classes)) != n_classes or n_classes < 2:
         raise ValueError(f"classes {classes!r}")
     for name, tensor, wanted in (
-        ("planes", planes, (n_classes, planes.shape[1] if planes.ndim == 3 else -1, width)),
+        ("planes", counts, (n_classes, max((1, *counts.shape[1:2])), width)),
         ("n", n, (n_classes,)),
         ("prototypes", prototypes, (n_classes, width)),
     ):
@@ -103,13 +107,15 @@ def _build(
                 f"{name}: {tensor.dtype} {tuple(tensor.shape)} instead of torch.int64 {wanted}"
             )
     inside = bits.pack(torch.ones(dimension, dtype=torch.bool))
-    if ((planes & ~inside) != 0).any() or ((prototypes & ~inside) != 0).any():
+    if ((counts & ~inside) != 0).any() or ((prototypes & ~inside) != 0).any():
         raise ValueError("bits beyond the last pixel")
     if (n < 1).any():
         raise ValueError(f"sample counts {n.tolist()}")
+    if any(planes.greater(c, m).any() for c, m in zip(counts, n.tolist(), strict=True)):
+        raise ValueError("a bit set in more samples than the class has")
     model.frame_shape_, model.dimension_ = tuple(shape), dimension
     model.counters_ = Counters(n_classes, dimension, model.device)
-    model.counters_.planes, model.counters_.n = planes.to(model.device), n
+    model.counters_.planes, model.counters_.n = counts.to(model.device), n
     model._index = {label: i for i, label in enumerate(classes)}
     from hdc.classifier import _label_array
 

@@ -45,11 +45,12 @@ class Counters:
         labels = labels.cpu()
         if len(words) != len(labels):
             raise ValueError(f"labels: expected {len(words)}, one a sample, found {len(labels)}")
-        n = torch.bincount(labels, minlength=len(self.n)) if len(labels) else self.n * 0
-        if len(n) > len(self.n):
+        outside = labels[(labels < 0) | (labels >= len(self.n))]
+        if len(outside):
             raise ValueError(
-                f"labels: expected class indices below {len(self.n)}, found {int(labels.max())}"
+                f"labels: expected class indices in [0, {len(self.n)}), found {int(outside[0])}"
             )
+        n = torch.bincount(labels, minlength=len(self.n)) if len(labels) else self.n * 0
         total = self.n + n
         self._grow(int(total.max()).bit_length() if len(total) else 0)
         order = labels.argsort(stable=True).tolist()
@@ -126,7 +127,8 @@ class Counters:
             self.planes = grown
 
     def _tie_breaker(self, seed: int, c: int) -> Tensor:
-        return bits.random_hypervector(self.dimension, seed * 1_000_003 + c).to(self.device)
+        seed = (seed * 1_000_003 + c) % 2**63  # what torch's generator takes
+        return bits.random_hypervector(self.dimension, seed).to(self.device)
 
 
 def recalibrate(stored: Tensor, new: Tensor, dimension: int, p: float, seed: int = 0) -> Tensor:

@@ -131,8 +131,8 @@ def test_encoding_is_the_upper_half_whatever_came_before(
     encoding._SCAN = 64  # so that the cut crosses many stretches
     try:
         rng = np.random.default_rng(d)
-        frames = np.stack([np.clip(o + rng.integers(0, n, d), 0, 255) for n, o in kinds])
-        frames = torch.from_numpy(frames.astype(np.uint8))
+        pixels = np.stack([np.clip(o + rng.integers(0, n, d), 0, 255) for n, o in kinds])
+        frames = torch.from_numpy(pixels.astype(np.uint8))
         words = encode(frames)
     finally:
         encoding._SCAN = scan

@@ -1,0 +1,128 @@
+"""Packed bits: every route gives the same bits as unpacked ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from hdc import bits
+
+
+def mask_of(shape: tuple[int, ...], seed: int = 0) -> Tensor:
+    return torch.from_numpy(np.random.default_rng(seed).random(shape) < 0.5)
+
+
+@given(st.lists(st.integers(0, 4), max_size=2), st.integers(1, 300), st.integers(0, 9))
+@settings(max_examples=60, deadline=None)
+def test_torch_routes_pack_and_unpack_as_numpy_does(batch: list[int], d: int, seed: int) -> None:
+    mask = mask_of((*batch, d), seed)
+    words = bits.pack(mask)
+    assert words.dtype == torch.int64
+    assert words.shape == (*batch, bits.words_for(d))
+    assert torch.equal(bits.pack_torch(mask), words)
+    assert torch.equal(bits.unpack_torch(words, d), mask)
+    assert torch.equal(bits.unpack(words, d), mask)
+
+
+def test_bit_j_lies_in_word_j_over_64_least_significant_first() -> None:
+    for j in range(130):
+        mask = torch.zeros(130, dtype=torch.bool)
+        mask[j] = True
+        words = bits.pack(mask).tolist()
+        expected = [0, 0, 0]
+        expected[j // 64] = (1 << j % 64) if j % 64 < 63 else -(1 << 63)
+        assert words == expected
+
+
+def test_large_tensor_packs_alike_on_both_routes() -> None:
+    mask = mask_of((3, 250_000))
+    words = bits.pack_torch(mask)
+    assert torch.equal(words, bits.pack(mask))
+    assert torch.equal(bits.unpack_torch(words, 250_000), mask)
+
+
+def test_views_with_strides_are_packed_by_value() -> None:
+    mask = mask_of((90, 7))
+    assert torch.equal(bits.pack(mask.T), bits.pack(mask.T.contiguous()))
+    words = bits.pack(mask_of((7, 200)))[:, ::2]
+    assert torch.equal(bits.unpack(words, 128), bits.unpack(words.contiguous(), 128))
+
+
+@given(st.lists(st.integers(-(2**63), 2**63 - 1), min_size=1, max_size=20))
+@example([-1, 0, 1, -(2**63), 2**63 - 1])
+@settings(max_examples=100, deadline=None)
+def test_population_counts_of_any_word(values: list[int]) -> None:
+    words = torch.tensor(values)
+    expected = [(v & (2**64 - 1)).bit_count() for v in values]
+    assert bits.popcount(words).tolist() == expected
+    assert bits._swar_popcount(words).tolist() == expected
+    assert bits.count_ones(words).item() == sum(expected)
+
+
+@given(st.integers(0, 40), st.integers(0, 6), st.integers(1, 300), st.integers(0, 9))
+@settings(max_examples=60, deadline=None)
+def test_hamming_of_any_shape_on_every_route(q: int, n: int, d: int, seed: int) -> None:
+    queries, prototypes = mask_of((q, d), seed), mask_of((n, d), seed + 1)
+    expected = (queries[:, None] ^ prototypes).sum(-1)
+    a, b = bits.pack(queries), bits.pack(prototypes)
+    for route in (bits.hamming, bits.hamming_numpy, bits.hamming_torch):
+        assert torch.equal(route(a, b), expected), route.__name__
+
+
+def test_hamming_by_numkong_where_installed() -> None:
+    pytest.importorskip("numkong")
+    a, b = bits.pack(mask_of((33, 999))), bits.pack(mask_of((51, 999), 1))
+    assert torch.equal(bits.hamming_numkong(a, b), bits.hamming_numpy(a, b))
+    extremes = torch.stack((torch.zeros(4000), -torch.ones(4000))).long()
+    assert bits.hamming_numkong(extremes, extremes).tolist() == [[0, 256_000], [256_000, 0]]
+
+
+def test_distances_satisfy_the_triangle_inequality() -> None:
+    words = bits.pack(mask_of((20, 500)))
+    d = bits.hamming(words, words)
+    assert torch.equal(d, d.T)
+    assert not d.diagonal().any()
+    assert (d[:, None] <= d[:, :, None] + d[None]).all()
+
+
+def test_wrong_types_and_widths_are_named() -> None:
+    with pytest.raises(TypeError, match=r"mask: expected dtype torch\.bool, found torch\.uint8"):
+        bits.pack(torch.zeros(3, dtype=torch.uint8))
+    with pytest.raises(ValueError, match="expected 2 words for D = 65, found 1"):
+        bits.unpack(torch.zeros(3, 1, dtype=torch.int64), 65)
+    with pytest.raises(ValueError, match="found 2 and 3 words"):
+        bits.hamming(torch.zeros(1, 2).long(), torch.zeros(1, 3).long())
+    words = torch.zeros(2, 1).long()
+    with pytest.raises(ValueError, match="ties: expected one of zero, one, random, found 'half'"):
+        bits.majority(words, "half")
+    with pytest.raises(ValueError, match="expected a tie_breaker"):
+        bits.majority(words, "random")
+    with pytest.raises(ValueError, match="expected at least one hypervector"):
+        bits.majority(words[:0])
+
+
+@pytest.mark.parametrize("d", [1, 63, 65, 127])
+def test_bits_beyond_the_last_stay_zero(d: int) -> None:
+    ones = bits.pack(torch.ones(4, d, dtype=torch.bool))
+    breaker = bits.random_hypervector(d, 1)
+    for words in (ones, torch.zeros_like(ones)):
+        for ties in bits.TIES:
+            for n in (1, 2, 3, 4):
+                bundle = bits.majority(words[:n], ties, breaker)
+                assert not (bundle & ~ones[0]).any()
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+def test_same_bits_on_cuda() -> None:
+    mask = mask_of((70, 1000))
+    words = bits.pack(mask)
+    there = bits.pack(mask.cuda())
+    assert torch.equal(there.cpu(), words)
+    assert torch.equal(bits.unpack(there, 1000).cpu(), mask)
+    assert torch.equal(bits.popcount(there).cpu(), bits.popcount(words))
+    assert torch.equal(bits.hamming(there, there[:5]).cpu(), bits.hamming(words, words[:5]))
+    assert torch.equal(bits.majority(there).cpu(), bits.majority(words))

@@ -1,0 +1,195 @@
+"""Frames to hypervectors with exactly half ones, whatever the frame and whatever came before."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hdc import bits
+from hdc import encode as encoding
+from hdc.encode import encode
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame")
+
+
+def reference(frames: np.ndarray) -> np.ndarray:
+    """The ⌊D/2⌋ largest pixels, equal ones in raster order, compared as Python numbers."""
+    flat = frames.reshape(len(frames), -1).tolist()
+    out = np.zeros((len(flat), len(flat[0])), bool)
+    for row, pixels in zip(out, flat, strict=True):
+        order = sorted(range(len(pixels)), key=lambda i: -pixels[i])
+        row[order[: len(pixels) // 2]] = True
+    return out
+
+
+def check(frames: np.ndarray) -> None:
+    words = encode(torch.from_numpy(frames))
+    d = frames[0].size
+    assert bits.count_ones(words).tolist() == [d // 2] * len(frames)
+    assert np.array_equal(bits.unpack(words, d).numpy(), reference(frames))
+
+
+@st.composite
+def sessions(draw) -> np.ndarray:
+    """Frames of few or many levels, in runs of equal pixels, with jumps between frames."""
+    d = draw(st.sampled_from([1, 2, 3, 63, 64, 65, 127, 128, 129, 191, 192, 193, 320, 333]))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    frames: list[np.ndarray] = []
+    for _ in range(draw(st.integers(1, 6))):
+        low, span = draw(st.integers(0, 255)), draw(st.sampled_from([0, 1, 2, 5, 255]))
+        frame = rng.integers(low, min(255, low + span), d, endpoint=True)
+        kind = draw(st.sampled_from(["mixed", "rising", "falling", "blocks"]))
+        if kind == "rising":
+            frame = np.sort(frame)
+        elif kind == "falling":
+            frame = np.sort(frame)[::-1]
+        elif kind == "blocks":
+            frame = np.repeat(frame, 64)[:d]
+        if frames and draw(st.booleans()):  # few pixels differ from the frame before
+            changed = rng.random(d) < 0.02
+            frame = np.where(changed, frame, frames[-1])
+        frames.append(frame)
+    return np.stack(frames).astype(np.uint8)
+
+
+@given(sessions(), st.sampled_from([64, 128]))
+@settings(max_examples=300, deadline=None)
+def test_any_session_of_frames(frames: np.ndarray, scan: int) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(encoding, "_SCAN", scan)
+        check(frames)
+
+
+@given(sessions(), st.integers(-1, 256), st.data())
+@settings(max_examples=200, deadline=None)
+def test_the_search_ends_from_any_level_and_cut(frames: np.ndarray, level: int, data) -> None:
+    """Each step moves (level, cut) one way only: a frame needs at most a step a stretch a level.
+
+    The frame before and the limit to a few levels are taken away, so that the search starts where
+    it never would.
+    """
+    d = frames.shape[1]
+    if d < 2:
+        return
+    steps = 0
+    move = encoding._move_cut
+
+    def counting(*arguments):
+        nonlocal steps
+        steps += 1
+        assert steps <= len(frames) * 258 * (d // 64 + 2), "the search does not end"
+        return move(*arguments)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(encoding, "_SCAN", 64)
+        patch.setattr(encoding, "_move_cut", counting)
+        patch.setattr(encoding, "_sampled_level", lambda pixels: level)
+        patch.setattr(encoding, "_level", lambda pixels, ones: data.draw(st.integers(0, 255)))
+        check(frames)
+
+
+@pytest.mark.parametrize("scan_multiple", [1, 2])
+@pytest.mark.parametrize("offset", [-65, -1, 0, 1, 63])
+def test_sizes_around_the_stretch_of_the_search(scan_multiple: int, offset: int) -> None:
+    d = scan_multiple * encoding._SCAN + offset
+    rng = np.random.default_rng(d)
+    frames = np.stack([
+        rng.integers(0, 2, d), np.full(d, 255), np.zeros(d), np.sort(rng.integers(0, 3, d)),
+        np.arange(d) < d // 2, np.arange(d) >= d // 2, rng.integers(100, 104, d),
+    ]).astype(np.uint8)  # fmt: skip
+    words = encode(torch.from_numpy(frames))
+    assert torch.equal(words, encode(torch.from_numpy(frames.astype(np.int16))))
+    assert bits.count_ones(words).tolist() == [d // 2] * 7
+
+
+@given(sessions())
+@settings(max_examples=60, deadline=None)
+def test_a_frame_does_not_depend_on_the_others(frames: np.ndarray) -> None:
+    words = encode(torch.from_numpy(frames))
+    alone = torch.cat([encode(torch.from_numpy(frame[None])) for frame in frames])
+    backwards = encode(torch.from_numpy(frames[::-1].copy())).flip(0)
+    assert torch.equal(words, alone)
+    assert torch.equal(words, backwards)
+
+
+types = ["uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64"]
+
+
+@pytest.mark.parametrize("dtype", types)
+def test_extreme_integers_keep_their_order(dtype: str) -> None:
+    info = np.iinfo(dtype)
+    rng = np.random.default_rng(0)
+    frames = rng.integers(info.min, info.max, (3, 11, 13), dtype=dtype, endpoint=True)
+    frames[1] = np.where(frames[1] % 2, info.min, info.max)
+    frames[2] = info.max - frames[2] % 3
+    check(frames)
+
+
+@pytest.mark.parametrize("dtype", ["float16", "float32", "float64"])
+def test_extreme_floats_keep_their_order(dtype: str) -> None:
+    info = np.finfo(dtype)
+    rng = np.random.default_rng(0)
+    frames = rng.standard_normal((3, 130)).astype(dtype)
+    frames[1] = rng.choice(np.array([info.max, info.min, 0, -0.0, info.tiny], dtype), 130)
+    frames[2] = np.nextafter(dtype_one := np.ones(130, dtype), 2 * dtype_one * (frames[0] > 0))
+    check(frames)
+
+
+def test_bfloat16_equals_its_float32() -> None:
+    frames = torch.randn(2, 100, generator=torch.Generator().manual_seed(0)).bfloat16()
+    assert torch.equal(encode(frames), encode(frames.float()))
+
+
+def test_frames_with_strides_are_read_by_value() -> None:
+    frames = torch.from_numpy(np.random.default_rng(0).integers(0, 9, (6, 8, 10)).astype(np.uint8))
+    for view in (frames[::2], frames[:, ::2], frames.transpose(1, 2), frames[:, :, 1:4]):
+        assert torch.equal(encode(view), encode(view.contiguous()))
+
+
+def test_constant_frames_are_numbered_from_first() -> None:
+    frames = torch.zeros(2, 1, dtype=torch.uint8)
+    with pytest.warns(UserWarning, match=r"2 constant frame\(s\), at index 0, 1:"):
+        assert encode(frames).tolist() == [[0], [0]]
+    with pytest.warns(UserWarning, match="at index 5, 6:"):
+        encode(frames, first=5)
+    with pytest.warns(UserWarning, match=r"12 constant frame\(s\).*8, 9, …:"):
+        encode(torch.ones(12, 9, dtype=torch.uint8))
+    almost = torch.zeros(1, 9, dtype=torch.uint8)
+    almost[0, 3] = 1  # the pixel of the cut's other side
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        encode(almost)
+        encode(1 - almost)
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.float32, torch.float64])
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
+def test_pixels_that_are_not_finite(dtype: torch.dtype, value: float) -> None:
+    frames = torch.zeros(3, 4, 4, dtype=dtype)
+    frames[1, 3, 3] = value
+    with pytest.raises(ValueError, match=rf"frames\[11\]: expected finite pixels, found {value}"):
+        encode(frames, first=10)
+
+
+def test_other_shapes_and_types_are_refused() -> None:
+    for shape in ((4,), (1, 2, 3, 4), (3, 0), (3, 0, 4)):
+        with pytest.raises(ValueError, match="frames: expected shape"):
+            encode(torch.zeros(shape))
+    for dtype in (torch.bool, torch.complex64):
+        with pytest.raises(TypeError, match="frames: expected real or integer pixels"):
+            encode(torch.zeros(2, 3, dtype=dtype))
+    assert encode(torch.zeros(0, 5, 5, dtype=torch.uint8)).shape == (0, 1)
+    assert encode(torch.zeros(0, 5, 5)).shape == (0, 1)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+@pytest.mark.parametrize("dtype", [torch.uint8, torch.int16, torch.float32])
+def test_same_bits_on_cuda(dtype: torch.dtype) -> None:
+    frames = torch.randint(0, 99, (70, 50, 51), generator=torch.Generator().manual_seed(0))
+    frames = frames.to(dtype)
+    assert torch.equal(encode(frames.cuda()).cpu(), encode(frames))

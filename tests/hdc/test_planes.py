@@ -1,0 +1,74 @@
+"""Bit-sliced integers against plain integers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from hdc import bits, planes
+
+
+def counters(values: Tensor, n_planes: int) -> Tensor:
+    """Planes of given integers [D]."""
+    return torch.stack([bits.pack((values >> p & 1).bool()) for p in range(n_planes)])
+
+
+def integers(rows: Tensor, d: int) -> Tensor:
+    return sum((bits.unpack(row, d).long() << p for p, row in enumerate(rows)), torch.zeros(()))
+
+
+@given(st.integers(0, 300), st.sampled_from([1, 63, 64, 65, 200]), st.sampled_from([0, 0.5, 1]))
+@settings(max_examples=60, deadline=None)
+def test_both_routes_count_every_column(n: int, d: int, share: float) -> None:
+    mask = torch.from_numpy(np.random.default_rng(n).random((n, d)) < share)
+    words = bits.pack(mask)
+    for route in (planes.vertical_sum, planes.vertical_sum_torch):
+        assert torch.equal(integers(route(words), d).long(), mask.sum(0)), route.__name__
+    assert torch.equal(planes.vertical_sum(words), planes.vertical_sum_torch(words))
+    assert torch.equal(words, bits.pack(mask))  # the samples are not written to
+
+
+@pytest.mark.parametrize("n", [255, 256, 65_537])
+def test_counters_at_a_power_of_two(n: int) -> None:
+    """All ones: the largest count there is, with the longest carries."""
+    words = bits.pack(torch.ones(1, 65, dtype=torch.bool)).expand(n, 2).contiguous()
+    for route in (planes.vertical_sum, planes.vertical_sum_torch):
+        assert integers(route(words), 65).tolist() == [n] * 65
+
+
+@given(
+    st.lists(st.integers(0, 40), min_size=70, max_size=70),
+    st.lists(st.integers(0, 69), max_size=60),
+)
+@settings(max_examples=60, deadline=None)
+def test_counting_into_what_was_counted_before(start: list[int], rows: list[int]) -> None:
+    mask = torch.from_numpy(np.random.default_rng(3).random((70, 70)) < 0.5)
+    before = torch.tensor(start)
+    counts = counters(before, 7)
+    planes.count_into(counts, bits.pack(mask), rows)
+    assert torch.equal(integers(counts, 70).long(), before + mask[rows].sum(0))
+
+
+def test_counting_crosses_blocks(monkeypatch) -> None:
+    words = bits.pack(torch.from_numpy(np.random.default_rng(0).random((50, 700)) < 0.5))
+    whole = planes.vertical_sum(words)
+    monkeypatch.setattr(planes, "_BLOCK", 3)
+    assert torch.equal(planes.vertical_sum(words), whole)
+
+
+numbers = st.lists(st.integers(0, 1000), min_size=70, max_size=70)
+
+
+@given(numbers, numbers, st.integers(10, 13), st.integers(0, 2000))
+@settings(max_examples=60, deadline=None)
+def test_sums_and_comparisons(a: list[int], b: list[int], extra: int, threshold: int) -> None:
+    x, y = torch.tensor(a), torch.tensor(b)
+    total = planes.add(counters(x, 10), counters(y, extra))
+    assert torch.equal(integers(total, 70).long(), x + y)
+    assert torch.equal(planes.add(counters(y, extra), counters(x, 10)), total)
+    greater = planes.greater(counters(x, 10), threshold)
+    assert torch.equal(bits.unpack(greater, 70), x > threshold)

@@ -1,0 +1,126 @@
+"""Counters of classes, their majority, and recalibration."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hdc import bits
+from hdc.prototypes import Counters, recalibrate
+
+
+def vectors(n: int, d: int, seed: int = 0) -> torch.Tensor:
+    return torch.from_numpy(np.random.default_rng(seed).random((n, d)) < 0.5)
+
+
+@given(st.lists(st.integers(0, 4), min_size=1, max_size=120), st.randoms(use_true_random=False))
+@settings(max_examples=40, deadline=None)
+def test_any_split_order_and_merge_count_alike(labels: list[int], random) -> None:
+    mask, index = vectors(len(labels), 65), torch.tensor(labels)
+    words = bits.pack(mask)
+    shards = [Counters(5, 65) for _ in range(3)]
+    order = list(range(len(labels)))
+    random.shuffle(order)
+    for i in order:
+        random.choice(shards).add(words[[i]], index[[i]])
+    random.shuffle(shards)
+    merged = shards[0]
+    for other in shards[1:]:
+        merged.merge(other)
+    whole = Counters(5, 65)
+    whole.add(words, index)
+    expected = torch.stack([mask[index == c].sum(0) for c in range(5)])
+    assert torch.equal(whole.counts(), expected)
+    assert torch.equal(merged.counts(), expected)
+    assert torch.equal(merged.n, whole.n)
+    assert torch.equal(merged.planes, whole.planes)
+
+
+@pytest.mark.parametrize("n_classes", [1, 2, 5, 51])
+def test_prototypes_of_many_unequal_classes(n_classes: int) -> None:
+    labels = torch.cat([torch.full((c % 7 + 1,), c) for c in range(n_classes)])
+    mask = vectors(len(labels), 127)
+    counters = Counters(n_classes, 127)
+    counters.add(bits.pack(mask), labels)
+    for c, prototype in enumerate(bits.unpack(counters.majority(), 127)):
+        members = mask[labels == c]
+        assert torch.equal(prototype, 2 * members.sum(0) > len(members))
+
+
+def test_more_than_two_to_the_sixteen_samples() -> None:
+    mask = vectors(65_537, 65)
+    words, labels = bits.pack(mask), torch.zeros(65_537, dtype=torch.int64)
+    counters = Counters(1, 65)
+    for part in torch.arange(65_537).split(10_000):
+        counters.add(words[part], labels[part])
+    assert torch.equal(counters.counts()[0], mask.sum(0))
+    assert torch.equal(bits.unpack(counters.majority(), 65)[0], 2 * mask.sum(0) > 65_537)
+
+
+def test_random_ties_are_an_added_hypervector_from_the_seed() -> None:
+    words = bits.pack(vectors(8, 300))
+    labels = torch.arange(8) % 2
+    counters = Counters(2, 300)
+    counters.add(words, labels)
+    prototypes = counters.majority("random", seed=7)
+    added = Counters(2, 300)
+    added.add(words, labels)
+    breakers = torch.stack([counters._tie_breaker(7, c) for c in range(2)])
+    added.add(breakers, torch.arange(2))
+    assert torch.equal(prototypes, added.majority())
+    assert torch.equal(prototypes, counters.majority("random", seed=7))
+    assert not torch.equal(prototypes, counters.majority("random", seed=8))
+    counters.majority("random", seed=2**62)  # any integer is a seed
+    counters.majority("random", seed=-5)
+
+
+def test_zero_and_one_differ_exactly_in_the_ties() -> None:
+    mask = vectors(10, 500)
+    counters = Counters(1, 500)
+    counters.add(bits.pack(mask), torch.zeros(10).long())
+    differ = counters.majority("zero") ^ counters.majority("one")
+    assert torch.equal(bits.unpack(differ, 500)[0], mask.sum(0) == 5)
+
+
+@pytest.mark.parametrize("label", [-1, 2])
+def test_class_indices_outside_are_named_and_not_counted(label: int) -> None:
+    counters = Counters(2, 64)
+    with pytest.raises(ValueError, match=rf"expected class indices in \[0, 2\), found {label}"):
+        counters.add(torch.zeros(1, 1).long(), torch.tensor([label]))
+    assert counters.n.tolist() == [0, 0]
+
+
+def test_disagreeing_sizes_are_named() -> None:
+    counters = Counters(2, 64)
+    with pytest.raises(ValueError, match="labels: expected 3, one a sample, found 2"):
+        counters.add(torch.zeros(3, 1).long(), torch.zeros(2).long())
+    with pytest.raises(ValueError, match="expected 1 words for D = 64, found 2"):
+        counters.add(torch.zeros(3, 2).long(), torch.zeros(3).long())
+    with pytest.raises(ValueError, match="expected 2 classes of D = 64, found 2 of D = 65"):
+        counters.merge(Counters(2, 65))
+    with pytest.raises(ValueError, match="dimension: expected at least 1, found 0"):
+        Counters(2, 0)
+
+
+@pytest.mark.parametrize("p", [-0.01, 1.01, float("nan")])
+def test_a_share_outside_zero_to_one_is_refused(p: float) -> None:
+    words = torch.zeros(2, 1).long()
+    with pytest.raises(ValueError, match="p: expected a probability"):
+        recalibrate(words, words, 64, p)
+
+
+def test_recalibrated_bits_come_from_either_side() -> None:
+    stored, new = bits.pack(vectors(3, 10_001)), bits.pack(vectors(3, 10_001, 1))
+    mixed = recalibrate(stored, new, 10_001, 0.5, seed=2)
+    assert not ((mixed ^ stored) & (mixed ^ new)).any()
+    assert not ((mixed ^ stored) & ~(stored ^ new)).any()
+    assert not torch.equal(mixed, recalibrate(stored, new, 10_001, 0.5, seed=3))
+    rows = bits.hamming(stored, mixed).diagonal() / bits.hamming(stored, new).diagonal()
+    assert ((rows - 0.5).abs() < 0.05).all()
+    # The classes are drawn independently.
+    ones, zeros = bits.pack(torch.ones(2, 10_001).bool()), torch.zeros(2, 157).long()
+    first, second = recalibrate(zeros, ones, 10_001, 0.5)
+    assert abs(bits.hamming(first[None], second[None]).item() / 10_001 - 0.5) < 0.05
