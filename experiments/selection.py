@@ -161,8 +161,10 @@ class Records:
 def sweep(experiment: str) -> dict[str, list[str]]:
     """The values that an experiment sweeps over, by key: what its tables expect to find."""
     tree = OmegaConf.load(CONFIGS / "experiment" / f"{experiment}.yaml")
-    params = OmegaConf.to_container(tree, resolve=True)["hydra"]["sweeper"]["params"]  # type: ignore[index, call-overload]
-    return {key: [v.strip() for v in str(values).split(",")] for key, values in params.items()}
+    return {
+        str(key): [value.strip() for value in str(values).split(",")]
+        for key, values in tree.hydra.sweeper.params.items()
+    }
 
 
 def numbers(values: Sequence[str]) -> list[int | None]:
@@ -210,10 +212,8 @@ def _composed(scene: str, model: str) -> DictConfig | None:
 
 @functools.cache
 def _stops() -> list[dict[str, Any]]:
-    return [
-        OmegaConf.to_container(OmegaConf.load(CONFIGS / "stop" / f"{name}.yaml"), resolve=True)
-        for name in STOPS
-    ]  # type: ignore[return-value]
+    rules = (OmegaConf.load(CONFIGS / "stop" / f"{name}.yaml") for name in STOPS)
+    return [dict(rule) for rule in rules]
 
 
 def _identity(config: Mapping[str, Any]) -> dict[str, Any]:

@@ -291,13 +291,14 @@ def percent(value: float | None) -> str:
 
 def time_cell(line: Row) -> str:
     """Median training time with quartiles where there are several seeds."""
-    if line["status"] != "ok" and not line["seeds"]:
-        return line["status"]
+    if not line["seeds"]:
+        return str(line["status"])
     text = number(line["training_time_s"])
-    if line["seeds"] < 2:
-        return text
-    low, high = (number(line[f"training_time_q{q}_s"]) for q in (25, 75))
-    return text if low == high == text else f"{text} ({low}…{high})"
+    low, high = (
+        number(line[f"training_time_q{q}_s"]).replace("not reached in ", "> ").removesuffix(" s")
+        for q in (25, 75)
+    )
+    return text if low == high else f"{text} ({low}…{high})"
 
 
 def interval_cell(line: Row, value: str = "test_accuracy_final", bounds: str = "test_ci") -> str:
@@ -325,8 +326,13 @@ def predict_cell(line: Row) -> str:
     return number(line["predict_single_s"] * 1e3) if line["seeds"] else "–"
 
 
+def display_name(model: str) -> str:
+    """What a model is called in tables and figures; its config's name if nothing is set."""
+    return NAMES.get(model, model)
+
+
 def _name(line: Row) -> str:
-    return NAMES.get(line["model"], line["model"])
+    return display_name(line["model"])
 
 
 TABLE1_COLUMNS: Columns = (

@@ -1,0 +1,166 @@
+"""Tables and figures from the records there are: ``python -m experiments.report``.
+
+Reads ``runs/*/record.json`` and ``curve.csv`` of the results folder and ``results/published.csv``,
+never trains, and writes ``tables/`` and ``figures/``. What is missing is said in the table, on the
+terminal, and in the figure.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from experiments import tables
+from experiments.record import results_dir, write_atomically
+from experiments.selection import Records
+from experiments.tables import Columns, Row, number, percent
+
+WIDTH = 100  # columns of the terminal that Table I needs
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Write everything, show Table I."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.report", description=__doc__)
+    parser.add_argument("--device", default="cpu", help="use records of this device (cpu)")
+    device = parser.parse_args(arguments).device
+    write(results_dir(), device, Console(width=WIDTH, highlight=False))
+
+
+def write(results: Path, device: str, console: Console) -> list[Path]:
+    """Write tables and figures into a results folder from the records in it; what was written."""
+    records = Records(results, device)
+    table1, extended, over_n, over_d, work = (
+        tables.table1(records),
+        tables.table1(records, "table1_extended"),
+        tables.curve(records, ["accuracy_vs_n", "accuracy_vs_n_cnn"]),
+        tables.curve(records, ["accuracy_vs_d"]),
+        tables.curve(records, ["work_precision"]),
+    )
+    written = []
+    for name, rows, columns, shown, title in (
+        ("table1", table1, tables.TABLE1, tables.TABLE1_COLUMNS,
+         "Table I, published and measured"),
+        ("table1_extended", extended, tables.TABLE1, tables.EXTENDED_COLUMNS,
+         "Table I for other competitors"),
+        ("accuracy_vs_n", over_n, tables.CURVE, tables.CURVE_COLUMNS,
+         "Accuracy against the number N of training samples"),
+        ("accuracy_vs_d", over_d, tables.CURVE, tables.CURVE_COLUMNS,
+         "Accuracy against the number D of pixels seen"),
+        ("work_precision", work, tables.CURVE, tables.CURVE_COLUMNS,
+         "Accuracy against the time of a prediction"),
+    ):  # fmt: skip
+        written += _write_table(results / "tables", name, rows, columns, shown, title)
+    written += _write_figures(results / "figures", records, table1 + extended, over_n, over_d, work)
+    console.print(terminal_table(table1))
+    _print_notes(console, records, table1, extended + over_n + over_d + work)
+    folders = sorted({os.path.relpath(path.parent) for path in written})
+    console.print(f"{len(written)} files in {' and '.join(folders)}", soft_wrap=True)
+    return written
+
+
+def terminal_table(rows: list[Row]) -> Table:
+    """Table I for the terminal: the paper's number beside ours, at most 100 columns."""
+    table = Table(
+        title=tables.caption(rows, "Table I"),
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+    )
+    table.add_column("model\n", min_width=13)
+    for head, width in (
+        ("training time (s)\npaper", 17), ("\nhere", 22), ("training (%)\npaper", 12),
+        ("\nhere", 4), ("test (%)\npaper", 15), ("\nhere", 15),
+    ):  # fmt: skip
+        table.add_column(head, justify="right", min_width=width, max_width=width)
+    for line in rows:
+        seeds = "1 seed" if line["seeds"] == 1 else f"{line['seeds']} seeds"
+        cells = (
+            f"{tables.display_name(line['model'])}\n[{seeds}]",
+            number(line["published_training_time_s"])
+            + _times(line["published_training_time_over_hdc"]),
+            tables.time_cell(line) + _times(line.get("training_time_over_hdc")),
+            percent(line["published_train_accuracy"]),
+            percent(line.get("train_accuracy_max")),
+            tables.published_cell(line),
+            tables.interval_cell(line),
+        )
+        table.add_row(*(escape(cell) for cell in cells))
+    return table
+
+
+def _times(ratio: float | None) -> str:
+    return f"\n{number(ratio)} × HDC" if ratio else ""
+
+
+def _write_table(
+    folder: Path, name: str, rows: list[Row], columns: Any, shown: Columns, title: str
+) -> list[Path]:
+    texts = {
+        "csv": tables.to_csv(rows, columns),
+        "md": tables.to_markdown(rows, shown, title),
+        "tex": tables.to_latex(rows, shown, title, name),
+    }
+    for kind, text in texts.items():
+        write_atomically(folder / f"{name}.{kind}", text)
+    return [folder / f"{name}.{kind}" for kind in texts]
+
+
+def _write_figures(
+    folder: Path,
+    records: Records,
+    table: list[Row],
+    over_n: list[Row],
+    over_d: list[Row],
+    work: list[Row],
+) -> list[Path]:
+    from experiments import figures
+
+    written = []
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, figure in {
+        "error_vs_time": figures.error_vs_time(records),
+        "accuracy_vs_n": figures.accuracy_vs_n(over_n),
+        "accuracy_vs_d": figures.accuracy_vs_d(over_d),
+        "work_precision": figures.work_precision(work, table),
+    }.items():
+        for kind in ("svg", "pdf"):
+            path = folder / f"{name}.{kind}"
+            path.write_bytes(figures.save(figure, kind))
+            written.append(path)
+        figures.plt.close(figure)
+    return written
+
+
+def _print_notes(console: Console, records: Records, table1: list[Row], rest: list[Row]) -> None:
+    """How to read the table, and what is missing from it and from the others."""
+    console.print(f"[dim]{escape(tables.notes(table1))}[/dim]")
+    for line in table1:
+        if line["status"] != "ok":
+            console.print(escape(f"{line['model']}: {line['status']}"), style="yellow")
+    missing = sum(line["status"] == "missing" for line in rest)
+    failed = sum(line["status"] not in ("ok", "missing") for line in rest)
+    if missing or failed:
+        console.print(
+            f"other tables: {len(rest)} rows, {missing} missing, {failed} with failed runs",
+            style="yellow",
+        )
+    for problem in records.problems:
+        console.print(escape(f"not a record: {problem}"), style="yellow")
+    if records.skipped:
+        console.print(
+            f"{len(records.skipped)} records left out: their configuration is not the one that "
+            f"configs/ has for their model or scene (first: {records.skipped[0]})",
+            style="yellow",
+        )
+
+
+if __name__ == "__main__":
+    main()
