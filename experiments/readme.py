@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from experiments import benchmark
+from experiments.benchmark_results import markdown_table
 from experiments.record import ROOT, results_dir, write_atomically
 
 _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
@@ -47,7 +47,7 @@ def _read(path: Path) -> str:
 
 
 def _benchmark(path: Path) -> str:
-    return benchmark.markdown_table(path).strip() if path.exists() else _missing(path)
+    return markdown_table(path).strip() if path.exists() else _missing(path)
 
 
 def _csv_table(path: Path) -> str:

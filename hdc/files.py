@@ -49,6 +49,7 @@ def save(model: HDCClassifier, path: Path) -> None:
             file.write(payload)
             file.flush()
             os.fsync(file.fileno())
+        os.chmod(temporary, 0o644)  # as an ordinary new file; mkstemp makes it private
         os.replace(temporary, path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
