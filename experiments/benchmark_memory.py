@@ -95,7 +95,7 @@ def _measure(index: int, n: int, d: int, n_classes: int, seed: int, threads: int
     torch.set_num_threads(threads)
     route = ROUTES[index]
     call, _ = route.build(Case(n, d, n_classes, seed=seed))
-    route.build(Case(2, 64, 2))[0]()  # thread pools and late imports belong to no call
+    route.build(Case(4, 64, 2))[0]()  # thread pools and late imports belong to no call
     gc.collect()
     # Give freed memory back, so that the call cannot take it unseen.
     with contextlib.suppress(OSError, AttributeError):
