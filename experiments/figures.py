@@ -1,12 +1,13 @@
 """Figures from records, one column wide (3.4 in), as SVG and PDF that come out the same every time.
 
-An accuracy on n test samples cannot tell an error below 1/n from none: errors of zero are drawn on
-a line of their own below 1/n, labelled 0. Intervals are those of the tables.
+An accuracy on n test samples cannot tell an error below 1/n from none: errors of zero are drawn in
+a grey strip of their own below 1/n, labelled 0. Intervals are those of the tables.
 """
 
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -43,7 +44,7 @@ STYLE: dict[Any, Any] = {
     "lines.markersize": 3.5,
     "legend.fontsize": 6,
     "legend.frameon": False,
-    "legend.handlelength": 1.8,
+    "legend.handlelength": 3.0,
     "svg.hashsalt": "optical-hdc",
     "pdf.fonttype": 42,
 }
@@ -64,6 +65,7 @@ _STYLES: dict[str, tuple[str, str, str]] = {
     "nearest_neighbour": ("#000000", "d", "-"),
 }
 _OTHER = ("#666666", ".", ":")
+_STAR = Line2D([], [], ls="", marker="*", mfc="white", mec="black", ms=8, label="paper, Table I")
 
 
 def error_vs_time(records: Records) -> Figure:
@@ -74,8 +76,7 @@ def error_vs_time(records: Records) -> Figure:
     rows = [row(group, groups[0]) for group in groups]
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, 3.7))
-        n_test = min((r["n_test"] for g in groups for r in _records(g.runs)), default=100)
-        floor = _error_axis(axes, n_test)
+        floor = _error_axis(axes, rows)
         axes.set_xscale("log")
         for group, line in zip(groups, rows, strict=True):
             for run in group.runs:
@@ -92,12 +93,11 @@ def error_vs_time(records: Records) -> Figure:
             )  # fmt: skip
         axes.set_xlabel("training time (s)")
         axes.set_ylabel("test error")
-        _seconds(axes)
+        _plain_decades(axes)
         shown = [group.model for group in groups if group.runs]
         handles = [_handle(model) for model in shown]
         handles += [
-            Line2D([], [], ls="", marker="*", mfc="white", mec="black", ms=8,
-                   label="paper, Table I"),
+            _STAR,
             Line2D([], [], ls="", marker="o", mfc="white", mec="black", ms=6,
                    label="training accuracy > 90 %"),
         ]  # fmt: skip
@@ -113,10 +113,14 @@ def accuracy_vs_n(rows: Sequence[Row]) -> Figure:
         figure, panels = plt.subplots(2, 1, figsize=(WIDTH, 5.6), sharex=True)
         for axes, models in zip(panels, (paper, others), strict=True):
             _accuracy_curves(axes, rows, models, "n_train")
-            axes.legend(handles=[_handle(m) for m in _shown(rows, models)], loc="lower right")
-        for model in ("hdc", "softmax", "cnn1", "cnn3"):
+            handles = [_handle(m) for m in _shown(rows, models)]
+            axes.legend(
+                handles=[*handles, *([_STAR] if axes is panels[0] else [])], loc="lower right"
+            )
+        # Two of the published accuracies are equal: side by side.
+        for model, n in (("hdc", 400), ("softmax", 400), ("cnn1", 380), ("cnn3", 421)):
             panels[0].plot(
-                400, 100 * published_row(model)["published_test_accuracy"], "*", markersize=8,
+                n, 100 * published_row(model)["published_test_accuracy"], "*", markersize=8,
                 color=_style(model)[0], markeredgecolor="black", markeredgewidth=0.6, zorder=5,
                 clip_on=False,
             )  # fmt: skip
@@ -126,7 +130,6 @@ def accuracy_vs_n(rows: Sequence[Row]) -> Figure:
             axes.axhline(90, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
         panels[0].text(limit * 0.95, 24, f"paper: > 90 %\nonly for N > {limit:g}", ha="right",
                        color="0.3", fontsize=6)  # fmt: skip
-        panels[0].text(370, 86.5, "★ paper, Table I", ha="right", va="top", fontsize=6)
         ticks = [5, 10, 20, 50, 100, 200, 400]
         panels[1].xaxis.set_major_locator(FixedLocator(ticks))
         panels[1].xaxis.set_minor_locator(NullLocator())
@@ -163,14 +166,15 @@ def work_precision(rows: Sequence[Row], table: Sequence[Row]) -> Figure:
     names = [*models, *(line["model"] for line in whole if line["model"] in _STYLES)]
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(WIDTH, 3.7))
-        floor = _error_axis(axes, min((r["n_test"] for r in everything if r["seeds"]), default=100))
+        floor = _error_axis(axes, everything)
         axes.set_xscale("log")
         for model in names:
             lines = [r for r in everything if r["model"] == model and r["seeds"]]
-            _error_bars(axes, model, [line["predict_single_s"] for line in lines], lines, floor)
-        axes.set_xlabel("time to predict a single frame (s)")
+            times = [1e3 * line["predict_single_s"] for line in lines]
+            _error_bars(axes, model, times, lines, floor)
+        axes.set_xlabel("time to predict a single frame (ms)")
         axes.set_ylabel("test error")
-        _seconds(axes)
+        _plain_decades(axes)
         shown = _shown(everything, names)
         handles = [_handle(model) for model in shown]
         _title(
@@ -267,29 +271,28 @@ def _accuracy_curves(axes: Axes, rows: Sequence[Row], models: Sequence[str], key
     axes.set_ylabel("test accuracy (%)")
 
 
-def _error_axis(axes: Axes, n_test: int) -> float:
-    """A logarithmic axis of errors in percent, with a line for no error at all; where that is."""
+def _error_axis(axes: Axes, rows: Sequence[Row]) -> float:
+    """A logarithmic axis of errors in percent, with a strip for no error at all; where that is."""
+    # Half an error among all the test samples that a row pools.
+    n_test = max((line["n_test"] for line in rows if line["seeds"]), default=100)
     floor = 0.5 / n_test
     axes.set_yscale("log")
     axes.set_ylim(floor * 0.8, 1.1)
-    ticks = [t for t in (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0) if t >= 1 / n_test]
-    axes.yaxis.set_major_locator(FixedLocator([floor, *ticks]))
+    decades = (0.001, 0.01, 0.1)
+    ticks = [t * k for t in decades for k in (1, 2, 5) if t * k >= 0.99 / n_test]
+    axes.yaxis.set_major_locator(FixedLocator([floor, *ticks, 1.0]))
     axes.yaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_major_formatter(
-        FuncFormatter(lambda y, _: "0" if y < 1 / n_test else f"{100 * y:g} %")
+        FuncFormatter(lambda y, _: "0" if y < 0.9 / n_test else f"{100 * y:g} %")
     )
-    axes.axhspan(floor * 0.8, 0.72 / n_test, color="0.93", lw=0, zorder=0)
-    axes.text(
-        0.99, floor * 1.12, f"no error in {n_test} samples", ha="right", va="bottom",
-        transform=axes.get_yaxis_transform(), fontsize=5.5, color="0.35",
-    )  # fmt: skip
+    axes.axhspan(floor * 0.8, 0.72 / n_test, color="0.92", lw=0, zorder=0)
     return floor
 
 
-def _seconds(axes: Axes) -> None:
-    """Decades of seconds written out where they are short."""
+def _plain_decades(axes: Axes) -> None:
+    """Decades of the x axis written out where they are short."""
     axes.xaxis.set_major_formatter(
-        FuncFormatter(lambda x, _: f"{x:g}" if 1e-3 <= x <= 1e4 else f"{x:.0e}")
+        FuncFormatter(lambda x, _: f"{x:,g}" if 1e-3 <= x <= 1e5 else f"{x:.0e}")
     )
 
 
@@ -302,24 +305,19 @@ def _title(
     wanted: Sequence[str],
     handles: Sequence[Line2D] = (),
 ) -> None:
-    """Title with the origin of the frames; legend above the axes; what has no record, below."""
+    """Title with the origin of the frames and what has no record; a legend below the axes."""
     seeds = sorted({line["seeds"] for line in rows if line["seeds"]})
     count = f", {seeds[0]}–{seeds[-1]} seeds" if len(seeds) > 1 else ""
     count = f", {seeds[0]} seed{'s' * (seeds[0] > 1)}" if len(seeds) == 1 else count
-    axes.set_title(f"{text}\n{origin(rows)} frames{count}, 95 % intervals", loc="left")
-    if handles:
-        figure.legend(handles=handles, loc="outside lower center", ncols=2)
+    strip = ", grey: no error" if axes.get_yscale() == "log" else ""
+    lines = [text, f"{origin(rows)} frames{count}, 95 % intervals{strip}"]
     missing = [display_name(m) for m in dict.fromkeys(wanted) if m not in shown]
     if missing:
-        words = "no records: " + ", ".join(missing)
-        figure.supxlabel(_wrapped(words), fontsize=5.5, color="0.35", x=0.02, ha="left")
+        lines += textwrap.wrap("no records: " + "; ".join(missing), 64)
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=7)
+    if handles:
+        figure.legend(handles=handles, loc="outside lower center", ncols=2)
     figure.set_layout_engine("constrained")
-
-
-def _wrapped(text: str, width: int = 78) -> str:
-    import textwrap
-
-    return "\n".join(textwrap.wrap(text, width))
 
 
 def _shown(rows: Sequence[Row], models: Sequence[str]) -> list[str]:
@@ -334,7 +332,3 @@ def _handle(model: str) -> Line2D:
 
 def _style(model: str) -> tuple[str, str, str]:
     return _STYLES.get(model, _OTHER)
-
-
-def _records(runs: Sequence[Run]) -> list[dict[str, Any]]:
-    return [run.record for run in runs]

@@ -71,19 +71,19 @@ def terminal_table(rows: list[Row]) -> Table:
         title=tables.caption(rows, "Table I"),
         title_justify="left",
         box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
+        padding=0,
         pad_edge=False,
     )
-    table.add_column("model\n", min_width=13)
+    table.add_column("model\nseeds", min_width=13)
     for head, width in (
-        ("training time (s)\npaper", 17), ("\nhere", 22), ("training (%)\npaper", 12),
-        ("\nhere", 4), ("test (%)\npaper", 15), ("\nhere", 15),
+        ("training (s)\npaper", 12), ("\nhere", 22), ("train (%)\npaper", 9), ("\nhere", 4),
+        ("test (%) [95 %]\npaper", 15), ("\nhere", 15),
     ):  # fmt: skip
-        table.add_column(head, justify="right", min_width=width, max_width=width)
+        table.add_column(escape(head), justify="right", min_width=width)
     for line in rows:
         seeds = "1 seed" if line["seeds"] == 1 else f"{line['seeds']} seeds"
         cells = (
-            f"{tables.display_name(line['model'])}\n[{seeds}]",
+            f"{tables.display_name(line['model'])}\n{seeds}",
             number(line["published_training_time_s"])
             + _times(line["published_training_time_over_hdc"]),
             tables.time_cell(line) + _times(line.get("training_time_over_hdc")),

@@ -24,6 +24,8 @@ class StopRule:
         target: accuracy in (0, 1) to exceed.
         until: ``"reached"`` or ``"plateau"``.
         patience: reports without a better training accuracy.
+        patience_below: the same while the target has never been exceeded, where learning that has
+            hardly begun looks like a plateau; None for `patience`.
         budget_s: seconds of training time.
         at_least_s: with ``"reached"``, train for this many seconds even so, unless nothing is
             left to do: what is cheap is trained to its end.
@@ -34,6 +36,7 @@ class StopRule:
     patience: int = 5
     budget_s: float = 1800.0
     at_least_s: float = 0.0
+    patience_below: int | None = None
     _best: float = field(default=-1.0, init=False, repr=False)
     _stale: int = field(default=0, init=False, repr=False)
 
@@ -46,6 +49,10 @@ class StopRule:
             raise ValueError(f"stop.target: expected a number in (0, 1), found {self.target}")
         if self.patience < 1:
             raise ValueError(f"stop.patience: expected at least 1, found {self.patience}")
+        if self.patience_below is not None and self.patience_below < 1:
+            raise ValueError(
+                f"stop.patience_below: expected at least 1, found {self.patience_below}"
+            )
         if not self.budget_s > 0:
             raise ValueError(f"stop.budget_s: expected more than 0 s, found {self.budget_s}")
         if not 0 <= self.at_least_s <= self.budget_s:
@@ -66,4 +73,7 @@ class StopRule:
             return "reached"
         self._stale = 0 if train_accuracy > self._best else self._stale + 1
         self._best = max(self._best, train_accuracy)
-        return "plateau" if self._stale >= self.patience else out_of_time
+        patience = self.patience
+        if self._best <= self.target and self.patience_below is not None:
+            patience = self.patience_below
+        return "plateau" if self._stale >= patience else out_of_time

@@ -263,7 +263,7 @@ def test_softmax_with_an_absurd_step_diverges(archive):
 @pytest.mark.parametrize(
     ("overrides", "stop", "reports"),
     [
-        (["stop.patience=2"], "plateau", 3),
+        (["stop.patience=2", "stop.patience_below=2"], "plateau", 3),
         (["stop=reached", "stop.target=0.1"], "reached", 1),
         (["stop.budget_s=1e-9"], "budget", 1),
         (["stop.patience=100"], "finished", 9),

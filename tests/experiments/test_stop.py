@@ -104,3 +104,12 @@ def test_more_patience_never_stops_earlier(accuracies, patience):
         return len(accuracies) if stopped is None else stopped[0]
 
     assert at(patience) <= at(patience + 1)
+
+
+def test_another_patience_while_the_target_is_not_reached():
+    stuck = [0.5, *[0.4] * 20]
+    assert stops(StopRule(patience=3, patience_below=10), stuck) == (11, "plateau")
+    risen = [*stuck[:5], 0.95, *[0.9] * 9]
+    assert stops(StopRule(patience=3, patience_below=10), risen) == (8, "plateau")
+    with pytest.raises(ValueError, match=r"stop\.patience_below"):
+        StopRule(patience_below=0)
