@@ -108,7 +108,7 @@ def test_more_patience_never_stops_earlier(accuracies, patience):
 
 def test_another_patience_while_the_target_is_not_reached():
     stuck = [0.5, *[0.4] * 20]
-    assert stops(StopRule(patience=3, patience_below=10), stuck) == (11, "plateau")
+    assert stops(StopRule(patience=3, patience_below=10), stuck) == (10, "plateau")
     risen = [*stuck[:5], 0.95, *[0.9] * 9]
     assert stops(StopRule(patience=3, patience_below=10), risen) == (8, "plateau")
     with pytest.raises(ValueError, match=r"stop\.patience_below"):
