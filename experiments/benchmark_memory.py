@@ -6,6 +6,7 @@ prepares the route's inputs, lets the system start its peak anew, and makes the 
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import ctypes
 import functools
@@ -61,12 +62,18 @@ def _peak_on_accelerator(route: Route, case: Case) -> int:
 @functools.cache
 def _server() -> subprocess.Popen[str]:
     """Started once; it ends by itself when this process does, as its input then ends."""
-    return subprocess.Popen(
+    server = subprocess.Popen(
         [sys.executable, "-m", "experiments.benchmark_memory"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
     )
+
+    @atexit.register
+    def close() -> None:
+        server.communicate()
+
+    return server
 
 
 def _serve() -> None:
