@@ -1,0 +1,147 @@
+"""Records made up for tests of tables and figures: configurations as composed, results chosen."""
+
+from __future__ import annotations
+
+import copy
+import json
+
+import numpy as np
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from experiments import record
+from experiments.selection import CONFIGS
+
+
+@pytest.fixture(scope="session")
+def composed():
+    """compose(overrides) → a resolved config as a record holds it; each combination made once."""
+    known = {}
+
+    def make(scene, model, stop):
+        key = (f"scene={scene}", f"model={model}", f"stop={stop}")
+        if key not in known:
+            with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+                known[key] = compose("config", overrides=list(key))
+        return copy.deepcopy(known[key])
+
+    return make
+
+
+@pytest.fixture
+def write_run(tmp_path, composed):
+    """write_run(model, …) → id of a record in tmp_path/runs, as the runner would have left it."""
+
+    def write(
+        model,
+        *,
+        seed=0,
+        n_train=None,
+        pixels=None,
+        stop="paper",
+        wrong=(),
+        curve=None,
+        status="finished",
+        change=None,
+        choices=None,
+        **results,
+    ):
+        cfg = composed("touch", model, stop)
+        cfg.seed.run, cfg.split.n_train, cfg.data.pixels = seed, n_train, pixels
+        for key, value in (change or {}).items():
+            OmegaConf.update(cfg, key, value)
+        config = OmegaConf.to_container(cfg, resolve=True)
+        for key in ("force", "cache", "task"):
+            config.pop(key)
+        config["threads"] = 2
+        identity = record.run_id("touch", model, config, "f" * 64)
+        entry = {
+            "schema": record.SCHEMA,
+            "id": identity,
+            "status": status,
+            "choices": {"scene": "touch", "model": model, "stop": stop, **(choices or {})},
+            "experiment": None,
+            "config": config,
+            "environment": {"cpu": "A CPU", "threads": 2, "code": "c0dec0de" * 8},
+            "scene": {"name": "touch", "origin": "simulated", "shape": [500, 500], "n": 500},
+        }
+        folder = tmp_path / "runs" / identity
+        if status != "finished":
+            entry["error"] = results.pop("error", "ValueError: it broke")
+            record.write_record(folder, entry)
+            return identity
+        truth = np.arange(100) % 5
+        predicted = np.where(np.isin(np.arange(100), list(wrong)), (truth + 1) % 5, truth)
+        curve = curve or [{"training_s": 0.5, "samples_seen": 400}]
+        final = 1 - len(list(wrong)) / 100
+        rows = [{"train_accuracy": 1.0, "test_accuracy": final, **row} for row in curve]
+
+        def first(key):
+            return next((row["training_s"] for row in rows if row[key] > 0.9), None)
+
+        entry |= {
+            "stop": "plateau" if "loss" in rows[0] else "finished",
+            "training_s": rows[-1]["training_s"],
+            "time_to_target_train_s": first("train_accuracy"),
+            "time_to_target_test_s": first("test_accuracy"),
+            "train_accuracy_max": max(row["train_accuracy"] for row in rows),
+            "train_accuracy_final": rows[-1]["train_accuracy"],
+            "test_accuracy_max": max(row["test_accuracy"] for row in rows),
+            "test_accuracy_final": final,
+            "model_bytes": 1000,
+            "n_train": n_train or 400,
+            "n_test": 100,
+            "test_labels": truth,
+            "predicted": predicted,
+            "predict_single_s": 1e-3,
+            "predict_batch_s_per_frame": 1e-4,
+            "data_sha256": {"train": "a", "test": f"test of seed {seed}"},
+            **results,
+        }
+        record.write_curve(folder, rows)
+        record.write_record(folder, entry)
+        return identity
+
+    return write
+
+
+@pytest.fixture
+def read_run(tmp_path):
+    """read_run(id) → the record."""
+    return lambda identity: json.loads((tmp_path / "runs" / identity / "record.json").read_text())
+
+
+def epochs(*accuracies, step=10.0, test=None):
+    """A curve of an iterative model: training accuracies, one report each `step` seconds."""
+    return [
+        {
+            "training_s": step * (k + 1),
+            "samples_seen": 400 * (k + 1),
+            "epoch": k + 1.0,
+            "loss": 1.0 / (k + 1),
+            "train_accuracy": accuracy,
+            "test_accuracy": accuracy if test is None else test[k],
+        }
+        for k, accuracy in enumerate(accuracies)
+    ]
+
+
+@pytest.fixture
+def a_full_set(write_run):
+    """Records of several models, seeds, sizes and dimensions, one failed and some missing."""
+    for seed in (0, 1):
+        write_run("hdc", seed=seed, curve=[
+            {"training_s": t * (1 + seed), "samples_seen": n} for t, n in ((0.1, 200), (0.2, 400))
+        ])  # fmt: skip
+        write_run(
+            "softmax", seed=seed, wrong=range(3), curve=epochs(0.5, 0.95, 0.99, step=1 + seed)
+        )
+        write_run("cnn1", seed=seed, wrong=range(seed, 10), curve=epochs(0.3, 0.8, 0.97))
+        for n in (5, 20, 100):
+            write_run("hdc", seed=seed, n_train=n, wrong=range(40 // n * 5))
+            write_run("ridge", seed=seed, n_train=n, wrong=range(30))
+        for pixels in (100, 1000):
+            write_run("hdc", seed=seed, pixels=pixels, wrong=range(5000 // pixels))
+            write_run("correlation", seed=seed, pixels=pixels, wrong=range(7))
+    write_run("cnn3", status="failed", error="RuntimeError: no memory")
