@@ -76,7 +76,7 @@ def run(
             chosen = [r for r in routes or ROUTES if r.operation == operation]
             bench.measure(chosen, Case(*case, device=device, seed=seed))
     rows += _storage_rows(*closest(rows))
-    environment = record.environment(device, torch.get_num_threads())
+    environment = record.environment(device, torch.get_num_threads(), {})
     for row in rows:
         row.device, row.threads, row.cpu = (environment[k] for k in ("device", "threads", "cpu"))
         row.versions = _versions()

@@ -17,11 +17,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
-SCHEMA = 1
+from experiments import sources
+
+ROOT = sources.ROOT
+SCHEMA = 2
 STATUSES = ("running", "finished", "failed", "interrupted")
 _PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "hydra-core", "numkong")
-_CODE = ("hdc", "baselines", "scenes", "experiments")
 
 
 def results_dir() -> Path:
@@ -88,8 +89,9 @@ def write_curve(folder: Path, rows: Sequence[Mapping[str, float]]) -> None:
     write_atomically(folder / "curve.csv", "\n".join(lines) + "\n")
 
 
-def environment(device: str, threads: int) -> dict[str, Any]:
+def environment(device: str, threads: int, config: Mapping[str, Any]) -> dict[str, Any]:
     """Everything about the machine and the code that a reader of a time wants to know."""
+    files = sources.sources(config)
     return {
         "python": platform.python_version(),
         "platform": platform.platform(),
@@ -98,19 +100,10 @@ def environment(device: str, threads: int) -> dict[str, Any]:
         "threads": threads,
         "device": _device_name(device),
         "packages": {name: _version(name) for name in _PACKAGES},
-        "code": code_hash(),
+        "code": sources.code_hash(files),
+        "sources": files,
         **_git(),
     }
-
-
-@functools.cache
-def code_hash() -> str:
-    """SHA-256 over the source files of the project's packages."""
-    state = hashlib.sha256()
-    for package in _CODE:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            state.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes())
-    return state.hexdigest()
 
 
 def _plain(value: Any) -> Any:
@@ -164,7 +157,7 @@ def _git() -> dict[str, Any]:
             return None
 
     # Results are written while runs go on; only code and configs make a tree dirty.
-    changed = ask("status", "--porcelain", "--", *_CODE, "configs")
+    changed = ask("status", "--porcelain", "--", *sources.PACKAGES, "configs")
     return {"commit": ask("rev-parse", "HEAD"), "dirty": None if changed is None else bool(changed)}
 
 

@@ -20,6 +20,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from experiments.record import ROOT, read_record
+from experiments.sources import outdated
 
 CONFIGS = ROOT / "configs"
 # Of several finished runs of one seed the first in this list counts; an unnamed rule comes last.
@@ -62,6 +63,7 @@ class Group:
         pixels: pixels asked for; None for all.
         runs: finished runs, in the order of their seeds.
         failed: records of seeds that have no finished run.
+        older: finished runs left out because other code made them than the runs.
     """
 
     scene: str
@@ -70,6 +72,7 @@ class Group:
     pixels: int | None = None
     runs: list[Run] = field(default_factory=list)
     failed: list[dict[str, Any]] = field(default_factory=list)
+    older: list[Run] = field(default_factory=list)
 
     @property
     def status(self) -> str:
@@ -77,7 +80,7 @@ class Group:
         if not self.runs and not self.failed:
             return "missing"
         if not self.failed:
-            return "ok"
+            return f"{len(self.older)} more left out: made by other code" if self.older else "ok"
         worst = self.failed[0]
         text = f"{worst['status']}: {worst.get('error', 'no error recorded')}"
         return text if not self.runs else f"{len(self.failed)} more {text}"
@@ -138,7 +141,8 @@ class Records:
                 finished.setdefault(rank, []).append(best)
         if finished:
             # Maxima of runs that were stopped by different rules must not be averaged.
-            group.runs = sorted(finished[min(finished)], key=lambda run: _seed_order(run.record))
+            group.runs, group.older = _of_one_code(finished[min(finished)])
+            group.runs.sort(key=lambda run: _seed_order(run.record))
         group.failed.sort(key=_seed_order)
         return group
 
@@ -233,6 +237,20 @@ def _stop_rank(run: Run) -> int:
     stops = _stops()
     stop = run.record["config"]["stop"]
     return stops.index(stop) if stop in stops else len(stops)
+
+
+def _of_one_code(runs: list[Run]) -> tuple[list[Run], list[Run]]:
+    """Runs that may be pooled, and the rest: today's code goes first, then the largest set."""
+    by_code: dict[str, list[Run]] = {}
+    for run in runs:
+        by_code.setdefault(run.record["environment"]["code"], []).append(run)
+
+    def rank(same: list[Run]) -> tuple[bool, int, str]:
+        environment = same[0].record["environment"]
+        return not outdated(environment["sources"]), len(same), environment["code"]
+
+    kept = max(by_code.values(), key=rank)
+    return kept, [run for run in runs if run not in kept]
 
 
 def _preference(run: Run) -> tuple[int, str]:

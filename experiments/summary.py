@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from experiments import record
+from experiments import sources
 
 
 def summarise(
@@ -44,6 +44,6 @@ def summarise(
             table.add_row(escape(name), *(str(n) if n else "·" for n in row))
         console.print(table)
     note = " (finished before; force=true runs it again)" if repeated else ""
-    if entry["environment"]["code"] != record.code_hash():
-        note += " (made by other code than this)"
+    if changed := sources.outdated(entry["environment"]["sources"]):
+        note += f" (made by other code than this: {', '.join(changed)})"
     console.print(f"  record {os.path.relpath(folder)}{note}", soft_wrap=True, markup=False)

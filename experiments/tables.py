@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments import evaluate
+from experiments import evaluate, sources
 from experiments.record import ROOT
 from experiments.selection import Group, Records, Run, numbers, sweep
 
@@ -156,7 +156,7 @@ def row(group: Group, hdc: Group) -> Row:
         "origin": _same(record["scene"]["origin"] for record in records),
         "cpu": _same(record["environment"]["cpu"] for record in records),
         "threads": _same(record["environment"]["threads"] for record in records),
-        "code": _same(record["environment"]["code"][:8] for record in records),
+        "code": ", ".join(sources.outdated(_files(records))) or "current",
     }
     return result
 
@@ -244,6 +244,11 @@ def _quartiles(times: Sequence[float]) -> list[float]:
 
 def _reached(seconds: float, longest: float) -> float | str:
     return seconds if np.isfinite(seconds) else f"not reached in {longest:.3g} s"
+
+
+def _files(records: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """The code of a row's records, which agree (:class:`selection.Records` sees to it)."""
+    return {k: v for record in records for k, v in record["environment"]["sources"].items()}
 
 
 def _same(values: Any) -> Any:
@@ -401,9 +406,12 @@ def notes(rows: Sequence[Row]) -> str:
         "accuracy is the last model's. Intervals: Wilson, 95 %, for the test samples of all seeds "
         "together (paper: 100 samples). McNemar p: exact, against HDC on the same test samples."
     )
-    code = sorted({str(line["code"]) for line in rows if line.get("code")})
-    if "mixed" in code or len(code) > 1:
-        text += f" The records were made by more than one version of the code: {', '.join(code)}."
+    if old := [line for line in rows if line.get("code", "current") != "current"]:
+        files = sorted({name for line in old for name in line["code"].split(", ")})
+        text += (
+            f" Made by other code than this ({', '.join(files)} changed since): "
+            f"{', '.join(dict.fromkeys(display_name(line['model']) for line in old))}."
+        )
     if any("reached" in (line.get("stop") or "").split("; ") for line in rows):
         text += " Runs marked reached were stopped at 90 %: later accuracies may be higher."
     return text

@@ -10,7 +10,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from experiments import record
+from experiments import record, sources
 from experiments.selection import CONFIGS
 
 
@@ -27,6 +27,12 @@ def composed():
         return copy.deepcopy(known[key])
 
     return make
+
+
+def made_by(config):
+    """The part of a record that says which code made it."""
+    files = sources.sources(config)
+    return {"code": sources.code_hash(files), "sources": files}
 
 
 @pytest.fixture
@@ -63,7 +69,7 @@ def write_run(tmp_path, composed):
             "choices": {"scene": "touch", "model": model, "stop": stop, **(choices or {})},
             "experiment": None,
             "config": config,
-            "environment": {"cpu": "A CPU", "threads": 2, "code": "c0dec0de" * 8},
+            "environment": {"cpu": "A CPU", "threads": 2, **made_by(config)},
             "scene": {"name": "touch", "origin": "simulated", "shape": [500, 500], "n": 500},
         }
         folder = tmp_path / "runs" / identity

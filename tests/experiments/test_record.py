@@ -15,7 +15,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments import record
+from experiments import record, sources
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -43,7 +43,7 @@ def test_other_data_other_id():
 
 def test_a_record_comes_back_with_plain_values(tmp_path):
     entry = {
-        "schema": 1,
+        "schema": record.SCHEMA,
         "status": "finished",
         "array": np.arange(3),
         "tensor": torch.tensor([[1, 2]]),
@@ -55,7 +55,7 @@ def test_a_record_comes_back_with_plain_values(tmp_path):
     }
     record.write_record(tmp_path / "run", entry)
     assert record.read_record(tmp_path / "run") == {
-        "schema": 1,
+        "schema": record.SCHEMA,
         "status": "finished",
         "array": [0, 1, 2],
         "tensor": [[1, 2]],
@@ -75,14 +75,14 @@ def test_no_record_is_none(tmp_path):
     "content",
     [
         b"",
-        b'{"schema": 1, "status": "fini',
+        b'{"schema": record.SCHEMA, "status": "fini',
         b"\xff\xfe\x00",
         b"[1, 2]",
         b"null",
         b'{"status": "finished"}',
         b'{"schema": 99, "status": "finished"}',
-        b'{"schema": 1}',
-        b'{"schema": 1, "status": "done"}',
+        b'{"schema": record.SCHEMA}',
+        b'{"schema": record.SCHEMA, "status": "done"}',
         b"[" * 100_000,
         b"9" * 10_000,
     ],
@@ -150,7 +150,7 @@ def test_the_curve_has_a_column_for_every_key_and_full_precision(tmp_path):
 
 
 def test_the_environment_says_what_a_reader_of_a_time_wants_to_know():
-    environment = record.environment("cpu", 3)
+    environment = record.environment("cpu", 3, {})
     assert environment["threads"] == 3
     assert environment["device"] == "cpu"
     assert environment["cores"] == os.cpu_count()
@@ -170,6 +170,17 @@ def git(folder, *words):
     return done.stdout.strip()
 
 
+HDC = {"model": {"_target_": "hdc.bits.Nothing"}}
+
+
+def forget():
+    """What was read of a checkout."""
+    for cached in (
+        record._git, sources.digest, sources._closure, sources._imports, sources._now
+    ):  # fmt: skip
+        cached.cache_clear()
+
+
 @pytest.fixture
 def checkout(tmp_path, monkeypatch):
     """A small checkout in the place of this one."""
@@ -178,18 +189,16 @@ def checkout(tmp_path, monkeypatch):
     git(tmp_path, "init", "-q")
     git(tmp_path, "add", ".")
     git(tmp_path, "commit", "-qm", "first")
-    monkeypatch.setattr(record, "ROOT", tmp_path)
-    record._git.cache_clear()
-    record.code_hash.cache_clear()
+    for module in (record, sources):
+        monkeypatch.setattr(module, "ROOT", tmp_path)
+    forget()
     yield tmp_path
-    record._git.cache_clear()
-    record.code_hash.cache_clear()
+    forget()
 
 
 def manifest():
-    record._git.cache_clear()
-    record.code_hash.cache_clear()
-    return record.environment("cpu", 1)
+    forget()
+    return record.environment("cpu", 1, HDC)
 
 
 def test_commit_and_dirt_and_code_hash(checkout):

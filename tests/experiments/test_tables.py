@@ -46,7 +46,7 @@ def test_numbers_are_those_of_the_records(tmp_path, write_run, read_run):
     assert row["n_train"] == 400
     assert row["pixels"] == 250_000
     assert row["model_bytes"] == 1000
-    assert row["code"] == "c0dec0de"
+    assert row["code"] == "current"
 
 
 def test_the_time_of_an_iterative_model_is_that_to_90_percent(tmp_path, write_run):
@@ -161,12 +161,25 @@ def test_other_devices_and_broken_files_are_left_out(tmp_path, write_run):
     assert Records(tmp_path, "cuda").group("touch", "hdc").status == "ok"
 
 
-def test_more_than_one_version_of_the_code_shows(tmp_path, write_run):
+OLD = {"code": "0" * 64, "sources": {"hdc/bits.py": "0" * 12}}
+
+
+def test_runs_of_other_code_are_never_pooled_with_those_of_todays(tmp_path, write_run):
+    for seed in (1, 2):
+        write_run("hdc", seed=seed, environment={"cpu": "A CPU", "threads": 2, **OLD})
     write_run("hdc", seed=0)
-    write_run("hdc", seed=1, environment={"cpu": "A CPU", "threads": 2, "code": "0" * 64})
     row = line(tmp_path, "hdc")
-    assert row["code"] == "mixed"
-    assert "more than one version of the code" in tables.notes([row])
+    assert (row["seeds"], row["code"]) == (1, "current")
+    assert row["status"] == "2 more left out: made by other code"
+
+
+def test_a_row_of_other_code_says_so(tmp_path, write_run):
+    write_run("softmax", environment={"cpu": "A CPU", "threads": 2, **OLD})
+    write_run("hdc")
+    rows = tables.table1(Records(tmp_path))
+    row = next(r for r in rows if r["model"] == "softmax")
+    assert row["code"] == "hdc/bits.py"
+    assert "other code than this (hdc/bits.py changed since): Softmax" in tables.notes(rows)
 
 
 @pytest.mark.parametrize(
