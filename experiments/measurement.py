@@ -78,10 +78,10 @@ def measure(
     payload = json.dumps([config, environment["code"], device], sort_keys=True, default=str)
     identity = hashlib.sha256(payload.encode()).hexdigest()[:12]
     known = read(record.results_dir(), name)
-    if known and not force and known.record["status"] == "finished":
-        if known.record["identity"] == identity:
-            console.print(f"{name}: finished before (force=true runs it again)")
-            return folder
+    done = known and (known.record["status"], known.record["identity"]) == ("finished", identity)
+    if done and not force:
+        console.print(f"{name}: finished before (force=true runs it again)")
+        return folder
     entry: Row = {
         "name": name,
         "identity": identity,
@@ -93,8 +93,7 @@ def measure(
     rows: list[Row] = []
     start = time.perf_counter()
     try:
-        for row in compute():
-            rows.append(row)
+        rows.extend(compute())  # one by one: what came before an error stays
         entry["status"] = "finished"
     except BaseException as error:
         entry["status"] = "failed" if isinstance(error, Exception) else "interrupted"
