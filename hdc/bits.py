@@ -9,7 +9,9 @@ is installed) takes its place, with the same results bit for bit.
 from __future__ import annotations
 
 import functools
+import os
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import torch
@@ -19,6 +21,7 @@ from hdc import planes
 
 WORD = 64
 TIES = ("zero", "one", "random")
+_PARALLEL_BYTES = 2**20  # of queries that are worth a second thread
 
 # Eight bools seen as one int64 times this constant carry their bits into the top byte, in order.
 _GATHER_BYTE = 0x0102040810204080
@@ -139,8 +142,28 @@ def hamming_numkong(queries: Tensor, prototypes: Tensor) -> Tensor:
     q, p = (x.numpy().view(np.uint8) for x in (queries, prototypes))
     if 0 in (len(q), len(p), q.shape[1]):
         return torch.zeros(len(q), len(p), dtype=torch.int64)
-    distances = numkong.hammings_packed(q, numkong.hammings_pack(p, dtype="uint1"))
-    return torch.from_numpy(np.asarray(distances).reshape(len(q), len(p)).astype(np.int64))
+    packed = numkong.hammings_pack(p, dtype="uint1")
+    halves = [q]
+    if q.nbytes > _PARALLEL_BYTES and torch.get_num_threads() > 1:
+        halves = [q[: len(q) // 2], q[len(q) // 2 :]]
+    others = [_pool().submit(numkong.hammings_packed, half, packed) for half in halves[1:]]
+    distances = [numkong.hammings_packed(halves[0], packed), *(other.result() for other in others)]
+    return torch.from_numpy(np.concatenate(distances, dtype=np.int64).reshape(len(q), len(p)))
+
+
+def _pool() -> ThreadPoolExecutor:
+    """A thread of this process for half of the queries; NumKong computes without the interpreter.
+
+    One more thread saturates the memory of a small machine; starting one for every call would take
+    as long as the call.
+    """
+    # A forked process has the pool of its parent but not its thread.
+    return _pool_of(os.getpid())
+
+
+@functools.cache
+def _pool_of(process: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, thread_name_prefix="hamming")
 
 
 @functools.cache

@@ -126,3 +126,17 @@ def test_same_bits_on_cuda() -> None:
     assert torch.equal(bits.popcount(there).cpu(), bits.popcount(words))
     assert torch.equal(bits.hamming(there, there[:5]).cpu(), bits.hamming(words, words[:5]))
     assert torch.equal(bits.majority(there).cpu(), bits.majority(words))
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_many_queries_are_shared_by_two_threads_with_the_same_distances(threads: int) -> None:
+    rng = np.random.default_rng(0)
+    queries = torch.from_numpy(rng.integers(-(2**63), 2**63 - 1, (101, 1500)))
+    assert queries.nbytes > bits._PARALLEL_BYTES
+    before = torch.get_num_threads()
+    torch.set_num_threads(threads)
+    try:
+        found = bits.hamming(queries, queries[:7])
+    finally:
+        torch.set_num_threads(before)
+    assert torch.equal(found, bits.hamming_numpy(queries, queries[:7]))
