@@ -3,7 +3,7 @@
 A frame minus its mean, divided by its norm, is z with Σ z = 0 and Σ z² = 1, and the correlation of
 two frames is the product z·z′. With the class sums S_l = Σ_k z_lk the mean of Eqs. 4 and 5,
 
-    C_ll′ = Σ_k Σ_{k′≠k} z_lk·z_l′k′ / (N_s(N_s − 1)) = (S_l·S_l′ − Σ_k z_lk·z_l′k) / (N_s(N_s − 1)),
+    C_ll′ = Σ_k Σ_{k′≠k} z_lk·z_l′k′ / M = (S_l·S_l′ − Σ_k z_lk·z_l′k) / M,   M = N_s(N_s − 1),
 
 takes O(N·D) instead of O(N²·D) operations; pairs with k = k′ are left out on and off the diagonal,
 as in the paper. Eq. 6 is z(P_l)·S_l′/N_s for a prototype P_l.

@@ -1,4 +1,4 @@
-"""What the paper's numbers are here: one row for each line of results/published.csv that is measured.
+"""The paper's numbers as measured here: rows for the lines of results/published.csv.
 
 Rows come from run records (Figs. 5 to 7 and 9) and from the measurements ``correlation`` (Fig. 4)
 and ``drift`` (Fig. 8); Table I has its own (:mod:`experiments.tables`). What has no record has no

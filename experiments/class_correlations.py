@@ -1,0 +1,193 @@
+"""Correlations within and between classes (Figs. 4 and 7(a)): speckle, hypervectors, prototypes.
+
+Eqs. 4 to 6 of the paper for every pair of classes and every seed. The paper takes 100 samples a
+class, 80 of which make its prototype, and does not say with which of them Eq. 6 compares it: here
+with those, with the others (``held-out``), and with ``all``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from rich.console import Console
+from torch import Tensor
+
+from experiments import data, record
+from experiments.correlation import CorrelationSums
+from experiments.measurement import Row, measure
+from experiments.repetitions import scenes
+from hdc import bits
+from hdc.encode import encode
+from hdc.prototypes import Counters
+from scenes.frames import Scene
+
+KINDS = ("speckle", "hypervector", "prototype")  # Eq. 4, 5, 6
+PARTS = ("training", "held-out")
+SAMPLES = (*PARTS, "all")
+
+Sums = dict[str, dict[str, CorrelationSums]]  # by what is correlated and by part
+
+
+def run(
+    name: str,
+    scene: Mapping[str, Any],
+    split: Mapping[str, Any],
+    seeds: Sequence[int],
+    kinds: Sequence[str] = KINDS,
+    samples: Sequence[str] = SAMPLES,
+    crop: int | None = None,
+    device: str = "cpu",
+    cache: bool = True,
+    force: bool = False,
+) -> Path:
+    """Measure, and write ``measured/NAME/``: rows.csv and, with `crop`, PNGs of the first seed.
+
+    Args:
+        name: of the measurement.
+        scene, split: configurations; the training samples make the prototypes.
+        seeds: of scene and split.
+        kinds: which of ``speckle`` (C^s), ``hypervector`` (C^b), ``prototype`` (C^p).
+        samples: which of ``training``, ``held-out``, ``all``.
+        crop: edge in pixels of the pictures, from the middle of a frame; null for none.
+        device: where frames are made.
+        cache: keep made frames in the results' cache.
+        force: measure again.
+
+    Returns:
+        Path: the folder. The columns of its rows: ``seed``; ``kind`` and ``samples`` as above;
+        ``class_i`` (of the prototype, where there is one) and ``class_j``; ``value``, C_ij;
+        ``n``, samples a class; ``undefined``, how many of the two classes' samples are constant.
+    """
+    for key, values, known in (("kinds", kinds, KINDS), ("samples", samples, SAMPLES)):
+        if unknown := [value for value in values if value not in known]:
+            raise ValueError(f"task.{key}: expected among {', '.join(known)}, found {unknown[0]!r}")
+    console = Console(highlight=False)
+    config = {
+        "_target_": f"{__name__}.run",
+        "name": name,
+        "scene": scene,
+        "split": split,
+        "seeds": seeds,
+        "kinds": kinds,
+        "samples": samples,
+        "crop": crop,
+    }
+
+    def compute() -> Iterator[Row]:
+        for seed, made in scenes(scene, seeds, cache, console):
+            members = members_of(made, split, seed)
+            sums, prototypes = add_up(made, members, kinds)
+            for row in rows(made.classes, sums, prototypes, kinds, samples):
+                yield {"seed": seed, **row}
+            if crop and seed == seeds[0]:
+                folder = record.results_dir() / "measured" / name
+                write_images(made, members["training"][:, 0], prototypes, crop, folder)
+
+    return measure(name, config, compute, device=device, force=force, console=console)
+
+
+def members_of(scene: Scene, split: Mapping[str, Any], seed: int) -> dict[str, np.ndarray]:
+    """Sample indices [L, N_s] of the training and of the held-out part.
+
+    Raises:
+        ValueError: if classes have different numbers of samples, for which Eq. 4 is not defined.
+    """
+    found = {}
+    for part, chosen in zip(PARTS, data.choose(scene, split, seed), strict=True):
+        by_class = [chosen[scene.labels[chosen] == c] for c in range(len(scene.classes))]
+        counts = sorted({len(members) for members in by_class})
+        if len(counts) > 1:
+            raise ValueError(
+                f"scene: expected as many {part} samples of every class, found {counts}"
+            )
+        found[part] = np.stack(by_class)
+    return found
+
+
+def add_up(
+    scene: Scene, members: Mapping[str, np.ndarray], kinds: Sequence[str] = KINDS
+) -> tuple[Sums, Tensor]:
+    """The sums of every kind and part, and the prototypes bool [L, D]; each frame is read once."""
+    n_classes, dimension = len(scene.classes), math.prod(scene.shape)
+    inputs = {"hypervector" if kind == "prototype" else kind for kind in kinds}
+    sums = {
+        kind: {part: CorrelationSums(n_classes, dimension) for part in PARTS} for kind in inputs
+    }
+    counters = Counters(n_classes, dimension)
+    for part, indices in members.items():
+        for one_of_each in indices.T:
+            frames = scene.frames(one_of_each).cpu()
+            words = encode(frames)
+            if part == "training":
+                counters.add(words, torch.arange(n_classes))
+            if "speckle" in sums:
+                sums["speckle"][part].add(frames.flatten(1).numpy())
+            if "hypervector" in sums:
+                sums["hypervector"][part].add(bits.unpack(words, dimension).numpy())
+    return sums, bits.unpack(counters.majority(), dimension)
+
+
+def rows(
+    classes: Sequence[str],
+    sums: Sums,
+    prototypes: Tensor,
+    kinds: Sequence[str] = KINDS,
+    samples: Sequence[str] = SAMPLES,
+) -> Iterator[Row]:
+    """Every C_ij, a row each."""
+    for kind in kinds:
+        parts = sums["hypervector" if kind == "prototype" else kind]
+        for which in samples:
+            found = parts["training"] + parts["held-out"] if which == "all" else parts[which]
+            means = (
+                found.means_with(prototypes.numpy()) if kind == "prototype" else found.pair_means()
+            )
+            for i, j in np.ndindex(means.shape):
+                yield {
+                    "kind": kind,
+                    "samples": which,
+                    "class_i": classes[i],
+                    "class_j": classes[j],
+                    "value": f"{means[i, j]:.6g}",
+                    "n": found.n,
+                    "undefined": int(found.undefined[list({i, j})].sum()),
+                }
+
+
+def write_images(
+    scene: Scene, examples: np.ndarray, prototypes: Tensor, crop: int, folder: Path
+) -> list[Path]:
+    """``CLASS-speckle.png``, ``CLASS-hypervector.png``, ``CLASS-prototype.png``, not scaled.
+
+    Args:
+        scene: where the frames come from.
+        examples: a sample of each class [L].
+        prototypes: bool [L, D].
+        crop: edge in pixels of the part shown, in the middle of the frame.
+        folder: of the files.
+    """
+    import cv2
+
+    (height, width), edge = scene.shape, min(crop, *scene.shape)
+    top, left = (height - edge) // 2, (width - edge) // 2
+    frames = scene.frames(examples).cpu()
+    ones = bits.unpack(encode(frames), height * width)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for what, images in (
+        ("speckle", frames),
+        ("hypervector", 255 * ones.view(frames.shape).byte()),
+        ("prototype", 255 * prototypes.view(frames.shape).byte()),
+    ):
+        for name, image in zip(scene.classes, images.numpy(), strict=True):
+            path = folder / f"{name}-{what}.png"
+            middle = np.ascontiguousarray(image[top : top + edge, left : left + edge])
+            if not cv2.imwrite(str(path), middle):
+                raise OSError(f"{path}: could not be written")
+            written.append(path)
+    return written
