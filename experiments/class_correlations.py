@@ -29,6 +29,7 @@ from scenes.frames import Scene
 KINDS = ("speckle", "hypervector", "prototype")  # Eq. 4, 5, 6
 PARTS = ("training", "held-out")
 SAMPLES = (*PARTS, "all")
+REDUCED = 4  # pictures of a whole frame, in pixels of the frame for one of the picture
 
 Sums = dict[str, dict[str, CorrelationSums]]  # by what is correlated and by part
 
@@ -40,7 +41,7 @@ def run(
     seeds: Sequence[int],
     kinds: Sequence[str] = KINDS,
     samples: Sequence[str] = SAMPLES,
-    crop: int | None = None,
+    crop: Sequence[int] | None = None,
     device: str = "cpu",
     cache: bool = True,
     force: bool = False,
@@ -53,7 +54,7 @@ def run(
         seeds: of scene and split.
         kinds: which of ``speckle`` (C^s), ``hypervector`` (C^b), ``prototype`` (C^p).
         samples: which of ``training``, ``held-out``, ``all``.
-        crop: edge in pixels of the pictures, from the middle of a frame; null for none.
+        crop: top, left and edge in pixels of the part that the pictures show; null for none.
         device: where frames are made.
         cache: keep made frames in the results' cache.
         force: measure again.
@@ -160,34 +161,54 @@ def rows(
 
 
 def write_images(
-    scene: Scene, examples: np.ndarray, prototypes: Tensor, crop: int, folder: Path
+    scene: Scene, examples: np.ndarray, prototypes: Tensor, crop: Sequence[int], folder: Path
 ) -> list[Path]:
-    """``CLASS-speckle.png``, ``CLASS-hypervector.png``, ``CLASS-prototype.png``, not scaled.
+    """``CLASS-speckle.png``, ``CLASS-hypervector.png`` and ``CLASS-prototype.png``, cropped, and
+    ``CLASS-whole.png``, the prototype of the whole frame, reduced by :data:`REDUCED`.
 
     Args:
         scene: where the frames come from.
         examples: a sample of each class [L].
         prototypes: bool [L, D].
-        crop: edge in pixels of the part shown, in the middle of the frame.
+        crop: top, left, edge in pixels.
         folder: of the files.
     """
     import cv2
 
-    (height, width), edge = scene.shape, min(crop, *scene.shape)
-    top, left = (height - edge) // 2, (width - edge) // 2
+    top, left, edge = check_crop(crop, scene.shape)
     frames = scene.frames(examples).cpu()
-    ones = bits.unpack(encode(frames), height * width)
+    ones = bits.unpack(encode(frames), prototypes.shape[1])
     folder.mkdir(parents=True, exist_ok=True)
-    written = []
+    pictures = {}
     for what, images in (
         ("speckle", frames),
         ("hypervector", 255 * ones.view(frames.shape).byte()),
         ("prototype", 255 * prototypes.view(frames.shape).byte()),
     ):
         for name, image in zip(scene.classes, images.numpy(), strict=True):
-            path = folder / f"{name}-{what}.png"
-            middle = np.ascontiguousarray(image[top : top + edge, left : left + edge])
-            if not cv2.imwrite(str(path), middle):
-                raise OSError(f"{path}: could not be written")
-            written.append(path)
-    return written
+            part = np.ascontiguousarray(image[top : top + edge, left : left + edge])
+            pictures[f"{name}-{what}.png"] = part
+            if what == "prototype":
+                size = (image.shape[1] // REDUCED, image.shape[0] // REDUCED)
+                pictures[f"{name}-whole.png"] = cv2.resize(
+                    image, size, interpolation=cv2.INTER_AREA
+                )
+    for name, picture in pictures.items():
+        if not cv2.imwrite(str(folder / name), picture):
+            raise OSError(f"{folder / name}: could not be written")
+    return [folder / name for name in pictures]
+
+
+def check_crop(crop: Sequence[int], shape: tuple[int, int]) -> tuple[int, int, int]:
+    """Top, left, edge of a square within a frame.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    if len(crop) != 3 or min(crop) < 0 or any(crop[i] + crop[2] > shape[i] for i in (0, 1)):
+        raise ValueError(
+            f"task.crop: expected top, left and edge of a square within {shape[0]} × {shape[1]} "
+            f"pixels, found {list(crop)}"
+        )
+    top, left, edge = crop
+    return top, left, edge

@@ -33,12 +33,11 @@ def scenes(
     """
     for seed in seeds:
         scene: Scene = hydra.utils.instantiate(at_seed(config, seed), _convert_="all")
-        if cache:
-            with Progress(console=console, transient=True, disable=not console.is_terminal) as bars:
-                bar = bars.add_task(f"make frames of seed {seed}", total=len(scene.labels))
-                scene = data.cached(
-                    scene,
-                    record.results_dir() / "cache",
-                    lambda done, _, bar=bar, bars=bars: bars.update(bar, completed=done),
-                )
-        yield seed, scene
+        yield seed, _cached(scene, console) if cache else scene
+
+
+def _cached(scene: Scene, console: Console) -> Scene:
+    folder = record.results_dir() / "cache"
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bars:
+        bar = bars.add_task("make frames", total=len(scene.labels))
+        return data.cached(scene, folder, lambda done, _: bars.update(bar, completed=done))
