@@ -151,3 +151,25 @@ def a_full_set(write_run):
             write_run("hdc", seed=seed, pixels=pixels, wrong=range(5000 // pixels))
             write_run("correlation", seed=seed, pixels=pixels, wrong=range(7))
     write_run("cnn3", status="failed", error="RuntimeError: no memory")
+
+
+@pytest.fixture
+def small_scene():
+    """Configuration of a scene of two classes on a small simulated sensor."""
+    return {
+        "_target_": "scenes.sensor.scene.SpeckleScene",
+        "seed": 0,
+        "samples_per_class": 8,
+        "sensor": {
+            "_target_": "scenes.sensor.sensor.Sensor",
+            "seed": 0,
+            "camera": {
+                "_target_": "scenes.sensor.camera.Camera", "grid": 64, "crop": 60, "pupil": 24
+            },
+        },
+        "contact": {
+            "_target_": "scenes.sensor.contact.Press", "_partial_": True, "radius": 2.45e-3,
+            "depth": 1.8e-3,
+        },
+        "classes": {"L1": {"position": [28e-3, -8e-3]}, "None": None},
+    }  # fmt: skip
