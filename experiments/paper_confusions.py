@@ -89,7 +89,9 @@ def _confusion(axes: Axes, group: Group) -> None:
     small = len(classes) <= PRINTED
     cells = [[_cell(value) for value in row] for row in share] if small else None
     gamma = 1 if small else 0.4  # a colour has to show one of 100 test samples
-    matrix(axes, share, classes, cells, CONFUSION_MAP, (0, 100), gamma, "% of the true label")
+    label = "% of the true label"
+    bar = matrix(axes, share, classes, cells, CONFUSION_MAP, (0, 100), gamma, label)
+    bar.set_ticks([0, 20, 40, 60, 80, 100] if small else [0, 5, 20, 50, 100])
     axes.set(xlabel="predicted", ylabel="true label")
 
 

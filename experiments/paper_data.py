@@ -25,10 +25,11 @@ class Estimate(NamedTuple):
 
 
 class Update(NamedTuple):
-    """Accuracies after an update: in the new environment and in the old one."""
+    """Accuracies after an update: in the new environment, in the old one, and their mean."""
 
     new: Estimate
     old: Estimate
+    both: Estimate
 
 
 def mean_interval(values: Sequence[float]) -> Estimate:
@@ -131,4 +132,4 @@ def updates(measured: Measured) -> dict[tuple[str, float | None], dict[int, Upda
 
 def _estimate(by_seed: Mapping[str, Sequence[tuple[float, float]]]) -> Update:
     means = np.array([np.mean(draws, axis=0) for draws in by_seed.values()])
-    return Update(*(mean_interval(column) for column in means.T))
+    return Update(*(mean_interval(column) for column in (*means.T, means.mean(1))))

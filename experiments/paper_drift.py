@@ -26,14 +26,19 @@ _CURVES: dict[Key, tuple[str, str, str, str]] = {
     ("replace", 0.5): ("p = 0.5", "#E8924F", "s", "-"),
     ("replace", 0.75): ("p = 0.75", "#D55E00", "D", "-"),
     ("replace", 1.0): ("p = 1", "#7A3600", "^", "-"),
-    ("balance", 1.0): ("counters, equal votes (r = 1)", "#0072B2", "v", "--"),
+    ("balance", 1.0): ("counters, equal votes", "#0072B2", "v", "--"),
     ("weight", 1.0): ("counters, counting on", "#009E73", "P", ":"),
     ("both", None): ("both prototypes kept", "#000000", "x", ":"),
 }
+_TITLES = (
+    "recovered: accuracy in the new environment",
+    "remembered: accuracy in the old environment",
+    "mean of both",
+)
 
 
 def drift(results: Path) -> Figure | None:
-    """Accuracy against N_new in both environments, and one against the other at N_new = 50."""
+    """Accuracy against N_new in the new and in the old environment; None without measurement."""
     measured = finished(results, "drift")
     if measured is None:
         return None
@@ -42,24 +47,24 @@ def drift(results: Path) -> Figure | None:
     first = next(row for row in measured.rows if row["method"] == "stored")
     known = published()
     with plt.rc_context(STYLE):
-        figure = plt.figure(figsize=(WIDTH, 6.6), layout="constrained")
-        axes = figure.subplots(3, 1, height_ratios=(1.25, 1, 1.25))
-        for place, session, name in ((axes[0], "new", "new"), (axes[1], "old", "old")):
-            _curves(place, found, session)
+        figure, panels = plt.subplots(
+            3, 1, figsize=(WIDTH, 6.2), sharex=True, sharey=True, layout="constrained"
+        )
+        for axes, letter, session, title in zip(
+            panels, "abc", Update._fields, _TITLES, strict=True
+        ):
+            _curves(axes, found, session)
             before = 100 * getattr(stored, session).value
-            place.axhline(before, color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0)
-            place.set_ylabel(f"accuracy, {name} (%)")
-        axes[0].text(200, 100 * stored.new.value - 2, "stored prototypes, p = 0", ha="right",
-                     va="top", color="0.3", fontsize=6)  # fmt: skip
-        axes[0].plot(N_NEW, 100 * known["drift/recovered_accuracy"], zorder=5, **PAPER)
-        axes[0].plot(4.2, 100 * known["drift/stored_accuracy"], zorder=5, **PAPER)
-        axes[1].sharex(axes[0])
-        axes[1].set_xlabel("samples of the new environment, $N^{new}$ (5 classes)")
-        _trade_off(axes[2], found, stored)
-        panel(axes[0], "a", "recovered: accuracy in the new environment")
-        panel(axes[1], "b", "remembered: accuracy in the old environment")
-        panel(axes[2], "c", f"both, at $N^{{new}}$ = {N_NEW}")
-        handles = [*axes[0].get_legend_handles_labels()[0], star("paper: p = 0; p = 0.5 or 0.75")]
+            axes.axhline(before, color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0)
+            axes.set_ylabel("accuracy (%)")
+            panel(axes, letter, title)
+        axes = panels[0]
+        axes.text(200, 100 * stored.new.value - 2, "stored prototypes, p = 0", ha="right",
+                  va="top", color="0.3", fontsize=6)  # fmt: skip
+        axes.plot(N_NEW, 100 * known["drift/recovered_accuracy"], zorder=5, **PAPER)
+        axes.plot(4.2, 100 * known["drift/stored_accuracy"], zorder=5, **PAPER)
+        panels[-1].set_xlabel("samples of the new environment, $N^{new}$ (5 classes)")
+        handles = [*panels[0].get_legend_handles_labels()[0], star("paper: p = 0; p = 0.5 or 0.75")]
         figure.legend(handles=handles, loc="outside lower center", ncols=2)
         draws = len({row["draw"] for row in measured.rows if "draw" in row})
         seeds = len({row["seed"] for row in measured.rows})
@@ -86,42 +91,3 @@ def _curves(axes: Axes, found: Updates, session: str) -> None:
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(lambda n, _: f"{n:g}")
     axes.set(xlim=(3.9, 230), ylim=(20, 103))
-
-
-def _trade_off(axes: Axes, found: Updates, stored: Update) -> None:
-    """New against old accuracy: a path for each family, a point for each parameter."""
-    families = (
-        ("replace", "#D55E00", "o", "-", "p"),
-        ("balance", "#0072B2", "v", "--", "r"),
-    )
-    for method, colour, marker, line, name in families:
-        keys = sorted(key for key in found if key[0] == method and N_NEW in found[key])
-        points = [found[key][N_NEW] for key in keys]
-        if method == "replace":
-            points.insert(0, stored)
-            keys.insert(0, ("replace", 0.0))
-        _points(axes, points, colour, marker, line)
-        for (_, parameter), point in zip(keys, points, strict=True):
-            text = f"{name} = {parameter:g}"
-            side = ("left", "right")[parameter == keys[-1][1] and method == "balance"]
-            _label(axes, point, text, colour, side, method == "balance")
-    for key in (("weight", 1.0), ("both", None)):
-        if N_NEW in found.get(key, {}):
-            _, colour, marker, line = _CURVES[key]
-            _points(axes, [found[key][N_NEW]], colour, marker, line)
-    axes.set(xlabel="accuracy, old (%)", ylabel="accuracy, new (%)", xlim=(22, 108), ylim=(22, 103))
-
-
-def _points(axes: Axes, points: list[Update], colour: str, marker: str, line: str) -> None:
-    x, dx = errors([point.old for point in points], 100)
-    y, dy = errors([point.new for point in points], 100)
-    axes.errorbar(x, y, xerr=dx, yerr=dy, color=colour, marker=marker, ls=line, lw=0.9,
-                  elinewidth=0.5)  # fmt: skip
-
-
-def _label(axes: Axes, point: Update, text: str, colour: str, side: str, above: bool) -> None:
-    axes.annotate(
-        text, (100 * point.old.value, 100 * point.new.value), color=colour, fontsize=5.5,
-        xytext=(-3 if side == "left" else 4, 3 if above else -3), textcoords="offset points",
-        ha="right" if side == "left" else "left", va="bottom" if above else "top",
-    )  # fmt: skip

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colorbar import Colorbar
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -71,8 +72,8 @@ def matrix(
     limits: tuple[float | None, float | None] = (None, None),
     gamma: float = 1.0,
     label: str = "",
-) -> None:
-    """A square matrix in colour, with a bar of it; `cells` are written into it.
+) -> Colorbar:
+    """A square matrix in colour, with a bar of it (returned); `cells` are written into it.
 
     Args:
         axes: where.
@@ -84,7 +85,7 @@ def matrix(
         gamma: colour goes as value**gamma: below 1 small values are told apart.
         label: of the bar, with its unit.
     """
-    axes.spines[:].set_visible(False)
+    axes.spines[:].set(visible=True, color="0.7", linewidth=0.4)
     norm = PowerNorm(gamma, *limits)
     image = axes.imshow(values, cmap=colours, norm=norm, interpolation="nearest")
     step = 1 if len(names) <= PRINTED else 10
@@ -103,6 +104,7 @@ def matrix(
     bar.outline.set_visible(False)  # type: ignore[operator]
     bar.ax.tick_params(labelsize=5.5, length=2, pad=1)
     bar.set_label(label, fontsize=6, labelpad=2)
+    return bar
 
 
 def errors(found: Sequence[Estimate], scale: float = 1.0) -> tuple[NDArray, NDArray]:
