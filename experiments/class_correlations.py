@@ -60,9 +60,10 @@ def run(
         force: measure again.
 
     Returns:
-        Path: the folder. The columns of its rows: ``seed``; ``kind`` and ``samples`` as above;
-        ``class_i`` (of the prototype, where there is one) and ``class_j``; ``value``, C_ij;
-        ``n``, samples a class; ``undefined``, how many of the two classes' samples are constant.
+        Path: the folder. The columns of its rows: ``origin`` of the frames; ``seed``; ``kind`` and
+        ``samples`` as above; ``class_i`` (of the prototype, where there is one) and ``class_j``;
+        ``value``, C_ij; ``n``, samples a class; ``undefined``, how many of the two classes' samples
+        are constant.
     """
     for key, values, known in (("kinds", kinds, KINDS), ("samples", samples, SAMPLES)):
         if unknown := [value for value in values if value not in known]:
@@ -82,9 +83,9 @@ def run(
     def compute() -> Iterator[Row]:
         for seed, made in scenes(scene, seeds, cache, console):
             members = members_of(made, split, seed)
-            sums, prototypes = add_up(made, members, kinds)
+            sums, prototypes = add_up(made, members, kinds, samples)
             for row in rows(made.classes, sums, prototypes, kinds, samples):
-                yield {"seed": seed, **row}
+                yield {"origin": made.origin, "seed": seed, **row}
             if crop and seed == seeds[0]:
                 folder = record.results_dir() / "measured" / name
                 write_images(made, members["training"][:, 0], prototypes, crop, folder)
@@ -111,13 +112,17 @@ def members_of(scene: Scene, split: Mapping[str, Any], seed: int) -> dict[str, n
 
 
 def add_up(
-    scene: Scene, members: Mapping[str, np.ndarray], kinds: Sequence[str] = KINDS
+    scene: Scene,
+    members: Mapping[str, np.ndarray],
+    kinds: Sequence[str] = KINDS,
+    samples: Sequence[str] = SAMPLES,
 ) -> tuple[Sums, Tensor]:
-    """The sums of every kind and part, and the prototypes bool [L, D]; each frame is read once."""
+    """The sums that these rows need, and the prototypes bool [L, D]; each frame is read once."""
     n_classes, dimension = len(scene.classes), math.prod(scene.shape)
-    inputs = {"hypervector" if kind == "prototype" else kind for kind in kinds}
+    parts = PARTS if "all" in samples else samples
     sums = {
-        kind: {part: CorrelationSums(n_classes, dimension) for part in PARTS} for kind in inputs
+        kind: {part: CorrelationSums(n_classes, dimension) for part in parts}
+        for kind in {"hypervector" if kind == "prototype" else kind for kind in kinds}
     }
     counters = Counters(n_classes, dimension)
     for part, indices in members.items():
@@ -126,10 +131,10 @@ def add_up(
             words = encode(frames)
             if part == "training":
                 counters.add(words, torch.arange(n_classes))
-            if "speckle" in sums:
-                sums["speckle"][part].add(frames.flatten(1).numpy())
-            if "hypervector" in sums:
-                sums["hypervector"][part].add(bits.unpack(words, dimension).numpy())
+            for kind, by_part in sums.items():
+                if part in by_part:
+                    ones = kind == "hypervector"
+                    by_part[part].add(bits.unpack(words, dimension) if ones else frames.flatten(1))
     return sums, bits.unpack(counters.majority(), dimension)
 
 

@@ -69,9 +69,10 @@ def run(
         force: measure again.
 
     Returns:
-        Path: the folder. The columns of its rows: ``seed``, ``draw``; ``method`` (``stored`` before
-        any update, else as above) and ``parameter``; ``n_old``, ``n_new``; of the second session
-        ``right_new`` of ``n_test_new``, of the first ``right_old`` of ``n_test_old``.
+        Path: the folder. The columns of its rows: ``origin`` of the frames; ``seed``, ``draw``;
+        ``method`` (``stored`` before any update, else as above) and ``parameter``; ``n_old``,
+        ``n_new``; of the second session ``right_new`` of ``n_test_new``, of the first
+        ``right_old`` of ``n_test_old``.
     """
     console = Console(highlight=False)
     config = {
@@ -90,12 +91,13 @@ def run(
     def compute() -> Iterator[Row]:
         for seed, made in scenes(scene, seeds, cache, console):
             sessions = Sessions(made, old_split, n_test, seed)
-            yield {"seed": seed, "method": "stored", "n_new": 0, **sessions.score(sessions.stored)}
+            of = {"origin": made.origin, "seed": seed}
+            yield {**of, "method": "stored", "n_new": 0, **sessions.score(sessions.stored)}
             for draw in range(draws):
                 for n, chosen in sessions.subsets(n_new, draw).items():
                     new = sessions.count(chosen)
                     for row in updates(sessions, new, p, weight, balance, draw):
-                        yield {"seed": seed, "draw": draw, "n_new": n, **row}
+                        yield {**of, "draw": draw, "n_new": n, **row}
 
     return measure("drift", config, compute, device=device, force=force, console=console)
 
@@ -120,7 +122,8 @@ class Sessions:
     def __init__(self, scene: Scene, old_split: Mapping[str, Any], n_test: int, seed: int):
         self.dimension = scene.shape[0] * scene.shape[1]
         self.labels, self.n_classes, self.seed = scene.labels, len(scene.classes), seed
-        _, second = by_session(scene.samples["session"])
+        only = np.zeros(len(self.labels), np.int64)
+        _, second = by_session(scene.samples.get("session", only))
         if not 0 < n_test < len(second):
             raise ValueError(
                 f"task.n_test: expected 1 to {len(second) - 1} of the second session's samples, "

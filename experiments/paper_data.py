@@ -92,6 +92,11 @@ def finished(results: Path, name: str) -> Measured | None:
     return measured if measured and measured.record["status"] == "finished" else None
 
 
+def origin_of(measured: Measured) -> str:
+    """Where its frames come from: ``simulated``, ``recorded`` …"""
+    return " and ".join(sorted({row["origin"] for row in measured.rows}))
+
+
 def matrices(measured: Measured, kind: str, samples: str) -> tuple[list[str], Floats, int]:
     """Correlation matrices of ``class_correlations``: classes, C [seeds, L, L], samples a class.
 

@@ -18,7 +18,7 @@ from experiments.class_correlations import KINDS, REDUCED
 from experiments.figures import STYLE, WIDTH, save
 from experiments.measurement import Measured
 from experiments.paper_confusions import confusion, spatial
-from experiments.paper_data import finished, matrices, mean_interval
+from experiments.paper_data import finished, matrices, mean_interval, origin_of
 from experiments.paper_drift import drift
 from experiments.paper_style import PAPER, changed, errors, head, matrix, panel, seeds_of, star
 from experiments.selection import Records
@@ -90,9 +90,9 @@ def speckle_images(results: Path) -> Figure | None:
         for place, name in zip(axes[0], classes, strict=True):
             place.set_title(name, fontsize=7, pad=2)
         head(figure, "Speckle, hypervector and prototype of each class (Fig. 4(a))", [
-            f"simulated frames, seed {config['seeds'][0]}; {edge} × {edge} pixels of a frame, the "
-            f"same place in each row; last row: whole, averaged over {REDUCED} × {REDUCED} pixels; "
-            f"white: 1, black: 0",
+            f"{origin_of(measured)} frames, seed {config['seeds'][0]}; {edge} × {edge} pixels of a "
+            f"frame, the same place in each row; last row: whole, averaged over {REDUCED} × "
+            f"{REDUCED} pixels; white: 1, black: 0",
             *changed(measured),
         ])  # fmt: skip
     return figure
@@ -119,9 +119,9 @@ def correlations(results: Path) -> Figure | None:
         diagonal = mean_interval([float(np.diag(c).max()) for c in values]).value
         known = published()["correlation/max_same_class_speckle"]
         head(figure, "Mean correlations within and between classes (Fig. 4(b–e))", [
-            f"simulated frames, mean over {seeds_of(len(values))}; (b, c) {n} samples a class, (d) "
-            f"{held_out} that made no prototype; largest $C^s_{{ll}}$ {diagonal:.3f}, paper "
-            f"{known:g}; (e) 95 % intervals over seeds",
+            f"{origin_of(measured)} frames, mean over {seeds_of(len(values))}; (b, c) {n} samples "
+            f"a class, (d) {held_out} that made no prototype; largest $C^s_{{ll}}$ {diagonal:.3f}, "
+            f"paper {known:g}; (e) 95 % intervals over seeds",
             *changed(measured),
         ])  # fmt: skip
     return figure

@@ -138,3 +138,10 @@ def test_a_measurement_has_a_row_for_each_update(results, small_scene):
 def test_too_many_test_samples_are_refused():
     with pytest.raises(ValueError, match=r"task\.n_test: expected 1 to 59 .* found 60"):
         Sessions(two_sessions(), SPLIT, n_test=60, seed=0)
+
+
+def test_a_scene_of_one_session_is_refused():
+    scene = two_sessions()
+    first = Frames(scene.images[:60], scene.labels[:60], scene.classes)
+    with pytest.raises(ValueError, match=r"expected one of the sessions \[0\], found 1"):
+        Sessions(first, SPLIT, n_test=30, seed=0)

@@ -70,7 +70,8 @@ def correlation(results):
     """A measurement of two seeds: C_ll = 0.2 (0.3 in seed 1), elsewhere 0.1; pictures of noise."""
     classes = CLASSES["touch"]
     rows = [
-        {"seed": seed, "kind": kind, "samples": samples, "class_i": a, "class_j": b,
+        {"origin": "simulated", "seed": seed, "kind": kind, "samples": samples,
+         "class_i": a, "class_j": b,
          "value": 0.2 + 0.1 * seed if a == b else 0.1, "n": 100, "undefined": 0}
         for seed in (0, 1) for kind in ("speckle", "hypervector", "prototype")
         for samples in ("training", "held-out", "all") for a in classes for b in classes
@@ -92,7 +93,7 @@ def recalibration(results):
     methods += [("balance", r) for r in (0.5, 1)] + [("weight", 1), ("both", None)]
 
     def rows():
-        tests = {"n_test_new": 100, "n_test_old": 50, "n_old": 400}
+        tests = {"origin": "simulated", "n_test_new": 100, "n_test_old": 50, "n_old": 400}
         for seed in (0, 1):
             yield {"seed": seed, "method": "stored", "n_new": 0, "right_new": 30, "right_old": 50,
                    **tests}  # fmt: skip
