@@ -104,7 +104,7 @@ def correlations(results: Path) -> Figure | None:
     if measured is None:
         return None
     samples = {"speckle": "all", "hypervector": "all", "prototype": "held-out"}
-    titles = ("speckle", "hypervectors", "prototypes (rows)")
+    titles = ("speckle", "hypervectors", "prototypes")
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(2, 2, figsize=(WIDTH, 3.9), layout="constrained")
         for place, kind, letter, title in zip(axes.flat, KINDS, "bcd", titles, strict=False):
@@ -120,8 +120,9 @@ def correlations(results: Path) -> Figure | None:
         known = published()["correlation/max_same_class_speckle"]
         head(figure, "Mean correlations within and between classes (Fig. 4(b–e))", [
             f"{origin_of(measured)} frames, mean over {seeds_of(len(values))}; (b, c) {n} samples "
-            f"a class, (d) {held_out} that made no prototype; largest $C^s_{{ll}}$ {diagonal:.3f}, "
-            f"paper {known:g}; (e) 95 % intervals over seeds",
+            f"a class, (d) prototypes of {n - held_out} (rows) with the other {held_out} "
+            f"(columns); (e) 95 % intervals over seeds",
+            f"largest $C^s_{{ll}}$ {diagonal:.3f}, paper {known:g}",
             *changed(measured),
         ])  # fmt: skip
     return figure

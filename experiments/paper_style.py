@@ -97,9 +97,9 @@ def matrix(
         light = np.dot(image.to_rgba(values[i, j])[:3], (0.3, 0.6, 0.1)) > 0.5
         axes.text(j, i, text, ha="center", va="center", fontsize=5.5,
                   color="black" if light else "white")  # fmt: skip
-    place = "right" if step == 1 else "bottom"
+    place, aspect = ("right", 20) if step == 1 else ("bottom", 25)
     bar = axes.figure.colorbar(  # type: ignore[union-attr]
-        image, ax=axes, location=place, fraction=0.05, pad=0.03, aspect=25
+        image, ax=axes, location=place, fraction=0.05, pad=0.03, aspect=aspect
     )
     bar.outline.set_visible(False)  # type: ignore[operator]
     bar.ax.tick_params(labelsize=5.5, length=2, pad=1)

@@ -15,6 +15,7 @@ from experiments.paper_data import crossing, mean_interval, positions, updates
 from experiments.paper_drift import drift
 from experiments.paper_numbers import summary_rows
 from experiments.selection import Records
+from scenes.split import split
 
 CLASSES = {
     "finger": ["L1", "L2", "L3", "R1", "R2", "R3", "None"],
@@ -116,6 +117,20 @@ def everything(write_scene, correlation, recalibration):
         write_scene("finger", {3: 4, 5: 4}, seed)
         write_scene("spatial", {10: 11, 40: 20}, seed)
         write_scene("tactile", {}, seed)
+
+
+# Configs ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("scene", "n_train", "n_test"),
+    [("touch", 400, 100), ("finger", 560, 140), ("spatial", 4080, 1020), ("tactile", 240, 120)],
+)
+def test_scenes_are_split_as_the_paper_splits_them(composed, scene, n_train, n_test):
+    cfg = composed(scene, "hdc", "paper")
+    labels = np.repeat(np.arange(len(CLASSES[scene])), cfg.scene.samples_per_class)
+    train, test = split(labels, test_fraction=cfg.split.test_fraction)
+    assert (len(train), len(test)) == (n_train, n_test)
 
 
 # Numbers ------------------------------------------------------------------------------------------
