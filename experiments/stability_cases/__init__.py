@@ -1,0 +1,1 @@
+"""Cases that numbers break on, one module for each part of the project."""
