@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-VERDICTS = ("holds", "fails")
+REFUSAL = "inputs not refused"  # unit of the error of an input that has to be refused
 
 
 @dataclass(frozen=True)
@@ -137,6 +137,3 @@ def refusal(*words: str) -> Callable[[Any], float]:
         return 0.0 if refused else 1.0
 
     return error
-
-
-REFUSAL = "1: not refused"

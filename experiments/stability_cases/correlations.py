@@ -17,8 +17,11 @@ from experiments.correlation import (
 from experiments.stability_cases.case import REFUSAL, Trial, case, refusal
 
 D = 250_000
-EXACT = {"reference": "sums of Python integers, root by mpmath", "unit": "correlation"}
-OURS = {"ours": "correlation.mean_pair_correlations"}
+EXACT: dict[str, Any] = {
+    "reference": "sums of Python integers, root by mpmath",
+    "unit": "correlation",
+}
+OURS: dict[str, Any] = {"ours": "correlation.mean_pair_correlations"}
 
 
 def exact_mean(samples: NDArray[Any]) -> float:
@@ -92,7 +95,7 @@ def mean_far_above_the_deviation(d: int = D) -> Trial:
     **OURS,
     **EXACT,
 )
-def the_same_in_float64(d: int = D) -> Trial:
+def mean_far_above_the_deviation_in_float64(d: int = D) -> Trial:
     frames = 10**9 + correlated(d, 2000)
     return beside_exact(one_pass, frames.astype(np.float64), exact_mean(frames))
 
@@ -130,7 +133,7 @@ def squares_that_underflow(d: int = D) -> Trial:
     extreme="one of four frames is constant: its correlation is not defined",
     expected="NaN, and one frame counted; with a small number added to the deviation it is 0",
     reference="NaN and 1",
-    unit="1: not said",
+    unit="frames not named",
     naive="(x − mean) / (std + 1e-8)",
     small={"d": 2000},
     **OURS,

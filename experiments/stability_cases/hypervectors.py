@@ -21,7 +21,7 @@ from scenes.sensor.configured import scene
 D = 250_000  # pixels of a frame in the paper
 MEDIAN = "pixel > median"
 ENCODE = "hdc.encode"
-BALANCE = {
+BALANCE: dict[str, Any] = {
     "expected": "exactly ⌊D/2⌋ ones; a comparison leaves the pixels that equal the median zero",
     "reference": "⌊D/2⌋",
     "unit": "bits",
@@ -108,7 +108,7 @@ def sixteen_bit_pixels(d: int = D) -> Trial:
     extreme="one of five frames is constant: it carries no information",
     expected="one warning that names frame 3; a comparison with the median says nothing",
     reference="one warning with the index 3",
-    unit="1: not said",
+    unit="frames not named",
     naive=MEDIAN,
     ours=ENCODE,
     small={"d": 2000},
@@ -127,6 +127,25 @@ def a_constant_frame_is_named(d: int = D) -> Trial:
         naive=lambda: said(lambda: frames > frames.median(1, keepdim=True).values),
         ours=lambda: said(lambda: encode(frames)),
         error=lambda messages: not (len(messages) == 1 and "index 3:" in messages[0]),
+    )
+
+
+@case(
+    extreme="one pixel in five frames is NaN",
+    expected="a ValueError that names frame 3; NaN > median is false in silence",
+    reference="a named error",
+    unit=REFUSAL,
+    naive=MEDIAN,
+    ours=ENCODE,
+    small={"d": 2000},
+)
+def a_pixel_that_is_not_a_number(d: int = D) -> Trial:
+    frames = torch.from_numpy(random().random((5, d)))
+    frames[3, 17] = torch.nan
+    return Trial(
+        naive=lambda: frames > frames.nanmedian(1, keepdim=True).values,
+        ours=lambda: encode(frames),
+        error=refusal("frames[3]", "nan"),
     )
 
 
@@ -168,13 +187,13 @@ def touches(seed: int, side: int) -> tuple[Tensor, np.ndarray]:
     return made.frames(order.ravel()).unflatten(0, order.shape), made.labels[order]
 
 
-TIES = {
+TIES: dict[str, Any] = {
     "expected": "no loss: error at most that of the extra random vector and two standard errors",
     "reference": "labels of the same test frames",
     "unit": "test error",
     "naive": "an extra random vector a class",
     "ours": "ties to zero (default)",
-    "small": {"seeds": 1, "side": 32},
+    "small": {"seeds": 1, "side": 64},
 }
 
 
@@ -195,7 +214,7 @@ def majority_ties_of_10(seeds: int = 4, side: int = 128) -> Trial:
 
 # Counters -----------------------------------------------------------------------------------------
 
-COUNTS = {"reference": "Python integers", "unit": "counts"}
+COUNTS: dict[str, Any] = {"reference": "Python integers", "unit": "counts"}
 
 
 @case(
