@@ -18,27 +18,33 @@ from experiments.stability_cases.case import REFUSAL, Trial, case, refusal
 
 D = 250_000
 EXACT: dict[str, Any] = {
-    "reference": "sums of Python integers, root by mpmath",
+    "reference": "integer sums, roots by mpmath",
     "unit": "correlation",
 }
 OURS: dict[str, Any] = {"ours": "correlation.mean_pair_correlations"}
 
 
 def exact_mean(samples: NDArray[Any]) -> float:
-    """C_ll of integer samples [N_s, D]: no rounding but that of the result."""
-    rows = [[int(x) for x in row] for row in samples]
-    d = len(rows[0])
-    sums = [sum(row) for row in rows]
+    """C_ll of integer samples [N_s, D]: no rounding but that of the result.
 
-    def covariance(i: int, j: int) -> int:
-        products = sum(x * y for x, y in zip(rows[i], rows[j], strict=True))
-        return d * products - sums[i] * sums[j]
-
-    variance = [covariance(i, i) for i in range(len(rows))]
+    Raises:
+        ValueError: if a sum of products might not fit in 64 bits.
+    """
+    # A shift changes no covariance, and keeps the numbers small.
+    rows = samples.astype(np.int64) - samples.min(1, keepdims=True)
+    n, d = rows.shape
+    if int(rows.max()) ** 2 * d >= 2**63:
+        raise ValueError(f"samples: expected a range whose square times {d} is below 2^63")
+    sums = [int(total) for total in rows.sum(1)]
     with mpmath.workdps(50):
+
+        def covariance(i: int, j: int) -> Any:
+            return mpmath.mpf(d * int(rows[i] @ rows[j]) - sums[i] * sums[j])
+
+        deviation = [mpmath.sqrt(covariance(i, i)) for i in range(n)]
         pairs = [
-            covariance(i, j) / mpmath.sqrt(variance[i] * variance[j])
-            for i, j in itertools.combinations(range(len(rows)), 2)
+            covariance(i, j) / (deviation[i] * deviation[j])
+            for i, j in itertools.combinations(range(n), 2)
         ]
         return float(mpmath.fsum(pairs) / len(pairs))
 
