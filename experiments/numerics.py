@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from experiments.correlation import mean_pair_correlations, pair_correlations_double_sum
@@ -125,7 +125,7 @@ def flat(n: int, d: int) -> Samples:
     return (65_000 + rare).astype(np.uint16)
 
 
-def gram(frames: Samples, dtype: type) -> float:
+def gram(frames: Samples, dtype: DTypeLike) -> float:
     """Mean of the Gram matrix of standardised frames, off its diagonal: O(N²·D) operations."""
     x = frames.astype(dtype)
     z = (x - x.mean(1, keepdims=True)) / x.std(1, keepdims=True)

@@ -75,7 +75,8 @@ def _layer(axes: Axes, rows: Sequence[Row]) -> None:
                   marker=marker, ls=line, label=method)  # fmt: skip
         for row in mine if method == "largest" else ():
             axes.annotate(row["input"], (_ms(row), float(row["error"])), (4, 3),
-                          textcoords="offset points", fontsize=6)  # fmt: skip
+                          textcoords="offset points", fontsize=6,
+                          bbox={"fc": "white", "ec": "none", "pad": 0.3})  # fmt: skip
     _dress(axes, rows, "displacement table of the layer, by intervals",
            "error per indentation", "tolerance: 0.05 rad", 0.02)  # fmt: skip
     axes.legend(loc="lower left")
