@@ -50,7 +50,7 @@ def to_markdown(measured: Measured) -> str:
         blocks.append(f"**{part.capitalize()}**")
         blocks.append("\n".join(f"| {' | '.join(cells)} |" for cells in table))
         blocks.append("\n".join(
-            f"- {_escaped(row['case'])}: {_escaped(row['note'])}." for row in mine if "note" in row
+            f"- {_escaped(row['case'])}: {_escaped(row['note'].rstrip('.'))}." for row in mine if "note" in row
         ))  # fmt: skip
     return "\n\n".join(block for block in blocks if block) + "\n"
 
@@ -104,8 +104,5 @@ def _time(text: str) -> str:
     unit, scale = next(
         (pair for pair in (("s", 1.0), ("ms", 1e-3)) if seconds >= pair[1]), ("µs", 1e-6)
     )
-    return (
-        f"{seconds / scale:.2g} {unit}"
-        if seconds < 100 * scale
-        else f"{seconds / scale:.0f} {unit}"
-    )
+    value = seconds / scale
+    return f"{value:.1f} {unit}" if value < 9.95 else f"{value:.0f} {unit}"

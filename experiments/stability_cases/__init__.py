@@ -1,1 +1,1 @@
-"""Cases that numbers break on, one module for each part of the project."""
+"""Cases that numbers break on; each module registers its own when it is imported."""

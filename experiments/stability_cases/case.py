@@ -2,8 +2,8 @@
 
 A case is a function with the decorator :func:`case`, which says in words what is extreme and what
 is expected. The function prepares the input and returns a :class:`Trial`: the two forms, and the
-error of a result against a reference that is exact. What is expected stands in the code before
-anything is run; a case that fails stays, with a note that says why.
+error of a result against a reference that is exact. What is expected stands beside it; a case that
+fails stays, with a note that says why.
 """
 
 from __future__ import annotations
@@ -63,6 +63,7 @@ CASES: list[Case] = []
 
 
 def case(
+    part: str,
     *,
     extreme: str,
     expected: str,
@@ -74,11 +75,12 @@ def case(
     note: str = "",
     small: Mapping[str, Any] | None = None,
 ) -> Callable[[Callable[..., Trial]], Callable[..., Trial]]:
-    """Register a function as a case; its name is the case's, its module the part it belongs to.
+    """Register a function as a case; its name is the case's.
 
     Args:
+        part: of the project, as :data:`experiments.stability.PARTS` has them.
         extreme: what is extreme about the input.
-        expected: what is expected of both forms, written before they were run.
+        expected: what is expected of both forms.
         reference: what the results are compared with; exact.
         unit: what the error counts or measures.
         naive, ours: the two forms, in words.
@@ -87,11 +89,10 @@ def case(
         small: arguments of the function for a quick look.
 
     Raises:
-        ValueError: for a second case of the same name in a part.
+        ValueError: for a second case of the same name in one of the parts.
     """
 
     def register(prepare: Callable[..., Trial]) -> Callable[..., Trial]:
-        part = prepare.__module__.rpartition(".")[2]
         name = prepare.__name__.replace("_", " ")
         if any((known.part, known.name) == (part, name) for known in CASES):
             raise ValueError(f"{part}: expected one case named {name!r}, found two")

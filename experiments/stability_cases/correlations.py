@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from functools import partial
 from typing import Any
 
 import mpmath
@@ -15,6 +16,8 @@ from experiments.correlation import (
     pair_correlations_double_sum,
 )
 from experiments.stability_cases.case import REFUSAL, Trial, case, refusal
+
+correlation_case = partial(case, "correlations")
 
 D = 250_000
 EXACT: dict[str, Any] = {
@@ -76,7 +79,7 @@ def beside_exact(
     )
 
 
-@case(
+@correlation_case(
     extreme="16-bit frames whose mean is 10^6 times their deviation, as float32",
     expected="10 digits; ⟨xy⟩ − ⟨x⟩⟨y⟩ keeps none, as 65,000² has 10 and float32 seven",
     naive="⟨xy⟩ − ⟨x⟩⟨y⟩ in float32",
@@ -92,7 +95,7 @@ def mean_far_above_the_deviation(d: int = D) -> Trial:
     return beside_exact(one_pass, wide, exact_mean(frames), frames.astype(np.uint16))
 
 
-@case(
+@correlation_case(
     extreme="mean 10^9, deviation 577, as float64",
     expected="10 digits; ⟨xy⟩ − ⟨x⟩⟨y⟩ loses 12 of its 16",
     naive="⟨xy⟩ − ⟨x⟩⟨y⟩ in float64",
@@ -106,7 +109,7 @@ def mean_far_above_the_deviation_in_float64(d: int = D) -> Trial:
     return beside_exact(one_pass, frames.astype(np.float64), exact_mean(frames))
 
 
-@case(
+@correlation_case(
     extreme="16-bit frames up to 65,535",
     expected="10 digits; products in uint16 wrap",
     naive="⟨xy⟩ − ⟨x⟩⟨y⟩ of the camera's integers",
@@ -120,7 +123,7 @@ def sixteen_bit_frames(d: int = D) -> Trial:
     return beside_exact(one_pass, frames.astype(np.uint16), exact_mean(frames))
 
 
-@case(
+@correlation_case(
     extreme="pixels of 10^-200: their squares are zero in float64",
     expected="10 digits, as a correlation does not depend on the unit; a variance of zero is NaN",
     naive="numpy.corrcoef",
@@ -135,7 +138,7 @@ def squares_that_underflow(d: int = D) -> Trial:
     return beside_exact(lambda x, y: np.corrcoef(x, y)[0, 1], scaled, exact_mean(frames))
 
 
-@case(
+@correlation_case(
     extreme="one of four frames is constant: its correlation is not defined",
     expected="NaN, and one frame counted; with a small number added to the deviation it is 0",
     reference="NaN and 1",
@@ -160,7 +163,7 @@ def zero_variance(d: int = D) -> Trial:
     )
 
 
-@case(
+@correlation_case(
     extreme="N_s = 2: one pair, against two frames with themselves",
     expected="the correlation of the pair; the mean over a whole Gram matrix counts k = k′ as 1",
     naive="mean of numpy.corrcoef",
@@ -175,7 +178,7 @@ def two_samples_a_class(d: int = D) -> Trial:
     return beside_exact(lambda *pair: np.corrcoef(pair).mean(), bytes_, exact_mean(frames))
 
 
-@case(
+@correlation_case(
     extreme="N_s = 1: there is no pair",
     expected="a ValueError that asks for two; 0/0 in silence",
     reference="a named error",
@@ -198,7 +201,7 @@ def one_sample_a_class(d: int = 1000) -> Trial:
     )
 
 
-@case(
+@correlation_case(
     extreme="30 samples of 25,000 pixels: 870 ordered pairs",
     expected="both to 12 digits; the class sum takes one product a sample, the double sum N_s − 1",
     naive="double sum of Eq. 4 in float64",

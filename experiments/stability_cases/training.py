@@ -1,9 +1,10 @@
-"""Learning from little, extreme or degenerate data; references are closed forms and integers."""
+"""Learning from little, extreme or degenerate data; references are closed forms and float64."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import mpmath
@@ -12,13 +13,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from baselines.base import Classifier
 from baselines.cnn import CNN
 from baselines.correlation import CorrelationClassifier
-from baselines.dual import centred_gram
-from baselines.integer import integer_product
 from baselines.nearest_neighbour import NearestNeighbour
-from baselines.pixels import PixelScaling, fit_scaling
 from baselines.ridge import RidgeReadout
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
@@ -26,6 +23,8 @@ from experiments.stability_cases.case import REFUSAL, Trial, case, refusal
 from experiments.stop import StopRule
 from hdc import HDCClassifier
 from scenes.split import learning_curve_subsets
+
+training_case = partial(case, "training")
 
 MODELS: tuple[Callable[[], Any], ...] = (
     HDCClassifier,
@@ -45,7 +44,7 @@ def noise(*shape: int) -> Tensor:
 # Softmax ------------------------------------------------------------------------------------------
 
 
-@case(
+@training_case(
     extreme="logits of ±8128 and a wrong label: e^8128 is above any float",
     expected="six digits; probabilities before their logarithm are ∞/∞",
     reference="255²/16, by hand",
@@ -78,7 +77,7 @@ def logits_of_eight_thousand() -> Trial:
     return Trial(naive=naive, ours=ours, error=lambda loss: abs(loss / exact - 1))
 
 
-@case(
+@training_case(
     extreme="two frames, each 50 times: a Gram matrix of rank one",
     expected="the optimum of the scalar problem; a Newton step in the samples' space is singular",
     reference="2βk with β = 2mC/(1 + e^(2βk)), by mpmath",
@@ -114,7 +113,7 @@ def duplicated_samples(m: int = 50, c: float = 1.0) -> Trial:
     return Trial(naive=naive, ours=ours, error=lambda margin: abs(margin / exact - 1))
 
 
-@case(
+@training_case(
     extreme="1000 small steps in bfloat16, which has 8 bits",
     expected="0.4 % of the loss (2^-8); weights kept in bfloat16 stand still below 2^-9 of them",
     reference="the same steps in float64",
@@ -153,7 +152,7 @@ def steps_in_bfloat16(steps: int = 1000, rate: float = 2e-3) -> Trial:
     )
 
 
-@case(
+@training_case(
     extreme="a convolutional network in bfloat16 at a learning rate of 10^30",
     expected="a stop named diverged; a comparison with the best loss is false for NaN for ever",
     reference="the name of the stop",
@@ -196,7 +195,7 @@ def divergence(epochs: int = 20) -> Trial:
 # Classes ------------------------------------------------------------------------------------------
 
 
-@case(
+@training_case(
     extreme="samples of the classes 0 and 2 of three",
     expected="six models tell 0 from 2; the mean of no sample is NaN and the nearest to everything",
     reference="labels of the training frames",
@@ -220,7 +219,7 @@ def a_class_without_training_samples(n: int = 10, side: int = 16) -> Trial:
     )
 
 
-@case(
+@training_case(
     extreme="samples of one class only",
     expected="a ValueError that asks for two classes, from six models; argmax is content with one",
     reference="a named error",
@@ -248,7 +247,7 @@ def a_single_class() -> Trial:
     )
 
 
-@case(
+@training_case(
     extreme="3 training samples for 5 classes",
     expected="a ValueError that names split.sizes; a random choice leaves classes out in silence",
     reference="a named error",
@@ -263,85 +262,3 @@ def fewer_samples_than_classes() -> Trial:
         ours=lambda: learning_curve_subsets(np.arange(100), labels, [3]),
         error=refusal("split.sizes", "one sample a class"),
     )
-
-
-# Sums over pixels and samples ---------------------------------------------------------------------
-
-
-@case(
-    extreme="250,000 products of −128 and −128: a sum above 2^31",
-    expected="the exact integer; an int32 sum wraps",
-    reference="Python integers",
-    unit="of the product",
-    naive="int32 matrix product",
-    ours="baselines.integer.integer_product",
-)
-def integer_overflow(d: int = 250_000) -> Trial:
-    x = torch.full((1, d), -128, dtype=torch.int8)
-    return Trial(
-        naive=lambda: int(x.int() @ x.int().T),
-        ours=lambda: int(integer_product(x, x.T)),
-        error=lambda product: abs(product - 128 * 128 * d),
-    )
-
-
-@case(
-    extreme="frames of 200 and 201 only: what tells them apart is 10^-5 of the Gram matrix",
-    expected="ten digits; float32 products lose five of seven before the mean is taken off",
-    reference="Python integers",
-    unit="relative",
-    naive="float32 X·Xᵀ, then centred",
-    ours="baselines.dual.centred_gram",
-    tolerance=1e-10,
-    small={"d": 10_000},
-)
-def gram_matrix_of_nearly_equal_frames(n: int = 6, d: int = 250_000) -> Trial:
-    extra = np.random.default_rng(0).integers(0, 2, (n, d))
-    centred = n * extra - extra.sum(0)  # n times the centred frames, in integers
-    exact = torch.from_numpy((centred @ centred.T) / (n * n * 255.0**2))
-    frames = torch.from_numpy((200 + extra).astype(np.uint8))
-
-    def naive() -> Tensor:
-        x = frames.float() / 255
-        gram = x @ x.T
-        return gram - gram.mean(0) - gram.mean(1, keepdim=True) + gram.mean()
-
-    return Trial(
-        naive=naive,
-        ours=lambda: centred_gram(frames, PixelScaling(scale=1 / 255)),
-        error=lambda gram: float((gram - exact).abs().max() / exact.abs().max()),
-    )
-
-
-@case(
-    extreme="16-bit pixels: one always 65,535, one that is one less in one of 400 frames",
-    expected="0 for the first, four digits for the second; (x − μ)/σ is 0/0 for the first",
-    reference="integers and mpmath",
-    unit="deviations",
-    naive="(x − mean) / std in float32",
-    ours="pixels: standard",
-    tolerance=2e-3,
-    note="the mean is kept in float32, whose steps at 65,535 are 0.004 grey levels, and the "
-    "deviation of this pixel is 0.05",
-)
-def standardised_pixels(n: int = 400) -> Trial:
-    pixels = np.full((n, 1, 2), 65_535, np.uint16)
-    pixels[0, 0, 1] -= 1
-    frames, labels = torch.from_numpy(pixels), np.arange(n) % 2
-    # The second pixel has mean 65,535 − 1/n and variance (n − 1)/n².
-    high = 1 / math.sqrt(n - 1)
-    exact = torch.zeros(n, 2)
-    exact[:, 1] = high
-    exact[0, 1] = -(n - 1) * high
-
-    def naive() -> Tensor:
-        x = frames.flatten(1).to(torch.float32)
-        return (x - x.mean(0)) / x.std(0, correction=0)
-
-    def ours() -> Tensor:
-        model: Classifier = SoftmaxRegression()
-        model.start(frames, labels)
-        scaled = fit_scaling("standard", model, frames)(model.load(frames, slice(0, n)))
-        return scaled.flatten(1)
-
-    return Trial(naive=naive, ours=ours, error=lambda values: float((values - exact).abs().max()))
