@@ -49,9 +49,7 @@ def to_markdown(measured: Measured) -> str:
         table = [list(_HEADS), ["---"] * len(_HEADS), *map(_cells, mine)]
         blocks.append(f"**{part.capitalize()}**")
         blocks.append("\n".join(f"| {' | '.join(cells)} |" for cells in table))
-        blocks.append("\n".join(
-            f"- {_escaped(row['case'])}: {_escaped(row['note'].rstrip('.'))}." for row in mine if "note" in row
-        ))  # fmt: skip
+        blocks.append("\n".join(_note(row) for row in mine if "note" in row))
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
@@ -82,6 +80,10 @@ def _cells(row: Row) -> list[str]:
     times = [_time(row[name]) for name in ("time_naive_s", "time_ours_s")]
     end = row["verdict"] if row["verdict"] == "holds" else f"**{row['verdict']}**"
     return [*words, *errors, *times, end]
+
+
+def _note(row: Row) -> str:
+    return f"- {_escaped(row['case'])}: {_escaped(row['note'].rstrip('.'))}."
 
 
 def _escaped(text: str) -> str:

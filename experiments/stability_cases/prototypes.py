@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -45,7 +44,7 @@ def ties(n: int, seeds: int, side: int) -> Trial:
     )
 
 
-@functools.cache
+@cache
 def touches(seed: int, side: int) -> tuple[Tensor, np.ndarray]:
     """Frames [L, 100, side, side] and labels [L, 100] of the scene touch, seen by fewer pixels."""
     camera = {"grid": side, "crop": side, "pupil": side * 2 // 5}

@@ -113,7 +113,7 @@ def an_indentation_of_one_picometre(pupil: int = 11, depth: float = 1e-12) -> Tr
     expected="phases unchanged, to the bit",
     reference="the phases without a touch",
     unit="rad",
-    naive="float32 phases with and without the touch",
+    naive="phases in float32",
     ours="ExactPress",
     small={"pupil": 30},
 )

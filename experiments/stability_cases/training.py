@@ -45,32 +45,33 @@ def noise(*shape: int) -> Tensor:
 
 
 @training_case(
-    extreme="logits of ±8128 and a wrong label: e^8128 is above any float",
+    extreme="logits of ±10,160 and a wrong label: e^10160 is above any float",
     expected="six digits; probabilities before their logarithm are ∞/∞",
-    reference="255²/16, by hand",
+    reference="1.25·255²/16, by hand",
     unit="relative",
     naive="−log(exp(z) / Σ exp(z))",
     ours="SoftmaxRegression",
     tolerance=1e-6,
 )
-def logits_of_eight_thousand() -> Trial:
-    # One step of rate 1 from W = 0 gives W_0 = −W_1 = (x_0 − x_1)/8, logits ±255²/8, and a loss
-    # of twice that for the third of four frames, whose label is wrong.
+def logits_of_ten_thousand() -> Trial:
+    # One step of rate 1.25 from W = 0 gives W_0 = −W_1 = 1.25·(x_0 − x_1)/8, logits ±1.25·255²/8,
+    # and a loss of twice that for the third of four frames, whose label is wrong.
     x0, x1 = [0, 255], [255, 0]
     frames = torch.tensor([[x0], [x0], [x0], [x1]], dtype=torch.uint8)
     labels = np.array([0, 0, 1, 1])
-    exact = 255**2 / 16
+    rate = 1.25
+    exact = rate * 255**2 / 16
 
     def naive() -> float:
         x = frames.flatten(1).float()
-        weights = torch.tensor([x0, x1]).sub(torch.tensor([x1, x0])) / 8
+        weights = torch.tensor([x0, x1]).sub(torch.tensor([x1, x0])) * (rate / 8)
         exponentials = (x @ weights.T).exp()
         likelihood = (exponentials / exponentials.sum(1, keepdim=True))[range(4), labels]
         return float(-likelihood.log().mean())
 
     def ours() -> float:
         model = SoftmaxRegression(
-            pixels="raw", optimizer="SGD", lr=1.0, batch_size=None, max_epochs=2
+            pixels="raw", optimizer="SGD", lr=rate, batch_size=None, max_epochs=2
         )
         return list(model.train(frames, labels))[1]["loss"]  # before the second step
 
