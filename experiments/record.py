@@ -21,6 +21,8 @@ from experiments import sources
 
 ROOT = sources.ROOT
 SCHEMA = 2
+# Keys of a config that say how a run is carried out, not what it computes.
+NOT_IDENTITY = ("force", "cache", "exclusive", "task")
 STATUSES = ("running", "finished", "failed", "interrupted")
 _PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "hydra-core", "numkong")
 
@@ -50,6 +52,12 @@ def write_atomically(path: Path, text: str) -> None:
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove temporary files that a kill left here; for whoever has the folder to itself."""
+    for path in folder.glob(".*.*.*"):
+        path.unlink(missing_ok=True)
 
 
 def write_record(folder: Path, record: Mapping[str, Any]) -> None:

@@ -19,14 +19,14 @@ from typing import Any
 from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from experiments.record import ROOT, read_record
+from experiments.record import NOT_IDENTITY, ROOT, read_record
 from experiments.sources import outdated
 
 CONFIGS = ROOT / "configs"
 # Of several finished runs of one seed the first in this list counts; an unnamed rule comes last.
 STOPS = ("paper", "quick", "reached")
 # What may differ between a record and its reference; n_train and pixels are asked for by number.
-_FREE = ("stop", "threads", "split.n_train", "data.pixels", "force", "cache", "task")
+_FREE = ("stop", "threads", "split.n_train", "data.pixels", *NOT_IDENTITY)
 
 Curve = list[dict[str, float]]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import tempfile
 
 import numpy as np
 import pytest
@@ -12,6 +13,13 @@ from omegaconf import OmegaConf
 
 from experiments import record, sources
 from experiments.selection import CONFIGS
+
+
+@pytest.fixture(autouse=True)
+def cores_of_its_own(tmp_path_factory, monkeypatch):
+    """No test waits for the cores that a run outside of it holds."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path_factory.mktemp("cores")))
+    monkeypatch.setattr(tempfile, "tempdir", None)
 
 
 @pytest.fixture(scope="session")
@@ -58,7 +66,7 @@ def write_run(tmp_path, composed):
         for key, value in (change or {}).items():
             OmegaConf.update(cfg, key, value)
         config = OmegaConf.to_container(cfg, resolve=True)
-        for key in ("force", "cache", "task"):
+        for key in record.NOT_IDENTITY:
             config.pop(key)
         config["threads"] = 2
         identity = record.run_id("touch", model, config, "f" * 64)
