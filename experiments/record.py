@@ -171,4 +171,7 @@ def _git() -> dict[str, Any]:
 
 def command() -> str:
     """The command line that started this process, as a user would type it."""
-    return shlex.join(["python", "-m", "experiments.run", *sys.argv[1:]])
+    start = ["python"]
+    if "TORCHELASTIC_RUN_ID" in os.environ:
+        start = ["torchrun", f"--nproc-per-node={os.environ.get('LOCAL_WORLD_SIZE')}"]
+    return shlex.join([*start, "-m", "experiments.run", *sys.argv[1:]])

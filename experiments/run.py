@@ -8,11 +8,13 @@ another process is at is left to it.
 
 from __future__ import annotations
 
+import copy
 import os
 import signal
 import sys
 import traceback
 import warnings
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
@@ -20,12 +22,12 @@ from typing import Any
 import hydra
 import torch
 from hydra.core.hydra_config import HydraConfig
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 from rich.console import Console
 from rich.markup import escape
 
-from experiments import blas, cores, locks, record, sweep
+from experiments import blas, cores, data, distributed, locks, record, sweep
 from experiments.summary import summarise
 from experiments.trial import instantiate, train_and_test
 from scenes.frames import Scene
@@ -39,6 +41,9 @@ _USER_ERRORS = (ValueError, OSError, hydra.errors.HydraException, OmegaConfBaseE
 _process: int | None = None  # set where the command line was given
 _failures: list[Exception] = []
 
+warnings.filterwarnings("ignore", message=".*hydra.run.dir.*")
+# What configs/hydra/launcher changes of the launchers' own configs is to be checked against them.
+warnings.filterwarnings("ignore", message="(?s).*validated against ConfigStore schema")
 OmegaConf.register_new_resolver(
     "results_dir", lambda: str(record.results_dir()), replace=True, use_cache=False
 )
@@ -47,12 +52,19 @@ OmegaConf.register_new_resolver(
 @hydra.main(version_base="1.3", config_path="../configs", config_name="config")
 def main(cfg: DictConfig) -> None:
     """Run what the config says; in a multirun, go on with the others after one that failed."""
+    # Launchers pickle this function by value, so that it must refer to nothing that has a lock.
+    _job(cfg)
+
+
+def _job(cfg: DictConfig) -> None:
     try:
         torch.set_num_threads(_threads(cfg.threads, HydraConfig.get().launcher))
         with locks.shared(_cache() / locks.FILE, _remove_partial_frames):
             if cfg.task is not None:
                 with _exclusive(cfg):
                     hydra.utils.instantiate(cfg.task, _recursive_=False, _convert_="all")
+            elif distributed.launched():
+                _run_sharded(cfg, dict(HydraConfig.get().runtime.choices))
             else:
                 run(cfg, dict(HydraConfig.get().runtime.choices))
     except locks.Held as held:
@@ -62,18 +74,23 @@ def main(cfg: DictConfig) -> None:
         if os.environ.get("HYDRA_FULL_ERROR") == "1":
             raise
         _complain(error)
+        if distributed.launched():
+            sys.exit(1)  # the others wait for this rank, and torchrun ends them now
         if os.getpid() == _process:
             _failures.append(error)
         elif not sweep.note(sweep.FAILED, f"{_overrides()}: {type(error).__name__}: {error}"):
             raise
 
 
-def run(cfg: DictConfig, choices: dict[str, str | None]) -> dict[str, Any]:
+def run(
+    cfg: DictConfig, choices: dict[str, str | None], start: Callable[[], None] = lambda: None
+) -> dict[str, Any]:
     """Carry out one run, or find that it is finished; returns its record.
 
     Args:
         cfg: the composed config.
         choices: which file of each group it was composed from, for names.
+        start: called when it is sure that there is something to do.
 
     Raises:
         locks.Held: if another process is at it.
@@ -120,12 +137,14 @@ def run(cfg: DictConfig, choices: dict[str, str | None]) -> dict[str, Any]:
                 "exclusive": cfg.exclusive,
                 "libraries": libraries,
             }
-            _carry_out(cfg, scene, entry, folder)
+            _carry_out(cfg, scene, entry, folder, start)
     summarise(console, entry, folder)
     return entry
 
 
-def _carry_out(cfg: DictConfig, scene: Scene, entry: dict[str, Any], folder: Path) -> None:
+def _carry_out(
+    cfg: DictConfig, scene: Scene, entry: dict[str, Any], folder: Path, start: Callable[[], None]
+) -> None:
     """Train and test; the record says what came of it, and that it began if nothing can be said."""
     record.write_record(folder, entry)
     (folder / "curve.csv").unlink(missing_ok=True)  # of an earlier attempt
@@ -137,6 +156,7 @@ def _carry_out(cfg: DictConfig, scene: Scene, entry: dict[str, Any], folder: Pat
         record.write_record(folder, entry)
 
     try:
+        start()
         cache = _cache() if cfg.cache else None
         entry |= train_and_test(cfg, scene, entry["choices"], curve, cache, console)
         entry["status"] = "finished"
@@ -147,6 +167,34 @@ def _carry_out(cfg: DictConfig, scene: Scene, entry: dict[str, Any], folder: Pat
             write()
         raise
     write()
+
+
+def _run_sharded(cfg: DictConfig, choices: dict[str, str | None]) -> None:
+    """:func:`run` on rank 0 of torchrun; the other ranks train their shards and write nothing."""
+    distributed.join(cfg.device)
+    cfg = copy.deepcopy(cfg)
+    with open_dict(cfg):
+        cfg.model = {
+            "_target_": "experiments.distributed.Sharded",
+            "model": cfg.model,
+            "ranks": distributed.ranks(),
+        }
+
+    def lead(start: Callable[[], None]) -> None:
+        def make_frames_and_start() -> None:
+            if cfg.cache:  # by one rank, not by all
+                data.cached(instantiate(cfg.scene, "scene"), _cache(), lambda *_: None)
+            start()
+
+        instantiate(cfg.model, "model")  # one line for a model that cannot, and no record
+        run(cfg, choices, make_frames_and_start)
+
+    def follow() -> None:
+        scene, quiet = instantiate(cfg.scene, "scene"), Console(quiet=True)
+        names = {key: str(name) for key, name in choices.items()}
+        train_and_test(cfg, scene, names, [], _cache() if cfg.cache else None, quiet)
+
+    distributed.together(lead, follow)
 
 
 def _finished(folder: Path, force: bool) -> dict[str, Any] | None:
@@ -160,7 +208,7 @@ def _finished(folder: Path, force: bool) -> dict[str, Any] | None:
 
 def _exclusive(cfg: DictConfig) -> AbstractContextManager[None]:
     """The cores to oneself, unless the config says otherwise."""
-    n = torch.get_num_threads()
+    n = torch.get_num_threads() * distributed.local_ranks()
 
     def waiting() -> None:
         console.print(
@@ -186,7 +234,7 @@ def _remove_partial_frames() -> None:
 def _threads(wanted: Any, launcher: Any) -> int:
     """Threads of torch: those asked for, or this worker's share of the cores."""
     if wanted is None:
-        n = len(cores.available())
+        n = max(1, len(cores.available()) // distributed.local_ranks())
         if launcher.get("cpus_per_task"):
             return min(n, launcher.cpus_per_task)
         workers = launcher.get("n_jobs") or 1
@@ -213,11 +261,11 @@ def entry_point() -> None:
     global _process
     _process = os.getpid()
     sweep.begin()
-    warnings.filterwarnings("ignore", message=".*hydra.run.dir.*")
     # A scheduler's or a user's end of a run is written into its record.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         main()
+        distributed.leave()
     except KeyboardInterrupt:
         stderr.print("interrupted; the same command goes on")
         sys.exit(128 + signal.SIGINT)
