@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -118,25 +119,78 @@ def test_without_torchrun_nothing_is_distributed(monkeypatch):
     assert distributed.local_ranks() == 1
 
 
-def test_torchrun_makes_one_record_with_the_predictions_of_one_process(tmp_path, monkeypatch):
+@pytest.fixture
+def archive(tmp_path, monkeypatch):
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "results"))
     frames, labels = frames_and_labels(100)
     np.savez(tmp_path / "frames.npz", frames=frames, labels=labels)
-    command = ["-m", "experiments.run", "scene=recorded", f"scene.path={tmp_path}/frames.npz"]
-    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
-    for start in ([], ["-m", "torch.distributed.run", "--nproc-per-node=2"]):
-        done = subprocess.run(
-            [sys.executable, *start, *command, "threads=1"],
-            capture_output=True, text=True, timeout=100, env=environment, cwd=tmp_path,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-    found = [record.read_record(path) for path in (tmp_path / "results" / "runs").iterdir()]
-    one, two = sorted(found, key=lambda entry: len(entry["config"]["model"]), reverse=True)
-    assert two["config"]["model"]["ranks"] == 2
-    assert two["config"]["model"]["model"] == one["config"]["model"]
-    assert two["command"].startswith("torchrun --nproc-per-node=2 -m experiments.run")
-    assert "experiments/distributed.py" in two["environment"]["sources"]
+    return tmp_path / "frames.npz"
+
+
+def assert_one_record_each_with_equal_predictions(ranks):
+    runs = record.results_dir() / "runs"
+    found = [record.read_record(path) for path in runs.iterdir()]
+    sharded, one = sorted(found, key=lambda entry: len(entry["config"]["model"]))
+    assert sharded["config"]["model"]["ranks"] == ranks
+    assert sharded["config"]["model"]["model"] == one["config"]["model"]
+    assert f"torchrun --nproc-per-node={ranks} -m experiments.run" in sharded["command"]
+    assert "experiments/distributed.py" in sharded["environment"]["sources"]
     assert "experiments/distributed.py" not in one["environment"]["sources"]
-    assert {two["status"], one["status"]} == {"finished"}
+    assert {sharded["status"], one["status"]} == {"finished"}
     for key in ("predicted", "data_sha256", "n_train", "confusion", "test_accuracy_final"):
-        assert two[key] == one[key]
+        assert sharded[key] == one[key]
+    files = [path.name for path in runs.rglob("*") if path.is_file()]
+    assert sorted(files) == ["curve.csv"] * 2 + ["record.json"] * 2
+
+
+def as_of_torchrun(rank, ranks, port):
+    """What torchrun puts into the environment of a rank."""
+    values = {
+        "RANK": rank, "LOCAL_RANK": rank, "WORLD_SIZE": ranks, "LOCAL_WORLD_SIZE": ranks,
+        "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port, "TORCHELASTIC_RUN_ID": "a-test",
+    }  # fmt: skip
+    return {key: str(value) for key, value in values.items()}
+
+
+@pytest.fixture
+def port():
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+def test_ranks_make_one_record_with_the_predictions_of_one_process(archive, start, port):
+    overrides = ("scene=recorded", f"scene.path={archive}")
+    one = start(*overrides)
+    one.join(60)
+    for twice in ("training", "finished before"):
+        ranks = [start(*overrides, environment=as_of_torchrun(r, 3, port)) for r in range(3)]
+        for process in ranks:
+            process.join(60)
+        assert [process.exitcode for process in ranks] == [0, 0, 0], ranks[0].out.read_text()
+        assert twice in ranks[0].out.read_text()
+        assert ranks[1].out.read_text() == ranks[2].out.read_text() == ""
+    assert_one_record_each_with_equal_predictions(3)
+
+
+def test_another_model_ends_in_one_line(archive, start, port):
+    process = start(
+        "scene=recorded", f"scene.path={archive}", "model=correlation",
+        environment=as_of_torchrun(0, 1, port),
+    )  # fmt: skip
+    process.join(60)
+    assert process.exitcode == 1
+    (line,) = process.out.read_text().splitlines()
+    assert line.startswith("error: model: expected a model whose training is a sum of counts")
+    assert not (record.results_dir() / "runs").exists()
+
+
+@pytest.mark.slow
+def test_torchrun_itself(archive):
+    command = ["-m", "experiments.run", "scene=recorded", f"scene.path={archive}", "threads=1"]
+    for before in ([], ["-m", "torch.distributed.run", "--nproc-per-node=2"]):
+        subprocess.run(
+            [sys.executable, *before, *command],
+            check=True, timeout=100, env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+        )  # fmt: skip
+    assert_one_record_each_with_equal_predictions(2)
