@@ -8,7 +8,6 @@ on, and bind one user's runs; programs that know nothing of them are not kept aw
 
 from __future__ import annotations
 
-import fcntl
 import os
 import random
 import tempfile
@@ -66,10 +65,10 @@ def _some(stack: ExitStack, names: list[str], n: int) -> bool:
 def _taken(stack: ExitStack, name: str) -> bool:
     folder = Path(tempfile.gettempdir()) / f"optical-hdc-cores-{os.getuid()}"
     folder.mkdir(exist_ok=True)
-    file = locks.take(folder / name, fcntl.LOCK_EX)
+    file = locks.take(folder / name)
     if file is None:
         return False
-    stack.enter_context(file)
+    stack.callback(locks.release, file)
     return True
 
 

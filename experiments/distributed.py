@@ -154,21 +154,32 @@ def fit(
     Raises:
         ValueError: if all ranks together have one class only.
     """
-    own = HDCClassifier(device=model.device)
-    if len(labels):
-        own.partial_fit(frames, labels)
-    known = own.classes_.tolist() if len(labels) else []
+    return add(model, count(model, frames, labels), shape)
+
+
+def count(model: HDCClassifier, frames: Any, labels: Any) -> HDCClassifier | None:
+    """The part of :func:`fit` that a rank does alone; None for no frames."""
+    if len(labels) == 0:
+        return None
+    return HDCClassifier(device=model.device).partial_fit(frames, labels)
+
+
+def add(
+    model: HDCClassifier, own: HDCClassifier | None, shape: tuple[int, ...]
+) -> tuple[HDCClassifier, int]:
+    """The part of :func:`fit` that the ranks do together."""
+    known = own.classes_.tolist() if own else []
     whole = _with_classes(model, _gathered(known, model.device), shape)
     classes, total = whole.classes_.tolist(), whole.counters_
     rows = torch.tensor([classes.index(label) for label in known], dtype=torch.int64)
     total.n = torch.zeros(len(classes), dtype=torch.int64)
-    if known:
+    if own:
         total.n[rows] = own.counters_.n
     total.n = _summed(total.n.to(model.device)).cpu()
     largest = int(total.n.max())
     dtype = next(t for t in _INTEGERS if largest <= torch.iinfo(t).max)
     counts = torch.zeros(len(classes), total.dimension, dtype=dtype, device=model.device)
-    if known:
+    if own:
         counts[rows.to(model.device)] = _integers(own.counters_, dtype)
     _summed(counts)
     total.planes = torch.stack(
@@ -179,9 +190,7 @@ def fit(
     return whole, counts.nbytes
 
 
-def _with_classes(
-    model: HDCClassifier, labels: list[Any], shape: tuple[int, ...]
-) -> HDCClassifier:
+def _with_classes(model: HDCClassifier, labels: list[Any], shape: tuple[int, ...]) -> HDCClassifier:
     """A model that knows these classes, from one frame of each that is of no further use."""
     classes = list(dict.fromkeys(labels))
     if len(classes) < 2:

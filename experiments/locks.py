@@ -46,10 +46,10 @@ def held(path: Path, what: str | None = None) -> Iterator[None]:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     while True:
-        file = take(path, fcntl.LOCK_EX)
+        file = take(path)
         if file is None:
             raise Held(what or path.parent.name, _holder(path))
-        with file:
+        try:
             if not _is_at(file, path):
                 continue  # the last holder removed it while we opened it
             file.truncate(0)
@@ -60,25 +60,32 @@ def held(path: Path, what: str | None = None) -> Iterator[None]:
             finally:
                 path.unlink(missing_ok=True)  # while we hold it: nobody else can have this one
             return
+        finally:
+            release(file)
 
 
 @contextmanager
 def shared(path: Path, alone: Callable[[], None]) -> Iterator[None]:
     """Hold a lock together with others; `alone` is called first if nobody else holds it then."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    file = take(path, fcntl.LOCK_EX)
-    if file is not None:
-        alone()
-    with file or path.open("a+b") as file:
+    file = take(path)
+    try:
+        if file is None:
+            file = path.open("a+b")
+        else:
+            alone()
         fcntl.flock(file, fcntl.LOCK_SH)
         yield
+    finally:
+        if file is not None:
+            release(file)
 
 
-def take(path: Path, mode: int) -> IO[bytes] | None:
+def take(path: Path) -> IO[bytes] | None:
     """The lock file, open and locked, or None if another process's lock is in the way."""
     file = path.open("a+b")
     try:
-        fcntl.flock(file, mode | fcntl.LOCK_NB)
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         file.close()
         return None
@@ -88,6 +95,12 @@ def take(path: Path, mode: int) -> IO[bytes] | None:
             error.errno, f"{path}: expected a file system with locks, found {error.strerror}"
         ) from error
     return file
+
+
+def release(file: IO[bytes]) -> None:
+    """Give a lock back, also where a forked process still has the file open."""
+    fcntl.flock(file, fcntl.LOCK_UN)
+    file.close()
 
 
 def _is_at(file: IO[bytes], path: Path) -> bool:

@@ -202,6 +202,9 @@ def _finished(folder: Path, force: bool) -> dict[str, Any] | None:
     known = record.read_record(folder)
     if force or not known or known["status"] != "finished":
         return None
+    if any(folder.glob(".*")):  # a kill just after the end, or in a forced repetition
+        with suppress(locks.Held), locks.held(folder / locks.FILE):
+            record.remove_leftovers(folder)
     summarise(console, known, folder, repeated=True)
     return known
 
@@ -235,10 +238,9 @@ def _threads(wanted: Any, launcher: Any) -> int:
     """Threads of torch: those asked for, or this worker's share of the cores."""
     if wanted is None:
         n = max(1, len(cores.available()) // distributed.local_ranks())
-        if launcher.get("cpus_per_task"):
-            return min(n, launcher.cpus_per_task)
-        workers = launcher.get("n_jobs") or 1
-        return max(1, n // workers) if workers > 0 else 1
+        workers = launcher.get("n_jobs") or 1  # of joblib, below zero for one a core
+        share = launcher.get("cpus_per_task") or (n // workers if workers > 0 else 1)
+        return min(n, max(1, share))
     if not isinstance(wanted, int) or isinstance(wanted, bool) or wanted < 1:
         raise ValueError(f"threads: expected an integer from 1, or null, found {wanted!r}")
     return wanted

@@ -3,19 +3,23 @@
 A record counts for (scene, model, n_train, pixels) if its resolved configuration is the one that
 ``configs/`` composes today for that scene and model with the record's own seeds. A run that was
 made for another experiment therefore counts too, and one with a changed learning rate never does.
+Records are pooled if the same code made them from the same frames: those whose scene has another
+fingerprint by now are left out of a row, or the row says so.
 """
 
 from __future__ import annotations
 
+import collections
 import copy
 import csv
 import functools
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import hydra
 from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig, OmegaConf, open_dict
 
@@ -38,10 +42,14 @@ class Run:
     Attributes:
         record: what record.json holds.
         curve: one dict a report of the model.
+        other_frames: whether the scene makes, or holds, other frames by now.
+        disputed: whether other records of the same scene, seeds and split have other test samples.
     """
 
     record: dict[str, Any]
     curve: Curve = field(default_factory=list)
+    other_frames: bool = False
+    disputed: bool = False
 
     @property
     def seeds(self) -> str:
@@ -63,7 +71,7 @@ class Group:
         pixels: pixels asked for; None for all.
         runs: finished runs, in the order of their seeds.
         failed: records of seeds that have no finished run.
-        older: finished runs left out because other code made them than the runs.
+        older: finished runs left out because other code, or other frames, made them than the runs.
     """
 
     scene: str
@@ -80,10 +88,25 @@ class Group:
         if not self.runs and not self.failed:
             return "missing"
         if not self.failed:
-            return f"{len(self.older)} more left out: made by other code" if self.older else "ok"
+            return "; ".join(self._reservations()) or "ok"
         worst = self.failed[0]
         text = f"{worst['status']}: {worst.get('error', 'no error recorded')}"
         return text if not self.runs else f"{len(self.failed)} more {text}"
+
+    def _reservations(self) -> Iterator[str]:
+        """What a reader of the row has to know of its runs."""
+        frames = bool(self.runs) and self.runs[0].other_frames
+        by_frames = sum(run.other_frames != frames for run in self.older)
+        if by_code := len(self.older) - by_frames:
+            yield f"{by_code} more left out: made by other code"
+        if by_frames:
+            yield f"{by_frames} more left out: of other frames"
+        if frames:
+            yield "of other frames than the scene's now"
+        if disputed := sum(run.disputed for run in self.runs):
+            yield f"{disputed} with other test samples than other models of the same seed"
+        if beside := sum(not run.record["environment"].get("exclusive", True) for run in self.runs):
+            yield f"{beside} timed beside other runs"
 
 
 class Records:
@@ -105,6 +128,7 @@ class Records:
         self._found: dict[tuple[str, str, int | None, int | None], list[Run]] = {}
         folders = sorted(p for p in (results / "runs").glob("*") if p.is_dir())
         runs = [run for run in map(self._read, folders) if run is not None]
+        _mark_disputed(run for run in runs if run.record["status"] == "finished")
         whole = {
             record["scene"]["name"]: record["n_train"]
             for record in (run.record for run in runs)
@@ -156,7 +180,13 @@ class Records:
             if not _is_current(record):
                 self.skipped.append(record["id"])
                 return None
-            return Run(record, read_curve(folder / "curve.csv"))
+            known = record["scene"].get("fingerprint")
+            now = _fingerprint(json.dumps(record["config"]["scene"]))
+            return Run(
+                record,
+                read_curve(folder / "curve.csv"),
+                other_frames=None not in (known, now) and known != now,
+            )
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             self.problems.append(f"{folder.name}: {type(error).__name__}: {error}")
             return None
@@ -240,17 +270,43 @@ def _stop_rank(run: Run) -> int:
 
 
 def _of_one_code(runs: list[Run]) -> tuple[list[Run], list[Run]]:
-    """Runs that may be pooled, and the rest: today's code goes first, then the largest set."""
-    by_code: dict[str, list[Run]] = {}
+    """Runs that may be pooled, and the rest: today's frames and code go first, then the most."""
+    alike: dict[tuple[bool, str], list[Run]] = {}
     for run in runs:
-        by_code.setdefault(run.record["environment"]["code"], []).append(run)
+        alike.setdefault((run.other_frames, run.record["environment"]["code"]), []).append(run)
 
-    def rank(same: list[Run]) -> tuple[bool, int, str]:
+    def rank(same: list[Run]) -> tuple[bool, bool, int, str]:
         environment = same[0].record["environment"]
-        return not outdated(environment["sources"]), len(same), environment["code"]
+        current = not outdated(environment["sources"])
+        return not same[0].other_frames, current, len(same), environment["code"]
 
-    kept = max(by_code.values(), key=rank)
+    kept = max(alike.values(), key=rank)
     return kept, [run for run in runs if run not in kept]
+
+
+@functools.cache
+def _fingerprint(scene: str) -> str | None:
+    """Of the frames that a scene, given as JSON, has today; None where it cannot be had."""
+    try:
+        return hydra.utils.instantiate(json.loads(scene), _convert_="all").fingerprint()
+    except (hydra.errors.InstantiationException, ValueError, OSError):
+        return None  # a recording that lies on another machine
+
+
+def _mark_disputed(runs: Iterable[Run]) -> None:
+    """Mark runs whose test samples are not those of most runs that should have the same."""
+    alike: dict[str, list[Run]] = {}
+    for run in runs:
+        config = run.record["config"]
+        split = {key: value for key, value in config["split"].items() if key != "n_train"}
+        same = [config["scene"], config["seed"], split, config["data"]]
+        alike.setdefault(json.dumps(same, sort_keys=True), []).append(run)
+    for group in alike.values():
+        digests = collections.Counter(run.record["data_sha256"]["test"] for run in group)
+        most = max(digests.values())
+        usual = [digest for digest, n in digests.items() if n == most]
+        for run in group:
+            run.disputed = [run.record["data_sha256"]["test"]] != usual
 
 
 def _preference(run: Run) -> tuple[int, str]:

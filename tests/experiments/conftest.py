@@ -35,6 +35,7 @@ def start(tmp_path):
     Keyword arguments: ``environment``, set for it; ``before``, called in it first.
     """
     begun = []
+    record.environment("cpu", 1, {"model": {"_target_": "hdc.HDCClassifier"}})  # is remembered
 
     def launch(*overrides, environment=None, before=None):
         out = tmp_path / f"output-{len(begun)}"
@@ -55,7 +56,7 @@ def start(tmp_path):
 def _command_line(out, overrides, environment, before):
     sys.stdout = sys.stderr = out.open("w", buffering=1)
     os.environ.update(environment)
-    sys.argv = ["run.py", "threads=1", *overrides]
+    sys.argv = ["run.py", *overrides, "threads=1"]
     torch.set_num_threads(1)
     if before:
         before()

@@ -14,7 +14,7 @@ import torch
 import torch.distributed as dist
 
 from baselines.softmax import SoftmaxRegression
-from experiments import distributed, record
+from experiments import distributed, distributed_times, measurement, record
 from hdc import HDCClassifier
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -89,8 +89,8 @@ def test_every_rank_has_the_model_of_all_frames(trained, name):
             assert model.get_params() == whole.get_params()
             # It can learn on like any other.
             model.partial_fit(frames[:7], labels[:7])
-            again = HDCClassifier(**parameters).fit(frames, labels).partial_fit(
-                frames[:7], labels[:7]
+            again = (
+                HDCClassifier(**parameters).fit(frames, labels).partial_fit(frames[:7], labels[:7])
             )
             assert torch.equal(model.prototypes_, again.prototypes_)
 
@@ -183,6 +183,37 @@ def test_another_model_ends_in_one_line(archive, start, port):
     (line,) = process.out.read_text().splitlines()
     assert line.startswith("error: model: expected a model whose training is a sum of counts")
     assert not (record.results_dir() / "runs").exists()
+
+
+def in_turn(function, arguments, nprocs):
+    """Ranks as forked processes, in the place of spawned ones that import everything anew."""
+    ranks = [
+        torch.multiprocessing.get_context("fork").Process(target=function, args=(r, *arguments))
+        for r in range(nprocs)
+    ]
+    for process in ranks:
+        process.start()
+    for process in ranks:
+        process.join(60)
+    assert [process.exitcode for process in ranks] == [0] * nprocs
+
+
+def test_rows_of_the_measurement(tmp_path, monkeypatch):
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    monkeypatch.setattr(distributed_times.multiprocessing, "spawn", in_turn)
+    distributed_times.run(ranks=[1, 3], n=10, shape=SHAPE, classes=4, repeats=3, seed=0)
+    found = measurement.read(tmp_path, "distributed")
+    assert found.record["status"] == "finished"
+    rows = found.rows
+    assert [(row["ranks"], row["rank"], row["frames"]) for row in rows] == [
+        ("1", "0", "10"), ("3", "0", "3"), ("3", "1", "3"), ("3", "2", "4"),
+    ]  # fmt: skip
+    assert {row["bytes"] for row in rows} == {str(4 * SHAPE[0] * SHAPE[1])}
+    assert len({row["prototypes_sha256"] for row in rows}) == 1
+    for row in rows:
+        low, median, high = (float(row[f"count_{q}_s"]) for q in ("q25", "median", "q75"))
+        assert 0 < low <= median <= high
+        assert float(row["seconds"]) > max(median / 2, float(row["add_q25_s"]))
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ import hdc
 from experiments import locks, record, run, summary
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-HEAVY = ("cv2", "sklearn", "pandas", "matplotlib", "scipy.stats", "baselines.cnn")
+HEAVY = ("cv2", "sklearn", "threadpoolctl", "pandas", "matplotlib", "scipy.stats", "baselines.cnn")
 
 
 @pytest.fixture(autouse=True)
@@ -158,7 +158,9 @@ def test_the_id_is_a_function_of_config_and_data(archive, tmp_path):
     first = carry_out(archive)["id"]
     ids = [carry_out(archive, override)["id"] for override in IDENTITY]
     assert len({first, *ids}) == len(IDENTITY) + 1
-    assert {carry_out(archive, o)["id"] for o in ("force=true", "cache=false", "exclusive=false")} == {first}
+    assert {
+        carry_out(archive, o)["id"] for o in ("force=true", "cache=false", "exclusive=false")
+    } == {first}
     torch.set_num_threads(2)
     assert carry_out(archive)["id"] not in {first, *ids}
     torch.set_num_threads(1)
@@ -235,6 +237,32 @@ def test_a_corrupt_record_is_named_and_not_overwritten(archive):
         carry_out(archive)
     assert str(path) in str(caught.value)
     assert path.read_text() == '{"schema": 1, "stat'
+
+
+def test_scikit_learn_gets_the_threads_of_the_run_and_others_need_not(archive):
+    import sklearn.linear_model
+    from threadpoolctl import threadpool_info, threadpool_limits
+
+    class Watched(sklearn.linear_model.RidgeClassifier):
+        def fit(self, X, y):
+            inside.extend(library["num_threads"] for library in threadpool_info())
+            return super().fit(X, y)
+
+    def watched(archive):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sklearn.linear_model, "RidgeClassifier", Watched)
+            return carry_out(archive, "model=sklearn_ridge")
+
+    inside = []
+    with threadpool_limits(2, "blas"):
+        entry = watched(archive)
+        blas = [library for library in threadpool_info() if library["user_api"] == "blas"]
+        assert {library["num_threads"] for library in blas} == {2}
+    assert set(inside) == {1}
+    told = entry["environment"]["libraries"]
+    assert {library["threads"] for library in told} == {1}
+    assert any("openblas" in library["library"] for library in told)
+    assert carry_out(archive)["environment"]["libraries"] == []
 
 
 # Training --------------------------------------------------------------------------------------
