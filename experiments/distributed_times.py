@@ -46,8 +46,12 @@ def run(
     """
     config = {
         "_target_": f"{__name__}.run",
-        **{"ranks": list(ranks), "n": n, "shape": list(shape), "classes": classes},
-        **{"repeats": repeats, "seed": seed},
+        "ranks": list(ranks),
+        "n": n,
+        "shape": list(shape),
+        "classes": classes,
+        "repeats": repeats,
+        "seed": seed,
     }
     measure("distributed", config, lambda: _rows(config), force=force)
 
@@ -80,10 +84,8 @@ def _rank(rank: int, ranks: int, config: dict[str, Any], folder: str) -> None:
     row: Row = {"ranks": ranks, "rank": rank, "frames": len(part)}
     # From the start, which is common, a rank's time for the sum is its own work and its waiting.
     for name, times in (("count", counting[1:]), ("add", adding[1:])):
-        quartiles = np.quantile(times, [0.25, 0.5, 0.75])
-        row |= {
-            f"{name}_{q}_s": x for q, x in zip(("q25", "median", "q75"), quartiles, strict=True)
-        }
+        low, median, high = np.quantile(times, [0.25, 0.5, 0.75])
+        row |= {f"{name}_q25_s": low, f"{name}_median_s": median, f"{name}_q75_s": high}
     row["seconds"] = float(np.median(np.add(counting, adding)[1:]))
     row["bytes"] = sent
     row["prototypes_sha256"] = hashlib.sha256(model.prototypes_.numpy().tobytes()).hexdigest()[:12]

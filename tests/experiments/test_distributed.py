@@ -109,7 +109,7 @@ def test_shards_are_a_partition_into_nearly_equal_parts(n, ranks):
 
 
 def test_a_model_that_is_no_sum_of_counts_is_refused():
-    with pytest.raises(ValueError, match="sum of counts under torchrun .*SoftmaxRegression"):
+    with pytest.raises(ValueError, match=r"sum of counts under torchrun .*SoftmaxRegression"):
         distributed.Sharded(SoftmaxRegression(), 2)
 
 

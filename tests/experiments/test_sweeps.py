@@ -1,4 +1,4 @@
-"""Sweeps that are killed, doubled, short of disk or spread over workers end with the same records."""
+"""Sweeps killed, doubled, short of disk or spread over workers end with the same records."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def without_times(entry):
 
 
 def kill_after(process, folder, n, seconds):
-    """SIGKILL when n runs are finished and it has computed on for so long, on however busy cores."""
+    """SIGKILL when n runs are finished and it has computed on for so long."""
     watched, since = psutil.Process(process.pid), None
     while process.is_alive():
         computed = sum(watched.cpu_times()[:2])
@@ -227,7 +227,7 @@ def test_a_run_that_another_process_is_at_is_left_to_it(results, scene, start):
 
 
 def test_two_sweeps_at_once_run_nothing_twice(results, scene, start, tmp_path):
-    overrides = ("-m", *scene, f"seed.run=0,1,2,3,4,5", "exclusive=false")
+    overrides = ("-m", *scene, "seed.run=0,1,2,3,4,5", "exclusive=false")
     both = [start(*overrides), start(*overrides)]
     for process in both:
         process.join(120)
