@@ -9,22 +9,20 @@ fingerprint by now are left out of a row, or the row says so.
 
 from __future__ import annotations
 
-import collections
 import copy
 import csv
 import functools
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import hydra
 from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig, OmegaConf, open_dict
 
+from experiments import pooling
 from experiments.record import NOT_IDENTITY, ROOT, read_record
-from experiments.sources import outdated
 
 CONFIGS = ROOT / "configs"
 # Of several finished runs of one seed the first in this list counts; an unnamed rule comes last.
@@ -128,7 +126,7 @@ class Records:
         self._found: dict[tuple[str, str, int | None, int | None], list[Run]] = {}
         folders = sorted(p for p in (results / "runs").glob("*") if p.is_dir())
         runs = [run for run in map(self._read, folders) if run is not None]
-        _mark_disputed(run for run in runs if run.record["status"] == "finished")
+        pooling.mark_disputed(run for run in runs if run.record["status"] == "finished")
         whole = {
             record["scene"]["name"]: record["n_train"]
             for record in (run.record for run in runs)
@@ -165,7 +163,7 @@ class Records:
                 finished.setdefault(rank, []).append(best)
         if finished:
             # Maxima of runs that were stopped by different rules must not be averaged.
-            group.runs, group.older = _of_one_code(finished[min(finished)])
+            group.runs, group.older = pooling.of_one_frames_and_code(finished[min(finished)])
             group.runs.sort(key=lambda run: _seed_order(run.record))
         group.failed.sort(key=_seed_order)
         return group
@@ -181,7 +179,7 @@ class Records:
                 self.skipped.append(record["id"])
                 return None
             known = record["scene"].get("fingerprint")
-            now = _fingerprint(json.dumps(record["config"]["scene"]))
+            now = pooling.fingerprint(json.dumps(record["config"]["scene"]))
             return Run(
                 record,
                 read_curve(folder / "curve.csv"),
@@ -267,46 +265,6 @@ def _stop_rank(run: Run) -> int:
     stops = _stops()
     stop = run.record["config"]["stop"]
     return stops.index(stop) if stop in stops else len(stops)
-
-
-def _of_one_code(runs: list[Run]) -> tuple[list[Run], list[Run]]:
-    """Runs that may be pooled, and the rest: today's frames and code go first, then the most."""
-    alike: dict[tuple[bool, str], list[Run]] = {}
-    for run in runs:
-        alike.setdefault((run.other_frames, run.record["environment"]["code"]), []).append(run)
-
-    def rank(same: list[Run]) -> tuple[bool, bool, int, str]:
-        environment = same[0].record["environment"]
-        current = not outdated(environment["sources"])
-        return not same[0].other_frames, current, len(same), environment["code"]
-
-    kept = max(alike.values(), key=rank)
-    return kept, [run for run in runs if run not in kept]
-
-
-@functools.cache
-def _fingerprint(scene: str) -> str | None:
-    """Of the frames that a scene, given as JSON, has today; None where it cannot be had."""
-    try:
-        return hydra.utils.instantiate(json.loads(scene), _convert_="all").fingerprint()
-    except (hydra.errors.InstantiationException, ValueError, OSError):
-        return None  # a recording that lies on another machine
-
-
-def _mark_disputed(runs: Iterable[Run]) -> None:
-    """Mark runs whose test samples are not those of most runs that should have the same."""
-    alike: dict[str, list[Run]] = {}
-    for run in runs:
-        config = run.record["config"]
-        split = {key: value for key, value in config["split"].items() if key != "n_train"}
-        same = [config["scene"], config["seed"], split, config["data"]]
-        alike.setdefault(json.dumps(same, sort_keys=True), []).append(run)
-    for group in alike.values():
-        digests = collections.Counter(run.record["data_sha256"]["test"] for run in group)
-        most = max(digests.values())
-        usual = [digest for digest, n in digests.items() if n == most]
-        for run in group:
-            run.disputed = [run.record["data_sha256"]["test"]] != usual
 
 
 def _preference(run: Run) -> tuple[int, str]:

@@ -11,7 +11,7 @@ import pytest
 from omegaconf import OmegaConf
 from scipy.stats import binomtest
 
-from experiments import selection, tables
+from experiments import pooling, tables
 from experiments.selection import Records, numbers, sweep
 
 
@@ -191,7 +191,7 @@ def seen_by(fingerprint):
 
 @pytest.fixture
 def todays_frames(monkeypatch):
-    monkeypatch.setattr(selection, "_fingerprint", lambda scene: "now")
+    monkeypatch.setattr(pooling, "fingerprint", lambda scene: "now")
 
 
 def test_runs_of_other_frames_are_never_pooled_with_those_of_todays(
@@ -212,12 +212,12 @@ def test_runs_of_other_frames_are_never_pooled_with_those_of_todays(
 def test_the_fingerprint_of_today_is_that_of_the_scene_as_configured(composed):
     cfg = composed("touch", "hdc", "paper")
     scene = OmegaConf.to_container(cfg, resolve=True)["scene"]
-    today = selection._fingerprint(json.dumps(scene))
+    today = pooling.fingerprint(json.dumps(scene))
     assert today == hydra.utils.instantiate(cfg.scene, _convert_="all").fingerprint()
     scene["sensor"]["seed"] += 1
-    assert selection._fingerprint(json.dumps(scene)) not in (None, today)
+    assert pooling.fingerprint(json.dumps(scene)) not in (None, today)
     gone = {"_target_": "scenes.recorded.open_recording", "path": "nowhere"}
-    assert selection._fingerprint(json.dumps(gone)) is None
+    assert pooling.fingerprint(json.dumps(gone)) is None
 
 
 def test_other_test_samples_of_the_same_seed_are_told(tmp_path, write_run):
