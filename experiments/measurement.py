@@ -16,6 +16,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from typing import Any
 import torch
 from rich.console import Console
 
-from experiments import record, sources
+from experiments import locks, record, sources
 
 Row = dict[str, Any]
 
@@ -71,41 +72,56 @@ def measure(
 
     Returns:
         Path: the folder.
+
+    Raises:
+        locks.Held: if another process is measuring the same.
     """
     console = console or Console(highlight=False)
     folder = record.results_dir() / "measured" / name
     environment = record.environment(device, torch.get_num_threads(), config)
     payload = json.dumps([config, environment["code"], device], sort_keys=True, default=str)
     identity = hashlib.sha256(payload.encode()).hexdigest()[:12]
-    known = read(record.results_dir(), name)
-    done = known and (known.record["status"], known.record["identity"]) == ("finished", identity)
-    if done and not force:
-        console.print(f"{name}: finished before (force=true runs it again)")
-        return folder
     entry: Row = {
+        "schema": record.SCHEMA,
         "name": name,
         "identity": identity,
-        "status": "running",
         "command": record.command(),
         "config": dict(config),
         "environment": environment,
     }
+    with locks.held(folder / locks.FILE, f"measured/{name}"):
+        record.remove_leftovers(folder)
+        known = read(record.results_dir(), name)
+        found = known and (known.record["status"], known.record["identity"])
+        if found == ("finished", identity) and not force:
+            console.print(f"{name}: finished before (force=true runs it again)")
+            return folder
+        n_rows = _carry_out(folder, entry, compute)
+    console.print(f"{name}: {n_rows} rows in {entry['seconds']:.1f} s, {folder}")
+    return folder
+
+
+def _carry_out(folder: Path, entry: Row, compute: Callable[[], Iterable[Row]]) -> int:
+    """Compute the rows and write them; returns how many."""
     rows: list[Row] = []
     start = time.perf_counter()
+
+    def write(status: str) -> None:
+        entry.update(seconds=time.perf_counter() - start, peak_bytes=peak_bytes())
+        # Between these two the record must not vouch for the rows.
+        record.write_record(folder, entry | {"status": "running"})
+        record.write_atomically(folder / "rows.csv", to_csv(rows))
+        record.write_record(folder, entry | {"status": status})
+
     try:
         rows.extend(compute())  # one by one: what came before an error stays
-        entry["status"] = "finished"
     except BaseException as error:
-        entry["status"] = "failed" if isinstance(error, Exception) else "interrupted"
         entry["error"] = "".join(traceback.format_exception_only(error)).strip()
+        with suppress(OSError):  # on a full disk; what is raised is what happened first
+            write("failed" if isinstance(error, Exception) else "interrupted")
         raise
-    finally:
-        entry["seconds"] = time.perf_counter() - start
-        entry["peak_bytes"] = peak_bytes()
-        record.write_atomically(folder / "rows.csv", to_csv(rows))
-        record.write_record(folder, {"schema": record.SCHEMA, **entry})
-    console.print(f"{name}: {len(rows)} rows in {entry['seconds']:.1f} s, {folder}")
-    return folder
+    write("finished")
+    return len(rows)
 
 
 def read(results: Path, name: str) -> Measured | None:

@@ -21,6 +21,8 @@ from experiments import sources
 
 ROOT = sources.ROOT
 SCHEMA = 2
+# Keys of a config that say how a run is carried out, not what it computes.
+NOT_IDENTITY = ("force", "cache", "exclusive", "task")
 STATUSES = ("running", "finished", "failed", "interrupted")
 _PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "hydra-core", "numkong")
 
@@ -47,9 +49,17 @@ def write_atomically(path: Path, text: str) -> None:
             os.fsync(file.fileno())
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
-    except BaseException:
+    except BaseException as error:
         Path(temporary).unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename is None:  # a full disk
+            raise OSError(error.errno, error.strerror, str(path)) from error
         raise
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove temporary files that a kill left here; for whoever has the folder to itself."""
+    for path in folder.glob(".*.*.*"):
+        path.unlink(missing_ok=True)
 
 
 def write_record(folder: Path, record: Mapping[str, Any]) -> None:
@@ -163,4 +173,7 @@ def _git() -> dict[str, Any]:
 
 def command() -> str:
     """The command line that started this process, as a user would type it."""
-    return shlex.join(["python", "-m", "experiments.run", *sys.argv[1:]])
+    start = ["python"]
+    if "TORCHELASTIC_RUN_ID" in os.environ:
+        start = ["torchrun", f"--nproc-per-node={os.environ.get('LOCAL_WORLD_SIZE')}"]
+    return shlex.join([*start, "-m", "experiments.run", *sys.argv[1:]])

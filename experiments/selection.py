@@ -3,6 +3,8 @@
 A record counts for (scene, model, n_train, pixels) if its resolved configuration is the one that
 ``configs/`` composes today for that scene and model with the record's own seeds. A run that was
 made for another experiment therefore counts too, and one with a changed learning rate never does.
+Records are pooled if the same code made them from the same frames: those whose scene has another
+fingerprint by now are left out of a row, or the row says so.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ import copy
 import csv
 import functools
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,14 +21,14 @@ from typing import Any
 from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from experiments.record import ROOT, read_record
-from experiments.sources import outdated
+from experiments import pooling
+from experiments.record import NOT_IDENTITY, ROOT, read_record
 
 CONFIGS = ROOT / "configs"
 # Of several finished runs of one seed the first in this list counts; an unnamed rule comes last.
 STOPS = ("paper", "quick", "reached")
 # What may differ between a record and its reference; n_train and pixels are asked for by number.
-_FREE = ("stop", "threads", "split.n_train", "data.pixels", "force", "cache", "task")
+_FREE = ("stop", "threads", "split.n_train", "data.pixels", *NOT_IDENTITY)
 
 Curve = list[dict[str, float]]
 
@@ -38,10 +40,14 @@ class Run:
     Attributes:
         record: what record.json holds.
         curve: one dict a report of the model.
+        other_frames: whether the scene makes, or holds, other frames by now.
+        disputed: whether other records of the same scene, seeds and split have other test samples.
     """
 
     record: dict[str, Any]
     curve: Curve = field(default_factory=list)
+    other_frames: bool = False
+    disputed: bool = False
 
     @property
     def seeds(self) -> str:
@@ -63,7 +69,7 @@ class Group:
         pixels: pixels asked for; None for all.
         runs: finished runs, in the order of their seeds.
         failed: records of seeds that have no finished run.
-        older: finished runs left out because other code made them than the runs.
+        older: finished runs left out because other code, or other frames, made them than the runs.
     """
 
     scene: str
@@ -80,10 +86,25 @@ class Group:
         if not self.runs and not self.failed:
             return "missing"
         if not self.failed:
-            return f"{len(self.older)} more left out: made by other code" if self.older else "ok"
+            return "; ".join(self._reservations()) or "ok"
         worst = self.failed[0]
         text = f"{worst['status']}: {worst.get('error', 'no error recorded')}"
         return text if not self.runs else f"{len(self.failed)} more {text}"
+
+    def _reservations(self) -> Iterator[str]:
+        """What a reader of the row has to know of its runs."""
+        frames = bool(self.runs) and self.runs[0].other_frames
+        by_frames = sum(run.other_frames != frames for run in self.older)
+        if by_code := len(self.older) - by_frames:
+            yield f"{by_code} more left out: made by other code"
+        if by_frames:
+            yield f"{by_frames} more left out: of other frames"
+        if frames:
+            yield "of other frames than the scene's now"
+        if disputed := sum(run.disputed for run in self.runs):
+            yield f"{disputed} with other test samples than other models of the same seed"
+        if beside := sum(not run.record["environment"].get("exclusive", True) for run in self.runs):
+            yield f"{beside} timed beside other runs"
 
 
 class Records:
@@ -105,6 +126,7 @@ class Records:
         self._found: dict[tuple[str, str, int | None, int | None], list[Run]] = {}
         folders = sorted(p for p in (results / "runs").glob("*") if p.is_dir())
         runs = [run for run in map(self._read, folders) if run is not None]
+        pooling.mark_disputed(run for run in runs if run.record["status"] == "finished")
         whole = {
             record["scene"]["name"]: record["n_train"]
             for record in (run.record for run in runs)
@@ -141,7 +163,7 @@ class Records:
                 finished.setdefault(rank, []).append(best)
         if finished:
             # Maxima of runs that were stopped by different rules must not be averaged.
-            group.runs, group.older = _of_one_code(finished[min(finished)])
+            group.runs, group.older = pooling.of_one_frames_and_code(finished[min(finished)])
             group.runs.sort(key=lambda run: _seed_order(run.record))
         group.failed.sort(key=_seed_order)
         return group
@@ -156,7 +178,13 @@ class Records:
             if not _is_current(record):
                 self.skipped.append(record["id"])
                 return None
-            return Run(record, read_curve(folder / "curve.csv"))
+            known = record["scene"].get("fingerprint")
+            now = pooling.fingerprint(json.dumps(record["config"]["scene"]))
+            return Run(
+                record,
+                read_curve(folder / "curve.csv"),
+                other_frames=None not in (known, now) and known != now,
+            )
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             self.problems.append(f"{folder.name}: {type(error).__name__}: {error}")
             return None
@@ -237,20 +265,6 @@ def _stop_rank(run: Run) -> int:
     stops = _stops()
     stop = run.record["config"]["stop"]
     return stops.index(stop) if stop in stops else len(stops)
-
-
-def _of_one_code(runs: list[Run]) -> tuple[list[Run], list[Run]]:
-    """Runs that may be pooled, and the rest: today's code goes first, then the largest set."""
-    by_code: dict[str, list[Run]] = {}
-    for run in runs:
-        by_code.setdefault(run.record["environment"]["code"], []).append(run)
-
-    def rank(same: list[Run]) -> tuple[bool, int, str]:
-        environment = same[0].record["environment"]
-        return not outdated(environment["sources"]), len(same), environment["code"]
-
-    kept = max(by_code.values(), key=rank)
-    return kept, [run for run in runs if run not in kept]
 
 
 def _preference(run: Run) -> tuple[int, str]:

@@ -30,7 +30,7 @@ def sources(config: Mapping[str, Any]) -> dict[str, str]:
     """
     return {
         path.relative_to(ROOT).as_posix(): digest(path)
-        for path in sorted(_closure(tuple(sorted({_TRIAL, *_targets(config)}))))
+        for path in sorted(_closure(tuple(sorted({_TRIAL, *targets(config)}))))
     }
 
 
@@ -77,12 +77,12 @@ def _now(name: str) -> str | None:
     return digest(path) if path.is_file() else None
 
 
-def _targets(node: Any) -> set[str]:
+def targets(node: Any) -> set[str]:
     """Every ``_target_`` below a part of a configuration."""
     if isinstance(node, Mapping):
         own = {str(node["_target_"])} if "_target_" in node else set()
-        return own.union(*map(_targets, node.values()))
-    return set().union(*map(_targets, node)) if isinstance(node, list | tuple) else set()
+        return own.union(*map(targets, node.values()))
+    return set().union(*map(targets, node)) if isinstance(node, list | tuple) else set()
 
 
 @functools.cache

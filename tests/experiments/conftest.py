@@ -4,14 +4,63 @@ from __future__ import annotations
 
 import copy
 import json
+import multiprocessing
+import os
+import sys
+import tempfile
 
 import numpy as np
 import pytest
+import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from experiments import record, sources
+from experiments import record, run, sources
 from experiments.selection import CONFIGS
+
+
+@pytest.fixture(autouse=True)
+def cores_of_its_own(tmp_path_factory, monkeypatch):
+    """No test waits for the cores that a run outside of it holds."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path_factory.mktemp("cores")))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+
+
+@pytest.fixture
+def start(tmp_path):
+    """start(*overrides) → a process that carries out the command line; what it says is at .out.
+
+    Forked, so that it does not import everything anew, which takes longer than a small run.
+
+    Keyword arguments: ``environment``, set for it; ``before``, called in it first.
+    """
+    begun = []
+    record.environment("cpu", 1, {"model": {"_target_": "hdc.HDCClassifier"}})  # is remembered
+
+    def launch(*overrides, environment=None, before=None):
+        out = tmp_path / f"output-{len(begun)}"
+        process = multiprocessing.get_context("fork").Process(
+            target=_command_line, args=(out, overrides, environment or {}, before)
+        )
+        process.start()
+        process.out = out
+        begun.append(process)
+        return process
+
+    yield launch
+    for process in begun:
+        process.kill()
+        process.join()
+
+
+def _command_line(out, overrides, environment, before):
+    sys.stdout = sys.stderr = out.open("w", buffering=1)
+    os.environ.update(environment)
+    sys.argv = ["run.py", *overrides, "threads=1"]
+    torch.set_num_threads(1)
+    if before:
+        before()
+    run.entry_point()
 
 
 @pytest.fixture(scope="session")
@@ -58,7 +107,7 @@ def write_run(tmp_path, composed):
         for key, value in (change or {}).items():
             OmegaConf.update(cfg, key, value)
         config = OmegaConf.to_container(cfg, resolve=True)
-        for key in ("force", "cache", "task"):
+        for key in record.NOT_IDENTITY:
             config.pop(key)
         config["threads"] = 2
         identity = record.run_id("touch", model, config, "f" * 64)

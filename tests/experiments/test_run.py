@@ -18,10 +18,10 @@ import torch
 from omegaconf import OmegaConf
 
 import hdc
-from experiments import record, run, summary
+from experiments import locks, record, run, summary
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-HEAVY = ("cv2", "sklearn", "pandas", "matplotlib", "scipy.stats", "baselines.cnn")
+HEAVY = ("cv2", "sklearn", "threadpoolctl", "pandas", "matplotlib", "scipy.stats", "baselines.cnn")
 
 
 @pytest.fixture(autouse=True)
@@ -158,7 +158,9 @@ def test_the_id_is_a_function_of_config_and_data(archive, tmp_path):
     first = carry_out(archive)["id"]
     ids = [carry_out(archive, override)["id"] for override in IDENTITY]
     assert len({first, *ids}) == len(IDENTITY) + 1
-    assert {carry_out(archive, o)["id"] for o in ("force=true", "cache=false")} == {first}
+    assert {
+        carry_out(archive, o)["id"] for o in ("force=true", "cache=false", "exclusive=false")
+    } == {first}
     torch.set_num_threads(2)
     assert carry_out(archive)["id"] not in {first, *ids}
     torch.set_num_threads(1)
@@ -235,6 +237,32 @@ def test_a_corrupt_record_is_named_and_not_overwritten(archive):
         carry_out(archive)
     assert str(path) in str(caught.value)
     assert path.read_text() == '{"schema": 1, "stat'
+
+
+def test_scikit_learn_gets_the_threads_of_the_run_and_others_need_not(archive):
+    import sklearn.linear_model
+    from threadpoolctl import threadpool_info, threadpool_limits
+
+    class Watched(sklearn.linear_model.RidgeClassifier):
+        def fit(self, X, y):
+            inside.extend(library["num_threads"] for library in threadpool_info())
+            return super().fit(X, y)
+
+    def watched(archive):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sklearn.linear_model, "RidgeClassifier", Watched)
+            return carry_out(archive, "model=sklearn_ridge")
+
+    inside = []
+    with threadpool_limits(2, "blas"):
+        entry = watched(archive)
+        blas = [library for library in threadpool_info() if library["user_api"] == "blas"]
+        assert {library["num_threads"] for library in blas} == {2}
+    assert set(inside) == {1}
+    told = entry["environment"]["libraries"]
+    assert {library["threads"] for library in told} == {1}
+    assert any("openblas" in library["library"] for library in told)
+    assert carry_out(archive)["environment"]["libraries"] == []
 
 
 # Training --------------------------------------------------------------------------------------
@@ -363,14 +391,14 @@ def test_what_is_wrong_is_found_before_frames_are_made(archive, monkeypatch, wro
 @pytest.mark.parametrize("threads", [0, -1, True, 1.5, "two"])
 def test_a_wrong_number_of_threads_is_named(threads):
     with pytest.raises(ValueError, match=r"^threads: expected an integer from 1, or null, found"):
-        run._threads(threads)
+        run._threads(threads, {})
 
 
 def test_threads_are_the_cores_this_process_may_use():
-    assert run._threads(3) == 3
-    assert 1 <= run._threads(None) <= os.cpu_count()
+    assert run._threads(3, {}) == 3
+    assert 1 <= run._threads(None, {}) <= os.cpu_count()
     if hasattr(os, "sched_getaffinity"):
-        assert run._threads(None) == len(os.sched_getaffinity(0))
+        assert run._threads(None, {}) == len(os.sched_getaffinity(0))
 
 
 def test_class_names_are_shown_as_they_are(tmp_path, capsys):
@@ -425,7 +453,7 @@ def test_a_folder_of_images_from_another_directory(tmp_path, results):
     assert entry["config"]["threads"] == 1
     assert entry["scene"]["classes"] == ["a", "b", "c"]
     assert entry["command"].endswith("scene=recorded 'scene.path=../my frames' model=hdc threads=1")
-    assert sorted(f.name for f in results.rglob("*.*")) == ["curve.csv", "record.json"]
+    assert sorted(f.name for f in (results / "runs").rglob("*.*")) == ["curve.csv", "record.json"]
     assert list((tmp_path / "cwd").iterdir()) == []
 
 
@@ -533,8 +561,8 @@ def test_a_killed_run_is_marked_and_run_again(archive, tmp_path, results, end, s
         process.wait()
     (entry,) = records()
     assert entry["status"] == status
-    left = {f.name for f in results.rglob("*") if f.is_file()}
-    assert left == {"record.json"} | ({"curve.csv"} if status == "interrupted" else set())
+    left = {f.name for f in (results / "runs").rglob("*") if f.is_file()}
+    assert left == {"record.json", "curve.csv" if status == "interrupted" else locks.FILE}
     again = carry_out(archive)
     assert again["id"] == entry["id"]
     assert on_disk(again)["status"] == "finished"
@@ -544,6 +572,6 @@ def test_the_config_in_a_record_is_the_whole_config(archive):
     cfg = compose(archive)
     entry = run.run(cfg, CHOICES)
     config = OmegaConf.to_container(cfg, resolve=True)
-    for key in run._NOT_IDENTITY:
+    for key in record.NOT_IDENTITY:
         del config[key]
     assert on_disk(entry)["config"] == config

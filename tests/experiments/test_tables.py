@@ -2,13 +2,16 @@
 
 import csv
 import io
+import json
 import re
 
+import hydra
 import numpy as np
 import pytest
+from omegaconf import OmegaConf
 from scipy.stats import binomtest
 
-from experiments import tables
+from experiments import pooling, tables
 from experiments.selection import Records, numbers, sweep
 
 
@@ -180,6 +183,60 @@ def test_a_row_of_other_code_says_so(tmp_path, write_run):
     row = next(r for r in rows if r["model"] == "softmax")
     assert row["code"] == "hdc/bits.py"
     assert "other code than this (hdc/bits.py changed since): Softmax" in tables.notes(rows)
+
+
+def seen_by(fingerprint):
+    return {"name": "touch", "origin": "simulated", "shape": [500, 500], "fingerprint": fingerprint}
+
+
+@pytest.fixture
+def todays_frames(monkeypatch):
+    monkeypatch.setattr(pooling, "fingerprint", lambda scene: "now")
+
+
+def test_runs_of_other_frames_are_never_pooled_with_those_of_todays(
+    tmp_path, write_run, todays_frames
+):
+    for seed in (1, 2):
+        write_run("hdc", seed=seed, scene=seen_by("before"))
+    assert line(tmp_path, "hdc")["status"] == "of other frames than the scene's now"
+    assert line(tmp_path, "hdc")["seeds"] == 2
+    write_run("hdc", seed=0, scene=seen_by("now"))
+    row = line(tmp_path, "hdc")
+    assert (row["seeds"], row["status"]) == (1, "2 more left out: of other frames")
+    write_run("hdc", seed=3, scene=seen_by("now"), environment={"threads": 2, "cpu": "A", **OLD})
+    status = line(tmp_path, "hdc")["status"]
+    assert status == "1 more left out: made by other code; 2 more left out: of other frames"
+
+
+def test_the_fingerprint_of_today_is_that_of_the_scene_as_configured(composed):
+    cfg = composed("touch", "hdc", "paper")
+    scene = OmegaConf.to_container(cfg, resolve=True)["scene"]
+    today = pooling.fingerprint(json.dumps(scene))
+    assert today == hydra.utils.instantiate(cfg.scene, _convert_="all").fingerprint()
+    scene["sensor"]["seed"] += 1
+    assert pooling.fingerprint(json.dumps(scene)) not in (None, today)
+    gone = {"_target_": "scenes.recorded.open_recording", "path": "nowhere"}
+    assert pooling.fingerprint(json.dumps(gone)) is None
+
+
+def test_other_test_samples_of_the_same_seed_are_told(tmp_path, write_run):
+    write_run("hdc")
+    write_run("ridge")
+    write_run("correlation", data_sha256={"train": "a", "test": "others"})
+    write_run("ridge", seed=1)
+    assert line(tmp_path, "hdc")["status"] == line(tmp_path, "ridge")["status"] == "ok"
+    assert line(tmp_path, "correlation")["status"] == (
+        "1 with other test samples than other models of the same seed"
+    )
+    write_run("hdc", seed=1, data_sha256={"train": "a", "test": "others"})  # one against one
+    for model in ("hdc", "ridge"):
+        assert line(tmp_path, model)["status"].startswith("1 with other test samples")
+
+
+def test_times_taken_beside_other_runs_are_told(tmp_path, write_run):
+    write_run("hdc", environment={"cpu": "A", "threads": 2, "exclusive": False, **OLD})
+    assert line(tmp_path, "hdc")["status"] == "1 timed beside other runs"
 
 
 @pytest.mark.parametrize(
