@@ -82,13 +82,13 @@ def _flip(memory: Sequence[np.ndarray], rate: float, seed: Sequence[int]) -> Non
 
 
 def _chosen(n: int, rate: float, random: np.random.Generator) -> np.ndarray:
-    """n independent choices of probability `rate`, bool [n], at the cost of those chosen alone.
-
-    The gaps between them are geometrically distributed.
-    """
+    """n independent choices of probability `rate`, bool [n]."""
+    if rate > 0.01:
+        # Multiples of 2^-24: the rate is met to a millionth of itself.
+        return random.random(n, np.float32) < rate
     chosen = np.zeros(n, np.bool_)
     last = -1
-    while rate > 0 and last < n:
+    while rate > 0 and last < n:  # at the cost of those chosen alone: the gaps are geometric
         gaps = random.geometric(rate, int(n * rate) + 16)
         places = last + np.minimum(gaps, n + 1).cumsum()
         chosen[places[places < n]] = True

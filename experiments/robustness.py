@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 from hydra import compose, initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
 from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 from torch import Tensor
@@ -35,30 +36,40 @@ console = Console(highlight=False)
 
 def run(
     scene: str,
-    models: Mapping[str, str],
+    models: Sequence[str],
+    stop: str,
     seeds: Sequence[int],
     power: Sequence[float],
     dead_pixels: Sequence[float],
     shift: Sequence[int],
     bit_error_rates: Sequence[float],
     draws: int,
+    stops: Mapping[str, str] | None = None,
     spared: Mapping[str, Sequence[str]] | None = None,
+    overrides: Sequence[str] = (),
     force: bool = False,
 ) -> None:
     """Measure all of it, unless that was done before.
 
     Args:
         scene: a file of configs/scene.
-        models: files of configs/model, each with the file of configs/stop that ends its training.
+        models: files of configs/model.
+        stop: the file of configs/stop that ends their training.
         seeds: each one a sensor, a session, a split and initial weights.
         power, dead_pixels, shift: levels of the disturbances of frames.
         bit_error_rates: of the flips in a model's stored bits.
         draws: how often bits are drawn at each rate.
+        stops: by model, another such file than `stop`.
         spared: by model, names of its stored tensors in which no bit is flipped.
+        overrides: ``key=value`` for the config of every run: ``split.n_train=50``.
         force: measure again.
     """
     levels = {"power": power, "dead_pixels": dead_pixels, "shift": shift}
-    configs = {m: _compose(scene, m, stop, seeds[0]) for m, stop in models.items()}
+
+    def composed(model: str, seed: int) -> DictConfig:
+        return _compose(scene, model, (stops or {}).get(model, stop), seed, overrides)
+
+    configs = {model: composed(model, seeds[0]) for model in models}
     first = next(iter(configs.values()))
     config = {
         "_target_": "experiments.robustness.run",
@@ -67,6 +78,7 @@ def run(
         "split": _plain(first.split),
         "models": {m: {"model": _plain(c.model), "stop": _plain(c.stop)}
                    for m, c in configs.items()},
+        "overrides": list(overrides),
         "seeds": list(seeds),
         **{name: list(values) for name, values in levels.items()},
         "bit_error_rates": list(bit_error_rates),
@@ -77,9 +89,9 @@ def run(
     def compute() -> Iterator[Row]:
         for seed in seeds:
             source = None
-            for model, stop in models.items():
+            for model in models:
                 console.print(f"[dim]{NAME}: seed {seed}, {model}[/dim]")
-                cfg = _compose(scene, model, stop, seed)
+                cfg = composed(model, seed)
                 source = source or _frames_on_disk(cfg)
                 skipped = (spared or {}).get(model, ())
                 for row in rows_of(cfg, source, levels, bit_error_rates, draws, skipped):
@@ -157,11 +169,15 @@ def _answers(model: Model, frames: Tensor) -> np.ndarray:
         return np.full(len(frames), -1)
 
 
-def _compose(scene: str, model: str, stop: str, seed: int) -> DictConfig:
+def _compose(
+    scene: str, model: str, stop: str, seed: int, overrides: Sequence[str] = ()
+) -> DictConfig:
     """The config of one run, as the runner composes it."""
+    words = [f"scene={scene}", f"model={model}", f"stop={stop}", f"seed.run={seed}", *overrides]
+    if GlobalHydra.instance().is_initialized():  # called as a task, from within Hydra
+        return compose("config", overrides=words)
     with initialize_config_dir(str(record.ROOT / "configs"), version_base="1.3"):
-        overrides = [f"scene={scene}", f"model={model}", f"stop={stop}", f"seed.run={seed}"]
-        return compose("config", overrides=overrides)
+        return compose("config", overrides=words)
 
 
 def _plain(node: Any) -> Any:

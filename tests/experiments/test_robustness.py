@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import csv
+import inspect
 import math
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -162,7 +166,7 @@ def test_a_model_that_cannot_be_asked_has_nothing_right(scene):
 def test_the_task_writes_its_rows(tmp_path, monkeypatch, scene):
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
     monkeypatch.setattr(robustness, "_frames_on_disk", lambda cfg: scene)
-    arguments = {"scene": "touch", "models": {"hdc": "paper", "ridge": "paper"}, "seeds": [0, 1],
+    arguments = {"scene": "touch", "models": ["hdc", "ridge"], "stop": "paper", "seeds": [0, 1],
                  **LEVELS, "bit_error_rates": [0.1], "draws": 1}  # fmt: skip
     robustness.run(**arguments)
     with (tmp_path / "measured" / "robustness" / "rows.csv").open() as file:
@@ -179,6 +183,26 @@ def test_the_task_writes_its_rows(tmp_path, monkeypatch, scene):
 def test_the_config_names_what_there_is():
     experiment = record.ROOT / "configs" / "experiment" / "robustness.yaml"
     task = OmegaConf.load(experiment).task
-    for model, stop in task.models.items():
-        robustness._compose(task.scene, model, stop, 0)
+    for model in task.models:
+        robustness._compose(task.scene, model, task.stops.get(model, task.stop), 0)
     assert set(task.spared) <= set(task.models)
+    assert inspect.signature(robustness.run).parameters.keys() == task.keys() - {"_target_"}
+
+
+def test_from_the_command_line(tmp_path, scene):
+    np.savez(tmp_path / "frames.npz", frames=scene.images.numpy(), labels=scene.labels)
+    words = ["experiment=robustness", "task.models=[ridge]", "task.seeds=[0]",
+             "task.bit_error_rates=[0.5]", "task.draws=1", "task.scene=recorded", "task.spared={}",
+             f"task.overrides=['scene.path={tmp_path / 'frames.npz'}']", "threads=1"]  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-m", "experiments.run", *words],
+        cwd=record.ROOT,
+        env={**os.environ, "RESULTS_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    lines = (tmp_path / "measured" / "robustness" / "rows.csv").read_text().splitlines()
+    assert len(lines) == 1 + 1 + 9 + 1
+    assert all(",recorded,recorded,ridge,0," in f",{line}" for line in lines[1:])
