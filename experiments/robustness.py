@@ -71,6 +71,10 @@ def run(
 
     configs = {model: composed(model, seeds[0]) for model in models}
     first = next(iter(configs.values()))
+    if first.data.pixels is not None:
+        raise ValueError(
+            f"data.pixels: expected null, frames as a whole, found {first.data.pixels}"
+        )
     config = {
         "_target_": "experiments.robustness.run",
         "scene_name": scene,

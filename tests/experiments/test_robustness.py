@@ -189,6 +189,12 @@ def test_the_config_names_what_there_is():
     assert inspect.signature(robustness.run).parameters.keys() == task.keys() - {"_target_"}
 
 
+def test_frames_are_seen_as_a_whole():
+    with pytest.raises(ValueError, match=r"data\.pixels: expected null, .* found 100"):
+        robustness.run("touch", ["hdc"], "paper", [0], [], [], [], [], 1,
+                       overrides=["data.pixels=100"])  # fmt: skip
+
+
 def test_from_the_command_line(tmp_path, scene):
     np.savez(tmp_path / "frames.npz", frames=scene.images.numpy(), labels=scene.labels)
     words = ["experiment=robustness", "task.models=[ridge]", "task.seeds=[0]",
