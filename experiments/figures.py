@@ -252,7 +252,8 @@ def _error_bars(
     y = np.maximum(errors, floor)
     axes.errorbar(
         list(x), y, yerr=[y - np.maximum(low, floor), high - y], color=colour, ls=style,
-        marker=symbol if marker else None, elinewidth=0.7, capsize=1.5, lw=0.9, zorder=3,
+        marker=symbol if marker else None, mfc=_fill(model), elinewidth=0.7, capsize=1.5, lw=0.9,
+        zorder=3,
     )  # fmt: skip
 
 
@@ -280,8 +281,8 @@ def _accuracy_curves(
             for name in ("test_accuracy_final", "test_ci_low", "test_ci_high")
         )
         axes.errorbar(
-            x, y, yerr=[y - low, high - y], color=colour, marker=marker, ls=style,
-            elinewidth=0.6, capsize=1.2, lw=0.9,
+            x, y, yerr=[y - low, high - y], color=colour, marker=marker, mfc=_fill(model),
+            ls=style, elinewidth=0.6, capsize=1.2, lw=0.9,
         )  # fmt: skip
     axes.set_ylim(min(15, lowest - 2), 102)
     axes.set_ylabel("test accuracy (%)")
@@ -347,7 +348,14 @@ def _shown(rows: Sequence[Row], models: Sequence[str]) -> list[str]:
 
 def _handle(model: str) -> Line2D:
     colour, marker, line = _style(model)
-    return Line2D([], [], color=colour, marker=marker, ls=line, label=display_name(model))
+    return Line2D([], [], color=colour, marker=marker, ls=line, mfc=_fill(model),
+                  label=display_name(model))  # fmt: skip
+
+
+def _fill(model: str) -> str:
+    """Of markers: none for a dashed line, so that lone markers of a family differ too."""
+    colour, _, line = _style(model)
+    return "white" if line == "--" else colour
 
 
 def _style(model: str) -> tuple[str, str, str]:

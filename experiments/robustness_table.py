@@ -161,7 +161,7 @@ def _cell(row: Row | None) -> str:
 
 def _bit_flips(axes: Axes, rows: Sequence[Row], models: Sequence[str]) -> None:
     """Means over a logarithmic rate, from lowest to highest draw; no flips at its left end."""
-    from experiments.figures import _style
+    from experiments.figures import _fill, _style
 
     rates = sorted({row["level"] for row in rows if row["disturbance"] == "bit_flips"} - {0.0})
     axes.set_xscale("log")
@@ -179,8 +179,8 @@ def _bit_flips(axes: Axes, rows: Sequence[Row], models: Sequence[str]) -> None:
             for key in ("test_accuracy_final", "lowest", "highest")
         )
         colour, marker, style = _style(model)
-        axes.errorbar(x, y, yerr=[y - low, high - y], color=colour, marker=marker, ls=style,
-                      elinewidth=0.4, lw=0.9)  # fmt: skip
+        axes.errorbar(x, y, yerr=[y - low, high - y], color=colour, marker=marker,
+                      mfc=_fill(model), ls=style, elinewidth=0.4, lw=0.9)  # fmt: skip
     decades = [10.0**k for k in range(-12, 1, 2) if none < 10.0**k <= 1]
     axes.set_xticks([none, *decades], ["0", *(f"$10^{{{np.log10(d):.0f}}}$" for d in decades)])
     axes.set_xticks([], minor=True)
@@ -191,7 +191,7 @@ def _of_frames(
     axes: Axes, rows: Sequence[Row], models: Sequence[str], name: str, first: bool
 ) -> None:
     """Accuracies side by side at each level of one disturbance, none of it at the left."""
-    from experiments.figures import _style
+    from experiments.figures import _fill, _style
 
     title, unit, units = _LEVELS[name]
     levels = [0.0, *sorted({row["level"] for row in rows if row["disturbance"] == name})]
@@ -204,8 +204,8 @@ def _of_frames(
             for key in ("test_accuracy_final", "test_ci_low", "test_ci_high")
         )
         colour, marker, _ = _style(model)
-        axes.errorbar(x, y, yerr=[y - low, high - y], color=colour, marker=marker, ls="",
-                      elinewidth=0.6, markersize=2.5)  # fmt: skip
+        axes.errorbar(x, y, yerr=[y - low, high - y], color=colour, marker=marker,
+                      mfc=_fill(model), ls="", elinewidth=0.6, markersize=2.5)  # fmt: skip
     axes.set_xticks(range(len(levels)), [f"{level * units:g}" for level in levels])
     axes.set_xlabel(f"{title} ({unit})")
     if first:

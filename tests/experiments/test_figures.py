@@ -120,3 +120,8 @@ def test_published_points_are_drawn_where_they_are(make, a_full_set):
     }
     assert {(170.0, 0.1), (101.3, 0.07), (441.3, 0.07)} < stars
     assert min(y for x, y in stars if x == 1.24) < 0.01
+
+
+def test_no_two_models_look_alike_without_their_lines():
+    looks = [(*figures._style(model)[:2], figures._fill(model)) for model in figures._STYLES]
+    assert len(set(looks)) == len(looks)
