@@ -2,8 +2,10 @@
 
 Every model is trained on clean frames, once a seed. Then its test frames are disturbed (laser
 power, dead pixels, a shifted camera), or its stored bits are flipped at a bit error rate, as the
-fault tolerance is tested that hyperdimensional computing claims for itself. One row a model,
-disturbance, level, seed and draw of the disturbance: ``results/measured/robustness/rows.csv``.
+fault tolerance is tested that hyperdimensional computing claims for itself. A model that stores
+floating-point numbers is tested a second time with these in 8 bits each, which tells the tolerance
+of the method from that of the number format. One row a model, disturbance, level, seed and draw of
+the disturbance: ``results/measured/robustness/rows.csv``.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from torch import Tensor
 
 from experiments import data, evaluate, measurement, record
 from experiments.clock import Clock
-from experiments.disturbances import OF_FRAMES, flipped_bits
+from experiments.disturbances import OF_FRAMES, flipped_bits, flipped_bits_of_int8
 from experiments.measurement import Row
 from experiments.protocol import Model
 from experiments.stop import StopRule
@@ -141,6 +143,13 @@ def rows_of(
             with flipped_bits(damaged, rate, (seed, place, draw)):
                 predicted = _answers(model, frames)
             yield row("bit_flips", rate, draw, predicted)
+    if not any(tensor.is_floating_point() for tensor in damaged):
+        return
+    for place, rate in enumerate([0.0, *bit_error_rates]):
+        for draw in range(draws if rate else 1):
+            with flipped_bits_of_int8(damaged, rate, (seed, place, draw)):
+                predicted = _answers(model, frames)
+            yield row("bit_flips_int8", rate, draw, predicted)
 
 
 def _frames_on_disk(cfg: DictConfig) -> Scene:

@@ -33,7 +33,11 @@ _LEVELS = {
     "dead_pixels": ("dead pixels", "%", 100),
     "shift": ("camera shifted", "px", 1),
     "bit_flips": ("bit error rate", "", 1),
+    "bit_flips_int8": ("bit error rate, 8-bit numbers", "", 1),
 }
+
+
+_FLIPS = ("bit_flips", "bit_flips_int8")
 
 
 def rows(results: Path) -> list[Row]:
@@ -76,7 +80,8 @@ def markdown(rows: Sequence[Row]) -> str:
         f"Test accuracy in % after training on undisturbed frames; seeds: {seeds}. Laser power: "
         "another factor for every frame. Dead pixels read zero, the same in all frames. Disturbed "
         "frames: Wilson interval, 95 %. Bit error rate: of the bytes of every stored tensor; mean "
-        f"(lowest … highest) of {draws} draws."
+        f"(lowest … highest) of {draws} draws. 8-bit numbers: the same with every float32 rounded "
+        "to one of 255 equal steps before."
     ) + (f" Made by other code than this ({old} changed since)." if old else "")
     table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
     title = f"**Robustness, on {origin(rows)} frames of the scene “{scene}”**"
@@ -93,12 +98,19 @@ def figure(rows: Sequence[Row]) -> Figure | None:
     frames = [name for name in ("power", "dead_pixels", "shift")
               if any(row["disturbance"] == name for row in rows)]  # fmt: skip
     with plt.rc_context(STYLE):
-        figure = plt.figure(figsize=(WIDTH, 4.9))
-        grid = figure.add_gridspec(2, max(1, len(frames)), height_ratios=(1.3, 1))
+        figure = plt.figure(figsize=(WIDTH, 6.4))
+        grid = figure.add_gridspec(3, max(1, len(frames)), height_ratios=(1.2, 1.2, 1))
         top = figure.add_subplot(grid[0, :])
-        _bit_flips(top, rows, models)
+        _bit_flips(top, rows, models, "bit_flips")
+        top.tick_params(labelbottom=False)
+        middle = figure.add_subplot(grid[1, :])
+        _bit_flips(middle, rows, models, "bit_flips_int8")
+        middle.set_xlabel("bit error rate of the stored model\n(bars: lowest to highest draw)")
+        for axes, text in ((top, "as stored: float32, bits, counters"),
+                           (middle, "the same, but 8 bits for each float32")):  # fmt: skip
+            axes.text(0.01, 3, text, transform=axes.get_yaxis_transform(), fontsize=6)
         for k, name in enumerate(frames):
-            _of_frames(figure.add_subplot(grid[1, k]), rows, models, name, first=k == 0)
+            _of_frames(figure.add_subplot(grid[2, k]), rows, models, name, first=k == 0)
         for axes in figure.axes:
             axes.axhline(100 * rows[0]["chance"], color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
             axes.set_ylim(0, 104)
@@ -145,7 +157,7 @@ def _span(rows: Sequence[Row], key: str) -> str:
 def _level(name: str, level: float) -> str:
     """A level with its unit; nothing where there is no disturbance."""
     _, unit, units = _LEVELS[name]
-    if name == "bit_flips" and 0 < level < 0.01:
+    if name in _FLIPS and 0 < level < 0.01:
         return f"{level:.0e}"
     return "" if name == "none" else f"{level * units:g} {unit}".strip()
 
@@ -153,26 +165,32 @@ def _level(name: str, level: float) -> str:
 def _cell(row: Row | None) -> str:
     if row is None:
         return "–"
-    if row["disturbance"] != "bit_flips":
+    if row["disturbance"] not in _FLIPS:
         return interval_cell(row)
     mean, low, high = (percent(row[key]) for key in ("test_accuracy_final", "lowest", "highest"))
     return mean if low == high else f"{mean} ({low}…{high})"
 
 
-def _bit_flips(axes: Axes, rows: Sequence[Row], models: Sequence[str]) -> None:
-    """Means over a logarithmic rate, from lowest to highest draw; no flips at its left end."""
+def _bit_flips(axes: Axes, rows: Sequence[Row], models: Sequence[str], name: str) -> None:
+    """Means over a logarithmic rate, from lowest to highest draw; no flips at its left end.
+
+    A model without rows of this name, since it stores no floating-point numbers, is drawn with
+    those of its bits as they are.
+    """
     from experiments.figures import _fill, _style
 
-    rates = sorted({row["level"] for row in rows if row["disturbance"] == "bit_flips"} - {0.0})
+    rates = sorted({row["level"] for row in rows if row["disturbance"] in _FLIPS} - {0.0})
     axes.set_xscale("log")
-    axes.set_xlabel("bit error rate of the stored model\n(bars: lowest to highest draw)")
     axes.set_ylabel("test accuracy (%)")
     if not rates:
         return
     none = rates[0] / 10
     for k, model in enumerate(models):
-        lines = [row for row in rows if row["model"] == model
-                 and row["disturbance"] in ("none", "bit_flips")]  # fmt: skip
+        own = [row for row in rows if row["model"] == model]
+        lines = [row for row in own if row["disturbance"] == name]
+        lines = lines or [row for row in own if row["disturbance"] == "bit_flips"]
+        if 0.0 not in {row["level"] for row in lines}:
+            lines = [*(row for row in own if row["disturbance"] == "none"), *lines]
         x = np.array([row["level"] or none for row in lines]) * 1.03 ** (k - len(models) // 2)
         y, low, high = (
             100 * np.array([row[key] for row in lines])

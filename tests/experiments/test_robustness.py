@@ -15,7 +15,14 @@ import torch
 from omegaconf import OmegaConf
 
 from experiments import record, robustness
-from experiments.disturbances import OF_FRAMES, dead_pixels, flipped_bits, power, shift
+from experiments.disturbances import (
+    OF_FRAMES,
+    dead_pixels,
+    flipped_bits,
+    flipped_bits_of_int8,
+    power,
+    shift,
+)
 from scenes.frames import Frames
 
 FRAMES = np.random.default_rng(0).integers(0, 256, (6, 20, 30), np.uint8)
@@ -124,6 +131,26 @@ def test_flips_are_undone_after_an_error_and_differ_with_the_seed():
     assert (found[0] != found[2]).any()
 
 
+def test_numbers_in_8_bits_are_near_and_come_back_exactly():
+    tensors = stored()
+    before = [tensor.clone() for tensor in tensors]
+    with flipped_bits_of_int8(tensors, 0.0, (0,)):
+        assert (tensors[0] - before[0]).abs().max() <= 999 / 127 / 2 + 1e-3
+        assert len(tensors[0].unique()) == 128  # 0…127 steps
+        assert torch.equal(tensors[1], before[1])
+    with flipped_bits_of_int8(tensors, 0.5, (0,)):
+        assert (tensors[0] != before[0]).float().mean() > 0.9
+        assert tensors[0].abs().max() <= 999 * 128 / 127 + 1e-3  # and never more
+        assert (tensors[2] != before[2]).any()
+    assert all(torch.equal(a, b) for a, b in zip(tensors, before, strict=True))
+
+
+def test_numbers_that_are_all_zero_stay_so_without_flips():
+    zeros = torch.zeros(10)
+    with flipped_bits_of_int8([zeros], 0.0, (0,)):
+        assert (zeros == 0).all()
+
+
 # The measurement ----------------------------------------------------------------------------------
 
 MODELS = ("hdc", "hdc_integer", "softmax", "ridge", "nearest_neighbour", "cnn1_fast")
@@ -147,7 +174,14 @@ def test_every_model_is_measured_and_left_as_it_was(name, scene):
     if name in ("softmax", "cnn1_fast"):
         OmegaConf.update(cfg, "model.lr", 1e-2)
     rows = list(robustness.rows_of(cfg, scene, LEVELS, [1e-4, 0.0, 0.5, 0.0], 2, spared))
+    in_8_bits = [row for row in rows if row["disturbance"] == "bit_flips_int8"]
+    rows = [row for row in rows if row not in in_8_bits]
     assert [row["disturbance"] for row in rows] == ["none", *LEVELS, *["bit_flips"] * 8]
+    if name in ("softmax", "ridge", "cnn1_fast"):
+        assert [row["level"] for row in in_8_bits] == [0, 1e-4, 1e-4, 0, 0.5, 0.5, 0]
+        assert {row["accuracy"] > 0.9 for row in in_8_bits[:4]} == {True}
+    else:
+        assert in_8_bits == []
     clean, *_, first, again, last, also = rows
     assert {row["n_test"] for row in rows} == {20}
     assert clean["accuracy"] > 0.9
@@ -171,7 +205,7 @@ def test_the_task_writes_its_rows(tmp_path, monkeypatch, scene):
     robustness.run(**arguments)
     with (tmp_path / "measured" / "robustness" / "rows.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 2 * 2 * 5
+    assert len(rows) == 2 * (5 + 7)  # two seeds; ridge in 8 bits too
     assert {row["origin"] for row in rows} == {"simulated"}
     entry = record.read_record(tmp_path / "measured" / "robustness")
     files = entry["environment"]["sources"]
@@ -210,5 +244,5 @@ def test_from_the_command_line(tmp_path, scene):
     )
     assert done.returncode == 0, done.stderr
     lines = (tmp_path / "measured" / "robustness" / "rows.csv").read_text().splitlines()
-    assert len(lines) == 1 + 1 + 9 + 1
+    assert len(lines) == 1 + 1 + 9 + 1 + 2
     assert all(",recorded,recorded,ridge,0," in f",{line}" for line in lines[1:])

@@ -13,12 +13,13 @@ def measured(tmp_path, monkeypatch):
     """A measurement of two models: two seeds of 10 test frames, two draws of flipped bits."""
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
     cases = [("none", 0.0), ("power", 0.2), ("dead_pixels", 0.05), ("shift", 1),
-             ("bit_flips", 1e-4), ("bit_flips", 0.5)]  # fmt: skip
+             ("bit_flips", 1e-4), ("bit_flips", 0.5), ("bit_flips_int8", 0.0),
+             ("bit_flips_int8", 0.5)]  # fmt: skip
 
     def compute():
         for model in ("hdc", "softmax"):
             for seed in (0, 1):
-                for name, level in cases:
+                for name, level in cases if model == "softmax" else cases[:-2]:
                     for draw in range(2 if name == "bit_flips" else 1):
                         lost = {"none": 0, "bit_flips": 8 if model == "softmax" and draw else 1}
                         right = 10 - lost.get(name, 2) - seed
@@ -39,7 +40,7 @@ def of(found, model, name, level):
 
 def test_seeds_and_draws_are_pooled(measured):
     found = rows(measured)
-    assert len(found) == 2 * 6
+    assert len(found) == 6 + 8
     clean = of(found, "hdc", "none", 0)
     assert (clean["n_test"], clean["seeds"], clean["draws"]) == (20, 2, 2)
     assert clean["test_accuracy_final"] == 0.95
@@ -50,7 +51,7 @@ def test_seeds_and_draws_are_pooled(measured):
     assert (flipped["lowest"], flipped["highest"]) == (0.1, 0.9)
     assert {row["code"] for row in found} == {"current"}
     assert set(COLUMNS) == set(found[0])
-    assert tables.to_csv(found, COLUMNS).count("\n") == 13
+    assert tables.to_csv(found, COLUMNS).count("\n") == 15
 
 
 def test_markdown_says_what_is_shown(measured):
@@ -59,6 +60,7 @@ def test_markdown_says_what_is_shown(measured):
     assert "| stored model |  | 1.00 kB | 1.00 kB |" in text
     assert "| laser power ± | 20 % | 75 [53.1, 88.8] |" in text
     assert "| bit error rate | 1e-04 | 85 (80…90) | 50 (10…90) |" in text
+    assert "| bit error rate, 8-bit numbers | 0.5 | – | 75 (70…80) |" in text
     assert "seeds: 2" in text
     assert "of 4 draws" in text
     assert "Made by other code" not in text
@@ -80,7 +82,7 @@ def test_figure_fits_and_says_what_it_is(measured):
     assert box.y1 <= drawn.get_figheight()
     words = figures.save(drawn, "svg").decode()
     for expected in ("simulated frames, 2 seeds", "bit error rate", "dead pixels (%)",
-                     "camera shifted (px)", "chance", "HDC", "Softmax"):  # fmt: skip
+                     "camera shifted (px)", "chance", "8 bits for each float32"):  # fmt: skip
         assert expected in words
     figures.plt.close(drawn)
 
@@ -96,4 +98,4 @@ def test_nothing_measured_is_no_rows_and_no_figure(tmp_path, measured):
 def test_every_disturbance_has_a_name():
     from experiments.disturbances import OF_FRAMES
 
-    assert set(robustness_table._LEVELS) == {"none", "bit_flips", *OF_FRAMES}
+    assert set(robustness_table._LEVELS) == {"none", *robustness_table._FLIPS, *OF_FRAMES}
