@@ -53,6 +53,7 @@ STYLE: dict[Any, Any] = {
 _STYLES: dict[str, tuple[str, str, str]] = {
     "hdc": ("#D55E00", "o", "-"),
     "hdc_integer": ("#D55E00", "s", "--"),
+    "hdc_online": ("#D55E00", "D", "-."),
     "record_hdc": ("#D55E00", "v", ":"),
     "softmax": ("#0072B2", "s", "-"),
     "softmax_dual": ("#0072B2", "D", "--"),
@@ -65,6 +66,8 @@ _STYLES: dict[str, tuple[str, str, str]] = {
     "nearest_neighbour": ("#000000", "d", "-"),
 }
 _OTHER = ("#666666", ".", ":")
+# Where the published accuracies are drawn: all at N = 400, the two equal ones side by side.
+PUBLISHED_N = {"hdc": 400, "softmax": 400, "cnn1": 380, "cnn3": 421}
 _STAR = Line2D([], [], ls="", marker="*", mfc="white", mec="black", ms=8, label="paper, Table I")
 
 
@@ -108,17 +111,17 @@ def error_vs_time(records: Records) -> Figure:
 def accuracy_vs_n(rows: Sequence[Row]) -> Figure:
     """Test accuracy against the number of training samples (Fig. 5(b) of the paper)."""
     paper = ["hdc", "softmax", "softmax_dual", "cnn1_fast", "cnn3_fast"]
-    others = ["hdc", "hdc_integer", "record_hdc", "ridge", "correlation", "nearest_neighbour"]
+    others = ["hdc", "hdc_integer", "hdc_online", "record_hdc", "ridge", "correlation",
+              "nearest_neighbour"]  # fmt: skip
     with plt.rc_context(STYLE):
         figure, panels = plt.subplots(2, 1, figsize=(WIDTH, 5.6), sharex=True)
         for axes, models in zip(panels, (paper, others), strict=True):
-            _accuracy_curves(axes, rows, models, "n_train")
+            _accuracy_curves(axes, rows, models, "n_train", PUBLISHED_N.values())
             handles = [_handle(m) for m in _shown(rows, models)]
             axes.legend(
                 handles=[*handles, *([_STAR] if axes is panels[0] else [])], loc="lower right"
             )
-        # Two of the published accuracies are equal: side by side.
-        for model, n in (("hdc", 400), ("softmax", 400), ("cnn1", 380), ("cnn3", 421)):
+        for model, n in PUBLISHED_N.items():
             panels[0].plot(
                 n, 100 * published_row(model)["published_test_accuracy"], "*", markersize=8,
                 color=_style(model)[0], markeredgecolor="black", markeredgewidth=0.6, zorder=5,
@@ -172,7 +175,11 @@ def work_precision(rows: Sequence[Row], table: Sequence[Row]) -> Figure:
             lines = [r for r in everything if r["model"] == model and r["seeds"]]
             times = [1e3 * line["predict_single_s"] for line in lines]
             _error_bars(axes, model, times, lines, floor)
-        axes.set_xlabel("time to predict a single frame (ms)")
+        seen = [line["pixels"] for line in rows if line["pixels"]]
+        axes.set_xlabel(
+            "time to predict a single frame (ms)"
+            + (f"\nalong a curve: D = {min(seen):,} … {max(seen):,} pixels" if seen else "")
+        )
         axes.set_ylabel("test error")
         _plain_decades(axes)
         shown = _shown(everything, names)
@@ -245,13 +252,23 @@ def _error_bars(
     y = np.maximum(errors, floor)
     axes.errorbar(
         list(x), y, yerr=[y - np.maximum(low, floor), high - y], color=colour, ls=style,
-        marker=symbol if marker else None, elinewidth=0.7, capsize=1.5, lw=0.9, zorder=3,
+        marker=symbol if marker else None, mfc=_fill(model), elinewidth=0.7, capsize=1.5, lw=0.9,
+        zorder=3,
     )  # fmt: skip
 
 
-def _accuracy_curves(axes: Axes, rows: Sequence[Row], models: Sequence[str], key: str) -> None:
-    """Accuracy in percent over a logarithmic axis; models are set apart by a few percent of x."""
+def _accuracy_curves(
+    axes: Axes, rows: Sequence[Row], models: Sequence[str], key: str, also: Iterable[float] = ()
+) -> None:
+    """Accuracy in percent over a logarithmic axis; models are set apart by a few percent of x.
+
+    The axis spans what the rows ask for, measured or not, and the places in `also`.
+    """
     axes.set_xscale("log")
+    places = [*also, *(r[key] for r in rows if r[key])]
+    if places:
+        axes.set_xlim(min(places) / 1.35, max(places) * 1.35)
+    lowest = 100 * min((r["test_ci_low"] for r in rows if r["seeds"]), default=1.0)
     for k, model in enumerate(models):
         lines = [r for r in rows if r["model"] == model and r["seeds"]]
         lines.sort(key=lambda r: r[key])
@@ -264,10 +281,10 @@ def _accuracy_curves(axes: Axes, rows: Sequence[Row], models: Sequence[str], key
             for name in ("test_accuracy_final", "test_ci_low", "test_ci_high")
         )
         axes.errorbar(
-            x, y, yerr=[y - low, high - y], color=colour, marker=marker, ls=style,
-            elinewidth=0.6, capsize=1.2, lw=0.9,
+            x, y, yerr=[y - low, high - y], color=colour, marker=marker, mfc=_fill(model),
+            ls=style, elinewidth=0.6, capsize=1.2, lw=0.9,
         )  # fmt: skip
-    axes.set_ylim(15, 102)
+    axes.set_ylim(min(15, lowest - 2), 102)
     axes.set_ylabel("test accuracy (%)")
 
 
@@ -310,10 +327,14 @@ def _title(
     count = f", {seeds[0]}–{seeds[-1]} seeds" if len(seeds) > 1 else ""
     count = f", {seeds[0]} seed{'s' * (seeds[0] > 1)}" if len(seeds) == 1 else count
     strip = ", grey: no error" if axes.get_yscale() == "log" else ""
-    lines = [text, f"{origin(rows)} frames{count}, 95 % intervals{strip}"]
+    lines = [text]
+    if seeds:
+        lines += [f"{origin(rows)} frames{count}, 95 % intervals{strip}"]
+    # Lines break between names, not within one.
     missing = [display_name(m) for m in dict.fromkeys(wanted) if m not in shown]
     if missing:
-        lines += textwrap.wrap("no records: " + "; ".join(missing), 64)
+        names = "; ".join(name.replace(" ", "\xa0") for name in missing)
+        lines += textwrap.wrap(f"no records: {names}", 64)
     figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=7)
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=2)
@@ -327,7 +348,14 @@ def _shown(rows: Sequence[Row], models: Sequence[str]) -> list[str]:
 
 def _handle(model: str) -> Line2D:
     colour, marker, line = _style(model)
-    return Line2D([], [], color=colour, marker=marker, ls=line, label=display_name(model))
+    return Line2D([], [], color=colour, marker=marker, ls=line, mfc=_fill(model),
+                  label=display_name(model))  # fmt: skip
+
+
+def _fill(model: str) -> str:
+    """Of markers: none for a dashed line, so that lone markers of a family differ too."""
+    colour, _, line = _style(model)
+    return "white" if line == "--" else colour
 
 
 def _style(model: str) -> tuple[str, str, str]:

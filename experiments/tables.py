@@ -31,6 +31,7 @@ NAMES = {
     "hdc": "HDC",
     "hdc_random_ties": "HDC, random ties",
     "hdc_integer": "HDC, integer prototypes",
+    "hdc_online": "HDC, online",
     "record_hdc": "HDC, record-based",
     "softmax": "Softmax",
     "softmax_dual": "Softmax, dual Newton",
