@@ -3,7 +3,7 @@ PYTHON ?= python3.11
 BIN := .venv/bin
 VENV := .venv/.stamp
 
-.PHONY: help table1 test lint benchmark reproduce
+.PHONY: help table1 test slow lint benchmark stability reproduce
 
 help:  ## show this list
 	@grep -hE '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -20,23 +20,22 @@ table1: $(VENV)  ## run HDC and the baselines on the simulated touch scene, show
 benchmark: $(VENV)  ## time every route of the classifier beside its peers
 	$(BIN)/python -m experiments.run experiment=benchmark
 
-reproduce: $(VENV)  ## everything that lies in results/, slow tests included (hours: the CNNs dominate)
-	$(BIN)/python -m experiments.run experiment=benchmark
-	$(BIN)/python -m scenes.sensor.check
-	$(BIN)/python -m scenes.sensor.calibrate
-	$(BIN)/python -m scenes.sensor.pictures
-	$(BIN)/python -m experiments.run experiment=table1 stop=paper model=hdc,softmax seed.run=0,1,2,3,4
-	$(BIN)/python -m experiments.run experiment=table1 stop=paper model=cnn1,cnn3 seed.run=0,1,2
-	$(BIN)/python -m experiments.run experiment=table1_extended
-	$(BIN)/python -m experiments.run experiment=accuracy_vs_n
-	$(BIN)/python -m experiments.run experiment=accuracy_vs_n_cnn
-	$(BIN)/python -m experiments.run experiment=accuracy_vs_d
-	$(BIN)/python -m experiments.run experiment=work_precision
+stability: $(VENV)  ## numbers at their limits, training as a stiff problem, what each scene loads
+	$(BIN)/python -m experiments.run experiment=stability
+	$(BIN)/python -m experiments.run experiment=numerics
+	$(BIN)/python -m experiments.run experiment=stiffness
+	$(BIN)/python -m experiments.run experiment=softmax_methods
+	$(BIN)/python -m experiments.run experiment=footprint
 	$(BIN)/python -m experiments.report
+
+reproduce: $(VENV)  ## everything that lies in results/ (hours; QUICK=1: half an hour, fewer seeds)
+	$(BIN)/python -m experiments.reproduce $(if $(QUICK),--quick)
 	$(BIN)/python -m experiments.readme
+
+slow: $(VENV)  ## the tests that are marked slow
 	$(BIN)/pytest -m slow
 
-test: $(VENV)  ## every test that is not marked slow
+test: $(VENV)  ## every test but the slow ones
 	$(BIN)/pytest -m "not slow"
 
 lint: $(VENV)  ## ruff and mypy

@@ -37,6 +37,7 @@ def sources(results: Path) -> dict[str, Callable[[], str]]:
     """What each block is made from."""
     return {
         "table1": lambda: _read(results / "tables" / "table1.md"),
+        "comparison": lambda: _read(results / "tables" / "comparison.md"),
         "calibration": lambda: _csv_table(results / "calibration.csv"),
         "benchmark": lambda: _benchmark(results / "benchmark.csv"),
     }
