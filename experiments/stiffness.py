@@ -150,7 +150,7 @@ def softmax_rows(
         exponents: k of the rates 2^(k/2 + 1/4) times the predicted one, which lies between two.
         penalty: of the loss at whose optimum the descent starts the second time, in mean
             eigenvalues of the Hessian at the first start.
-        eigenvalues: how many of the leading ones are told.
+        eigenvalues: how many of the leading ones are told, with a few of the rest.
         batch: frames in a minibatch.
         seed: of the minibatches and the perturbation.
         pixels: all scalings that are tried; for the caller.
@@ -159,10 +159,11 @@ def softmax_rows(
     penalty *= float(at_start.mean())
     best = dual.optimum(problem, penalty)
     at_optimum = dual.spectrum(problem, best, eigenvalues, penalty)
-    for index, (first, last) in enumerate(zip(at_start, at_optimum, strict=False), start=1):
-        yield {"kind": "spectrum", "index": index,
-               "eigenvalue": first, "eigenvalue_optimum": last}  # fmt: skip
-    yield {"kind": "spectrum", "index": len(at_start), "eigenvalue": at_start[-1]}
+    leading = [*range(1, eigenvalues + 1)]
+    rest = np.unique(np.geomspace(eigenvalues + 1, len(at_start), 20).astype(int)).tolist()
+    for index in leading + rest:
+        yield {"kind": "spectrum", "index": index, "eigenvalue": at_start[index - 1],
+               "eigenvalue_optimum": at_optimum[index - 1] if index in leading else None}  # fmt: skip
     noise = torch.from_numpy(np.random.default_rng(seed).standard_normal(best.a.shape))
     near = dual.State(best.a * (1 + _PERTURBATION * noise), best.b)
     floor = problem.loss(best, penalty)
@@ -252,9 +253,12 @@ def network_rows(
             plain.set_params(lr=rate)
             # Of the full batch a report tells the loss before its step: the first is the start.
             verdict = _verdict(curvature.losses(plain, seen, truth))
-            yield {"kind": "sweep", **common, "method": "GD", "lambda_max": begin.lambda_max,
+            row = {"kind": "sweep", **common, "method": "GD", "lambda_max": begin.lambda_max,
                    "predicted": 2 / begin.lambda_max, "rate": rate, **verdict,
                    "seconds": time.perf_counter() - clock}  # fmt: skip
+            if verdict["exceeds"] == "no":
+                row["lambda_end"] = curvature.sharpness(plain, seen, truth)
+            yield row
         for row in adam_rows(model, begin.loss, begin.adam_limit, seen, truth, **adam):
             yield {**common, **row}
 

@@ -48,30 +48,18 @@ def start(model: IterativeClassifier, frames: Tensor, labels: np.ndarray, batch:
     """
     # A step of length zero leaves the network at its initial weights.
     still = dataclasses.replace(model, optimizer="SGD", lr=0.0, batch_size=None, max_epochs=1)
-    still.fit(frames, labels)
-    targets = torch.from_numpy(np.unique(labels, return_inverse=True)[1])
-    logits = still.scores(still.load(frames, slice(None)))
-    weights = list(still.network_.parameters())
-
-    def gradient(part: Tensor | slice) -> Tensor:
-        loss = F.cross_entropy(logits[part], targets[part])
-        return parameters_to_vector(torch.autograd.grad(loss, weights, retain_graph=True))
-
-    loss = F.cross_entropy(logits, targets)
-    slopes = torch.autograd.grad(loss, weights, create_graph=True)
-
-    def hessian(vector: Tensor) -> Tensor:
-        pieces = torch.split(vector, [p.numel() for p in weights])
-        shaped = [piece.view_as(p) for piece, p in zip(pieces, weights, strict=True)]
-        product = torch.autograd.grad(slopes, weights, shaped, retain_graph=True)
-        return parameters_to_vector(tuple(x.contiguous() for x in product))
-
-    full = gradient(slice(None))
+    local = _Loss(still.fit(frames, labels), frames, labels)
     parts = minibatches(len(labels), batch, model.seed)
-    mean_square = torch.stack([gradient(part).square() for part in parts]).mean(dim=0)
+    mean_square = torch.stack([local.gradient(part).square() for part in parts]).mean(dim=0)
     scale = (mean_square.sqrt() + ADAM_EPSILON).rsqrt()  # P^−½
-    preconditioned = _largest(lambda v: scale * hessian(scale * v), full)
-    return Start(loss.item(), _largest(hessian, full), ADAM / preconditioned)
+    preconditioned = _largest(lambda v: scale * local.hessian(scale * v), local.full)
+    return Start(local.value, _largest(local.hessian, local.full), ADAM / preconditioned)
+
+
+def sharpness(model: IterativeClassifier, frames: Tensor, labels: np.ndarray) -> float:
+    """λ_max of the Hessian where a trained model stands."""
+    local = _Loss(model, frames, labels)
+    return _largest(local.hessian, local.full)
 
 
 def losses(model: IterativeClassifier, frames: Tensor, labels: np.ndarray) -> list[float]:
@@ -90,6 +78,36 @@ def window(frames: Tensor, side: int) -> Tensor:
         slice((n - min(n, side)) // 2, (n + min(n, side)) // 2) for n in frames.shape[1:]
     ]
     return frames[:, cuts[0], cuts[1]].contiguous()
+
+
+class _Loss:
+    """Mean cross-entropy of a trained network on these frames, and its derivatives there.
+
+    Attributes:
+        value: the loss.
+        full: its gradient, float32 [parameters].
+    """
+
+    def __init__(self, model: IterativeClassifier, frames: Tensor, labels: np.ndarray) -> None:
+        self._targets = torch.from_numpy(np.searchsorted(model.classes_, labels))
+        self._logits = model.scores(model.load(frames, slice(None)))
+        self._weights = list(model.network_.parameters())
+        loss = F.cross_entropy(self._logits, self._targets)
+        self._slopes = torch.autograd.grad(loss, self._weights, create_graph=True)
+        self.value = loss.item()
+        self.full = parameters_to_vector(self._slopes).detach()
+
+    def gradient(self, part: Tensor) -> Tensor:
+        """Of the loss of some frames."""
+        loss = F.cross_entropy(self._logits[part], self._targets[part])
+        return parameters_to_vector(torch.autograd.grad(loss, self._weights, retain_graph=True))
+
+    def hessian(self, vector: Tensor) -> Tensor:
+        """The product H·v."""
+        pieces = torch.split(vector, [p.numel() for p in self._weights])
+        shaped = [x.view_as(p) for x, p in zip(pieces, self._weights, strict=True)]
+        product = torch.autograd.grad(self._slopes, self._weights, shaped, retain_graph=True)
+        return parameters_to_vector(tuple(x.contiguous() for x in product))
 
 
 def _largest(hessian: Callable[[Tensor], Tensor], start: Tensor) -> float:
