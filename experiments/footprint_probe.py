@@ -16,8 +16,10 @@ from pathlib import Path
 from typing import Any
 
 # Loaded by somebody, needed by few.
-WATCHED = ("cv2", "sklearn", "pandas", "matplotlib", "scipy", "scipy.stats", "baselines.cnn",
-           "scenes.sensor.texture", "scenes.sensor.creep", "scenes.fibre", "scenes.recorded")  # fmt: skip
+WATCHED = (
+    "cv2", "sklearn", "pandas", "matplotlib", "scipy", "scipy.stats", "baselines.cnn",
+    "scenes.sensor.texture", "scenes.sensor.creep", "scenes.fibre", "scenes.recorded",
+)  # fmt: skip
 _STREAM = 20  # frames learnt at a time
 
 

@@ -162,8 +162,10 @@ def softmax_rows(
     leading = [*range(1, eigenvalues + 1)]
     rest = np.unique(np.geomspace(eigenvalues + 1, len(at_start), 20).astype(int)).tolist()
     for index in leading + rest:
-        yield {"kind": "spectrum", "index": index, "eigenvalue": at_start[index - 1],
-               "eigenvalue_optimum": at_optimum[index - 1] if index in leading else None}  # fmt: skip
+        row = {"kind": "spectrum", "index": index, "eigenvalue": at_start[index - 1]}
+        if index in leading:
+            row["eigenvalue_optimum"] = at_optimum[index - 1]
+        yield row
     noise = torch.from_numpy(np.random.default_rng(seed).standard_normal(best.a.shape))
     near = dual.State(best.a * (1 + _PERTURBATION * noise), best.b)
     floor = problem.loss(best, penalty)

@@ -45,7 +45,7 @@ def test_a_scene_has_what_it_needs_and_no_more():
 def test_a_process_that_fails_says_why(monkeypatch):
     failed = subprocess.CompletedProcess([], 1, stdout="", stderr="no such scene\n")
     monkeypatch.setattr(footprint.subprocess, "run", lambda *_, **__: failed)
-    with pytest.raises(RuntimeError, match="nowhere.*: no such scene"):
+    with pytest.raises(RuntimeError, match=r"nowhere.*: no such scene"):
         footprint.probe(do="build", overrides=["scene=nowhere"], frames=5)
 
 

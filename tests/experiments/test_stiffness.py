@@ -1,4 +1,4 @@
-"""Stiffness: the sample space is exact, the Hessians are Hessians, the limit is where it is said."""
+"""Stiffness: sample space is exact, Hessians are Hessians, the limit is where it is said to be."""
 
 from __future__ import annotations
 
