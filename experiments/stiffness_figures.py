@@ -81,6 +81,7 @@ def stability_limit(results: Path) -> Figure | None:
             axes.legend(loc="upper left", handlelength=2.4, frameon=True, facecolor="white",
                         edgecolor="none", framealpha=1)  # fmt: skip
         panels[1].set_ylabel("last / first loss gap")
+        panels[2].set_ylim(0.7, 1e5)  # room for the legend above the curves
         panels[2].set_xlabel("learning rate / predicted limit")
         panels[2].xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
         _title(figure, "Largest stable learning rate: predicted and found")
@@ -131,7 +132,7 @@ def methods(results: Path) -> Figure | None:
         for (method, pixels), (colour, marker, style, label) in _METHODS.items():
             mine = [r for r in measured.rows if (r["method"], r["pixels"]) == (method, pixels)]
             curves = [(label, style, mine)]
-            if method == "Adam":
+            if method == "Adam" and mine:
                 chosen = sorted(
                     {r["rate"] for r in mine if float(r["rate"]) == _PUBLISHED} | {best}
                 )

@@ -123,7 +123,8 @@ def _why_not(row: Row, lines: Sequence[dict[str, str]]) -> str:
     if grown > 1.5 * row["lambda_max"]:
         return (
             "the network sharpens as it learns: λ_max at the end of a stable run is "
-            f"{tables.number(grown)}, at the start {tables.number(row['lambda_max'])}"
+            f"{tables.number(grown)}, at the start {tables.number(row['lambda_max'])}; "
+            f"the limit has come down to {tables.number(2 / grown)}"
         )
     return "λ_max at the start is no bound along the way"
 
