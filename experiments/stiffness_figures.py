@@ -16,7 +16,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocat
 
 from experiments import measurement
 from experiments.figures import STYLE, WIDTH, plt
-from experiments.stiffness_tables import sweeps
+from experiments.stiffness_tables import sweeps, work
 
 # Okabe and Ito's palette, as in experiments.figures; marker and line repeat the distinction.
 _PIXELS = {
@@ -142,7 +142,7 @@ def methods(results: Path) -> Figure | None:
                     for rate in chosen
                 ]  # fmt: skip
             for name, look, lines in curves:
-                lines.sort(key=lambda r: float(r["seconds"]))
+                lines.sort(key=work)
                 if not lines:
                     continue
                 times = [float(r["seconds"]) for r in lines]
