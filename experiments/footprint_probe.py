@@ -1,0 +1,140 @@
+"""What one scene and one model load, build and hold, seen from inside a process of their own.
+
+``python -m experiments.footprint_probe REQUEST``, request and answer in JSON; started by
+:mod:`experiments.footprint`. Nothing but the standard library is imported before the clock runs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+# Loaded by somebody, needed by few.
+WATCHED = (
+    "cv2", "sklearn", "pandas", "matplotlib", "scipy", "scipy.stats", "baselines.cnn",
+    "scenes.sensor.texture", "scenes.sensor.creep", "scenes.fibre", "scenes.recorded",
+)  # fmt: skip
+_STREAM = 20  # frames learnt at a time
+
+
+def main() -> None:
+    """Answer the request.
+
+    ``started`` is the time at which this process was (s), ``threads`` those of torch. What is
+    done: ``torch``, nothing but its import; ``build``, ``frames`` frames of the scene that
+    ``overrides`` choose are made and learnt, and one of them predicted; ``stream``, besides,
+    ``n`` frames are learnt and predicted as they come (the same ones again and again); ``run``, the
+    runner carries out the run of these overrides.
+    """
+    request = json.loads(sys.argv[1])
+    before = time.perf_counter()
+    import torch
+
+    answer: dict[str, Any] = {"torch_s": time.perf_counter() - before, "torch_bytes": peak_bytes()}
+    torch.set_num_threads(request["threads"])
+    if request["do"] == "run":
+        answer |= _run(request["overrides"])
+    elif request["do"] != "torch":
+        answer |= _build(request)
+    packages = Counter(name.partition(".")[0] for name in sys.modules)
+    answer |= {
+        "peak_bytes": peak_bytes(),
+        "modules": len(sys.modules),
+        "packages": {name: count for name, count in packages.most_common() if count > 1},
+        "loaded": [name for name in WATCHED if name in sys.modules],
+    }
+    print(json.dumps(answer))
+
+
+def peak_bytes() -> int:
+    """The most memory this process has held so far.
+
+    Where the system tells, without what its parent held: the peak that getrusage knows is passed
+    on when a process is started.
+    """
+    status = Path("/proc/self/status")
+    if not status.exists():
+        from experiments import measurement
+
+        return measurement.peak_bytes()
+    line = next(x for x in status.read_text().splitlines() if x.startswith("VmHWM:"))
+    return int(line.split()[1]) * 1024
+
+
+def _build(request: dict[str, Any]) -> dict[str, Any]:
+    """Scene and model as a run builds them, up to the first prediction, and on if asked."""
+    import hydra
+    import numpy as np
+
+    from experiments import run, sources
+
+    configs = str(sources.ROOT / "configs")
+    with hydra.initialize_config_dir(configs, version_base="1.3"):
+        cfg = hydra.compose("config", request["overrides"])
+    try:
+        scene = run.instantiate(cfg.scene, "scene")
+    except (ValueError, OSError) as error:
+        return {"status": f"skipped: {error}"}
+    model = run.instantiate(cfg.model, "model")
+    # Spread over all sessions and classes.
+    indices = np.linspace(0, len(scene.labels) - 1, request["frames"]).astype(int)
+    frames, labels = scene.frames(indices), scene.labels[indices]
+    next(iter(model.train(frames, labels)))
+    model.predict(frames[:1])
+    answer: dict[str, Any] = {"first_prediction_s": time.time() - request["started"]}
+    spent = []
+    for _ in range(3):
+        before = time.perf_counter()
+        scene.frames(indices)
+        spent.append((time.perf_counter() - before) / len(indices))
+    answer |= {"frame_s": min(spent), "parts": sorted(_parts(scene)), "origin": scene.origin}
+    if request["do"] == "stream":
+        for first in range(0, request["n"], _STREAM):
+            some = np.arange(first, first + _STREAM) % len(frames)
+            model.partial_fit(frames[some], labels[some])
+            model.predict(frames[some])
+    return answer
+
+
+def _run(overrides: list[str]) -> dict[str, Any]:
+    """The runner's whole command line, its output kept away from the answer."""
+    from experiments.run import entry_point
+
+    sys.argv[1:] = overrides
+    with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
+        try:
+            entry_point()
+        except SystemExit as end:
+            if end.code:
+                raise RuntimeError(f"experiments.run {' '.join(overrides)} failed") from end
+    return {}
+
+
+def _parts(root: Any) -> set[str]:
+    """Classes of the project's objects that are reachable from this one: what was built."""
+    names: set[str] = set()
+    seen: set[int] = set()
+    waiting = [root]
+    while waiting:
+        found = waiting.pop()
+        if id(found) in seen:
+            continue
+        seen.add(id(found))
+        if isinstance(found, dict):
+            waiting += found.values()
+        elif isinstance(found, list | tuple):
+            waiting += found
+        elif type(found).__module__.startswith("scenes."):
+            names.add(type(found).__name__)
+            waiting += getattr(found, "__dict__", {}).values()
+    return names
+
+
+if __name__ == "__main__":
+    main()
