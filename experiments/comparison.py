@@ -4,8 +4,8 @@ One row for each line of published.csv, or several where the paper leaves a cond
 verdict, from the first of these that applies:
 
 - ``missing``: nothing was measured.
-- ``setting``: the paper's choice, not its result (the learning rate, the number of labels): ``same``
-  here or ``another``.
+- ``setting``: the paper's choice and not its result (learning rate, number of labels): the ``same``
+  here, or ``another``.
 - ``not reached``: the median run never got where the number is taken.
 - ``no interval``: measured, but not often enough for an interval. Such a number never matches.
 - ``matches``: the published number lies within its interval: zero is in the 95 % interval of the
@@ -60,13 +60,12 @@ _PUBLISHED_SAMPLES = {
     "tactile/test_accuracy": 120,
 }  # fmt: skip
 _SETTINGS = ("table1/learning_rate", "touch/labels")
-# What makes the numbers of an experiment that has no records yet.
+# Experiment of configs/ that makes the numbers of an experiment of published.csv.
 _MAKES = {
-    **dict.fromkeys(("finger", "spatial", "tactile"), "python -m experiments.run experiment=scenes"),
-    **{name: f"python -m experiments.run experiment={name}"
-       for name in ("table1", "accuracy_vs_n", "correlation", "drift")},
-    "touch": "python -m experiments.run experiment=table1",
-}  # fmt: skip
+    **{name: name for name in ("table1", "accuracy_vs_n", "correlation", "drift")},
+    **dict.fromkeys(("finger", "spatial", "tactile"), "scenes"),
+    "touch": "table1",
+}
 _PUBLISHED_COMPUTER = "the paper: an Apple M1"
 
 
@@ -89,7 +88,8 @@ def compare(records: Records, results: Path) -> list[Row]:
                 "setting": key in _SETTINGS,
                 **ours,
             }
-            row["made_by"] = row.get("made_by") or _MAKES.get(line["experiment"], "")
+            default = f"python -m experiments.run experiment={_MAKES[line['experiment']]}"
+            row["made_by"] = row.get("made_by") or default
             fit = calibration.get(_CALIBRATION.get(key, ""), {})
             row["verdict"] = verdict(row, fit.get("status"))
             if fit.get("note"):

@@ -1,8 +1,8 @@
-"""Tables and figures from the records there are: ``python -m experiments.report``.
+"""Tables, figures and the page from the records there are: ``python -m experiments.report``.
 
-Reads ``runs/*/record.json`` and ``curve.csv`` of the results folder and ``results/published.csv``,
-never trains, and writes ``tables/`` and ``figures/``. What is missing is said in the table, on the
-terminal, and in the figure.
+Reads the records and measurements of the results folder and ``results/published.csv``, never
+trains, and writes ``tables/``, ``figures/``, ``comparison.csv`` and ``report.html``. What is
+missing is said in the table, on the terminal, in the figure and on the page.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from experiments import tables
+from experiments import comparison, page, page_tables, tables
 from experiments.record import results_dir, write_atomically
 from experiments.selection import Records
 from experiments.tables import Columns, Row, number, percent
@@ -43,8 +43,8 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
         tables.curve(records, ["accuracy_vs_d"]),
         tables.curve(records, ["work_precision"]),
     )
-    written = []
-    for name, rows, columns, shown, title in (
+    written, shown = [], []
+    for name, rows, columns, cells, title in (
         ("table1", table1, tables.TABLE1, tables.TABLE1_COLUMNS,
          "Table I, published and measured"),
         ("table1_extended", extended, tables.TABLE1, tables.EXTENDED_COLUMNS,
@@ -56,13 +56,28 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
         ("work_precision", work, tables.CURVE, tables.CURVE_COLUMNS,
          "Accuracy against the time of a prediction"),
     ):  # fmt: skip
-        written += _write_table(results / "tables", name, rows, columns, shown, title)
+        written += _write_table(results / "tables", name, rows, columns, cells, title)
+        command = f"python -m experiments.run experiment={name}"
+        shown.append(page_tables.of_rows(name, title, rows, cells, command))
+    compared = comparison.compare(records, results)
+    written += _write_comparison(results, compared)
     written += _write_figures(results / "figures", records, table1 + extended, over_n, over_d, work)
+    written += page.write(results, records, compared, shown)
     console.print(terminal_table(table1))
     _print_notes(console, records, table1, extended + over_n + over_d + work)
     folders = sorted({os.path.relpath(path.parent) for path in written})
     console.print(f"{len(written)} files in {' and '.join(folders)}", soft_wrap=True)
     return written
+
+
+def _write_comparison(results: Path, compared: list[Row]) -> list[Path]:
+    texts = {
+        results / "comparison.csv": comparison.to_csv(compared),
+        results / "tables" / "comparison.md": comparison.to_markdown(compared),
+    }
+    for path, text in texts.items():
+        write_atomically(path, text)
+    return list(texts)
 
 
 def terminal_table(rows: list[Row]) -> Table:

@@ -1,0 +1,175 @@
+"""Tables of the page: from rows of a report, from CSV files, measurements and records."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments import tables
+from experiments.measurement import Measured, read
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
+_LONG = 25  # rows of a table that is folded away until asked for
+# Columns that say how a row was made: told once below the table if all rows agree.
+_MADE_BY = ("command", "made_by")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What is shown, and the value it was rounded from where it was."""
+
+    text: str
+    exact: str = ""
+
+    @property
+    def kind(self) -> str:
+        """Class of the table cell."""
+        return "number" if _NUMBER.match(self.text) or self.text == "–" else "text"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table, or what is missing of it.
+
+    Attributes:
+        name: of the file it is from, unique on the page; an anchor.
+        title, intro, notes: plain text around it.
+        columns: heads.
+        rows: one tuple of cells a row.
+        commands: what makes it again.
+        missing: why there are no rows.
+    """
+
+    name: str
+    title: str
+    columns: Sequence[str] = ()
+    rows: Sequence[Sequence[Cell]] = ()
+    intro: str = ""
+    notes: str = ""
+    commands: Sequence[str] = ()
+    missing: str = ""
+
+    @property
+    def folded(self) -> bool:
+        return len(self.rows) > _LONG
+
+
+def of_rows(
+    name: str, title: str, rows: Sequence[tables.Row], columns: tables.Columns, command: str
+) -> Table:
+    """A table of the report, its cells as in the Markdown file."""
+    return Table(
+        name,
+        title,
+        [head for head, _ in columns],
+        [[Cell(" ".join(cell(line).split())) for _, cell in columns] for line in rows],
+        tables.caption(rows, title),
+        tables.notes(rows),
+        [command],
+    )
+
+
+def of_csv(path: Path, title: str, command: str, intro: str = "", name: str = "") -> Table:
+    """A CSV file, numbers rounded to four digits; missing if it is not there."""
+    name = name or path.stem
+    if not path.is_file():
+        missing = f"{path.parent.name}/{path.name} has not been made"
+        return Table(name, title, intro=intro, commands=[command], missing=missing)
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(line for line in file if line[:1] != "#"))
+    return of_dicts(name, title, rows, [command], intro)
+
+
+def of_measurement(results: Path, name: str, title: str, command: str, intro: str = "") -> Table:
+    """The rows of a measurement, with how they were made; missing if there is none."""
+    try:
+        measured = read(results, name)
+    except ValueError as error:
+        return Table(name, title, intro=intro, commands=[command], missing=str(error))
+    if measured is None:
+        missing = f"measured/{name} has not been made"
+        return Table(name, title, intro=intro, commands=[command], missing=missing)
+    entry = measured.record
+    return of_dicts(
+        name, title, measured.rows, [entry.get("command", command)], intro, _how(measured)
+    )
+
+
+def of_machines(entries: Iterable[Mapping[str, Any]]) -> Table:
+    """On what machines, and by what code, records and measurements were made: a column each."""
+    count: Counter[tuple[tuple[str, str], ...]] = Counter()
+    commits: dict[tuple[tuple[str, str], ...], set[str]] = {}
+    for entry in entries:
+        made = entry.get("environment", {})
+        packages = made.get("packages") or {}
+        machine = {
+            **{key: str(made.get(key, "–"))
+               for key in ("cpu", "cores", "threads", "device", "platform", "python")},
+            **{key: str(value or "–") for key, value in sorted(packages.items())},
+        }  # fmt: skip
+        key = tuple(machine.items())
+        count[key] += 1
+        dirty = " with changes" if made.get("dirty") else ""
+        commits.setdefault(key, set()).add(f"{(made.get('commit') or '–')[:8]}{dirty}")
+    if not count:
+        return Table("environment", "Environment", missing="no records")
+    found = [key for key, _ in count.most_common()]
+    heads = list(dict.fromkeys(name for key in found for name, _ in key))
+    rows = [[Cell("records"), *(Cell(str(count[key])) for key in found)]]
+    rows += [[Cell(head), *(Cell(dict(key).get(head, "–")) for key in found)] for head in heads]
+    rows.append([Cell("commits"), *(Cell(", ".join(sorted(commits[key]))) for key in found)])
+    names = [f"machine {k + 1}" for k in range(len(found))]
+    return Table("environment", "Environment", ["", *names], rows)
+
+
+def of_dicts(
+    name: str,
+    title: str,
+    rows: Sequence[Mapping[str, str]],
+    commands: Sequence[str],
+    intro: str = "",
+    notes: str = "",
+) -> Table:
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    for key in _MADE_BY:
+        told = {row.get(key) for row in rows}
+        if key in columns and len(told) == 1:
+            columns.remove(key)
+            commands = [*filter(None, told)] or commands
+    return Table(
+        name,
+        title,
+        [column.replace("_", " ") for column in columns],
+        [[rounded(row.get(column) or "–") for column in columns] for row in rows],
+        intro,
+        notes,
+        commands,
+        "" if rows else "it has no rows",
+    )
+
+
+def rounded(text: str) -> Cell:
+    """A number to four significant digits with the exact one beside it; any other text as it is."""
+    if not _NUMBER.fullmatch(text):
+        return Cell(text)
+    short = f"{float(text):.4g}"
+    return Cell(text) if len(short) >= len(text) else Cell(short, text)
+
+
+def _how(measured: Measured) -> str:
+    entry = measured.record
+    parts = []
+    if entry["status"] != "finished":
+        parts.append(f"{entry['status']}: {entry.get('error', 'not finished')}")
+    if entry.get("seconds"):
+        parts.append(f"made in {tables.number(entry['seconds'])} s")
+    if entry.get("peak_bytes"):
+        parts.append(f"peak memory {tables.bytes_cell(entry['peak_bytes'])}")
+    if changed := measured.outdated:
+        parts.append(f"by other code than this ({', '.join(changed)} changed since)")
+    return "; ".join(parts)
