@@ -214,7 +214,7 @@ def _quick(results: Path) -> bool:
     if not path.is_file():
         return False
     with path.open(encoding="utf-8", newline="") as file:
-        return any(row.get("mode") == "quick" for row in csv.DictReader(file))
+        return {row.get("mode") for row in csv.DictReader(file)} == {"quick"}
 
 
 def _lying(results: Path, name: str) -> Path:

@@ -6,6 +6,7 @@ the strip for errors of zero are those of :mod:`experiments.figures`.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -199,6 +200,7 @@ def _config() -> dict[str, Any]:
     }  # fmt: skip
 
 
+@functools.cache
 def library() -> str:
     """The JavaScript that draws the grammar, safe inside a script element."""
     import vl_convert

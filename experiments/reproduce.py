@@ -117,7 +117,11 @@ def span(seconds: float) -> str:
 
 
 def measured(command: Sequence[str]) -> dict[str, Any]:
-    """Run ``python -m`` with these words: seconds, peak memory of it and its children, status."""
+    """Run ``python -m`` with these words: seconds, peak memory and status.
+
+    The memory is that of the largest process among it and its children, and at least what this
+    process holds: about 40 MB.
+    """
     start = time.perf_counter()
     process = subprocess.Popen([sys.executable, "-m", *command], cwd=ROOT)
     try:

@@ -173,9 +173,9 @@ STEPS = (
     Step("pictures", "cost", "scenes.sensor.pictures", "scenes.sensor.pictures", (2, 2),
          "figures/sensor_touch.png"),
     Step("cnn1", "networks", _sweep("table1", f"{_PAPER}cnn1", "0,1,2"),
-         _sweep("table1", "stop=quick model=cnn1", "0"), (20, 2)),
+         _sweep("table1", "stop=quick model=cnn1", "0"), (10, 2)),
     Step("cnn3", "networks", _sweep("table1", f"{_PAPER}cnn3", "0,1,2"),
-         _sweep("table1", "stop=quick model=cnn3", "0"), (50, 6)),
+         _sweep("table1", "stop=quick model=cnn3", "0"), (45, 6)),
     Step("table1_extended", "other models", _sweep("table1_extended"),
          _sweep("table1_extended", "model=hdc_random_ties,hdc_integer,softmax_dual,softmax_lbfgs,"
                 "ridge,correlation,nearest_neighbour,sklearn_centroid,sklearn_ridge"), (45, 2)),

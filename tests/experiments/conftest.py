@@ -119,7 +119,13 @@ def write_run(tmp_path, composed):
             "experiment": None,
             "config": config,
             "environment": {"cpu": "A CPU", "threads": 2, **made_by(config)},
-            "scene": {"name": "touch", "origin": "simulated", "shape": [500, 500], "n": 500},
+            "scene": {
+                "name": "touch",
+                "origin": "simulated",
+                "classes": ["L1", "L2", "R1", "R2", "None"],
+                "shape": [500, 500],
+                "n": 500,
+            },
         }
         folder = tmp_path / "runs" / identity
         if status != "finished":

@@ -19,6 +19,8 @@ FIGURES = {f"{name}.{kind}" for name in (
     "error_vs_time", "accuracy_vs_n", "accuracy_vs_d", "work_precision"
 ) for kind in ("svg", "pdf")}  # fmt: skip
 
+PAGE = {"comparison.csv", "comparison.md", "report.html"}
+
 
 def run(folder):
     console = Console(width=report.WIDTH, file=io.StringIO(), highlight=False)
@@ -32,7 +34,7 @@ def test_the_same_records_give_the_same_bytes(tmp_path, a_full_set):
     second, again = run(tmp_path)
     assert first == second
     assert text == again
-    assert set(first) == TABLES | FIGURES
+    assert set(first) == TABLES | FIGURES | PAGE
     assert sorted(tmp_path.glob("runs/*")) == before
     assert not [name for name, data in first.items() if len(data) < 100]
 
