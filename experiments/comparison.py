@@ -34,7 +34,7 @@ from experiments.selection import Records, sweep
 from experiments.tables import Row
 
 COLUMNS = (
-    "experiment", "quantity", "unit", "published", "published_low", "published_high",
+    "experiment", "quantity", "condition", "unit", "published", "published_low", "published_high",
     "measured", "ci_low", "ci_high", "n", "seeds", "verdict", "made_by", "note",
 )  # fmt: skip
 # Rows of calibration.csv that are about a published number.
@@ -134,7 +134,7 @@ def to_markdown(rows: Sequence[Row]) -> str:
     for row in rows:
         made_by = f"`{row['made_by']}`" if row.get("made_by") else "–"
         lines.append([
-            row["experiment"], row["quantity"].replace("_", " "), row["unit"],
+            row["experiment"], _quantity(row), row["unit"],
             _with_interval(row, "published", "published_low", "published_high"),
             _with_interval(row, "measured", "ci_low", "ci_high"),
             str(row.get("n") or "–"), str(row.get("seeds") or "–"), row["verdict"], made_by,
@@ -216,7 +216,7 @@ def _others(results: Path) -> dict[str, list[Row]]:
 
     found: dict[str, list[Row]] = {}
     for row in paper_numbers.summary_rows(results):
-        notes = [row["condition"], row["interval"] and f"interval: {row['interval']}"]
+        notes = [row["interval"] and f"interval: {row['interval']}"]
         if row["code"] != "current":
             notes.append(f"changed since: {row['code']}")
         found.setdefault(f"{row['experiment']}/{row['quantity']}", []).append({
@@ -270,6 +270,10 @@ def _published_interval(key: str, value: float) -> tuple[float, float] | tuple[N
         return None, None
     low, high = evaluate.wilson(round(value / 100 * n), n)
     return 100 * low, 100 * high
+
+
+def _quantity(row: Row) -> str:
+    return ", ".join(filter(None, [row["quantity"].replace("_", " "), row.get("condition")]))
 
 
 def _with_interval(row: Row, value: str, low: str, high: str) -> str:

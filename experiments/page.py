@@ -197,7 +197,7 @@ def _commands(entries: Sequence[Mapping[str, Any]]) -> Table:
         "commands", "Commands that made the records", ["records", "status", "command"],
         [[Cell(str(n)), Cell(status), Cell(command)]
          for (command, status), n in sorted(count.items())],
-        missing="" if count else "no records",
+        instead="" if count else "missing: no records",
     )  # fmt: skip
 
 

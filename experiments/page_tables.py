@@ -14,7 +14,9 @@ from experiments import tables
 from experiments.measurement import Measured, read
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
+_BORDER = re.compile(r"(?<!\\) \| ")  # between two cells of Markdown
 _LONG = 25  # rows of a table that is folded away until asked for
+_MOST = 200  # rows that are shown at all
 # Columns that say how a row was made: told once below the table if all rows agree.
 _MADE_BY = ("command", "made_by")
 
@@ -34,7 +36,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Table:
-    """A table, or what is missing of it.
+    """A table, or what is said in its place.
 
     Attributes:
         name: of the file it is from, unique on the page; an anchor.
@@ -42,7 +44,7 @@ class Table:
         columns: heads.
         rows: one tuple of cells a row.
         commands: what makes it again.
-        missing: why there are no rows.
+        instead: what is said in place of rows.
     """
 
     name: str
@@ -52,25 +54,37 @@ class Table:
     intro: str = ""
     notes: str = ""
     commands: Sequence[str] = ()
-    missing: str = ""
+    instead: str = ""
 
     @property
     def folded(self) -> bool:
         return len(self.rows) > _LONG
 
 
-def of_rows(
-    name: str, title: str, rows: Sequence[tables.Row], columns: tables.Columns, command: str
-) -> Table:
-    """A table of the report, its cells as in the Markdown file."""
+def missing(name: str, title: str, what: str, command: str, intro: str = "") -> Table:
+    """A table that says what has not been made, and how it is."""
+    text = f"missing: {what} has not been made"
+    return Table(name, title, intro=intro, commands=[command], instead=text)
+
+
+def of_markdown(name: str, title: str, text: str, command: str) -> Table:
+    """A Markdown table with its caption above and its notes below, as the report writes them."""
+    lines = text.splitlines()
+    inside = [line for line in lines if line.startswith("| ")]
+    start = lines.index(inside[0]) if inside else len(lines)
+    cells = [[c.replace("\\|", "|") for c in _BORDER.split(line.strip()[2:-2])] for line in inside]
+    around = [
+        " ".join(filter(None, part)) for part in (lines[:start], lines[start + len(inside) :])
+    ]
     return Table(
         name,
         title,
-        [head for head, _ in columns],
-        [[Cell(" ".join(cell(line).split())) for _, cell in columns] for line in rows],
-        tables.caption(rows, title),
-        tables.notes(rows),
+        cells[0] if cells else (),
+        [[Cell(cell) for cell in line] for line in cells[2:]],  # after the rule
+        around[0].strip("*"),
+        around[1],
         [command],
+        "" if cells[2:] else "missing: nothing has been measured",
     )
 
 
@@ -78,8 +92,7 @@ def of_csv(path: Path, title: str, command: str, intro: str = "", name: str = ""
     """A CSV file, numbers rounded to four digits; missing if it is not there."""
     name = name or path.stem
     if not path.is_file():
-        missing = f"{path.parent.name}/{path.name} has not been made"
-        return Table(name, title, intro=intro, commands=[command], missing=missing)
+        return missing(name, title, f"{path.parent.name}/{path.name}", command, intro)
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(line for line in file if line[:1] != "#"))
     return of_dicts(name, title, rows, [command], intro)
@@ -90,10 +103,9 @@ def of_measurement(results: Path, name: str, title: str, command: str, intro: st
     try:
         measured = read(results, name)
     except ValueError as error:
-        return Table(name, title, intro=intro, commands=[command], missing=str(error))
+        return Table(name, title, intro=intro, commands=[command], instead=str(error))
     if measured is None:
-        missing = f"measured/{name} has not been made"
-        return Table(name, title, intro=intro, commands=[command], missing=missing)
+        return missing(name, title, f"measured/{name}", command, intro)
     entry = measured.record
     return of_dicts(
         name, title, measured.rows, [entry.get("command", command)], intro, _how(measured)
@@ -117,7 +129,7 @@ def of_machines(entries: Iterable[Mapping[str, Any]]) -> Table:
         dirty = " with changes" if made.get("dirty") else ""
         commits.setdefault(key, set()).add(f"{(made.get('commit') or '–')[:8]}{dirty}")
     if not count:
-        return Table("environment", "Environment", missing="no records")
+        return Table("environment", "Environment", instead="missing: no records")
     found = [key for key, _ in count.most_common()]
     heads = list(dict.fromkeys(name for key in found for name, _ in key))
     rows = [[Cell("records"), *(Cell(str(count[key])) for key in found)]]
@@ -141,6 +153,9 @@ def of_dicts(
         if key in columns and len(told) == 1:
             columns.remove(key)
             commands = [*filter(None, told)] or commands
+    if len(rows) > _MOST:
+        text = f"{len(rows):,} rows, too many to show: they are drawn as figures"
+        return Table(name, title, (), (), intro, notes, commands, text)
     return Table(
         name,
         title,

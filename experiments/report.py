@@ -43,7 +43,8 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
         tables.curve(records, ["accuracy_vs_d"]),
         tables.curve(records, ["work_precision"]),
     )
-    written, shown = [], []
+    written: list[Path] = []
+    shown = []
     for name, rows, columns, cells, title in (
         ("table1", table1, tables.TABLE1, tables.TABLE1_COLUMNS,
          "Table I, published and measured"),
@@ -57,8 +58,9 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
          "Accuracy against the time of a prediction"),
     ):  # fmt: skip
         written += _write_table(results / "tables", name, rows, columns, cells, title)
+        text = tables.to_markdown(rows, cells, title)
         command = f"python -m experiments.run experiment={name}"
-        shown.append(page_tables.of_rows(name, title, rows, cells, command))
+        shown.append(page_tables.of_markdown(name, title, text, command))
     compared = comparison.compare(records, results)
     written += _write_comparison(results, compared)
     written += _write_figures(results / "figures", records, table1 + extended, over_n, over_d, work)

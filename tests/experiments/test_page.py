@@ -57,6 +57,11 @@ class Page(HTMLParser):
             self.text += data
 
 
+def of_table1(rows):
+    text = tables.to_markdown(rows, tables.TABLE1_COLUMNS, "Table I")
+    return page_tables.of_markdown("table1", "Table I", text, "a command")
+
+
 def measurement(folder, name, rows, **entry):
     entry = {"schema": SCHEMA, "name": name, "status": "finished", "seconds": 1.5,
              "command": f"python -m experiments.run experiment={name}", "peak_bytes": 10**6,
@@ -76,7 +81,7 @@ def built(tmp_path, a_full_set, write_run):
     def build():
         records = Records(tmp_path)
         rows = tables.table1(records)
-        shown = [page_tables.of_rows("table1", "Table I", rows, tables.TABLE1_COLUMNS, "a command")]
+        shown = [of_table1(rows)]
         compared = comparison.compare(records, tmp_path)
         (path,) = page.write(tmp_path, records, compared, shown)
         return Page(path.read_text(encoding="utf-8")), compared, rows
@@ -92,9 +97,8 @@ def test_numbers_are_those_of_the_files(built, tmp_path):
                    for line in csv.reader(comparison.to_csv(compared).splitlines())]  # fmt: skip
     assert found.tables["comparison"][1:] == with_dashes[1:]
     assert found.tables["stability"][1:] == [list(row.values()) for row in rows]
-    markdown = tables.to_markdown(table1, tables.TABLE1_COLUMNS, "Table I").splitlines()[2:-2]
-    cells = [line.strip("| ").split(" | ") for line in markdown]
-    assert found.tables["table1"] == [cells[0], *cells[2:]]
+    cells = [[" ".join(cell(row).split()) for _, cell in tables.TABLE1_COLUMNS] for row in table1]
+    assert found.tables["table1"] == [[head for head, _ in tables.TABLE1_COLUMNS], *cells]
 
 
 def test_it_needs_no_network_and_every_picture_is_whole(built, tmp_path):
@@ -168,7 +172,7 @@ def test_the_chart_is_drawn_from_the_curves(built, tmp_path):
 def test_without_records_everything_is_said_to_be_missing(tmp_path):
     records = Records(tmp_path)
     rows = tables.table1(records)
-    shown = [page_tables.of_rows("table1", "Table I", rows, tables.TABLE1_COLUMNS, "")]
+    shown = [of_table1(rows)]
     (path,) = page.write(tmp_path, records, comparison.compare(records, tmp_path), shown)
     found = Page(path.read_text(encoding="utf-8"))
     for name in page._MEASURED:
@@ -201,11 +205,26 @@ def test_long_curves_are_thinned_and_keep_where_90_percent_was_reached(tmp_path,
 @pytest.mark.parametrize(
     ("text", "shown", "exact"),
     [("0.123456", "0.1235", "0.123456"), ("5", "5", ""), ("1e-9", "1e-9", ""), ("nan", "nan", ""),
-     ("a 5", "a 5", ""), ("123456", "123456", ""), ("-0.0001234567", "-0.0001235", "-0.0001234567")],
+     ("a 5", "a 5", ""), ("123456", "123456", ""), ("-0.000123456", "-0.0001235", "-0.000123456")],
 )  # fmt: skip
 def test_numbers_are_rounded_beside_their_exact_value(text, shown, exact):
     cell = page_tables.rounded(text)
     assert (cell.text, cell.exact) == (shown, exact)
+
+
+def test_a_table_too_long_for_a_page_says_so(tmp_path):
+    measurement(tmp_path, "drift", [{"a": "1"}] * 201)
+    table = page_tables.of_measurement(tmp_path, "drift", "Drift", "a command")
+    assert not table.rows
+    assert "201 rows" in table.instead
+
+
+def test_markdown_with_bars_and_backslashes():
+    text = "**Title**\n\n| a \\| b | c |\n| --- | --- |\n| 1 \\| 2 | – |\n|  | x |\n\nNotes."
+    table = page_tables.of_markdown("name", "Title", text, "a command")
+    assert table.columns == ["a | b", "c"]
+    assert [[cell.text for cell in row] for row in table.rows] == [["1 | 2", "–"], ["", "x"]]
+    assert (table.intro, table.notes) == ("Title", "Notes.")
 
 
 def test_known_figures_come_first_and_vector_graphics_win(tmp_path):
