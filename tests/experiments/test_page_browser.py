@@ -1,0 +1,104 @@
+"""The page in a real browser: no error, no request, the chart drawn, nothing wider than a phone."""
+
+import json
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from experiments import comparison, page, page_tables, tables
+from experiments.selection import Records
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+# Runs in the page when its own scripts are done, and leaves what it found as text.
+PROBE = """
+<script>
+window.problems = [];
+for (const kind of ["error", "unhandledrejection"])
+  addEventListener(kind, (e) => problems.push(String(e.message || e.reason)), true);
+const fail = console.error;
+console.error = (...words) => { problems.push(words.join(" ")); fail(...words); };
+console.warn = console.error;
+addEventListener("load", async () => {
+  const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+  while (!document.querySelector("#chart svg .mark-symbol path")) await wait(50);
+  const hovered = [];
+  for (const mark of document.querySelectorAll("#chart svg .mark-symbol.role-mark path")) {
+    const box = mark.getBoundingClientRect();
+    const at = { clientX: box.x + box.width / 2, clientY: box.y + box.height / 2, bubbles: true };
+    mark.dispatchEvent(new PointerEvent("pointermove", at));
+    mark.dispatchEvent(new MouseEvent("mousemove", at));
+    hovered.push(document.querySelector("#vg-tooltip-element.visible")?.innerText || "");
+  }
+  const found = {
+    problems,
+    hovered,
+    requests: performance.getEntriesByType("resource").map((e) => e.name)
+      .filter((name) => !name.startsWith("data:")),
+    broken: [...document.images].filter((i) => !i.complete || !i.naturalWidth).map((i) => i.alt),
+    images: document.images.length,
+    width: innerWidth,
+    needed: document.documentElement.scrollWidth,
+    background: getComputedStyle(document.body).backgroundColor,
+    cells: [...document.querySelectorAll("#comparison tbody tr")].map(
+      (row) => [...row.cells].map((cell) => cell.dataset.exact || cell.innerText.trim())),
+  };
+  const out = document.createElement("pre");
+  out.id = "probe";
+  out.textContent = JSON.stringify(found);
+  document.body.append(out);
+});
+</script>
+"""
+
+
+@pytest.fixture
+def opened(tmp_path, a_full_set):
+    """opened(flags) → what the probe finds on a page with figures, and the rows it is made from."""
+    if CHROMIUM is None:
+        pytest.skip("no browser here: looked for chromium, chromium-browser and google-chrome")
+    from experiments import figures
+
+    records = Records(tmp_path)
+    rows = tables.table1(records)
+    (tmp_path / "figures").mkdir()
+    figure = figures.error_vs_time(records)
+    (tmp_path / "figures" / "error_vs_time.svg").write_bytes(figures.save(figure, "svg"))
+    figures.plt.close(figure)
+    compared = comparison.compare(records, tmp_path)
+    text = tables.to_markdown(rows, tables.TABLE1_COLUMNS, "Table I")
+    shown = [page_tables.of_markdown("table1", "Table I", text, "a command")]
+    (made,) = page.write(tmp_path, records, compared, shown)
+    probed = tmp_path / "probed.html"
+    probed.write_text(made.read_text().replace("<head>", "<head>" + PROBE, 1))
+
+    def run(*flags):
+        done = subprocess.run(
+            [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr",
+             f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=20000", "--dump-dom",
+             *flags, probed.as_uri()],
+            capture_output=True, text=True, check=True, timeout=120,
+        )  # fmt: skip
+        assert not re.findall(r"CONSOLE.*", done.stderr)
+        (found,) = re.findall(r'<pre id="probe">(.*?)</pre>', done.stdout, re.DOTALL)
+        for escaped, plain in (("&lt;", "<"), ("&gt;", ">"), ("&amp;", "&")):
+            found = found.replace(escaped, plain)
+        return json.loads(found), compared
+
+    return run
+
+
+@pytest.mark.parametrize("width", [400, 1280])
+def test_it_works_on_a_phone_and_on_a_desk(opened, width):
+    found, compared = opened(f"--window-size={width},900")
+    assert found["problems"] == []
+    assert found["requests"] == []
+    assert found["broken"] == []
+    assert found["images"] == 1
+    assert found["needed"] <= found["width"]
+    assert [cells[0] for cells in found["cells"]] == [row["experiment"] for row in compared]
+    assert [cells[11] for cells in found["cells"]] == [row["verdict"] for row in compared]
+    assert len(found["hovered"]) > 10
+    assert all("training time (s)" in text for text in found["hovered"])
+    assert sum("published, Table I" in text for text in found["hovered"]) == 4
