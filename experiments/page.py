@@ -53,6 +53,7 @@ _MEASURED: dict[str, tuple[str, str]] = {
         "What a scene loads and needs, beside a build with every part switched on.",
     ),
 }
+_CURVES = ("accuracy_vs_n", "accuracy_vs_d", "work_precision")
 _SENSOR_TABLES = (
     ("calibration", "Calibration of the simulated sensor", "python -m scenes.sensor.calibrate",
      "Rows called fitted chose the sensor's free parameters, predicted rows did not."),
@@ -65,7 +66,7 @@ _SENSOR_TABLES = (
 
 
 def write(
-    results: Path, records: Any, compared: Sequence[Row], shown: Sequence[Table]
+    results: Path, records: Any, compared: Sequence[Row], shown: Mapping[str, Table]
 ) -> list[Path]:
     """Write report.html into a results folder.
 
@@ -73,7 +74,7 @@ def write(
         results: the folder; its figures are in place.
         records: :class:`experiments.selection.Records` of it.
         compared: rows of :func:`experiments.comparison.compare`.
-        shown: the report's tables, Table I and its extension first.
+        shown: tables of the report by name; ``table1`` is among them.
     """
     scene = sweep("table1")["scene"][0]
     environment = jinja2.Environment(
@@ -96,7 +97,9 @@ def write(
     return [results / "report.html"]
 
 
-def _sections(results: Path, compared: Sequence[Row], shown: Sequence[Table]) -> Iterator[Section]:
+def _sections(
+    results: Path, compared: Sequence[Row], shown: Mapping[str, Table]
+) -> Iterator[Section]:
     figures = page_figures.collect(results / "figures")
     yield Section(
         "verdicts",
@@ -106,16 +109,23 @@ def _sections(results: Path, compared: Sequence[Row], shown: Sequence[Table]) ->
         "parameter of the simulated sensor; predicted: it did not, but calibration looked at it.",
         [_comparison(compared)],
     )
-    yield Section("table1", "Table I", "", list(shown[:2]), chart=True)
+    yield Section(
+        "table1",
+        "Table I",
+        "",
+        [shown[name] for name in ("table1", "table1_extended") if name in shown],
+        chart=True,
+    )
     yield Section(
         "figures",
         "Figures",
         "",
-        list(shown[2:]),
-        [f for f in figures if not f.name.startswith("sensor_")],
+        [table for name, table in shown.items() if name in _CURVES],
+        [figure for figure in figures if not figure.of_sensor],
     )
     for name, (title, text) in _measured(results).items():
-        table = page_tables.of_measurement(results, name, title, f"{_RUN}{name}")
+        table = shown.get(name)
+        table = table or page_tables.of_measurement(results, name, title, f"{_RUN}{name}")
         yield Section(name, title, text, [table])
     yield Section(
         "benchmark",
@@ -132,7 +142,7 @@ def _sections(results: Path, compared: Sequence[Row], shown: Sequence[Table]) ->
             page_tables.of_csv(_lying(results, f"{name}.csv"), title, command, intro)
             for name, title, command, intro in _SENSOR_TABLES
         ],
-        [f for f in figures if f.name.startswith("sensor_")],
+        [figure for figure in figures if figure.of_sensor],
     )
     entries = list(_entries(results))
     yield Section(

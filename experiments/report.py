@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from experiments import comparison, page, page_tables, tables
+from experiments import comparison, page, page_tables, stability_table, tables
 from experiments.record import results_dir, write_atomically
 from experiments.selection import Records
 from experiments.tables import Columns, Row, number, percent
@@ -44,7 +44,7 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
         tables.curve(records, ["work_precision"]),
     )
     written: list[Path] = []
-    shown = []
+    shown = {}
     for name, rows, columns, cells, title in (
         ("table1", table1, tables.TABLE1, tables.TABLE1_COLUMNS,
          "Table I, published and measured"),
@@ -60,16 +60,37 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
         written += _write_table(results / "tables", name, rows, columns, cells, title)
         text = tables.to_markdown(rows, cells, title)
         command = f"python -m experiments.run experiment={name}"
-        shown.append(page_tables.of_markdown(name, title, text, command))
+        shown[name] = page_tables.of_markdown(name, title, text, command)
     compared = comparison.compare(records, results)
     written += _write_comparison(results, compared)
     written += _write_figures(results / "figures", records, table1 + extended, over_n, over_d, work)
+    written += stability_table.tables(results)
+    written += _write_robustness(results, shown)
     written += page.write(results, records, compared, shown)
     console.print(terminal_table(table1))
     _print_notes(console, records, table1, extended + over_n + over_d + work)
     folders = sorted({os.path.relpath(path.parent) for path in written})
     console.print(f"{len(written)} files in {' and '.join(folders)}", soft_wrap=True)
     return written
+
+
+def _write_robustness(results: Path, shown: dict[str, page_tables.Table]) -> list[Path]:
+    """Table and figure of the measurement, if there is one."""
+    from experiments import robustness_table
+
+    rows = robustness_table.rows(results)
+    figure = robustness_table.figure(rows)
+    if figure is None:
+        return []
+    text = robustness_table.markdown(rows)
+    command = "python -m experiments.run experiment=robustness"
+    shown["robustness"] = page_tables.of_markdown("robustness", "Robustness", text, command)
+    write_atomically(results / "tables" / "robustness.md", text)
+    write_atomically(
+        results / "tables" / "robustness.csv", tables.to_csv(rows, robustness_table.COLUMNS)
+    )
+    written = [results / "tables" / f"robustness.{kind}" for kind in ("md", "csv")]
+    return written + _save(results / "figures", "robustness", figure)
 
 
 def _write_comparison(results: Path, compared: list[Row]) -> list[Path]:
@@ -148,12 +169,18 @@ def _write_figures(
         "accuracy_vs_d": figures.accuracy_vs_d(over_d),
         "work_precision": figures.work_precision(work, table),
     }.items():
-        for kind in ("svg", "pdf"):
-            path = folder / f"{name}.{kind}"
-            path.write_bytes(figures.save(figure, kind))
-            written.append(path)
-        figures.plt.close(figure)
+        written += _save(folder, name, figure)
     return written
+
+
+def _save(folder: Path, name: str, figure: Any) -> list[Path]:
+    from experiments import figures
+
+    paths = [folder / f"{name}.{kind}" for kind in ("svg", "pdf")]
+    for path in paths:
+        path.write_bytes(figures.save(figure, path.suffix[1:]))
+    figures.plt.close(figure)
+    return paths
 
 
 def _print_notes(console: Console, records: Records, table1: list[Row], rest: list[Row]) -> None:

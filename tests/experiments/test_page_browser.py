@@ -10,7 +10,9 @@ import pytest
 from experiments import comparison, page, page_tables, tables
 from experiments.selection import Records
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
 # Runs in the page when its own scripts are done, and leaves what it found as text.
 PROBE = """
 <script>
@@ -68,7 +70,7 @@ def opened(tmp_path, a_full_set):
     figures.plt.close(figure)
     compared = comparison.compare(records, tmp_path)
     text = tables.to_markdown(rows, tables.TABLE1_COLUMNS, "Table I")
-    shown = [page_tables.of_markdown("table1", "Table I", text, "a command")]
+    shown = {"table1": page_tables.of_markdown("table1", "Table I", text, "a command")}
     (made,) = page.write(tmp_path, records, compared, shown)
     probed = tmp_path / "probed.html"
     probed.write_text(made.read_text().replace("<head>", "<head>" + PROBE, 1))
@@ -95,7 +97,7 @@ def test_it_works_on_a_phone_and_on_a_desk(opened, width):
     assert found["problems"] == []
     assert found["requests"] == []
     assert found["broken"] == []
-    assert found["images"] == 1
+    assert found["images"] > 1
     assert found["needed"] <= found["width"]
     assert [cells[0] for cells in found["cells"]] == [row["experiment"] for row in compared]
     assert [cells[11] for cells in found["cells"]] == [row["verdict"] for row in compared]
