@@ -35,6 +35,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 def write(results: Path, device: str, console: Console) -> list[Path]:
     """Write tables and figures into a results folder from the records in it; what was written."""
+    from experiments import paper_figures
+
     records = Records(results, device)
     table1, extended, over_n, over_d, work = (
         tables.table1(records),
@@ -64,6 +66,7 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
     compared = comparison.compare(records, results)
     written += _write_comparison(results, compared)
     written += _write_figures(results / "figures", records, table1 + extended, over_n, over_d, work)
+    written += paper_figures.write(results, device)
     written += stability_table.tables(results)
     written += _write_robustness(results, shown)
     written += page.write(results, records, compared, shown)

@@ -84,7 +84,7 @@ def progress(
     name = settings.pop("experiment")
     tree: Any = OmegaConf.to_container(OmegaConf.load(CONFIGS / "experiment" / f"{name}.yaml"))
     if "task" in tree:
-        return _of_measurement(name, records, default)
+        return _of_measurement(name, records, default, None if quick else step.full)
     return _of_sweep({**_DEFAULTS, **tree["hydra"]["sweeper"]["params"], **settings},
                      records, default)  # fmt: skip
 
@@ -118,12 +118,16 @@ def _is_made(step: Step, quick: bool, before: Mapping[str, str]) -> bool:
     return same and any((folder / step.makes).exists() for folder in folders)
 
 
-def _of_measurement(name: str, records: Sequence[Record], default: float) -> Progress:
+def _of_measurement(
+    name: str, records: Sequence[Record], default: float, command: str | None
+) -> Progress:
+    """A full one is finished if this command made it, a quick one whatever the command was."""
     known = next((r for r in records if r.get("name") == name and r["status"] == "finished"), None)
     if known is None:
         return Progress(1, 0, default, default)
     seconds = float(known["seconds"])
     current = not sources.outdated(known["environment"]["sources"])
+    current &= command is None or known["command"] == f"python -m {command}"
     return Progress(1, int(current), seconds, 0 if current else seconds)
 
 
@@ -155,18 +159,33 @@ def _sweep(name: str, overrides: str = "", seeds: str = "") -> str:
 _FIVE = "0,1,2,3,4"
 _PAPER = "stop=paper model="
 _CHEAP = "model=hdc,hdc_integer,softmax_dual,ridge,correlation,nearest_neighbour"
+_ONE = "task.seeds=[0]"
 # fmt: off
 STEPS = (
     Step("hdc", "Table I", _sweep("table1", f"{_PAPER}hdc", _FIVE),
          _sweep("table1", f"{_PAPER}hdc", "0,1"), (2, 1)),
     Step("softmax", "Table I", _sweep("table1", f"{_PAPER}softmax", _FIVE),
          _sweep("table1", f"{_PAPER}softmax", "0"), (1, 0.3)),
+    Step("correlation", "the paper's figures", _sweep("correlation"),
+         _sweep("correlation", _ONE), (2, 0.5)),
+    Step("drift", "the paper's figures", _sweep("drift"),
+         _sweep("drift", f"{_ONE} task.draws=3"), (4, 1)),
+    Step("scenes", "the paper's figures", _sweep("scenes"), _sweep("scenes", "", "0"), (12, 3)),
+    Step("spatial_correlation", "the paper's figures", _sweep("spatial_correlation"),
+         _sweep("spatial_correlation", _ONE), (5, 1)),
     Step("accuracy_vs_n", "curves", _sweep("accuracy_vs_n"),
          _sweep("accuracy_vs_n", _CHEAP, "0"), (25, 3)),
     Step("accuracy_vs_d", "curves", _sweep("accuracy_vs_d"), _sweep("accuracy_vs_d", "", "0"),
          (10, 2)),
     Step("work_precision", "curves", _sweep("work_precision"),
          _sweep("work_precision", _CHEAP, "0"), (10, 2)),
+    Step("stability", "limits", _sweep("stability"), _sweep("stability", "task.small=true"),
+         (3, 1)),
+    Step("robustness", "limits", _sweep("robustness"),
+         _sweep("robustness", f"{_ONE} task.draws=1 task.models=[hdc,softmax,softmax_dual,ridge]"),
+         (15, 1)),
+    Step("softmax_methods", "limits", _sweep("softmax_methods"), "", (5, 0)),
+    Step("stiffness", "limits", _sweep("stiffness"), "", (10, 0)),
     Step("benchmark", "cost", _sweep("benchmark"), "", (8, 0), "benchmark.csv"),
     Step("sensor_check", "cost", "scenes.sensor.check", "scenes.sensor.check", (2, 2),
          "sensor_check.csv"),
@@ -175,13 +194,13 @@ STEPS = (
     Step("cnn1", "networks", _sweep("table1", f"{_PAPER}cnn1", "0,1,2"),
          _sweep("table1", "stop=quick model=cnn1", "0"), (10, 2)),
     Step("cnn3", "networks", _sweep("table1", f"{_PAPER}cnn3", "0,1,2"),
-         _sweep("table1", "stop=quick model=cnn3", "0"), (45, 6)),
+         _sweep("table1", "stop=quick model=cnn3", "0"), (40, 6)),
     Step("table1_extended", "other models", _sweep("table1_extended"),
          _sweep("table1_extended", "model=hdc_random_ties,hdc_integer,softmax_dual,softmax_lbfgs,"
-                "ridge,correlation,nearest_neighbour,sklearn_centroid,sklearn_ridge"), (45, 2)),
-    Step("accuracy_vs_n_cnn", "other models", _sweep("accuracy_vs_n_cnn"), "", (40, 0)),
-    Step("calibration", "end", "scenes.sensor.calibrate", "", (15, 0), "calibration.csv"),
-    Step("slow_tests", "end", "pytest -m slow", "", (10, 0)),
+                "ridge,correlation,nearest_neighbour,sklearn_centroid,sklearn_ridge"), (30, 2)),
+    Step("accuracy_vs_n_cnn", "other models", _sweep("accuracy_vs_n_cnn"), "", (30, 0)),
+    Step("calibration", "end", "scenes.sensor.calibrate", "", (10, 0), "calibration.csv"),
+    Step("slow_tests", "end", "pytest -m slow", "", (5, 0)),
     Step("readme", "last", "experiments.readme", "", (0.1, 0)),
 )
 # fmt: on

@@ -142,7 +142,7 @@ def test_what_comes_from_outside_is_escaped(built, tmp_path, write_run):
     names = {tag for tag, _ in found.elements}
     assert "b" not in names
     assert len([tag for tag, _ in found.elements if tag == "script"]) == 3
-    assert [attrs["alt"] for tag, attrs in found.elements if tag == "img"][0] == f"{name}."
+    assert next(attrs["alt"] for tag, attrs in found.elements if tag == "img") == f"{name}."
     assert not [key for _, attrs in found.elements for key in attrs if key.startswith("on")]
     assert found.tables["stability"] == [["name", HOSTILE], [HOSTILE, "1"]]
     assert HOSTILE in found.text

@@ -111,13 +111,17 @@ def test_a_measurement_counts_while_its_code_stands(tmp_path, monkeypatch):
     monkeypatch.setattr(steps, "CONFIGS", tmp_path)
     (tmp_path / "experiment").mkdir()
     (tmp_path / "experiment" / "stability.yaml").write_text("task: {_target_: a.b}")
-    one = step("stability", "experiments.run experiment=stability")
+    command = "experiments.run experiment=stability"
+    one = step("stability", command)
     entry = {"schema": SCHEMA, "name": "stability", "status": "finished", "seconds": 7.0,
-             "environment": made_by({})}  # fmt: skip
+             "command": f"python -m {command}", "environment": made_by({})}  # fmt: skip
     assert steps.progress(one, False, []).left_s == 60
     write_record(tmp_path / "measured" / "stability", entry)
     found = steps.progress(one, False, steps.read_records(tmp_path))
     assert (found.finished, found.total_s, found.left_s) == (1, 7, 0)
+    quick = {**entry, "command": f"python -m {command} task.small=true"}
+    assert steps.progress(one, False, [quick]).left_s == 7
+    assert steps.progress(one, True, [quick]).left_s == 0
     entry["environment"]["sources"] = {"hdc/bits.py": "0" * 12}
     found = steps.progress(one, False, [entry])
     assert (found.finished, found.left_s) == (0, 7)
