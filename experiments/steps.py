@@ -174,7 +174,7 @@ STEPS = (
     Step("spatial_correlation", "the paper's figures", _sweep("spatial_correlation"),
          _sweep("spatial_correlation", _ONE), (5, 1)),
     Step("accuracy_vs_n", "curves", _sweep("accuracy_vs_n"),
-         _sweep("accuracy_vs_n", _CHEAP, "0"), (25, 3)),
+         _sweep("accuracy_vs_n", _CHEAP, "0"), (15, 3)),
     Step("accuracy_vs_d", "curves", _sweep("accuracy_vs_d"), _sweep("accuracy_vs_d", "", "0"),
          (10, 2)),
     Step("work_precision", "curves", _sweep("work_precision"),
