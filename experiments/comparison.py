@@ -33,6 +33,7 @@ from experiments.record import ROOT, read_record
 from experiments.selection import Records, sweep
 from experiments.tables import Row
 
+TITLE = "Published numbers and ours, with 95 % intervals"
 COLUMNS = (
     "experiment", "quantity", "condition", "unit", "published", "published_low", "published_high",
     "measured", "ci_low", "ci_high", "n", "seeds", "verdict", "made_by", "note",
@@ -128,30 +129,36 @@ def to_csv(rows: Sequence[Row]) -> str:
 
 
 def to_markdown(rows: Sequence[Row]) -> str:
-    """The rows as a table, intervals in brackets."""
-    head = ("Experiment", "Quantity", "Unit", "Paper", "Here", "n", "Seeds", "Verdict", "Made by")
-    lines = [head, ["---"] * len(head)]
-    for row in rows:
-        made_by = f"`{row['made_by']}`" if row.get("made_by") else "–"
-        lines.append([
-            row["experiment"], _quantity(row), row["unit"],
+    """The rows as a table, intervals in brackets, numbers to four digits."""
+    head = ("Quantity", "Verdict", "Paper", "Here", "Unit", "n", "Seeds", "Note", "Made by")
+    body = [
+        [
+            _quantity(row),
+            row["verdict"],
             _with_interval(row, "published", "published_low", "published_high"),
             _with_interval(row, "measured", "ci_low", "ci_high"),
-            str(row.get("n") or "–"), str(row.get("seeds") or "–"), row["verdict"], made_by,
-        ])  # fmt: skip
-    text = "\n".join(
-        "| " + " | ".join(c.replace("|", "\\|") for c in line) + " |" for line in lines
-    )
-    return f"**Published numbers and ours, with 95 % intervals**\n\n{text}\n"
+            row["unit"],
+            str(row.get("n") or "–"),
+            str(row.get("seeds") or "–"),
+            row.get("note") or "–",
+            f"`{row['made_by']}`",
+        ]
+        for row in rows
+    ]
+    lines = [head, ["---"] * len(head), *body]
+    cells = ([cell.replace("|", "\\|") for cell in line] for line in lines)
+    text = "\n".join(f"| {' | '.join(line)} |" for line in cells)
+    return f"**{TITLE}**\n\n{text}\n"
 
 
 def interval_of_times(seconds: Sequence[float]) -> tuple[float, float] | tuple[None, None]:
     """95 % interval of the median of times that spread by factors.
 
     Student's t interval of the mean logarithm, whose exponential is the median of a log-normal
-    distribution. None for fewer than two times, or if one is not finite.
+    distribution. None for fewer than three times (the interval of two spans decades), or if one is
+    not finite.
     """
-    if len(seconds) < 2 or not np.isfinite(seconds).all():
+    if len(seconds) < 3 or not np.isfinite(seconds).all():
         return None, None
     from scipy import stats
 
@@ -273,7 +280,8 @@ def _published_interval(key: str, value: float) -> tuple[float, float] | tuple[N
 
 
 def _quantity(row: Row) -> str:
-    return ", ".join(filter(None, [row["quantity"].replace("_", " "), row.get("condition")]))
+    name = f"{row['experiment']}: {row['quantity']}".replace("_", " ")
+    return ", ".join(filter(None, [name, row.get("condition")]))
 
 
 def _with_interval(row: Row, value: str, low: str, high: str) -> str:

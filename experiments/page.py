@@ -15,8 +15,8 @@ from typing import Any
 
 import jinja2
 
-from experiments import comparison, page_chart, page_figures, page_tables
-from experiments.page_figures import REPORT, Figure
+from experiments import page_chart, page_figures, page_tables
+from experiments.page_figures import Figure
 from experiments.page_tables import Cell, Table
 from experiments.record import ROOT, read_record, write_atomically
 from experiments.selection import sweep
@@ -79,7 +79,7 @@ def write(
         results: the folder; its figures are in place.
         records: :class:`experiments.selection.Records` of it.
         compared: rows of :func:`experiments.comparison.compare`.
-        shown: tables of the report by name; ``table1`` is among them.
+        shown: tables of the report by name; ``comparison`` and ``table1`` are among them.
     """
     scene = sweep("table1")["scene"][0]
     environment = jinja2.Environment(
@@ -91,7 +91,7 @@ def write(
     )
     environment.filters["verdict"] = _tone
     text = environment.get_template("report.html").render(
-        sections=list(_sections(results, compared, shown)),
+        sections=list(_sections(results, shown)),
         verdicts=Counter(row["verdict"] for row in compared).most_common(),
         spec=page_chart.error_vs_time(records, scene),
         library=page_chart.library(),
@@ -102,9 +102,7 @@ def write(
     return [results / "report.html"]
 
 
-def _sections(
-    results: Path, compared: Sequence[Row], shown: Mapping[str, Table]
-) -> Iterator[Section]:
+def _sections(results: Path, shown: Mapping[str, Table]) -> Iterator[Section]:
     figures = page_figures.collect(results / "figures")
     yield Section(
         "verdicts",
@@ -112,7 +110,7 @@ def _sections(
         "Intervals hold with 95 %. A number matches if the difference from the published one is "
         "within the interval that both have, and never without an interval; fitted: it chose a "
         "parameter of the simulated sensor; predicted: it did not, but calibration looked at it.",
-        [_comparison(compared)],
+        [shown["comparison"]],
     )
     yield Section(
         "table1",
@@ -166,12 +164,6 @@ def _tone(verdict: str) -> str:
     if {"matches", "same", "holds", "ok", "yes", "better", "exact"} & set(words):
         return "good"
     return "plain" if "fitted" in words else "none"
-
-
-def _comparison(compared: Sequence[Row]) -> Table:
-    """The rows of comparison.csv, cell by cell."""
-    rows = csv.DictReader(comparison.to_csv(compared).splitlines())
-    return page_tables.of_dicts("comparison", "Published and measured", list(rows), [REPORT])
 
 
 def _measured(results: Path) -> dict[str, tuple[str, str]]:

@@ -31,6 +31,8 @@ class Cell:
     @property
     def kind(self) -> str:
         """Class of the table cell."""
+        if self.text.startswith("python "):
+            return "code"
         return "number" if _NUMBER.match(self.text) or self.text == "–" else "text"
 
 
@@ -72,7 +74,10 @@ def of_markdown(name: str, title: str, text: str, command: str) -> Table:
     lines = text.splitlines()
     inside = [line for line in lines if line.startswith("| ")]
     start = lines.index(inside[0]) if inside else len(lines)
-    cells = [[c.replace("\\|", "|") for c in _BORDER.split(line.strip()[2:-2])] for line in inside]
+    cells = [
+        [c.replace("\\|", "|").strip("`") for c in _BORDER.split(line.strip()[2:-2])]
+        for line in inside
+    ]
     around = [
         " ".join(filter(None, part)) for part in (lines[:start], lines[start + len(inside) :])
     ]

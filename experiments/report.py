@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from experiments import comparison, page, page_tables, stability_table, tables
+from experiments import comparison, page, page_figures, page_tables, stability_table, tables
 from experiments.record import results_dir, write_atomically
 from experiments.selection import Records
 from experiments.tables import Columns, Row, number, percent
@@ -65,6 +65,9 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
         shown[name] = page_tables.of_markdown(name, title, text, command)
     compared = comparison.compare(records, results)
     written += _write_comparison(results, compared)
+    shown["comparison"] = page_tables.of_markdown(
+        "comparison", comparison.TITLE, comparison.to_markdown(compared), page_figures.REPORT
+    )
     written += _write_figures(results / "figures", records, table1 + extended, over_n, over_d, work)
     written += paper_figures.write(results, device)
     written += stability_table.tables(results)

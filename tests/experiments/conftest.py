@@ -15,8 +15,9 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from experiments import record, run, sources
-from experiments.selection import CONFIGS
+from experiments import comparison, page, page_tables, record, run, sources, tables
+from experiments.measurement import to_csv
+from experiments.selection import CONFIGS, Records
 
 
 @pytest.fixture(autouse=True)
@@ -163,6 +164,50 @@ def write_run(tmp_path, composed):
         record.write_curve(folder, rows)
         record.write_record(folder, entry)
         return identity
+
+    return write
+
+
+@pytest.fixture
+def write_measurement(tmp_path):
+    """write_measurement(name, rows, …) leaves a measurement in tmp_path, as the runner would."""
+
+    def write(name, rows, **entry):
+        folder = tmp_path / "measured" / name
+        entry = {
+            "schema": record.SCHEMA,
+            "name": name,
+            "status": "finished",
+            "seconds": 1.5,
+            "peak_bytes": 10**6,
+            "command": f"python -m experiments.run experiment={name}",
+            "environment": {"cpu": "A CPU", **made_by({})},
+            **entry,
+        }
+        record.write_record(folder, entry)
+        record.write_atomically(folder / "rows.csv", to_csv(rows))
+        return entry
+
+    return write
+
+
+@pytest.fixture
+def write_page(tmp_path):
+    """write_page() → the page of tmp_path, its rows of the comparison and of Table I."""
+
+    def write():
+        records = Records(tmp_path)
+        rows, compared = tables.table1(records), comparison.compare(records, tmp_path)
+        texts = {
+            "table1": tables.to_markdown(rows, tables.TABLE1_COLUMNS, "Table I"),
+            "comparison": comparison.to_markdown(compared),
+        }
+        shown = {
+            name: page_tables.of_markdown(name, name, text, "a command")
+            for name, text in texts.items()
+        }
+        (path,) = page.write(tmp_path, records, compared, shown)
+        return path, compared, rows
 
     return write
 

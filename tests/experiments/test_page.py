@@ -12,9 +12,7 @@ import pytest
 from PIL import Image
 
 from experiments import comparison, page, page_chart, page_figures, page_tables, tables
-from experiments.record import SCHEMA, write_record
 from experiments.selection import Records
-from tests.experiments.conftest import made_by
 
 HOSTILE = '</script><script>alert("1")</script>&<img src=x onerror=alert(2)>'
 
@@ -57,45 +55,29 @@ class Page(HTMLParser):
             self.text += data
 
 
-def of_table1(rows):
-    text = tables.to_markdown(rows, tables.TABLE1_COLUMNS, "Table I")
-    return page_tables.of_markdown("table1", "Table I", text, "a command")
-
-
-def measurement(folder, name, rows, **entry):
-    entry = {"schema": SCHEMA, "name": name, "status": "finished", "seconds": 1.5,
-             "command": f"python -m experiments.run experiment={name}", "peak_bytes": 10**6,
-             "environment": {"cpu": "A CPU", **made_by({})}, **entry}  # fmt: skip
-    write_record(folder / "measured" / name, entry)
-    columns = list(rows[0])
-    with (folder / "measured" / name / "rows.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, columns)
-        writer.writeheader()
-        writer.writerows(rows)
-
-
 @pytest.fixture
-def built(tmp_path, a_full_set, write_run):
-    """build() → the page of a results folder with made-up records, its rows and Table I."""
+def built(a_full_set, write_page):
+    """built() → the page of a results folder with made-up records, its rows and Table I."""
 
     def build():
-        records = Records(tmp_path)
-        rows = tables.table1(records)
-        shown = {"table1": of_table1(rows)}
-        compared = comparison.compare(records, tmp_path)
-        (path,) = page.write(tmp_path, records, compared, shown)
+        path, compared, rows = write_page()
         return Page(path.read_text(encoding="utf-8")), compared, rows
 
     return build
 
 
-def test_numbers_are_those_of_the_files(built, tmp_path):
+def test_numbers_are_those_of_the_files(built, write_measurement):
     rows = [{"name": "cancelling", "error": "1.23456789e-7", "verdict": "ours is better"}] * 3
-    measurement(tmp_path, "stability", rows)
+    write_measurement("stability", rows)
     found, compared, table1 = built()
-    with_dashes = [[cell or "–" for cell in line]
-                   for line in csv.reader(comparison.to_csv(compared).splitlines())]  # fmt: skip
-    assert found.tables["comparison"][1:] == with_dashes[1:]
+    exact = list(csv.DictReader(comparison.to_csv(compared).splitlines()))
+    for cells, line in zip(found.tables["comparison"][1:], exact, strict=True):
+        assert cells[0].startswith(f"{line['experiment']}: ".replace("_", " "))
+        assert [cells[k] for k in (1, 4, 8)] == [line[k] for k in ("verdict", "unit", "made_by")]
+        for cell, names in ((cells[2], ("published", "published_low", "published_high")),
+                            (cells[3], ("measured", "ci_low", "ci_high"))):  # fmt: skip
+            wanted = [float(line[name]) for name in names if line[name]]
+            assert [float(n) for n in re.findall(r"[\d.]+", cell)] == pytest.approx(wanted, 5e-4)
     assert found.tables["stability"][1:] == [list(row.values()) for row in rows]
     cells = [[" ".join(cell(row).split()) for _, cell in tables.TABLE1_COLUMNS] for row in table1]
     assert found.tables["table1"] == [[head for head, _ in tables.TABLE1_COLUMNS], *cells]
@@ -130,9 +112,9 @@ def test_it_needs_no_network_and_every_picture_is_whole(built, tmp_path):
     assert links <= anchors
 
 
-def test_what_comes_from_outside_is_escaped(built, tmp_path, write_run):
+def test_what_comes_from_outside_is_escaped(built, tmp_path, write_run, write_measurement):
     write_run("cnn3", seed=9, status="failed", error=f"ValueError: {HOSTILE}")
-    measurement(tmp_path, "stability", [{"name": HOSTILE, HOSTILE: "1"}], command=HOSTILE)
+    write_measurement("stability", [{"name": HOSTILE, HOSTILE: "1"}], command=HOSTILE)
     (tmp_path / "figures").mkdir()
     name = 'x" onload="alert(3)'
     (tmp_path / "figures" / f"{name}.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')
@@ -170,11 +152,8 @@ def test_the_chart_is_drawn_from_the_curves(built, tmp_path):
     assert len(library) > 500_000
 
 
-def test_without_records_everything_is_said_to_be_missing(tmp_path):
-    records = Records(tmp_path)
-    rows = tables.table1(records)
-    shown = {"table1": of_table1(rows)}
-    (path,) = page.write(tmp_path, records, comparison.compare(records, tmp_path), shown)
+def test_without_records_everything_is_said_to_be_missing(write_page):
+    path, _, _ = write_page()
     found = Page(path.read_text(encoding="utf-8"))
     for name in page._MEASURED:
         assert f"missing: measured/{name} has not been made" in found.text
@@ -213,8 +192,8 @@ def test_numbers_are_rounded_beside_their_exact_value(text, shown, exact):
     assert (cell.text, cell.exact) == (shown, exact)
 
 
-def test_a_table_too_long_for_a_page_says_so(tmp_path):
-    measurement(tmp_path, "drift", [{"a": "1"}] * 201)
+def test_a_table_too_long_for_a_page_says_so(tmp_path, write_measurement):
+    write_measurement("drift", [{"a": "1"}] * 201)
     table = page_tables.of_measurement(tmp_path, "drift", "Drift", "a command")
     assert not table.rows
     assert "201 rows" in table.instead

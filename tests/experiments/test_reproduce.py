@@ -10,10 +10,9 @@ import pytest
 from rich.console import Console
 
 from experiments import reproduce, steps
-from experiments.record import ROOT, SCHEMA, write_record
+from experiments.record import ROOT
 from experiments.selection import CONFIGS
 from experiments.steps import STEPS, Step
-from tests.experiments.conftest import made_by
 
 NOTHING = "json.tool --help"
 FAILING = "json.tool /nowhere"
@@ -107,16 +106,14 @@ def test_runs_of_a_sweep_are_counted_by_what_they_computed(tmp_path, write_run):
     assert found.total_s - found.left_s == pytest.approx(16)
 
 
-def test_a_measurement_counts_while_its_code_stands(tmp_path, monkeypatch):
+def test_a_measurement_counts_while_its_code_stands(tmp_path, monkeypatch, write_measurement):
     monkeypatch.setattr(steps, "CONFIGS", tmp_path)
     (tmp_path / "experiment").mkdir()
     (tmp_path / "experiment" / "stability.yaml").write_text("task: {_target_: a.b}")
     command = "experiments.run experiment=stability"
     one = step("stability", command)
-    entry = {"schema": SCHEMA, "name": "stability", "status": "finished", "seconds": 7.0,
-             "command": f"python -m {command}", "environment": made_by({})}  # fmt: skip
     assert steps.progress(one, False, []).left_s == 60
-    write_record(tmp_path / "measured" / "stability", entry)
+    entry = write_measurement("stability", [{"a": 1}], seconds=7.0, command=f"python -m {command}")
     found = steps.progress(one, False, steps.read_records(tmp_path))
     assert (found.finished, found.total_s, found.left_s) == (1, 7, 0)
     quick = {**entry, "command": f"python -m {command} task.small=true"}
