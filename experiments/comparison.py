@@ -67,7 +67,7 @@ _MAKES = {
     **dict.fromkeys(("finger", "spatial", "tactile"), "scenes"),
     "touch": "table1",
 }
-_PUBLISHED_COMPUTER = "the paper: an Apple M1"
+_PUBLISHED_COMPUTER = "paper: Apple M1"
 
 
 def compare(records: Records, results: Path) -> list[Row]:
@@ -184,9 +184,9 @@ def _table1(records: Records) -> dict[str, Row]:
             "ci_low": low,
             "ci_high": high,
             "n": line["seeds"],
-            "note": f"median on {line['cpu']}, {line['threads']} threads ({_PUBLISHED_COMPUTER})",
+            "note": f"median; {line['cpu']}, {line['threads']} threads; {_PUBLISHED_COMPUTER}",
         }
-        final = f"maximum over the run, as published; at its end {{:.4g}} % ({line['stop']})"
+        final = f"maximum of the run, as published; {{:.4g}} % at its end ({line['stop']})"
         found[f"table1/{model}_training_accuracy"] = common | _share(
             line["train_accuracy_max"], n_train, final.format(100 * line["train_accuracy_final"])
         )

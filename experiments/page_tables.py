@@ -28,13 +28,6 @@ class Cell:
     text: str
     exact: str = ""
 
-    @property
-    def kind(self) -> str:
-        """Class of the table cell."""
-        if self.text.startswith("python "):
-            return "code"
-        return "number" if _NUMBER.match(self.text) or self.text == "–" else "text"
-
 
 @dataclass(frozen=True)
 class Table:
@@ -59,8 +52,22 @@ class Table:
     instead: str = ""
 
     @property
+    def kinds(self) -> list[str]:
+        """Of each column: number, code, long text or text."""
+        return [_kind([cell.text for cell in column if cell.text not in ("", "–")])
+                for column in zip(*self.rows, strict=True)]  # fmt: skip
+
+    @property
     def folded(self) -> bool:
         return len(self.rows) > _LONG
+
+
+def _kind(texts: Sequence[str]) -> str:
+    if texts and all(map(_NUMBER.match, texts)):
+        return "number"
+    if any(text.startswith("python ") for text in texts):
+        return "code"
+    return "long" if any(len(text) > 30 for text in texts) else "text"
 
 
 def missing(name: str, title: str, what: str, command: str, intro: str = "") -> Table:
@@ -86,7 +93,7 @@ def of_markdown(name: str, title: str, text: str, command: str) -> Table:
         title,
         cells[0] if cells else (),
         [[Cell(cell) for cell in line] for line in cells[2:]],  # after the rule
-        around[0].strip("*"),
+        "" if around[0].strip("*") == title else around[0].strip("*"),
         around[1],
         [command],
         "" if cells[2:] else "missing: nothing has been measured",
