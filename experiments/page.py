@@ -71,7 +71,7 @@ _SENSOR_TABLES = (
 
 
 def write(
-    results: Path, records: Any, compared: Sequence[Row], shown: Mapping[str, Table]
+    results: Path, records: Any, compared: Sequence[Row], shown: Mapping[str, list[Table]]
 ) -> list[Path]:
     """Write report.html into a results folder.
 
@@ -102,7 +102,7 @@ def write(
     return [results / "report.html"]
 
 
-def _sections(results: Path, shown: Mapping[str, Table]) -> Iterator[Section]:
+def _sections(results: Path, shown: Mapping[str, list[Table]]) -> Iterator[Section]:
     figures = page_figures.collect(results / "figures")
     yield Section(
         "verdicts",
@@ -110,26 +110,25 @@ def _sections(results: Path, shown: Mapping[str, Table]) -> Iterator[Section]:
         "Intervals hold with 95 %. A number matches if the difference from the published one is "
         "within the interval that both have, and never without an interval; fitted: it chose a "
         "parameter of the simulated sensor; predicted: it did not, but calibration looked at it.",
-        [shown["comparison"]],
+        shown["comparison"],
     )
     yield Section(
         "table1",
         "Table I",
         "",
-        [shown[name] for name in ("table1", "table1_extended") if name in shown],
+        _all(shown, ("table1", "table1_extended")),
         chart=True,
     )
     yield Section(
         "figures",
         "Figures",
         "",
-        [table for name, table in shown.items() if name in _CURVES],
+        _all(shown, _CURVES),
         [figure for figure in figures if not figure.of_sensor],
     )
     for name, (title, text) in _measured(results).items():
-        table = shown.get(name)
-        table = table or page_tables.of_measurement(results, name, title, f"{_RUN}{name}")
-        yield Section(name, title, text, [table])
+        found = page_tables.of_measurement(results, name, title, f"{_RUN}{name}")
+        yield Section(name, title, text, found)
     yield Section(
         "benchmark",
         "Benchmark",
@@ -164,6 +163,10 @@ def _tone(verdict: str) -> str:
     if {"matches", "same", "holds", "ok", "yes", "better", "exact"} & set(words):
         return "good"
     return "plain" if "fitted" in words else "none"
+
+
+def _all(shown: Mapping[str, list[Table]], names: Sequence[str]) -> list[Table]:
+    return [table for name in names for table in shown.get(name, ())]
 
 
 def _measured(results: Path) -> dict[str, tuple[str, str]]:

@@ -57,6 +57,13 @@ _DRAWN = {
     "accuracy_vs_d": ("Test accuracy against the number of pixels seen: the dimension of a "
                       "hypervector.", "accuracy_vs_d"),
     "work_precision": ("Test error against the time a prediction takes.", "work_precision"),
+    "numerics": ("Error against CPU time of phases, mean correlations and the elastic layer.",
+                 "numerics"),
+    "stiffness_limit": ("Highest loss against the learning rate in units of the predicted limit.",
+                        "stiffness"),
+    "stiffness_spectrum": ("Eigenvalues of the Hessian of softmax regression.", "stiffness"),
+    "softmax_methods": ("Loss gap and test error of methods for softmax regression against "
+                        "training time.", "softmax_methods"),
     "robustness": ("Test accuracy on disturbed frames and with flipped bits in the stored model.",
                    "robustness"),
 }  # fmt: skip

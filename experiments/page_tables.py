@@ -6,7 +6,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from experiments.measurement import Measured, read
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
 _BORDER = re.compile(r"(?<!\\) \| ")  # between two cells of Markdown
+_ESCAPE = re.compile(r"\\([\\|~<>\[\]_*`])")
 _LONG = 25  # rows of a table that is folded away until asked for
 _MOST = 200  # rows that are shown at all
 # Columns that say how a row was made: told once below the table if all rows agree.
@@ -76,28 +77,42 @@ def missing(name: str, title: str, what: str, command: str, intro: str = "") -> 
     return Table(name, title, intro=intro, commands=[command], instead=text)
 
 
-def of_markdown(name: str, title: str, text: str, command: str) -> Table:
-    """A Markdown table with its caption above and its notes below, as the report writes them."""
-    lines = text.splitlines()
-    inside = [line for line in lines if line.startswith("| ")]
-    start = lines.index(inside[0]) if inside else len(lines)
-    cells = [
-        [c.replace("\\|", "|").strip("`") for c in _BORDER.split(line.strip()[2:-2])]
-        for line in inside
-    ]
-    around = [
-        " ".join(filter(None, part)) for part in (lines[:start], lines[start + len(inside) :])
-    ]
-    return Table(
-        name,
-        title,
-        cells[0] if cells else (),
-        [[Cell(cell) for cell in line] for line in cells[2:]],  # after the rule
-        "" if around[0].strip("*") == title else around[0].strip("*"),
-        around[1],
-        [command],
-        "" if cells[2:] else "missing: nothing has been measured",
-    )
+def of_markdown(name: str, title: str, text: str, command: str, how: str = "") -> list[Table]:
+    """The tables of a Markdown text as the report writes them, with what stands around each.
+
+    Args:
+        name: of the first table; the others have a number behind it.
+        title: of the first table; the others have the bold line before them.
+        text: paragraphs and tables, with an empty line after each.
+        command: what makes the tables again.
+        how: said below the last.
+    """
+    blocks = [block.strip() for block in text.split("\n\n") if block.strip()]
+    found: list[Table] = []
+    before: list[str] = []
+    for block in blocks:
+        if block.startswith("| "):
+            head, _, *rows = ([_plain(c) for c in _BORDER.split(line[2:-2])]
+                              for line in block.splitlines())  # fmt: skip
+            place = f"{name}-{len(found) + 1}" if found else name
+            heading = before.pop() if found and before else title
+            intro = "\n".join(line for line in before if line != heading)
+            cells = [[Cell(cell) for cell in row] for row in rows]
+            instead = "" if rows else "missing: nothing has been measured"
+            found.append(Table(place, heading, head, cells, intro, instead=instead))
+            before = []
+        elif found and not block.startswith("**"):
+            found[-1] = replace(found[-1], notes=f"{found[-1].notes}\n{_plain(block)}".strip())
+        else:
+            before.append(_plain(block))
+    found = found or [Table(name, title, intro="\n".join(before))]
+    found[-1] = replace(found[-1], commands=[command], notes=f"{found[-1].notes}\n{how}".strip())
+    return found
+
+
+def _plain(text: str) -> str:
+    """Markdown without its marks."""
+    return _ESCAPE.sub(r"\1", text.strip().strip("`").replace("**", "").replace(" `", " "))
 
 
 def of_csv(path: Path, title: str, command: str, intro: str = "", name: str = "") -> Table:
@@ -110,18 +125,21 @@ def of_csv(path: Path, title: str, command: str, intro: str = "", name: str = ""
     return of_dicts(name, title, rows, [command], intro)
 
 
-def of_measurement(results: Path, name: str, title: str, command: str, intro: str = "") -> Table:
-    """The rows of a measurement, with how they were made; missing if there is none."""
+def of_measurement(
+    results: Path, name: str, title: str, command: str, intro: str = ""
+) -> list[Table]:
+    """A measurement, as its Markdown file or by its rows; missing if there is none."""
     try:
         measured = read(results, name)
     except ValueError as error:
-        return Table(name, title, intro=intro, commands=[command], instead=str(error))
+        return [Table(name, title, intro=intro, commands=[command], instead=str(error))]
     if measured is None:
-        return missing(name, title, f"measured/{name}", command, intro)
-    entry = measured.record
-    return of_dicts(
-        name, title, measured.rows, [entry.get("command", command)], intro, _how(measured)
-    )
+        return [missing(name, title, f"measured/{name}", command, intro)]
+    command = measured.record.get("command", command)
+    path = results / "tables" / f"{name}.md"
+    if path.is_file():
+        return of_markdown(name, title, path.read_text("utf-8"), command, _how(measured))
+    return [of_dicts(name, title, measured.rows, [command], intro, _how(measured))]
 
 
 def of_machines(entries: Iterable[Mapping[str, Any]]) -> Table:

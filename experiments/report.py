@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from experiments import comparison, page, page_figures, page_tables, stability_table, tables
+from experiments import comparison, page, page_figures, page_tables, tables
 from experiments.record import results_dir, write_atomically
 from experiments.selection import Records
 from experiments.tables import Columns, Row, number, percent
@@ -35,8 +35,6 @@ def main(arguments: list[str] | None = None) -> None:
 
 def write(results: Path, device: str, console: Console) -> list[Path]:
     """Write tables and figures into a results folder from the records in it; what was written."""
-    from experiments import paper_figures
-
     records = Records(results, device)
     table1, extended, over_n, over_d, work = (
         tables.table1(records),
@@ -69,9 +67,7 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
         "comparison", comparison.TITLE, comparison.to_markdown(compared), page_figures.REPORT
     )
     written += _write_figures(results / "figures", records, table1 + extended, over_n, over_d, work)
-    written += paper_figures.write(results, device)
-    written += stability_table.tables(results)
-    written += _write_robustness(results, shown)
+    written += _write_measured(results, device)
     written += page.write(results, records, compared, shown)
     console.print(terminal_table(table1))
     _print_notes(console, records, table1, extended + over_n + over_d + work)
@@ -80,23 +76,39 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
     return written
 
 
-def _write_robustness(results: Path, shown: dict[str, page_tables.Table]) -> list[Path]:
-    """Table and figure of the measurement, if there is one."""
-    from experiments import robustness_table
-
-    rows = robustness_table.rows(results)
-    figure = robustness_table.figure(rows)
-    if figure is None:
-        return []
-    text = robustness_table.markdown(rows)
-    command = "python -m experiments.run experiment=robustness"
-    shown["robustness"] = page_tables.of_markdown("robustness", "Robustness", text, command)
-    write_atomically(results / "tables" / "robustness.md", text)
-    write_atomically(
-        results / "tables" / "robustness.csv", tables.to_csv(rows, robustness_table.COLUMNS)
+def _write_measured(results: Path, device: str) -> list[Path]:
+    """Tables and figures of the paper's experiments and of the measurements that there are."""
+    from experiments import (
+        numerics_figure,
+        paper_figures,
+        robustness_table,
+        stability_table,
+        stiffness_figures,
+        stiffness_tables,
     )
-    written = [results / "tables" / f"robustness.{kind}" for kind in ("md", "csv")]
-    return written + _save(results / "figures", "robustness", figure)
+
+    written = paper_figures.write(results, device)
+    written += stability_table.tables(results)
+    written += stiffness_tables.write(results)
+    disturbed = robustness_table.rows(results)
+    if disturbed:
+        texts = {
+            "csv": tables.to_csv(disturbed, robustness_table.COLUMNS),
+            "md": robustness_table.markdown(disturbed),
+        }
+        for kind, text in texts.items():
+            written.append(results / "tables" / f"robustness.{kind}")
+            write_atomically(written[-1], text)
+    for name, figure in {
+        "robustness": robustness_table.figure(disturbed),
+        "numerics": numerics_figure.figure(results),
+        "stiffness_limit": stiffness_figures.stability_limit(results),
+        "stiffness_spectrum": stiffness_figures.spectrum(results),
+        "softmax_methods": stiffness_figures.methods(results),
+    }.items():
+        if figure is not None:
+            written += _save(results / "figures", name, figure)
+    return written
 
 
 def _write_comparison(results: Path, compared: list[Row]) -> list[Path]:

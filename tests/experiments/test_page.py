@@ -194,17 +194,48 @@ def test_numbers_are_rounded_beside_their_exact_value(text, shown, exact):
 
 def test_a_table_too_long_for_a_page_says_so(tmp_path, write_measurement):
     write_measurement("drift", [{"a": "1"}] * 201)
-    table = page_tables.of_measurement(tmp_path, "drift", "Drift", "a command")
+    (table,) = page_tables.of_measurement(tmp_path, "drift", "Drift", "a command")
     assert not table.rows
     assert "201 rows" in table.instead
 
 
-def test_markdown_with_bars_and_backslashes():
-    text = "**Title**\n\n| a \\| b | c |\n| --- | --- |\n| 1 \\| 2 | – |\n|  | x |\n\nNotes."
-    table = page_tables.of_markdown("name", "Title", text, "a command")
-    assert table.columns == ["a | b", "c"]
-    assert [[cell.text for cell in row] for row in table.rows] == [["1 | 2", "–"], ["", "x"]]
-    assert (table.intro, table.notes) == ("Title", "Notes.")
+def test_tables_of_markdown():
+    text = """**Title**
+
+| a \\| b | c |
+| --- | --- |
+| 1 \\| 2 | – |
+|  | **x** |
+
+Notes.
+
+- of \\_this\\_
+
+**Second**
+
+| made by |
+| --- |
+| `python -m a` |
+"""
+    first, second = page_tables.of_markdown("name", "Title", text, "a command", "in 2 s")
+    assert first.columns == ["a | b", "c"]
+    assert [[cell.text for cell in row] for row in first.rows] == [["1 | 2", "–"], ["", "x"]]
+    assert (first.name, first.title, first.intro) == ("name", "Title", "")
+    assert (first.notes, first.commands) == ("Notes.\n- of _this_", ())
+    assert (second.name, second.title, second.notes) == ("name-2", "Second", "in 2 s")
+    assert [[cell.text for cell in row] for row in second.rows] == [["python -m a"]]
+    assert second.commands == ["a command"]
+
+
+def test_a_measurement_is_shown_as_its_markdown_while_there_is_one(tmp_path, write_measurement):
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "drift.md").write_text("| b |\n| --- |\n| 5 |\n")
+    (table,) = page_tables.of_measurement(tmp_path, "drift", "Drift", "a command")
+    assert "missing" in table.instead
+    write_measurement("drift", [{"a": "1"}])
+    (table,) = page_tables.of_measurement(tmp_path, "drift", "Drift", "a command")
+    assert [cell.text for row in table.rows for cell in row] == ["5"]
+    assert table.commands == ["python -m experiments.run experiment=drift"]
 
 
 def test_known_figures_come_first_and_vector_graphics_win(tmp_path):
