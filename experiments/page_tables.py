@@ -82,7 +82,7 @@ def of_markdown(name: str, title: str, text: str, command: str, how: str = "") -
 
     Args:
         name: of the first table; the others have a number behind it.
-        title: of the first table; the others have the bold line before them.
+        title: of the first table, unless it has a bold line of its own as the others have.
         text: paragraphs and tables, with an empty line after each.
         command: what makes the tables again.
         how: said below the last.
@@ -95,7 +95,8 @@ def of_markdown(name: str, title: str, text: str, command: str, how: str = "") -
             head, _, *rows = ([_plain(c) for c in _BORDER.split(line[2:-2])]
                               for line in block.splitlines())  # fmt: skip
             place = f"{name}-{len(found) + 1}" if found else name
-            heading = before.pop() if found and before else title
+            # The text may begin with a summary; the bold line right before a table is its title.
+            heading = before.pop() if before and (found or len(before) > 1) else title
             intro = "\n".join(line for line in before if line != heading)
             cells = [[Cell(cell) for cell in row] for row in rows]
             instead = "" if rows else "missing: nothing has been measured"
