@@ -74,34 +74,36 @@ def overview(steps: Sequence[Step], quick: bool, results: Path) -> Table:
 def run(steps: Sequence[Step], quick: bool, results: Path, console: Console) -> int:
     """Run steps one after another, with the report after each stage; the exit status."""
     failed: list[str] = []
-    for k, step in enumerate(steps):
-        left = [p.left_s for p in _progress(steps[k:], quick, results)]
-        console.rule(
-            f"{k + 1} of {len(steps)}: {step.name}, about {span(left[0])}; with all that follows "
-            f"about {span(sum(left))}",
-            align="left",
-        )
-        if not left[0]:
-            console.print("finished before")
-            continue
-        command = step.command(quick)
-        row = {"step": step.name, "mode": _mode(quick), "command": shlex.join(command),
-               "code": code(step)}  # fmt: skip
-        try:
-            row |= measured(command)
-            write(results, row)
-            if row["status"] != "finished":
-                failed.append(f"{step.name}: {row['status']}")
+    try:
+        for k, step in enumerate(steps):
+            left = [p.left_s for p in _progress(steps[k:], quick, results)]
+            console.rule(
+                f"{k + 1} of {len(steps)}: {step.name}, about {span(left[0])}; with all that "
+                f"follows about {span(sum(left))}",
+                align="left",
+            )
+            if left[0]:
+                status = _run_step(step, quick, results)
+                failed += [f"{step.name}: {status}"] if status != "finished" else []
+            else:
+                console.print("finished before")
             if k + 1 == len(steps) or steps[k + 1].stage != step.stage:
-                report = measured([REPORT])
-                if report["status"] != "finished":
-                    failed.append(f"report after {step.name}: {report['status']}")
-        except KeyboardInterrupt:
-            console.print("interrupted; the same command goes on")
-            return 128 + signal.SIGINT
+                status = measured([REPORT])["status"]
+                failed += [f"report after {step.name}: {status}"] if status != "finished" else []
+    except KeyboardInterrupt:
+        console.print("interrupted; the same command goes on")
+        return 128 + signal.SIGINT
     for line in failed:
         console.print(f"[red]failed:[/red] {line}")
     return 1 if failed else 0
+
+
+def _run_step(step: Step, quick: bool, results: Path) -> str:
+    command = step.command(quick)
+    row = {"step": step.name, "mode": _mode(quick), "command": shlex.join(command),
+           "code": code(step), **measured(command)}  # fmt: skip
+    write(results, row)
+    return str(row["status"])
 
 
 def _progress(steps: Sequence[Step], quick: bool, results: Path) -> list[Progress]:
@@ -122,6 +124,7 @@ def measured(command: Sequence[str]) -> dict[str, Any]:
     The memory is that of the largest process among it and its children, and at least what this
     process holds: about 40 MB.
     """
+    sys.stdout.flush()  # what stands above is told first
     start = time.perf_counter()
     process = subprocess.Popen([sys.executable, "-m", *command], cwd=ROOT)
     try:
