@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from hydra import compose, initialize_config_dir
 from rich.console import Console
 
 from experiments import reproduce, steps
@@ -161,6 +162,17 @@ def test_every_step_names_something_that_exists_and_a_quick_form_of_minutes():
     full, quick = (sum(one.minutes[k] for one in STEPS) for k in (False, True))
     assert full <= 4 * 60
     assert quick < 30
+
+
+def test_every_command_composes():
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        for one in STEPS:
+            for quick in (False, True):
+                words = one.command(quick)
+                if len(words) > 2:  # there is more than the name of an experiment
+                    # A sweep takes several values of a key, a config one of them.
+                    firsts = [w if "[" in w else w.partition(",")[0] for w in words[1:]]
+                    assert "model" in compose("config", overrides=firsts)
 
 
 def test_the_list_runs_nothing(monkeypatch, capsys, commands, tmp_path):
