@@ -15,7 +15,7 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from experiments import comparison, page, page_tables, record, run, sources, tables
+from experiments import comparison, evaluate, page, page_tables, record, run, sources, tables
 from experiments.measurement import to_csv
 from experiments.selection import CONFIGS, Records
 
@@ -156,6 +156,7 @@ def write_run(tmp_path, composed):
             "n_test": 100,
             "test_labels": truth,
             "predicted": predicted,
+            "confusion": evaluate.confusion(predicted, truth, 5),
             "predict_single_s": 1e-3,
             "predict_batch_s_per_frame": 1e-4,
             "data_sha256": {"train": "a", "test": f"test of seed {seed}"},

@@ -16,7 +16,7 @@ TABLES = {f"{name}.{kind}" for name in (
     "table1", "table1_extended", "accuracy_vs_n", "accuracy_vs_d", "work_precision"
 ) for kind in ("csv", "md", "tex")}  # fmt: skip
 FIGURES = {f"{name}.{kind}" for name in (
-    "error_vs_time", "accuracy_vs_n", "accuracy_vs_d", "work_precision"
+    "error_vs_time", "fig5_confusion", "accuracy_vs_n", "accuracy_vs_d", "work_precision"
 ) for kind in ("svg", "pdf")}  # fmt: skip
 
 PAGE = {"comparison.csv", "comparison.md", "report.html"}
