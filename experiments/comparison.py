@@ -61,19 +61,15 @@ _PUBLISHED_SAMPLES = {
     "tactile/test_accuracy": 120,
 }  # fmt: skip
 _SETTINGS = ("table1/learning_rate", "touch/labels")
-# Experiment of configs/ that makes the numbers of an experiment of published.csv.
-_MAKES = {
-    **{name: name for name in ("table1", "accuracy_vs_n", "correlation", "drift")},
-    **dict.fromkeys(("finger", "spatial", "tactile"), "scenes"),
-    "touch": "table1",
-}
+# What makes an experiment of published.csv where that is not the one of its name.
+_MAKES = {"finger": "scenes", "spatial": "scenes", "tactile": "scenes", "touch": "table1"}
 _PUBLISHED_COMPUTER = "paper: Apple M1"
 
 
 def compare(records: Records, results: Path) -> list[Row]:
     """One row for each line of published.csv, in its order; columns as in :data:`COLUMNS`."""
     found = {key: [row] for key, row in _table1(records).items()}
-    found |= {"table1/learning_rate": [_learning_rate(records)], **_others(results)}
+    found |= {"table1/learning_rate": [_learning_rate(records)], **_others(results, records.device)}
     calibration = _calibration(results)
     rows = []
     for line in _read_csv(ROOT / "results" / "published.csv"):
@@ -89,12 +85,13 @@ def compare(records: Records, results: Path) -> list[Row]:
                 "setting": key in _SETTINGS,
                 **ours,
             }
-            default = f"python -m experiments.run experiment={_MAKES[line['experiment']]}"
-            row["made_by"] = row.get("made_by") or default
+            experiment = _MAKES.get(line["experiment"], line["experiment"])
+            row.setdefault("made_by", f"python -m experiments.run experiment={experiment}")
             fit = calibration.get(_CALIBRATION.get(key, ""), {})
             row["verdict"] = verdict(row, fit.get("status"))
             if fit.get("note"):
-                row["note"] = "; ".join(filter(None, [row.get("note"), fit["note"]]))
+                notes = [row.get("note"), f"calibration: {fit['note']}"]
+                row["note"] = "; ".join(filter(None, notes))
             rows.append(row)
     return rows
 
@@ -132,19 +129,13 @@ def to_markdown(rows: Sequence[Row]) -> str:
     """The rows as a table, intervals in brackets, numbers to four digits."""
     head = ("Quantity", "Verdict", "Paper", "Here", "Unit", "n", "Seeds", "Note", "Made by")
     body = [
-        [
-            _quantity(row),
-            row["verdict"],
-            _with_interval(row, "published", "published_low", "published_high"),
-            _with_interval(row, "measured", "ci_low", "ci_high"),
-            row["unit"],
-            str(row.get("n") or "–"),
-            str(row.get("seeds") or "–"),
-            row.get("note") or "–",
-            f"`{row['made_by']}`",
-        ]
+        [_quantity(row), row["verdict"],
+         _with_interval(row, "published", "published_low", "published_high"),
+         _with_interval(row, "measured", "ci_low", "ci_high"), row["unit"],
+         str(row.get("n") or "–"), str(row.get("seeds") or "–"), row.get("note") or "–",
+         f"`{row['made_by']}`"]
         for row in rows
-    ]
+    ]  # fmt: skip
     lines = [head, ["---"] * len(head), *body]
     cells = ([cell.replace("|", "\\|") for cell in line] for line in lines)
     text = "\n".join(f"| {' | '.join(line)} |" for line in cells)
@@ -217,12 +208,12 @@ def _learning_rate(records: Records) -> Row:
     return {"measured": rates.pop(), "note": "softmax and CNNs"} if len(rates) == 1 else {}
 
 
-def _others(results: Path) -> dict[str, list[Row]]:
+def _others(results: Path, device: str) -> dict[str, list[Row]]:
     """Numbers that are not of Table I, by experiment and quantity, one for each condition."""
     from experiments import paper_numbers
 
     found: dict[str, list[Row]] = {}
-    for row in paper_numbers.summary_rows(results):
+    for row in paper_numbers.summary_rows(results, device):
         notes = [row["interval"] and f"interval: {row['interval']}"]
         if row["code"] != "current":
             notes.append(f"changed since: {row['code']}")
