@@ -18,6 +18,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from experiments import comparison, page, page_figures, page_tables, tables
+from experiments.comparison import MISFITS
 from experiments.record import results_dir, write_atomically
 from experiments.selection import Records
 from experiments.tables import Columns, Row, number, percent
@@ -67,7 +68,7 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
         "comparison", comparison.TITLE, comparison.to_markdown(compared), page_figures.REPORT
     )
     written += _write_figures(results / "figures", records, table1 + extended, over_n, over_d, work)
-    written += _write_measured(results, device)
+    written += _write_measured(results, records)
     written += page.write(results, records, compared, shown)
     console.print(terminal_table(table1))
     _print_notes(console, records, table1, extended + over_n + over_d + work)
@@ -76,39 +77,62 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
     return written
 
 
-def _write_measured(results: Path, device: str) -> list[Path]:
-    """Tables and figures of the paper's experiments and of the measurements that there are."""
+def _write_measured(results: Path, records: Records) -> list[Path]:
+    """Tables and figures of the paper's experiments and of the measurements that there are.
+
+    What cannot be made of a measurement goes to the problems of the records.
+    """
     from experiments import (
         numerics_figure,
         paper_figures,
-        robustness_table,
         stability_table,
         stiffness_figures,
         stiffness_tables,
     )
 
-    written = paper_figures.write(results, device)
-    written += stability_table.tables(results)
-    written += stiffness_tables.write(results)
-    disturbed = robustness_table.rows(results)
-    if disturbed:
-        texts = {
-            "csv": tables.to_csv(disturbed, robustness_table.COLUMNS),
-            "md": robustness_table.markdown(disturbed),
-        }
-        for kind, text in texts.items():
-            written.append(results / "tables" / f"robustness.{kind}")
-            write_atomically(written[-1], text)
-    for name, figure in {
-        "robustness": robustness_table.figure(disturbed),
-        "numerics": numerics_figure.figure(results),
-        "stiffness_limit": stiffness_figures.stability_limit(results),
-        "stiffness_spectrum": stiffness_figures.spectrum(results),
-        "softmax_methods": stiffness_figures.methods(results),
+    folder = results / "figures"
+
+    def save(name: str, figure: Any) -> list[Path]:
+        return [] if figure is None else _save(folder, name, figure)
+
+    written: list[Path] = []
+    for name, make in {
+        "the paper's figures": lambda: paper_figures.write(results, records.device),
+        "stability": lambda: stability_table.tables(results),
+        "stiffness and footprint": lambda: stiffness_tables.write(results),
+        "robustness": lambda: _write_robustness(results),
+        "figure numerics": lambda: save("numerics", numerics_figure.figure(results)),
+        "figure stiffness_limit": lambda: save(
+            "stiffness_limit", stiffness_figures.stability_limit(results)
+        ),
+        "figure stiffness_spectrum": lambda: save(
+            "stiffness_spectrum", stiffness_figures.spectrum(results)
+        ),
+        "figure softmax_methods": lambda: save(
+            "softmax_methods", stiffness_figures.methods(results)
+        ),
     }.items():
-        if figure is not None:
-            written += _save(results / "figures", name, figure)
+        try:
+            written += make()
+        except MISFITS as error:  # the rest is shown all the same
+            records.problems.append(f"{name}: {type(error).__name__}: {error}")
     return written
+
+
+def _write_robustness(results: Path) -> list[Path]:
+    from experiments import robustness_table
+
+    rows = robustness_table.rows(results)
+    if not rows:
+        return []
+    texts = {
+        results / "tables" / "robustness.csv": tables.to_csv(rows, robustness_table.COLUMNS),
+        results / "tables" / "robustness.md": robustness_table.markdown(rows),
+    }
+    for path, text in texts.items():
+        write_atomically(path, text)
+    figure = robustness_table.figure(rows)
+    return [*texts, *_save(results / "figures", "robustness", figure)]
 
 
 def _write_comparison(results: Path, compared: list[Row]) -> list[Path]:
@@ -215,7 +239,7 @@ def _print_notes(console: Console, records: Records, table1: list[Row], rest: li
             style="yellow",
         )
     for problem in records.problems:
-        console.print(escape(f"not a record: {problem}"), style="yellow")
+        console.print(escape(f"left out: {problem}"), style="yellow")
     if records.skipped:
         console.print(
             f"{len(records.skipped)} records left out: their configuration is not the one that "

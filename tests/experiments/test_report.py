@@ -88,7 +88,18 @@ def test_broken_records_are_named(tmp_path, a_full_set):
     (tmp_path / "runs" / "broken").mkdir()
     (tmp_path / "runs" / "broken" / "record.json").write_text("{")
     _, text = run(tmp_path)
-    assert "not a record: broken" in text
+    assert "left out: broken" in text
+
+
+def test_a_measurement_that_other_code_made_is_left_out_and_named(
+    tmp_path, a_full_set, write_measurement
+):
+    write_measurement("drift", [{"a": 1}])
+    write_measurement("stiffness", [{"a": 1}])
+    files, text = run(tmp_path)
+    assert "left out: the paper's figures: " in text
+    assert "left out: numbers beside Table I: " in text
+    assert b"Left out" in files["report.html"]
 
 
 @pytest.mark.parametrize("module", ["experiments.run"])
