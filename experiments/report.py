@@ -1,8 +1,8 @@
-"""Tables and figures from the records there are: ``python -m experiments.report``.
+"""Tables, figures and the page from the records there are: ``python -m experiments.report``.
 
-Reads ``runs/*/record.json`` and ``curve.csv`` of the results folder and ``results/published.csv``,
-never trains, and writes ``tables/`` and ``figures/``. What is missing is said in the table, on the
-terminal, and in the figure.
+Reads the records and measurements of the results folder and ``results/published.csv``, never
+trains, and writes ``tables/``, ``figures/``, ``comparison.csv`` and ``report.html``. What is
+missing is said in the table, on the terminal, in the figure and on the page.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from experiments import tables
+from experiments import comparison, page, page_figures, page_tables, tables
+from experiments.comparison import MISFITS
 from experiments.record import results_dir, write_atomically
 from experiments.selection import Records
 from experiments.tables import Columns, Row, number, percent
@@ -43,8 +44,9 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
         tables.curve(records, ["accuracy_vs_d"]),
         tables.curve(records, ["work_precision"]),
     )
-    written = []
-    for name, rows, columns, shown, title in (
+    written: list[Path] = []
+    shown = {}
+    for name, rows, columns, cells, title in (
         ("table1", table1, tables.TABLE1, tables.TABLE1_COLUMNS,
          "Table I, published and measured"),
         ("table1_extended", extended, tables.TABLE1, tables.EXTENDED_COLUMNS,
@@ -56,13 +58,91 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
         ("work_precision", work, tables.CURVE, tables.CURVE_COLUMNS,
          "Accuracy against the time of a prediction"),
     ):  # fmt: skip
-        written += _write_table(results / "tables", name, rows, columns, shown, title)
+        written += _write_table(results / "tables", name, rows, columns, cells, title)
+        text = tables.to_markdown(rows, cells, title)
+        command = f"python -m experiments.run experiment={name}"
+        shown[name] = page_tables.of_markdown(name, title, text, command)
+    compared = comparison.compare(records, results)
+    written += _write_comparison(results, compared)
+    shown["comparison"] = page_tables.of_markdown(
+        "comparison", comparison.TITLE, comparison.to_markdown(compared), page_figures.REPORT
+    )
     written += _write_figures(results / "figures", records, table1 + extended, over_n, over_d, work)
+    written += _write_measured(results, records)
+    written += page.write(results, records, compared, shown)
     console.print(terminal_table(table1))
     _print_notes(console, records, table1, extended + over_n + over_d + work)
     folders = sorted({os.path.relpath(path.parent) for path in written})
     console.print(f"{len(written)} files in {' and '.join(folders)}", soft_wrap=True)
     return written
+
+
+def _write_measured(results: Path, records: Records) -> list[Path]:
+    """Tables and figures of the paper's experiments and of the measurements that there are.
+
+    What cannot be made of a measurement goes to the problems of the records.
+    """
+    from experiments import (
+        numerics_figure,
+        paper_figures,
+        stability_table,
+        stiffness_figures,
+        stiffness_tables,
+    )
+
+    folder = results / "figures"
+
+    def save(name: str, figure: Any) -> list[Path]:
+        return [] if figure is None else _save(folder, name, figure)
+
+    written: list[Path] = []
+    for name, make in {
+        "the paper's figures": lambda: paper_figures.write(results, records.device),
+        "stability": lambda: stability_table.tables(results),
+        "stiffness and footprint": lambda: stiffness_tables.write(results),
+        "robustness": lambda: _write_robustness(results),
+        "figure numerics": lambda: save("numerics", numerics_figure.figure(results)),
+        "figure stiffness_limit": lambda: save(
+            "stiffness_limit", stiffness_figures.stability_limit(results)
+        ),
+        "figure stiffness_spectrum": lambda: save(
+            "stiffness_spectrum", stiffness_figures.spectrum(results)
+        ),
+        "figure softmax_methods": lambda: save(
+            "softmax_methods", stiffness_figures.methods(results)
+        ),
+    }.items():
+        try:
+            written += make()
+        except MISFITS as error:  # the rest is shown all the same
+            records.problems.append(f"{name}: {type(error).__name__}: {error}")
+    return written
+
+
+def _write_robustness(results: Path) -> list[Path]:
+    from experiments import robustness_table
+
+    rows = robustness_table.rows(results)
+    if not rows:
+        return []
+    texts = {
+        results / "tables" / "robustness.csv": tables.to_csv(rows, robustness_table.COLUMNS),
+        results / "tables" / "robustness.md": robustness_table.markdown(rows),
+    }
+    for path, text in texts.items():
+        write_atomically(path, text)
+    figure = robustness_table.figure(rows)
+    return [*texts, *_save(results / "figures", "robustness", figure)]
+
+
+def _write_comparison(results: Path, compared: list[Row]) -> list[Path]:
+    texts = {
+        results / "comparison.csv": comparison.to_csv(compared),
+        results / "tables" / "comparison.md": comparison.to_markdown(compared),
+    }
+    for path, text in texts.items():
+        write_atomically(path, text)
+    return list(texts)
 
 
 def terminal_table(rows: list[Row]) -> Table:
@@ -131,12 +211,18 @@ def _write_figures(
         "accuracy_vs_d": figures.accuracy_vs_d(over_d),
         "work_precision": figures.work_precision(work, table),
     }.items():
-        for kind in ("svg", "pdf"):
-            path = folder / f"{name}.{kind}"
-            path.write_bytes(figures.save(figure, kind))
-            written.append(path)
-        figures.plt.close(figure)
+        written += _save(folder, name, figure)
     return written
+
+
+def _save(folder: Path, name: str, figure: Any) -> list[Path]:
+    from experiments import figures
+
+    paths = [folder / f"{name}.{kind}" for kind in ("svg", "pdf")]
+    for path in paths:
+        path.write_bytes(figures.save(figure, path.suffix[1:]))
+    figures.plt.close(figure)
+    return paths
 
 
 def _print_notes(console: Console, records: Records, table1: list[Row], rest: list[Row]) -> None:
@@ -153,7 +239,7 @@ def _print_notes(console: Console, records: Records, table1: list[Row], rest: li
             style="yellow",
         )
     for problem in records.problems:
-        console.print(escape(f"not a record: {problem}"), style="yellow")
+        console.print(escape(f"left out: {problem}"), style="yellow")
     if records.skipped:
         console.print(
             f"{len(records.skipped)} records left out: their configuration is not the one that "

@@ -15,8 +15,9 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from experiments import record, run, sources
-from experiments.selection import CONFIGS
+from experiments import comparison, evaluate, page, page_tables, record, run, sources, tables
+from experiments.measurement import to_csv
+from experiments.selection import CONFIGS, Records
 
 
 @pytest.fixture(autouse=True)
@@ -119,7 +120,13 @@ def write_run(tmp_path, composed):
             "experiment": None,
             "config": config,
             "environment": {"cpu": "A CPU", "threads": 2, **made_by(config)},
-            "scene": {"name": "touch", "origin": "simulated", "shape": [500, 500], "n": 500},
+            "scene": {
+                "name": "touch",
+                "origin": "simulated",
+                "classes": ["L1", "L2", "R1", "R2", "None"],
+                "shape": [500, 500],
+                "n": 500,
+            },
         }
         folder = tmp_path / "runs" / identity
         if status != "finished":
@@ -149,6 +156,7 @@ def write_run(tmp_path, composed):
             "n_test": 100,
             "test_labels": truth,
             "predicted": predicted,
+            "confusion": evaluate.confusion(predicted, truth, 5),
             "predict_single_s": 1e-3,
             "predict_batch_s_per_frame": 1e-4,
             "data_sha256": {"train": "a", "test": f"test of seed {seed}"},
@@ -157,6 +165,50 @@ def write_run(tmp_path, composed):
         record.write_curve(folder, rows)
         record.write_record(folder, entry)
         return identity
+
+    return write
+
+
+@pytest.fixture
+def write_measurement(tmp_path):
+    """write_measurement(name, rows, …) leaves a measurement in tmp_path, as the runner would."""
+
+    def write(name, rows, **entry):
+        folder = tmp_path / "measured" / name
+        entry = {
+            "schema": record.SCHEMA,
+            "name": name,
+            "status": "finished",
+            "seconds": 1.5,
+            "peak_bytes": 10**6,
+            "command": f"python -m experiments.run experiment={name}",
+            "environment": {"cpu": "A CPU", **made_by({})},
+            **entry,
+        }
+        record.write_record(folder, entry)
+        record.write_atomically(folder / "rows.csv", to_csv(rows))
+        return entry
+
+    return write
+
+
+@pytest.fixture
+def write_page(tmp_path):
+    """write_page() → the page of tmp_path, its rows of the comparison and of Table I."""
+
+    def write():
+        records = Records(tmp_path)
+        rows, compared = tables.table1(records), comparison.compare(records, tmp_path)
+        texts = {
+            "table1": tables.to_markdown(rows, tables.TABLE1_COLUMNS, "Table I"),
+            "comparison": comparison.to_markdown(compared),
+        }
+        shown = {
+            name: page_tables.of_markdown(name, name, text, "a command")
+            for name, text in texts.items()
+        }
+        (path,) = page.write(tmp_path, records, compared, shown)
+        return path, compared, rows
 
     return write
 

@@ -16,8 +16,10 @@ TABLES = {f"{name}.{kind}" for name in (
     "table1", "table1_extended", "accuracy_vs_n", "accuracy_vs_d", "work_precision"
 ) for kind in ("csv", "md", "tex")}  # fmt: skip
 FIGURES = {f"{name}.{kind}" for name in (
-    "error_vs_time", "accuracy_vs_n", "accuracy_vs_d", "work_precision"
+    "error_vs_time", "fig5_confusion", "accuracy_vs_n", "accuracy_vs_d", "work_precision"
 ) for kind in ("svg", "pdf")}  # fmt: skip
+
+PAGE = {"comparison.csv", "comparison.md", "report.html"}
 
 
 def run(folder):
@@ -32,7 +34,7 @@ def test_the_same_records_give_the_same_bytes(tmp_path, a_full_set):
     second, again = run(tmp_path)
     assert first == second
     assert text == again
-    assert set(first) == TABLES | FIGURES
+    assert set(first) == TABLES | FIGURES | PAGE
     assert sorted(tmp_path.glob("runs/*")) == before
     assert not [name for name, data in first.items() if len(data) < 100]
 
@@ -86,7 +88,18 @@ def test_broken_records_are_named(tmp_path, a_full_set):
     (tmp_path / "runs" / "broken").mkdir()
     (tmp_path / "runs" / "broken" / "record.json").write_text("{")
     _, text = run(tmp_path)
-    assert "not a record: broken" in text
+    assert "left out: broken" in text
+
+
+def test_a_measurement_that_other_code_made_is_left_out_and_named(
+    tmp_path, a_full_set, write_measurement
+):
+    write_measurement("drift", [{"a": 1}])
+    write_measurement("stiffness", [{"a": 1}])
+    files, text = run(tmp_path)
+    assert "left out: the paper's figures: " in text
+    assert "left out: numbers beside Table I: " in text
+    assert b"Left out" in files["report.html"]
 
 
 @pytest.mark.parametrize("module", ["experiments.run"])
