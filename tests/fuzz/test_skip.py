@@ -20,7 +20,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def carry_out(folder, *overrides):
-    words = ["scene=recorded", f"scene.path={folder}", "model=hdc", *overrides]
+    words = [f"scene.path={folder}", "scene=recorded", "model=hdc", "exclusive=false", *overrides]
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         cfg = compose("config", overrides=words)
     return run.run(cfg, {"scene": "recorded", "model": "hdc", "stop": "paper"})
