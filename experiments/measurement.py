@@ -134,10 +134,20 @@ def read(results: Path, name: str) -> Measured | None:
     entry = record.read_record(folder)
     if entry is None:
         return None
+    environment = entry.get("environment")
+    if not isinstance(environment, dict) or not isinstance(environment.get("sources"), dict):
+        path = folder / "record.json"
+        raise ValueError(f"{path}: expected environment.sources of a measurement, found none")
     path = folder / "rows.csv"
-    text = path.read_text(encoding="utf-8") if path.exists() else ""
-    rows = [{k: v for k, v in row.items() if v} for row in csv.DictReader(io.StringIO(text))]
-    return Measured(rows, entry)
+    try:
+        text = record.read_text(path, record.MOST_ROW_BYTES) if path.exists() else ""
+        table = csv.DictReader(io.StringIO(text, newline=""), restkey="", strict=True)
+        rows = [{k: v for k, v in row.items() if v} for row in table]
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"{path}: expected a CSV table in UTF-8, found: {error}") from error
+    if any("" in row for row in rows):
+        raise ValueError(f"{path}: expected as many values in a row as columns, found more")
+    return Measured(rows, {"identity": None, **entry})
 
 
 def to_csv(rows: Sequence[Mapping[str, Any]]) -> str:

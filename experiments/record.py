@@ -10,6 +10,7 @@ import math
 import os
 import platform
 import shlex
+import stat
 import subprocess
 import sys
 import tempfile
@@ -25,6 +26,12 @@ SCHEMA = 2
 NOT_IDENTITY = ("force", "cache", "exclusive", "task")
 STATUSES = ("running", "finished", "failed", "interrupted")
 _PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "hydra-core", "numkong")
+MOST_BYTES = 2**22
+"""Of a record; those of runs and measurements have some thousand. As Python objects it takes up to
+twenty times as many."""
+MOST_ROW_BYTES = 2**21
+"""Of a table of rows or a curve: some ten thousand rows. As Python objects they take up to a
+hundred times as many."""
 
 
 def results_dir() -> Path:
@@ -76,7 +83,9 @@ def read_record(folder: Path) -> dict[str, Any] | None:
     """
     path = folder / "record.json"
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+        record = json.loads(
+            read_text(path, MOST_BYTES), object_pairs_hook=_unique, parse_constant=_no_number
+        )
     except FileNotFoundError:
         return None
     except (ValueError, RecursionError) as error:
@@ -89,6 +98,31 @@ def read_record(folder: Path) -> dict[str, Any] | None:
             f"{path}: expected a status among {', '.join(STATUSES)}, found {record.get('status')!r}"
         )
     return record
+
+
+def read_text(path: Path, most_bytes: int) -> str:
+    """The text of a regular file of at most so many bytes; a pipe would be waited for.
+
+    Raises:
+        FileNotFoundError: there is none.
+        ValueError: it is none, is larger or is not UTF-8.
+    """
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode) or status.st_size > most_bytes:
+        raise ValueError(f"no file, or one of more than {most_bytes} bytes")
+    return path.read_text(encoding="utf-8")
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object of JSON; of two equal keys, readers differ in which counts."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key twice in one object")
+    return found
+
+
+def _no_number(text: str) -> Any:
+    raise ValueError(f"{text}, which JSON lacks")
 
 
 def write_curve(folder: Path, rows: Sequence[Mapping[str, float]]) -> None:

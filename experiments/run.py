@@ -253,7 +253,9 @@ def _overrides() -> str:
 
 def _complain(error: BaseException) -> None:
     if isinstance(error, _USER_ERRORS):
-        stderr.print("[red]error:[/red]", escape(str(error).strip()), soft_wrap=True)
+        # Control characters in what an error quotes are shown, and no :emoji: is drawn.
+        plain = (c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in str(error).strip())
+        stderr.print("[red]error:[/red]", escape("".join(plain)), soft_wrap=True, emoji=False)
     else:
         traceback.print_exception(error)
 

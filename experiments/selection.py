@@ -19,10 +19,12 @@ from pathlib import Path
 from typing import Any
 
 from hydra import compose, initialize_config_dir
+from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf.errors import OmegaConfBaseException
 
-from experiments import pooling
-from experiments.record import NOT_IDENTITY, ROOT, read_record
+from experiments import pooling, schema
+from experiments.record import MOST_ROW_BYTES, NOT_IDENTITY, ROOT, read_record, read_text
 
 CONFIGS = ROOT / "configs"
 # Of several finished runs of one seed the first in this list counts; an unnamed rule comes last.
@@ -170,13 +172,13 @@ class Records:
 
     def _read(self, folder: Path) -> Run | None:
         try:
-            record = read_record(folder)
+            record = _read_run(folder)
             if record is None:
                 return None
             if record["config"]["device"] != self.device:
                 return None
             if not _is_current(record):
-                self.skipped.append(record["id"])
+                self.skipped.append(folder.name)
                 return None
             known = record["scene"].get("fingerprint")
             now = pooling.fingerprint(json.dumps(record["config"]["scene"]))
@@ -204,27 +206,50 @@ def numbers(values: Sequence[str]) -> list[int | None]:
     return [None if value == "null" else int(value) for value in values]
 
 
+def _read_run(folder: Path) -> dict[str, Any] | None:
+    """The record of a run, with every field that is used of it as it should be."""
+    try:
+        record = read_record(folder)
+    except OSError as error:
+        raise ValueError(f"expected a readable record, found: {error.strerror}") from error
+    if record is not None:
+        schema.check_run(record)
+    return record
+
+
 def read_curve(path: Path) -> Curve:
-    """The rows of curve.csv; empty cells are left out, no file is no rows."""
+    """The rows of curve.csv; empty cells are left out, no file is no rows.
+
+    Raises:
+        ValueError: naming the file, if it is no table of numbers with the times of its rows.
+    """
     if not path.exists():
         return []
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = csv.DictReader(file)
-        return [{key: float(text) for key, text in row.items() if text} for row in rows]
+    try:
+        rows = csv.DictReader(read_text(path, MOST_ROW_BYTES).splitlines(keepends=True))
+        curve = [{key: float(text) for key, text in row.items() if text} for row in rows]
+    except (OSError, ValueError, TypeError, csv.Error) as error:
+        raise ValueError(f"{path}: expected a curve, found: {error}") from error
+    if not all(0 <= row.get("training_s", -1) < float("inf") for row in curve):
+        raise ValueError(f"{path}: expected seconds in the column training_s, found others")
+    return curve
 
 
 def _is_current(record: Mapping[str, Any]) -> bool:
     """Whether today's configs, with the record's seeds, say what the record says it did."""
     names, config = record["choices"], record["config"]
-    reference = _reference(
-        names["scene"], names["model"], json.dumps(config["seed"]), config["device"]
-    )
-    return reference is not None and _identity(config) == reference
+    try:
+        reference = _reference(
+            names["scene"], names["model"], json.dumps(config["seed"]), config["device"]
+        )
+        return reference is not None and _identity(config) == reference
+    except (HydraException, OmegaConfBaseException, RecursionError, OSError) as error:
+        raise ValueError(f"expected a configuration of configs/, found: {error}") from error
 
 
 @functools.cache
 def _reference(scene: str, model: str, seeds: str, device: str) -> dict[str, Any] | None:
-    composed = _composed(scene, model)
+    composed = compose_run(scene, model)
     if composed is None:
         return None
     cfg = copy.deepcopy(composed)
@@ -234,7 +259,8 @@ def _reference(scene: str, model: str, seeds: str, device: str) -> dict[str, Any
 
 
 @functools.cache
-def _composed(scene: str, model: str) -> DictConfig | None:
+def compose_run(scene: str, model: str) -> DictConfig | None:
+    """What configs/ says of a run of that scene and model; None if they are not there."""
     for group, name in (("scene", scene), ("model", model)):
         if not (CONFIGS / group / f"{name}.yaml").is_file():
             return None

@@ -16,6 +16,7 @@ from __future__ import annotations
 import csv
 import functools
 import io
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -186,14 +187,24 @@ def mcnemar(runs: Sequence[Run], reference: Sequence[Run]) -> float | None:
 
 @functools.cache
 def published() -> dict[str, float]:
-    """Numbers of the paper by experiment and quantity; fractions where it has percent."""
-    with (ROOT / "results" / "published.csv").open(encoding="utf-8", newline="") as file:
-        return {
-            f"{line['experiment']}/{line['quantity']}": float(line["value"])
-            / (100 if line["unit"] == "%" else 1)
-            for line in csv.DictReader(file)
-            if line["value"]
-        }
+    """Numbers of the paper by experiment and quantity; fractions where it has percent.
+
+    Raises:
+        ValueError: naming the file, if it is not a table of them.
+    """
+    path = ROOT / "results" / "published.csv"
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return {
+                f"{line['experiment']}/{line['quantity']}": float(line["value"])
+                / (100 if line["unit"] == "%" else 1)
+                for line in csv.DictReader(file, strict=True)
+                if line["value"]
+            }
+    except (KeyError, ValueError, csv.Error) as error:
+        raise ValueError(
+            f"{path}: expected experiment, quantity, value and unit in each row, found: {error!r}"
+        ) from error
 
 
 def published_row(model: str) -> Row:
@@ -421,9 +432,15 @@ def notes(rows: Sequence[Row]) -> str:
 def to_markdown(rows: Sequence[Row], columns: Columns, title: str) -> str:
     """A Markdown table with its caption above and its notes below."""
     lines = [[name for name, _ in columns], ["---"] * len(columns)]
-    lines += [[cell(line).replace("|", "\\|") for _, cell in columns] for line in rows]
-    table = "\n".join("| " + " | ".join(" ".join(c.split()) for c in line) + " |" for line in lines)
-    return f"**{caption(rows, title)}**\n\n{table}\n\n{notes(rows)}\n"
+    lines += [[_markdown(cell(line)) for _, cell in columns] for line in rows]
+    table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return f"**{_markdown(caption(rows, title))}**\n\n{table}\n\n{_markdown(notes(rows))}\n"
+
+
+def _markdown(text: str) -> str:
+    """Text as it is: what a record quotes makes no line, cell, tag, code or link of its own."""
+    text = re.sub(r"([\\`*|]|(?<=\])[(\[:])", r"\\\1", " ".join(text.split()))
+    return text.replace("&", "&amp;").replace("<", "&lt;")
 
 
 def to_latex(rows: Sequence[Row], columns: Columns, title: str, label: str) -> str:
@@ -463,4 +480,6 @@ _TEX = {
 
 
 def _tex(text: str) -> str:
-    return "".join(_TEX.get(letter, letter) for letter in " ".join(text.split()))
+    # TeX stops at control characters.
+    plain = "".join(letter for letter in " ".join(text.split()) if letter.isprintable())
+    return "".join(_TEX.get(letter, letter) for letter in plain)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from scenes.recorded.files import BadFrame
+from scenes.recorded.files import BadFrame, file_size, shown
 from scenes.recorded.scene import Options, RecordedScene, Window
 
 __all__ = ["BadFrame", "Options", "RecordedScene", "Window", "open_recording"]
@@ -25,8 +25,8 @@ def open_recording(
     subsample: int = 1,
     on_bad_frame: str = "stop",
     threads: int | None = None,
-    memory_bytes: int = 2**31,
-    max_pixels: int = 2**25,
+    memory_bytes: int = 2**28,
+    max_pixels: int = 2**24,
 ) -> RecordedScene:
     """Open recorded frames and check every one of them.
 
@@ -42,7 +42,8 @@ def open_recording(
             ``scene.skipped`` lists each with the reason.
         threads: that decode images; default: one a core.
         memory_bytes: frames are kept in memory up to this size, and read as a stream above it.
-        max_pixels: larger images are refused from their header, before they are decoded.
+        max_pixels: larger images are refused from their header, before they are decoded. With
+            the defaults no recording, however it was made, takes more than 1 GB to open.
 
     Raises:
         ValueError: :class:`BadFrame` for a frame that cannot be used; otherwise for a setting,
@@ -51,10 +52,17 @@ def open_recording(
     options = Options(Window(crop, subsample), on_bad_frame, threads, memory_bytes, max_pixels)
     if not isinstance(path, str | Path) or not str(path):
         raise ValueError(f"scene.path: expected the path of a folder or a file, found {path!r}")
-    path = Path(path).expanduser()
+    path = _expanded("scene.path", path)
     suffix = path.suffix.lower()
-    if intervals is not None and suffix not in VIDEO_SUFFIXES:
-        raise ValueError(f"scene.intervals: expected null unless scene.path is a video ({path})")
+    if intervals is not None:
+        if not isinstance(intervals, str | Path) or not str(intervals):
+            raise ValueError(
+                f"scene.intervals: expected null or the path of a table, found {intervals!r}"
+            )
+        if suffix not in VIDEO_SUFFIXES:
+            raise ValueError(
+                f"scene.intervals: expected null unless scene.path is a video ({shown(path)})"
+            )
     # OpenCV is imported where images or videos are read, and not for an archive.
     if path.is_dir():
         from scenes.recorded.images import open_folder
@@ -62,8 +70,9 @@ def open_recording(
         return open_folder(path, options)
     if not path.exists():
         raise ValueError(
-            f"scene.path: expected a folder, an .npz or a video, found nothing: {path}"
+            f"scene.path: expected a folder, an .npz or a video, found nothing: {shown(path)}"
         )
+    file_size(path)  # raises: a pipe is opened for ever
     if suffix == ".npz":
         from scenes.recorded.archive import open_archive
 
@@ -71,9 +80,18 @@ def open_recording(
     if suffix in VIDEO_SUFFIXES:
         from scenes.recorded.video import open_video
 
-        table = path.with_suffix(".csv") if intervals is None else Path(intervals).expanduser()
+        table = path.with_suffix(".csv")
+        if intervals is not None:
+            table = _expanded("scene.intervals", intervals)
         return open_video(path, table, options)
     raise ValueError(
         f"scene.path: expected a folder, an .npz or a video ({', '.join(VIDEO_SUFFIXES)}), "
-        f"found {path}"
+        f"found {shown(path)}"
     )
+
+
+def _expanded(key: str, path: str | Path) -> Path:
+    try:
+        return Path(path).expanduser()
+    except RuntimeError as error:  # ~somebody
+        raise ValueError(f"{key}: expected a path, found {shown(path)}: {error}") from error

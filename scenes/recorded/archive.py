@@ -4,7 +4,8 @@
 strings; classes without names are in natural order. Any other array [N] of numbers or strings
 becomes ``scene.samples[key]``. Array headers are read, and their sizes compared with what the zip
 directory says, before an array is unpacked; an array of objects would have to be unpickled and is
-refused. Frames that do not fit in memory are mapped from the file, if it is not compressed.
+refused, and so is an archive of a kind that numpy does not write. Frames that do not fit in memory
+are mapped from the file, if it is not compressed.
 """
 
 from __future__ import annotations
@@ -19,8 +20,18 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.recorded.files import file_digest, natural_key, shown
-from scenes.recorded.scene import Options, RecordedScene, class_indices, in_memory
+from scenes.recorded.files import MOST_LETTERS, file_digest, label, shown
+from scenes.recorded.scene import (
+    Options,
+    RecordedScene,
+    check_number,
+    check_times,
+    class_indices,
+    in_memory,
+)
+
+_MOST_DIRECTORY_BYTES = 2**20
+"""Of a zip: thousands of entries; each takes some 20 times as many bytes as a Python object."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +56,8 @@ def open_archive(path: Path, options: Options) -> RecordedScene:
     Raises:
         ValueError: the archive or one of its arrays is not as described, or is too large.
     """
+    with _named(path):
+        _check_directory(path)
     with _named(path), zipfile.ZipFile(path) as archive:
         entries = {
             member.filename.removesuffix(".npy"): member
@@ -65,6 +78,7 @@ def open_archive(path: Path, options: Options) -> RecordedScene:
                 f"{shown(path)}[frames]: expected uint8 or uint16, found {frames.dtype}"
             )
         n, height, width = frames.shape
+        check_number(path, n)
         if height * width > options.max_pixels:
             raise ValueError(
                 f"{shown(path)}[frames]: expected at most {options.max_pixels} pixels "
@@ -76,8 +90,14 @@ def open_archive(path: Path, options: Options) -> RecordedScene:
             for key, member in entries.items()
             if key != "frames" and (key in ("labels", "classes") or _is_column(archive, member, n))
         }
+        if (total := sum(e.nbytes for e in columns.values())) > options.memory_bytes:
+            raise ValueError(
+                f"{shown(path)}: expected at most {options.memory_bytes} bytes "
+                f"(scene.memory_bytes) beside the frames, found {total}"
+            )
         values = {key: _values(path, archive, key, e, options) for key, e in columns.items()}
         classes, labels = _labels(path, values.pop("labels"), values.pop("classes", None), n)
+        check_times(path, values)
         read = _frames(path, archive, frames, options)
     return RecordedScene(
         classes=classes,
@@ -88,6 +108,22 @@ def open_archive(path: Path, options: Options) -> RecordedScene:
         digest=file_digest(path),
         window=options.window,
     )
+
+
+def _check_directory(path: Path) -> None:
+    """Refuse a directory of millions of entries before zipfile makes an object of each."""
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 2**16 - 22))  # the longest comment, and the record
+        tail = file.read()
+    plain = tail[-22:-18] == b"PK\5\6"
+    at = len(tail) - 22 if plain else tail.rfind(b"PK\5\6")
+    (nbytes,) = struct.unpack_from("<I", tail, at + 12)
+    if at >= 76 and tail[at - 20 : at - 16] == b"PK\6\7":  # beyond 4 GB: 64 bits, stated before
+        (nbytes,) = struct.unpack_from("<Q", tail, at - 76 + 40)
+    if nbytes > _MOST_DIRECTORY_BYTES:
+        raise ValueError(
+            f"a directory of {nbytes} bytes where {_MOST_DIRECTORY_BYTES} are the most"
+        )
 
 
 @contextmanager
@@ -119,6 +155,8 @@ def _header(path: Path, archive: zipfile.ZipFile, key: str, member: zipfile.ZipI
 
 def _peek(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> _Entry:
     """The header of an array; numpy evaluates it as a literal of bounded length."""
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(f"an array of compression {member.compress_type}")
     with archive.open(member) as file:
         version = np.lib.format.read_magic(file)
         readers = {
@@ -163,24 +201,33 @@ def _labels(
         raise ValueError(f"{where}: expected integers or strings, found NaN at index {first}")
     if labels.dtype.kind not in "iuU":
         raise ValueError(f"{where}: expected integers or strings, found {labels.dtype}")
-    if names is None:
-        return class_indices([shown(label) for label in labels.tolist()], where)
-    if names.ndim != 1 or names.dtype.kind != "U" or len(set(names.tolist())) < len(names):
-        raise ValueError(
-            f"{shown(path)}[classes]: expected different strings [L], "
-            f"found {names.dtype} {names.shape}"
-        )
-    classes = [shown(name) for name in names.tolist()]
-    if labels.dtype.kind == "U":
-        unknown = set(labels.tolist()) - set(names.tolist())
-        found = f"{sorted(unknown, key=natural_key)[0]!r}" if unknown else None
-    else:
-        outside = labels[(labels < 0) | (labels >= len(classes))]
-        found = str(outside[0]) if len(outside) else None
-    if found is not None:
-        raise ValueError(f"{where}: expected one of the {len(classes)} classes, found {found}")
-    texts = labels.tolist() if labels.dtype.kind == "U" else names[labels].tolist()
-    return class_indices([shown(text) for text in texts], where, classes)
+    if labels.dtype.itemsize > (most := np.dtype(f"U{MOST_LETTERS}").itemsize):
+        raise ValueError(f"{where}: expected at most {most} bytes a label, found {labels.dtype}")
+    values, index = np.unique(labels, return_inverse=True)
+    texts = [label(str(value), where) for value in values.tolist()]
+    classes = None
+    if names is not None:
+        classes = _classes(f"{shown(path)}[classes]", names)
+        if labels.dtype.kind == "U":
+            unknown = [repr(text) for text in texts if text not in classes]
+        else:
+            unknown = [str(value) for value in values if not 0 <= value < len(classes)]
+            texts = [] if unknown else [classes[value] for value in values.tolist()]
+        if unknown:
+            raise ValueError(
+                f"{where}: expected one of the {len(classes)} classes, found {unknown[0]}"
+            )
+    return class_indices([texts[i] for i in index.tolist()], where, classes)
+
+
+def _classes(where: str, names: np.ndarray) -> list[str]:
+    if names.ndim != 1 or names.dtype.kind != "U":
+        raise ValueError(f"{where}: expected strings [L], found {names.dtype} {names.shape}")
+    check_number(where, len(names))
+    classes = [label(name, where) for name in names.tolist()]
+    if len(set(classes)) < len(classes):
+        raise ValueError(f"{where}: expected different names, found one again")
+    return classes
 
 
 def _frames(

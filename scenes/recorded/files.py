@@ -7,7 +7,13 @@ import hashlib
 import io
 import re
 import stat
+from collections.abc import Iterator
 from pathlib import Path
+
+MOST_TABLE_BYTES = 2**23
+"""Of a table: some 100,000 rows, which take some 100 times as many bytes as Python objects."""
+MOST_LETTERS = 200
+"""Of a label; an archive may hold one of a gigabyte."""
 
 
 class BadFrame(ValueError):
@@ -21,6 +27,21 @@ def shown(name: object) -> str:
     )
 
 
+def label(text: str, where: str) -> str:
+    """The name of a class as it is shown and recorded.
+
+    Raises:
+        ValueError: it is empty, or longer than a name would be.
+    """
+    if not text:
+        raise ValueError(f"{where}: expected a label, found none")
+    if len(text) > MOST_LETTERS:
+        raise ValueError(
+            f"{where}: expected a label of at most {MOST_LETTERS} letters, found {len(text)}"
+        )
+    return shown(text)
+
+
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     """Sorts frame2 before frame10, and the same everywhere: no locale is asked."""
     parts = re.split(r"([0-9]+)", name)
@@ -28,28 +49,42 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     return (*key, (2, 0, name))  # Frame1 and frame1 in a fixed order
 
 
+def file_size(path: Path) -> int:
+    """Bytes of a regular file; to open a pipe or a device would wait for ever.
+
+    Raises:
+        BadFrame: it is no regular file (a folder, a pipe, a loop of links), or there is none.
+    """
+    try:
+        status = path.stat()
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        raise BadFrame(_unreadable(path, error)) from error
+    if not stat.S_ISREG(status.st_mode):
+        kind = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
+        raise BadFrame(f"{shown(path)}: expected a file, found {kind}")
+    return status.st_size
+
+
 def read_bytes(path: Path, limit: int) -> bytes:
     """The contents of a regular file of at most ``limit`` bytes.
 
     Raises:
-        BadFrame: it is none (a folder, a pipe, a loop of links), is empty, larger or unreadable.
+        BadFrame: it is none (:func:`file_size`), is empty, larger or unreadable.
     """
+    if (size := file_size(path)) > limit:
+        raise BadFrame(f"{shown(path)}: expected at most {limit} bytes, found {size}")
     try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            kind = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
-            raise BadFrame(f"{shown(path)}: expected a file, found {kind}")
-        if status.st_size > limit:
-            raise BadFrame(f"{shown(path)}: expected at most {limit} bytes, found {status.st_size}")
         data = path.read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
-        if isinstance(error, BadFrame):
-            raise
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise BadFrame(f"{shown(path)}: expected a readable file, found: {reason}") from error
+    except OSError as error:
+        raise BadFrame(_unreadable(path, error)) from error
     if not data:
         raise BadFrame(f"{shown(path)}: expected an image, found an empty file")
     return data
+
+
+def _unreadable(path: Path, error: OSError | ValueError) -> str:
+    reason = error.strerror if isinstance(error, OSError) else str(error)
+    return f"{shown(path)}: expected a readable file, found: {reason}"
 
 
 def file_digest(path: Path) -> str:
@@ -62,23 +97,30 @@ def read_csv(path: Path, required: tuple[str, ...]) -> list[dict[str, str]]:
     """Rows of a comma-separated table in UTF-8 whose header holds at least the given columns.
 
     Raises:
-        ValueError: no such file, not a table, a column missing, or a row of another length.
+        ValueError: no such file, not a table, too large, a column missing, or a row of another
+            length.
     """
     try:
-        text = read_bytes(path, limit=2**28).decode("utf-8-sig")
-        rows = list(csv.reader(io.StringIO(text, newline=""), strict=True))
+        text = read_bytes(path, MOST_TABLE_BYTES).decode("utf-8-sig")
+        return _table(path, csv.reader(io.StringIO(text, newline=""), strict=True), required)
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{shown(path)}: expected a CSV table in UTF-8, found: {error}") from error
-    header = [name.strip() for name in rows[0]] if rows else []
+
+
+def _table(
+    path: Path, rows: Iterator[list[str]], required: tuple[str, ...]
+) -> list[dict[str, str]]:
+    header = [name.strip() for name in next(rows, [])]
+    found = shown(header)[:MOST_LETTERS]
     if missing := [name for name in required if name not in header]:
         raise ValueError(
             f"{shown(path)}: expected columns {', '.join(required)}, "
-            f"found no {', '.join(missing)} in {shown(header)}"
+            f"found no {', '.join(missing)} in {found}"
         )
     if len(set(header)) < len(header):
-        raise ValueError(f"{shown(path)}: expected different column names, found {shown(header)}")
+        raise ValueError(f"{shown(path)}: expected different column names, found {found}")
     table = []
-    for line, row in enumerate(rows[1:], start=2):
+    for line, row in enumerate(rows, start=2):
         if not row:  # a blank line
             continue
         if len(row) != len(header):

@@ -2,6 +2,7 @@
 
 OpenCV decodes; it is not asked before the header is checked, because a few bytes can announce an
 image of gigabytes, and because some of its versions return the readable part of a truncated file.
+What their decoders disagree on, or what no camera writes, is refused as well.
 Sources: PNG 3rd edition (W3C 2025), JPEG ITU-T T.81, TIFF 6.0 (1992), BMP [MS-WMF] 2.2.2.
 """
 
@@ -82,6 +83,10 @@ def _png(data: bytes, max_pixels: int) -> tuple[int, int]:
     return size
 
 
+_MOST_SCANS = 64
+"""Of a JPEG: a progressive one of many costs a pass over all pixels for some bytes each."""
+
+
 def _jpeg(data: bytes, max_pixels: int) -> tuple[int, int]:
     """Marker segments up to the first scan; the last marker has to be the end of the image."""
     size = None
@@ -112,6 +117,9 @@ def _jpeg(data: bytes, max_pixels: int) -> tuple[int, int]:
         raise ValueError("expected an image, found a JPEG without one")
     if data.rfind(b"\xff\xd9") < at:
         raise ValueError("expected a complete file, found it truncated")
+    # No two such bytes are in the coded pixels themselves.
+    if (scans := data.count(b"\xff\xda", at)) > _MOST_SCANS:
+        raise ValueError(f"expected at most {_MOST_SCANS} scans, found {scans}")
     return size
 
 
@@ -130,6 +138,7 @@ def _bmp(data: bytes, max_pixels: int) -> tuple[int, int]:
 
 
 _TIFF_LIMIT = 2**20  # strips or tiles of one image
+_TIFF_CODINGS = (1, 5, 8, 32773, 32946)  # none, LZW, deflate, PackBits, deflate before it had 8
 _TIFF_PHOTOMETRIC = {1: "grey", 2: "RGB", 3: "palette", 6: "YCbCr"}
 
 
@@ -142,6 +151,8 @@ def _tiff(data: bytes, max_pixels: int) -> tuple[int, int]:
     for k in range(entries):
         at = directory + 2 + 12 * k
         tag, kind, count = struct.unpack_from(order + "HHI", data, at)
+        if tag in tags:  # readers differ in which of the two counts
+            raise ValueError(f"expected each TIFF tag once, found {tag} again")
         tags[tag] = (kind, count, at + 8)
     (following,) = struct.unpack_from(order + "I", data, directory + 2 + 12 * entries)
 
@@ -171,6 +182,10 @@ def _tiff(data: bytes, max_pixels: int) -> tuple[int, int]:
     bits, samples = values(258, 1)[0], values(277, 1)[0]
     if not 1 <= samples <= 4 or bits not in (1, 8, 16):
         raise ValueError(f"expected 8 or 16 bits a pixel, found {samples} samples of {bits} bits")
+    if (coding := values(259, 1)[0]) not in _TIFF_CODINGS:
+        raise ValueError(f"expected no compression, LZW, deflate or PackBits, found {coding}")
+    if any(values(tag, 1)[0] != 1 for tag in (32997, 32998)):  # of a volume and of its tiles
+        raise ValueError("expected a single image, found a TIFF of several planes")
     tiled = 324 in tags
     if tiled:  # a tile is decoded whole, however little of it is inside the image
         _checked(values(323)[0], values(322)[0], max_pixels)
@@ -179,7 +194,7 @@ def _tiff(data: bytes, max_pixels: int) -> tuple[int, int]:
         if start + length > len(data):
             raise ValueError("expected a complete file, found it truncated")
         stored += length
-    if values(259, 1)[0] == 1 and stored * 8 < height * width * samples * bits:
+    if coding == 1 and stored * 8 < height * width * samples * bits:
         raise ValueError("expected a complete file, found fewer pixels than announced")
     return size
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
@@ -29,13 +29,18 @@ from scenes.recorded.listing import list_folder
 from scenes.recorded.scene import (
     Options,
     RecordedScene,
+    check_number,
     class_indices,
     in_memory,
     with_progress,
 )
 
 T = TypeVar("T")
-U = TypeVar("U")
+
+_DECODING_BYTES = 2**28
+"""Held at a time by images that are being read, as their headers announce them."""
+_BYTES_A_PIXEL = 10
+"""Red, green, blue, alpha and luminance of 16 bits."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,7 @@ def open_folder(root: Path, options: Options) -> RecordedScene:
         ValueError: the folder or its manifest is not as described.
     """
     listing = list_folder(root)
+    check_number(root, len(listing.files))
     images, keep = _read_all(listing.files, options)
     size, dtype = _mark_odd_ones(root, listing.files, images)
     shape = options.window.shape(*size)
@@ -76,15 +82,15 @@ def open_folder(root: Path, options: Options) -> RecordedScene:
         read = in_memory(_stack(usable, shape, dtype))
     else:
         read = _stream(files, digests, shape, dtype, options)
-    relative = [shown(file.relative_to(root).as_posix()) for file in files]
+    relative = np.array([shown(file.relative_to(root).as_posix()) for file in listing.files])
     properties = {name: values[good] for name, values in listing.properties.items()}
     return RecordedScene(
         classes=classes,
         labels=labels,
         shape=shape,
-        samples={"order": np.arange(len(good)), **properties, "file": np.array(relative)},
+        samples={"order": np.arange(len(good)), **properties, "file": relative[good]},
         read=read,
-        digest=hashlib.sha256(b"".join(digests)).hexdigest(),
+        digest=_digest(digests, np.delete(relative, good).tolist()),
         window=options.window,
         skipped=tuple(str(problem) for problem in problems),
     )
@@ -114,7 +120,14 @@ def _read_all(files: Sequence[Path], options: Options) -> tuple[list[_Image | Ba
     """Each file's image or what is wrong with it, and whether the pixels were kept: all or none."""
     images: list[_Image | BadFrame] = []
     kept_bytes, keep = 0, True
-    with closing(_map(lambda file: _attempt(file, options), files, options)) as inspected:
+
+    def attempt(i: int) -> _Image | BadFrame:
+        try:
+            return _inspect(files[i], options)
+        except BadFrame as error:
+            return error
+
+    with closing(_map(attempt, range(len(files)), files, options)) as inspected:
         for image in with_progress(inspected, len(files), "Reading images"):
             if isinstance(image, BadFrame):
                 if not options.skip:
@@ -156,7 +169,7 @@ def _stack(images: list[_Image], shape: tuple[int, int], dtype: np.dtype) -> np.
 
 def _inspect(file: Path, options: Options) -> _Image:
     """Read, check, decode. The header is checked before OpenCV sees the bytes."""
-    data = read_bytes(file, limit=8 * options.max_pixels + 2**20)
+    data = read_bytes(file, _most_bytes(options))
     try:
         size = image_size(data, file.suffix, options.max_pixels)
         decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -173,11 +186,12 @@ def _inspect(file: Path, options: Options) -> _Image:
     return _Image(size, decoded.dtype, pixels, hashlib.sha256(data).digest())
 
 
-def _attempt(file: Path, options: Options) -> _Image | BadFrame:
-    try:
-        return _inspect(file, options)
-    except BadFrame as error:
-        return error
+def _digest(digests: Sequence[bytes], left_out: Sequence[str]) -> str:
+    """Of the contents of the files that are frames, and the names of those that were left out."""
+    digest = hashlib.sha256(b"".join(digests))
+    if left_out:
+        digest.update(repr(left_out).encode())
+    return digest.hexdigest()
 
 
 def _without_pixels(image: _Image | BadFrame) -> _Image | BadFrame:
@@ -203,7 +217,7 @@ def _stream(
 
     def read(index: np.ndarray) -> np.ndarray:
         out = np.empty((len(index), *shape), dtype)
-        with closing(_map(again, index.tolist(), options)) as decoded:
+        with closing(_map(again, index.tolist(), files, options)) as decoded:
             for k, pixels in enumerate(decoded):
                 out[k] = pixels
         return out
@@ -212,11 +226,44 @@ def _stream(
 
 
 def _map(
-    function: Callable[[T], U], items: Sequence[T], options: Options
-) -> Generator[U, None, None]:
-    """map() over threads (OpenCV decodes without the interpreter lock) with bounded look-ahead."""
+    function: Callable[[int], T], indices: Sequence[int], files: Sequence[Path], options: Options
+) -> Generator[T, None, None]:
+    """map() over threads, which OpenCV decodes in parallel, of the indices of files.
+
+    No more are decoded ahead of the caller than fit in memory: as many threads as there are cores,
+    each with a small file that announces a large image, would fill it.
+    """
     threads = options.threads or os.cpu_count() or 1
     ahead = 16 * threads
     with quiet_opencv(), ThreadPoolExecutor(threads) as executor:
-        for start in range(0, len(items), ahead):
-            yield from executor.map(function, items[start : start + ahead])
+        for start in range(0, len(indices), ahead):
+            part = indices[start : start + ahead]
+            for group in _groups(part, executor.map(lambda i: _cost(files[i], options), part)):
+                yield from executor.map(function, group)
+
+
+def _groups(items: Sequence[int], costs: Iterable[int]) -> Iterator[list[int]]:
+    """The items in their order, together as long as they cost at most _DECODING_BYTES."""
+    group: list[int] = []
+    total = 0
+    for item, cost in zip(items, costs, strict=True):
+        if group and total + cost > _DECODING_BYTES:
+            yield group
+            group, total = [], 0
+        group.append(item)
+        total += cost
+    yield group
+
+
+def _cost(file: Path, options: Options) -> int:
+    """Bytes that reading and decoding a file takes; none if it will be refused."""
+    try:
+        data = read_bytes(file, _most_bytes(options))
+        height, width = image_size(data, file.suffix, options.max_pixels)
+    except ValueError:
+        return 0
+    return len(data) + _BYTES_A_PIXEL * height * width
+
+
+def _most_bytes(options: Options) -> int:
+    return 8 * options.max_pixels + 2**20

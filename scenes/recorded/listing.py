@@ -18,8 +18,9 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from scenes.recorded.files import natural_key, read_csv, shown
+from scenes.recorded.files import label, natural_key, read_csv, shown
 from scenes.recorded.header import SUFFIXES
+from scenes.recorded.scene import check_times
 
 MANIFEST = "manifest.csv"
 
@@ -93,7 +94,7 @@ def _status(path: Path) -> os.stat_result:
 def _from_manifest(root: Path) -> Listing:
     table = root / MANIFEST
     rows = read_csv(table, required=("file", "label"))
-    files, seen = [], set()
+    files, labels, seen = [], [], set()
     for line, row in enumerate(rows, start=2):
         relative = PurePosixPath(row["file"])
         if not row["file"] or relative.is_absolute() or ".." in relative.parts:
@@ -105,14 +106,11 @@ def _from_manifest(root: Path) -> Listing:
             raise ValueError(
                 f"{shown(table)}, row {line}: expected each file once, found {row['file']!r} again"
             )
-        if not row["label"]:
-            raise ValueError(f"{shown(table)}, row {line}: expected a label, found none")
+        labels.append(label(row["label"], f"{shown(table)}, row {line}"))
         seen.add(relative)
         files.append(root / relative)
     columns = {name: _column([row[name] for row in rows]) for name in rows[0]}
-    if "order" in columns and columns["order"].dtype.kind not in "if":
-        raise ValueError(f"{shown(table)}: expected numbers in the column order, found others")
-    labels = [shown(row["label"]) for row in rows]
+    check_times(table, columns)
     classes = None
     if "class_index" in columns:
         classes = _class_order(table, labels, columns.pop("class_index"))

@@ -16,6 +16,10 @@ from scenes.recorded.files import natural_key, shown
 
 T = TypeVar("T")
 
+MOST_FRAMES = 2**20
+"""Of a recording: a file of some kilobytes can announce a billion of one pixel each."""
+_MOST_THREADS = 256
+
 
 @dataclass(frozen=True)
 class Window:
@@ -68,17 +72,20 @@ class Options:
     window: Window = field(default_factory=Window)
     on_bad_frame: str = "stop"
     threads: int | None = None
-    memory_bytes: int = 2**31
-    max_pixels: int = 2**25
+    memory_bytes: int = 2**28
+    max_pixels: int = 2**24
 
     def __post_init__(self) -> None:
         if self.on_bad_frame not in ("stop", "skip"):
             raise ValueError(
                 f"scene.on_bad_frame: expected stop or skip, found {self.on_bad_frame!r}"
             )
-        if self.threads is not None and not (_is_int(self.threads) and self.threads >= 1):
+        if self.threads is not None and not (
+            _is_int(self.threads) and 1 <= self.threads <= _MOST_THREADS
+        ):
             raise ValueError(
-                f"scene.threads: expected null or an integer ≥ 1, found {self.threads!r}"
+                f"scene.threads: expected null or an integer ≥ 1, at most {_MOST_THREADS}, "
+                f"found {self.threads!r}"
             )
         for name, value, least in (
             ("memory_bytes", self.memory_bytes, 0),
@@ -99,7 +106,8 @@ class RecordedScene:
     Attributes:
         read: frames [n, H, W] (numpy, uint8 or uint16) of the given indices [n].
         skipped: a line for each bad frame that was left out, naming it and the reason.
-        digest: of the recorded bytes that became frames, in their order.
+        digest: of the recorded bytes that became frames, in their order, and of which files or
+            frames were left out.
     """
 
     classes: tuple[str, ...]
@@ -134,6 +142,21 @@ class RecordedScene:
         digest.update(np.ascontiguousarray(self.labels, dtype="<i8").data)
         digest.update(repr(self.samples["order"].tolist()).encode())
         return digest.hexdigest()
+
+
+def check_number(where: object, n: int) -> None:
+    """Raises a ValueError if a recording has more than :data:`MOST_FRAMES` frames."""
+    if n > MOST_FRAMES:
+        raise ValueError(f"{shown(where)}: expected at most {MOST_FRAMES} frames, found {n}")
+
+
+def check_times(where: object, samples: Mapping[str, np.ndarray]) -> None:
+    """Raises a ValueError unless ``order`` and ``session``, by which samples are split, are
+    numbers."""
+    for key in ("order", "session"):
+        values = samples.get(key, np.zeros(0))
+        if values.dtype.kind not in "iuf" or not np.isfinite(values).all():
+            raise ValueError(f"{shown(where)}: expected numbers in the column {key}, found others")
 
 
 def class_indices(

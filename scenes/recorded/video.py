@@ -21,11 +21,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from scenes.recorded.files import BadFrame, file_digest, read_csv, shown
+from scenes.recorded.files import BadFrame, file_digest, label, read_csv, shown
 from scenes.recorded.images import grey, quiet_opencv
 from scenes.recorded.scene import (
     Options,
     RecordedScene,
+    check_number,
     class_indices,
     in_memory,
     with_progress,
@@ -71,12 +72,11 @@ def open_video(path: Path, table: Path, options: Options) -> RecordedScene:
         images: list[np.ndarray] | None = []
         if len(numbers) * math.prod(shape) > options.memory_bytes:
             images = None
-        checks = []
-        wanted = set(numbers.tolist())
+        checks: list[int] = []
         for k in with_progress(range(int(numbers[-1]) + 1), int(numbers[-1]) + 1, "Reading video"):
             if not capture.grab():
                 break
-            if k in wanted:
+            if k == numbers[len(checks)]:
                 image = _retrieve(capture, (height, width), options)
                 if image is None:
                     break
@@ -99,7 +99,7 @@ def open_video(path: Path, table: Path, options: Options) -> RecordedScene:
             "interval": members,
         },
         read=in_memory(np.stack(images)) if images is not None else reader.read,
-        digest=file_digest(path),
+        digest=repr((file_digest(path), len(skipped))),
         window=options.window,
         skipped=skipped,
     )
@@ -115,9 +115,7 @@ def _intervals(table: Path) -> list[_Interval]:
             raise ValueError(f"{where}: expected seconds, found: {error}") from error
         if not (math.isfinite(end) and 0 <= start < end):
             raise ValueError(f"{where}: expected 0 ≤ start_s < end_s, found {start}, {end}")
-        if not row["label"]:
-            raise ValueError(f"{where}: expected a label, found none")
-        found.append(_Interval(start, end, shown(row["label"])))
+        found.append(_Interval(start, end, label(row["label"], where)))
     found.sort(key=lambda interval: interval.start)
     for before, after in pairwise(found):
         if after.start < before.end:
@@ -137,7 +135,9 @@ def _open(path: Path) -> cv2.VideoCapture:
         raise ValueError(
             f"{shown(path)}: expected an mp4, mov, avi, mkv or webm video, found other"
         )
-    capture = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG)
+    # One thread: several conceal what is damaged in a different way each time.
+    one_thread = [cv2.CAP_PROP_N_THREADS, 1]
+    capture = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG, one_thread)
     if not capture.isOpened():
         raise ValueError(f"{shown(path)}: expected a video, found one that cannot be decoded")
     return capture
@@ -147,7 +147,7 @@ def _numbers(
     path: Path, table: Path, intervals: list[_Interval], rate: float, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of the labelled frames, increasing, and the interval of each."""
-    numbers, members = [], []
+    numbers, members, total = [], [], 0
     for m, interval in enumerate(intervals):
         # A thousandth of a frame: 0.3 s × 10 Hz must be frame 3, and is 3.0000000000000004 or less.
         first, last = (math.ceil(t * rate - 1e-3) for t in (interval.start, interval.end))
@@ -161,6 +161,8 @@ def _numbers(
                 f"{shown(table)}: expected at least one frame in each interval ({rate:g} Hz), "
                 f"found none in {interval.start:g}–{interval.end:g} s"
             )
+        total += last - first
+        check_number(path, total)
         numbers.append(np.arange(first, last))
         members.append(np.full(last - first, m))
     return np.concatenate(numbers), np.concatenate(members)

@@ -181,6 +181,47 @@ def test_hostile_files_are_refused(tmp_path: Path, content: bytes) -> None:
         HDCClassifier.load(tmp_path / "m")
 
 
+LAYOUTS = {
+    "beyond the end": {"data_offsets": [0, 2**62]},
+    "backwards": {"data_offsets": [24, 0]},
+    "negative": {"data_offsets": [-8, 16]},
+    "more values than bytes": {"shape": [3, 1, 2**20]},
+    "a size that overflows": {"shape": [2**32, 2**32, 2**32]},
+    "an unknown type": {"dtype": "O"},
+    "no type": {"dtype": None},
+}
+
+
+@pytest.mark.parametrize("what", LAYOUTS)
+def test_a_layout_that_does_not_fit_is_refused(tmp_path: Path, what: str) -> None:
+    path = tmp_path / "m"
+    trained().save(path)
+    data = path.read_bytes()
+    (length,) = struct.unpack_from("<Q", data)
+    header = json.loads(data[8 : 8 + length])
+    header["planes"] |= LAYOUTS[what]
+    text = json.dumps(header).encode()
+    path.write_bytes(struct.pack("<Q", len(text)) + text + data[8 + length :])
+    with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
+        HDCClassifier.load(path)
+
+
+def test_of_a_parameter_twice_one_counts_or_it_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "m"
+    model = trained()
+    header = json.dumps({"format": "hdc-classifier-1", "parameters": model.get_params(),
+                         "classes": [0, 1, 2], "frame_shape": [5, 7]})  # fmt: skip
+    content = {
+        "planes": model.counters_.planes, "n": model.counters_.n, "prototypes": model.prototypes_,
+    }  # fmt: skip
+    twice = header.replace('"frame_shape": [5, 7]', '"frame_shape": "x", "frame_shape": [7, 5]')
+    path.write_bytes(safetensors.save(content, {"model": twice}))
+    assert HDCClassifier.load(path).frame_shape_ == (7, 5)
+    path.write_bytes(safetensors.save(content, {"model": twice.replace('"x"', '"y"')[:-1]}))
+    with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
+        HDCClassifier.load(path)
+
+
 def test_deeply_nested_metadata_is_refused(tmp_path: Path) -> None:
     model = trained()
     content = {

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scenes.frames import Scene
-from scenes.recorded import open_recording
+from scenes.recorded import archive, open_recording
 
 LABELS = np.arange(12) % 3
 
@@ -104,6 +104,46 @@ def test_nothing_is_unpickled(save, tmp_path):
         open_recording(path)
 
 
+def test_kinds_of_zip_that_numpy_does_not_write_are_refused(save, monkeypatch):
+    path = save()
+    with zipfile.ZipFile(path) as old:
+        kept = {name: old.read(name) for name in old.namelist()}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_LZMA) as new:
+        for name, content in kept.items():
+            new.writestr(name, content)
+    with pytest.raises(ValueError, match=r"x.npz: expected an intact .npz, found: an array of com"):
+        open_recording(path)
+    with zipfile.ZipFile(path, "w") as new:
+        for k in range(9):
+            new.writestr(f"{k}.npy", b"")
+    monkeypatch.setattr(archive, "_MOST_DIRECTORY_BYTES", 400)
+    with pytest.raises(ValueError, match="a directory of 459 bytes where 400 are the most"):
+        open_recording(path)
+    # 64-bit sizes are what zipfile goes by where they are there.
+    monkeypatch.setattr(zipfile, "ZIP_FILECOUNT_LIMIT", 1)
+    with zipfile.ZipFile(path, "w") as new:
+        for k in range(9):
+            new.writestr(f"{k}.npy", b"")
+    assert b"PK\6\7" in path.read_bytes()
+    with pytest.raises(ValueError, match="a directory of 459 bytes where 400 are the most"):
+        open_recording(path)
+
+
+def test_columns_that_do_not_fit_together_are_refused(save, pixels):
+    columns = {f"c{k}": np.zeros(12) for k in range(5)}
+    path = save(**columns)
+    assert len(open_recording(path, memory_bytes=576).samples) == 6
+    with pytest.raises(ValueError, match=r"at most 575 bytes .* beside the frames, found 576"):
+        open_recording(path, memory_bytes=575)
+
+
+def test_too_many_frames_are_refused(save):
+    n = 2**20 + 1
+    frames = np.zeros((n, 1, 1), np.uint8)
+    with pytest.raises(ValueError, match=r"x.npz: expected at most 1048576 frames, found 1048577"):
+        open_recording(save(True, frames=frames, labels=np.arange(n, dtype=np.int8) % 2))
+
+
 def test_a_zip_bomb_is_refused_from_its_header(save):
     zeros = np.zeros((4000, 200, 200), np.uint8)
     path = save(compressed=True, frames=zeros, labels=np.arange(4000) % 2)
@@ -140,8 +180,15 @@ def test_a_zip_bomb_is_refused_from_its_header(save):
         ({"labels": LABELS.astype("M8[s]")}, r"\[labels\]: expected integers or strings"),
         ({"labels": LABELS * 0}, r"\[labels\]: expected two classes or more, found only '0'"),
         ({"classes": np.array(["a", "b"])}, r"\[labels\]: expected one of the 2 classes, found 2"),
-        ({"classes": np.array(["a", "a", "b"])}, r"\[classes\]: expected different strings"),
-        ({"classes": np.arange(3)}, r"\[classes\]: expected different strings"),
+        ({"classes": np.array(["a", "a", "b"])}, r"\[classes\]: expected different names"),
+        ({"classes": np.array(["a", "a\n", "a\\n"])}, r"\[classes\]: expected different names"),
+        ({"classes": np.array(["a", "b", ""])}, r"\[classes\]: expected a label, found none"),
+        ({"classes": np.arange(3)}, r"\[classes\]: expected strings \[L\], found int64"),
+        (
+            {"labels": np.array(["a", "b" * 201, "c"] * 4)},
+            r"\[labels\]: expected at most 800 bytes",
+        ),
+        ({"order": np.full(12, np.nan)}, r"expected numbers in the column order"),
         (
             {"labels": np.array(list("abcx" * 3)), "classes": np.array(list("abc"))},
             r"\[labels\]: expected one of the 3 classes, found 'x'",

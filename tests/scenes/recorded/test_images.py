@@ -1,14 +1,16 @@
 """Folders of images: what is read is what was written, and what is broken is named."""
 
 import os
+import struct
 import threading
+import time
 
 import cv2
 import numpy as np
 import pytest
 
 from scenes.frames import Scene
-from scenes.recorded import BadFrame, open_recording
+from scenes.recorded import BadFrame, Options, images, open_recording
 
 
 def all_of(scene):
@@ -159,6 +161,10 @@ def test_a_manifest_says_what_belongs_to_the_scene(folder, pixels):
         ("file,label,class_index\na/1.png,x,0\nb/1.png,y,0\n", "one class_index a label, 0 … 1"),
         ("file,label,label\na/1.png,x,y\n", "expected different column names"),
         (b"file,label\n\xff\xfe,x\n", "expected a CSV table in UTF-8"),
+        ("file,label,session\na/1.png,x,nan\nb/1.png,y,1\n", "numbers in the column session"),
+        (f"file,label\na/1.png,{'x' * 201}\nb/1.png,y\n", "row 2: expected a label of at most 200"),
+        (b"file,label\n" + b"a,b\n" * 2**21, "expected at most 8388608 bytes, found 8388619"),
+        (f"{'x' * 200_000}\n", "expected a CSV table in UTF-8, found: field larger"),
         ('file,label\n"a/1.png,x\n', "expected a CSV table in UTF-8"),
         ("file,label\na/1\0.png,x\nb/1.png,y\n", r"1\\x00.png"),
     ],
@@ -192,6 +198,35 @@ def animated(path):
     assert cv2.imwriteanimation(str(path), animation)
 
 
+def many_scans(path):
+    """A JPEG of one frame header whose scan is there 65 times."""
+    data = cv2.imencode(".jpg", np.zeros((20, 30), np.uint8))[1].tobytes()
+    scan = data[data.rindex(b"\xff\xda") : -2]
+    path.write_bytes(data[:-2] + 64 * scan + data[-2:])
+
+
+def tags(change):
+    """Writes a TIFF whose directory of tags was changed."""
+
+    def make(path):
+        data = bytearray(cv2.imencode(".tif", np.zeros((20, 30), np.uint8))[1].tobytes())
+        (at,) = struct.unpack_from("<I", data, 4)
+        change(data, at + 2)
+        path.write_bytes(data)
+
+    return make
+
+
+@tags
+def tag_twice(data, at):
+    data[at + 12 : at + 14] = data[at : at + 2]  # the height becomes a second width
+
+
+@tags
+def volume(data, at):
+    struct.pack_into("<HHII", data, at + 12 * 9, 32997, 4, 1, 2)  # depth 2 for the plane layout
+
+
 BROKEN = {
     "zero.png": (lambda p: p.write_bytes(b""), "expected an image, found an empty file"),
     "text.png": (lambda p: p.write_text("not an image"), "expected PNG data in a file .png"),
@@ -201,7 +236,7 @@ BROKEN = {
     ),
     "image.gif": (lambda p: p.write_bytes(b"GIF89a"), "expected a file .png, .*, found .gif"),
     "note": (lambda p: p.write_text("x"), "expected a file .png, .*, found no suffix"),
-    "bomb.png": (bomb, r"at most 33554432 pixels \(scene.max_pixels\), found 60000 × 60000"),
+    "bomb.png": (bomb, r"at most 16777216 pixels \(scene.max_pixels\), found 60000 × 60000"),
     "cmyk.jpg": (cmyk, "expected a grey or colour image, found CMYK"),
     "moving.png": (animated, "expected a single image, found an animated PNG"),
     "pages.tif": (
@@ -222,6 +257,15 @@ BROKEN = {
     "pipe.png": (lambda p: os.mkfifo(p), "expected a file, found no regular file"),
     "deeper": (lambda p: p.mkdir(), "expected a file, found a folder"),
     "back": (lambda p: p.symlink_to(p.parents[1]), "expected a file, found a folder"),
+    "scans.jpg": (many_scans, "expected at most 64 scans, found 65"),
+    "twice.tif": (tag_twice, "expected each TIFF tag once, found 256 again"),
+    "volume.tif": (volume, "expected a single image, found a TIFF of several planes"),
+    "jpeg.tif": (
+        lambda p: cv2.imwrite(str(p), np.zeros((20, 30), np.uint8), [259, 7]),
+        "expected no compression, LZW, deflate or PackBits, found 7",
+    ),
+    "<script>\n|[b].png": (lambda p: p.write_bytes(b""), r"<script>\\n\|\[b\].png: expected"),
+    "latin\udce9.png": (lambda p: p.write_bytes(b""), r"latin\\udce9.png: expected"),
     "escape\x1b[31m.png": (lambda p: p.write_bytes(b""), r"escape\\x1b\[31m.png: expected"),
 }
 
@@ -232,11 +276,48 @@ def test_a_bad_frame_stops_or_is_skipped_and_is_named(folder, pixels, name):
     make(folder / "b" / name)
     with pytest.raises(BadFrame, match=message) as caught:
         open_recording(folder)
-    plain = name.replace("\x1b", "\\x1b")
+    plain = name.replace("\x1b", "\\x1b").replace("\n", "\\n").replace("\udce9", "\\udce9")
     assert str(caught.value).startswith(str(folder / "b" / plain))
     scene = open_recording(folder, on_bad_frame="skip")
     assert scene.skipped == (str(caught.value),)
     assert np.array_equal(all_of(scene), pixels)
+
+
+def test_what_was_skipped_is_part_of_the_fingerprint(folder, tmp_path):
+    whole = open_recording(folder, on_bad_frame="skip")
+    (folder / "b" / "9.png").write_bytes(b"")
+    one = open_recording(folder, on_bad_frame="skip")
+    (folder / "c" / "9.png").write_bytes(b"")
+    two = open_recording(folder, on_bad_frame="skip")
+    assert [len(scene.skipped) for scene in (whole, one, two)] == [0, 1, 2]
+    assert len({scene.fingerprint() for scene in (whole, one, two)}) == 3
+    moved = folder.rename(tmp_path / "elsewhere")
+    assert open_recording(moved, on_bad_frame="skip").fingerprint() == two.fingerprint()
+
+
+def test_large_images_are_decoded_a_few_at_a_time(folder, monkeypatch):
+    """Sixteen threads with a small file each that announces a large image would fill the memory."""
+    cost = images._cost(folder / "a" / "1.png", Options())
+    assert cost == (folder / "a" / "1.png").stat().st_size + 10 * 20 * 30
+    monkeypatch.setattr(images, "_DECODING_BYTES", int(2.5 * cost))
+    assert list(images._groups([7, 8, 9], [cost] * 3)) == [[7, 8], [9]]
+    assert list(images._groups([7, 8, 9], [9 * cost, 0, 9 * cost])) == [[7], [8], [9]]
+    held, most = set(), 0
+    inspect = images._inspect
+
+    def watched(file, options):
+        nonlocal most
+        held.add(file)
+        most = max(most, len(held))
+        try:
+            time.sleep(0.005)
+            return inspect(file, options)
+        finally:
+            held.discard(file)
+
+    monkeypatch.setattr(images, "_inspect", watched)
+    assert len(open_recording(folder, threads=16)) == 12
+    assert 1 <= most <= 2
 
 
 def test_truncated_and_damaged_images_are_named_or_correct(tmp_path):

@@ -1,5 +1,7 @@
 """Settings of a recording: each is checked where it is given."""
 
+import os
+
 import pytest
 
 from scenes.recorded import open_recording
@@ -20,6 +22,8 @@ from scenes.recorded import open_recording
         ({"on_bad_frame": "ignore"}, "scene.on_bad_frame: expected stop or skip, found 'ignore'"),
         ({"on_bad_frame": True}, "scene.on_bad_frame: .* found True"),
         ({"threads": 0}, "scene.threads: expected null or an integer ≥ 1"),
+        ({"threads": 10**9}, "scene.threads: .* at most 256, found 1000000000"),
+        ({"intervals": 5}, "scene.intervals: expected null or the path of a table, found 5"),
         ({"memory_bytes": -1}, "scene.memory_bytes: expected an integer ≥ 0"),
         ({"max_pixels": 1.5}, "scene.max_pixels: expected an integer ≥ 1"),
         ({"max_pixels": 599}, r"expected at most 599 pixels \(scene.max_pixels\), found 30 × 20"),
@@ -31,11 +35,20 @@ def test_settings_of_the_wrong_type_or_out_of_range_are_named(folder, settings, 
         open_recording(folder, **settings)
 
 
+@pytest.mark.parametrize("name", ["x.npz", "x.mp4"])
+def test_a_pipe_is_not_waited_for(tmp_path, name):
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(ValueError, match=rf"{name}: expected a file, found no regular file"):
+        open_recording(tmp_path / name)
+
+
 def test_paths_that_lead_nowhere_are_named(tmp_path):
     with pytest.raises(ValueError, match=r"scene.path: .* found nothing: .*/absent"):
         open_recording(tmp_path / "absent")
     with pytest.raises(ValueError, match=r"scene.path: .* found None"):
         open_recording(None)
+    with pytest.raises(ValueError, match=r"scene.path: expected a path, found ~nobody-here/x"):
+        open_recording("~nobody-here/x")
     (tmp_path / "x.pkl").write_bytes(b"x")
     with pytest.raises(
         ValueError, match=r"scene.path: expected a folder, an .npz or a video .*x.pkl"

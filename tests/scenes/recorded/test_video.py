@@ -108,6 +108,9 @@ def test_a_video_that_ends_early_is_named(tmp_path):
     ):
         open_recording(path)
     part = open_recording(path, on_bad_frame="skip")
+    path.with_suffix(".csv").write_text("start_s,end_s,label\n0,1,a\n1,5.9,b\n")
+    assert len(open_recording(path, on_bad_frame="skip")) == len(part)
+    assert open_recording(path, on_bad_frame="skip").fingerprint() != part.fingerprint()
     assert 10 < len(part) < N
     assert len(part) + len(part.skipped) == N
     intact = np.arange(len(part) - 1)  # the last frame may be cut through
