@@ -177,11 +177,13 @@ class Records:
                 return None
             if record["config"]["device"] != self.device:
                 return None
-            if not _is_current(record):
+            reference = _today(record)
+            if reference is None or _identity(record["config"]) != reference:
                 self.skipped.append(folder.name)
                 return None
             known = record["scene"].get("fingerprint")
-            now = pooling.fingerprint(json.dumps(record["config"]["scene"]))
+            # A record has lost the order of its classes; the equal configuration of today has it.
+            now = pooling.fingerprint(json.dumps(reference["scene"]))
             return Run(
                 record,
                 read_curve(folder / "curve.csv"),
@@ -235,14 +237,13 @@ def read_curve(path: Path) -> Curve:
     return curve
 
 
-def _is_current(record: Mapping[str, Any]) -> bool:
-    """Whether today's configs, with the record's seeds, say what the record says it did."""
+def _today(record: Mapping[str, Any]) -> dict[str, Any] | None:
+    """What today's configs, with the record's seeds, say of its scene and model."""
     names, config = record["choices"], record["config"]
     try:
-        reference = _reference(
+        return _reference(
             names["scene"], names["model"], json.dumps(config["seed"]), config["device"]
         )
-        return reference is not None and _identity(config) == reference
     except (HydraException, OmegaConfBaseException, RecursionError, OSError) as error:
         raise ValueError(f"expected a configuration of configs/, found: {error}") from error
 

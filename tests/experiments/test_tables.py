@@ -220,6 +220,15 @@ def test_the_fingerprint_of_today_is_that_of_the_scene_as_configured(composed):
     assert pooling.fingerprint(json.dumps(gone)) is None
 
 
+def test_frames_of_today_are_known_again_from_a_record_on_disk(tmp_path, write_run, composed):
+    """A record is written with its keys sorted; the order of the classes is part of the frames."""
+    scene = hydra.utils.instantiate(composed("touch", "hdc", "paper").scene, _convert_="all")
+    write_run("hdc", scene=seen_by(scene.fingerprint()))
+    assert line(tmp_path, "hdc")["status"] == "ok"
+    write_run("hdc", scene=seen_by("f" * 64))
+    assert line(tmp_path, "hdc")["status"] == "of other frames than the scene's now"
+
+
 def test_other_test_samples_of_the_same_seed_are_told(tmp_path, write_run):
     write_run("hdc")
     write_run("ridge")
