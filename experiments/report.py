@@ -83,6 +83,7 @@ def _write_measured(results: Path, records: Records) -> list[Path]:
     What cannot be made of a measurement goes to the problems of the records.
     """
     from experiments import (
+        fuzz_table,
         numerics_figure,
         paper_figures,
         stability_table,
@@ -101,6 +102,7 @@ def _write_measured(results: Path, records: Records) -> list[Path]:
         "stability": lambda: stability_table.tables(results),
         "stiffness and footprint": lambda: stiffness_tables.write(results),
         "robustness": lambda: _write_robustness(results),
+        "fuzz": lambda: fuzz_table.table(results),
         "figure numerics": lambda: save("numerics", numerics_figure.figure(results)),
         "figure stiffness_limit": lambda: save(
             "stiffness_limit", stiffness_figures.stability_limit(results)

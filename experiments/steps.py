@@ -190,6 +190,8 @@ STEPS = (
     Step("footprint", "cost", _sweep("footprint"),
          _sweep("footprint", "task.scenes=[touch,tactile] task.models=[hdc] task.stream=[400]"),
          (4, 1)),
+    Step("distributed", "cost", _sweep("distributed"), "", (1, 0)),
+    Step("fuzz", "cost", _sweep("fuzz"), "", (3, 0)),
     Step("benchmark", "cost", _sweep("benchmark"), "", (8, 0), "benchmark.csv"),
     Step("sensor_check", "cost", "scenes.sensor.check", "scenes.sensor.check", (2, 1.5),
          "sensor_check.csv"),
