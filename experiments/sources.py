@@ -10,13 +10,17 @@ from __future__ import annotations
 import ast
 import functools
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("hdc", "baselines", "scenes", "experiments")
 _TRIAL = "experiments.trial"
+# What carries a run out, or writes down what came of it, and computes none of it.
+_CARRIERS = tuple(
+    f"experiments/{name}.py" for name in ("locks", "measurement", "record", "schema", "sources")
+)
 
 
 def sources(config: Mapping[str, Any]) -> dict[str, str]:
@@ -41,16 +45,11 @@ def code_hash(files: Mapping[str, str]) -> str:
 
 def outdated(files: Mapping[str, str]) -> list[str]:
     """The files of a record that are not those of this checkout, or no longer there."""
-    return [name for name, known in sorted(files.items()) if _now(name) != known]
-
-
-def disagreements(records: Iterable[Mapping[str, str]]) -> list[str]:
-    """The files that two of these records have in common and in different versions."""
-    seen: dict[str, set[str]] = {}
-    for files in records:
-        for name, known in files.items():
-            seen.setdefault(name, set()).add(known)
-    return sorted(name for name, versions in seen.items() if len(versions) > 1)
+    return [
+        name
+        for name, known in sorted(files.items())
+        if name not in _CARRIERS and _now(name) != known
+    ]
 
 
 @functools.cache
@@ -89,11 +88,12 @@ def targets(node: Any) -> set[str]:
 def _closure(names: tuple[str, ...]) -> frozenset[Path]:
     """The project's files that importing these dotted names loads, sooner or later."""
     found: set[Path] = set()
-    waiting = {path for name in names for path in _files(name)}
+    carriers = {ROOT / name for name in _CARRIERS}
+    waiting = {path for name in names for path in _files(name)} - carriers
     while waiting:
         path = waiting.pop()
         found.add(path)
-        waiting |= _imports(path) - found
+        waiting |= _imports(path) - found - carriers
     return frozenset(found)
 
 

@@ -19,6 +19,9 @@ def test_a_run_is_made_by_what_it_imports_and_by_the_trial():
     )
     assert not any(name.startswith("baselines/") for name in files)
     assert {"experiments/run.py", "experiments/tables.py"}.isdisjoint(files)
+    drift = sources.sources({"_target_": "experiments.drift.run"})
+    assert "experiments/drift.py" in drift
+    assert {"experiments/measurement.py", "experiments/record.py"}.isdisjoint(drift)
     assert "baselines/training.py" in sources.sources(CNN)
     assert not any(name.startswith("hdc/") for name in sources.sources(CNN))
 
@@ -54,10 +57,9 @@ def test_comments_docstrings_and_layout_do_not_count(tmp_path, text, same):
     assert (sources.digest(tmp_path / "a.py") == sources.digest(tmp_path / "b.py")) == same
 
 
-def test_disagreements_and_outdated_files():
+def test_outdated_files():
     now = sources.sources(HDC)
     assert sources.outdated(now) == []
     old = {**now, "hdc/bits.py": "0" * 12, "hdc/gone.py": "1" * 12}
     assert sources.outdated(old) == ["hdc/bits.py", "hdc/gone.py"]
-    assert sources.disagreements([now, old, now]) == ["hdc/bits.py"]
     assert sources.code_hash(now) != sources.code_hash(old)
