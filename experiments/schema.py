@@ -72,7 +72,7 @@ _ALWAYS = {
     "scene.name": "a name",
     "scene.origin": "a text",
     "scene.shape": "two integers ≥ 1",
-    "*scene.classes": "a list of texts",
+    "scene.classes": "a list of texts",
     "?scene.skipped": "a list of texts",
 }
 _FINISHED = {
@@ -91,7 +91,7 @@ _FINISHED = {
     "n_test": "an integer ≥ 1",
     "test_labels": "a list of integers",
     "predicted": "a list of integers",
-    "*confusion": "a list of lists of integers",
+    "confusion": "a list of lists of integers",
     "predict_single_s": "seconds",
     "predict_batch_s_per_frame": "seconds",
     "data_sha256": "a mapping to texts",

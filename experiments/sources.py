@@ -19,7 +19,7 @@ PACKAGES = ("hdc", "baselines", "scenes", "experiments")
 _TRIAL = "experiments.trial"
 # What carries a run out, or writes down what came of it, and computes none of it.
 _CARRIERS = tuple(
-    f"experiments/{name}.py" for name in ("locks", "measurement", "record", "schema", "sources")
+    f"experiments/{name}.py" for name in ("locks", "measurement", "record", "sources")
 )
 
 

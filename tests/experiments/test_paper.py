@@ -31,6 +31,16 @@ def results(tmp_path, monkeypatch):
     return tmp_path
 
 
+# Of a finished run, as every record has them.
+RESULTS = {
+    "training_s": 0.1, "time_to_target_train_s": 0.1, "time_to_target_test_s": 0.1,
+    "train_accuracy_max": 1.0, "train_accuracy_final": 1.0, "test_accuracy_max": 1.0,
+    "test_accuracy_final": 1.0, "test_ci_low": 0.9, "test_ci_high": 1.0, "model_bytes": 1000,
+    "predict_single_s": 1e-3, "predict_batch_s_per_frame": 1e-4,
+    "data_sha256": {"train": "a", "test": "b"},
+}  # fmt: skip
+
+
 @pytest.fixture
 def write_scene(results, composed):
     """write_scene(scene, wrong, seed): an HDC record of two test samples a class; {class: taken
@@ -40,7 +50,7 @@ def write_scene(results, composed):
         cfg = composed(scene, "hdc", "paper")
         cfg.seed.run, cfg.split.n_train = seed, n_train
         config = OmegaConf.to_container(cfg, resolve=True)
-        for key in ("force", "cache", "task"):
+        for key in record.NOT_IDENTITY:
             config.pop(key)
         config["threads"] = 2
         files = sources.sources(config)
@@ -57,9 +67,11 @@ def write_scene(results, composed):
             "schema": record.SCHEMA, "id": identity, "status": "finished", "stop": "finished",
             "choices": {"scene": scene, "model": "hdc", "stop": "paper"}, "config": config,
             "environment": {"cpu": "A CPU", "threads": 2, **made_by},
-            "scene": {"name": scene, "origin": "simulated", "classes": classes, "n": 500},
+            "scene": {"name": scene, "origin": "simulated", "classes": classes, "n": 500,
+                      "shape": [500, 500]},
             "n_train": n_train or 8 * len(classes), "n_test": len(truth),
             "test_labels": truth, "predicted": predicted, "confusion": confusion,
+            **RESULTS,
         }  # fmt: skip
         record.write_record(results / "runs" / identity, entry)
 

@@ -186,7 +186,10 @@ def test_a_row_of_other_code_says_so(tmp_path, write_run):
 
 
 def seen_by(fingerprint):
-    return {"name": "touch", "origin": "simulated", "shape": [500, 500], "fingerprint": fingerprint}
+    return {
+        "name": "touch", "origin": "simulated", "classes": ["L1", "L2", "R1", "R2", "None"],
+        "shape": [500, 500], "fingerprint": fingerprint,
+    }  # fmt: skip
 
 
 @pytest.fixture
