@@ -13,9 +13,10 @@ $(VENV): pyproject.toml constraints.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,peers,cluster]'
 	@touch $@
 
+# Into a folder of its own: numbers of this machine must not mix with the committed ones.
 table1: $(VENV)  ## run HDC and the baselines on the simulated touch scene, show Table I
-	$(BIN)/python -m experiments.run experiment=table1
-	$(BIN)/python -m experiments.report
+	RESULTS_DIR=results/mine $(BIN)/python -m experiments.run experiment=table1
+	RESULTS_DIR=results/mine $(BIN)/python -m experiments.report
 
 benchmark: $(VENV)  ## time every route of the classifier beside its peers
 	$(BIN)/python -m experiments.run experiment=benchmark
