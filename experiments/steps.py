@@ -203,7 +203,12 @@ STEPS = (
          _sweep("table1", "stop=quick model=cnn1", "0"), (10, 2)),
     Step("cnn3", "networks", _sweep("table1", f"{_PAPER}cnn3", "0,1,2"),
          _sweep("table1", "stop=quick model=cnn3", "0"), (40, 7)),
-    Step("table1_extended", "other models", _sweep("table1_extended"),
+    # The networks of its list are runs of accuracy_vs_n_cnn.
+    Step("table1_extended", "other models",
+         _sweep("table1_extended",
+                "model=hdc_random_ties,hdc_integer,hdc_online,record_hdc,softmax_dual,"
+                "softmax_lbfgs,softmax_raw,softmax_sgd,ridge,correlation,nearest_neighbour,"
+                "sklearn_centroid,sklearn_ridge,sklearn_logistic,sklearn_svc", _FIVE),
          _sweep("table1_extended", "model=hdc_random_ties,hdc_integer,softmax_dual,softmax_lbfgs,"
                 "ridge,correlation,nearest_neighbour,sklearn_centroid,sklearn_ridge"), (30, 2)),
     Step("accuracy_vs_n_cnn", "other models", _sweep("accuracy_vs_n_cnn"), "", (30, 0)),
