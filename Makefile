@@ -29,7 +29,7 @@ stability: $(VENV)  ## numbers at their limits, training as a stiff problem, wha
 	$(BIN)/python -m experiments.run experiment=footprint
 	$(BIN)/python -m experiments.report
 
-reproduce: $(VENV)  ## everything that lies in results/ (hours; QUICK=1: half an hour, fewer seeds)
+reproduce: $(VENV)  ## everything that lies in results/ (hours; QUICK=1: fewer seeds)
 	$(BIN)/python -m experiments.reproduce $(if $(QUICK),--quick)
 	$(BIN)/python -m experiments.readme
 

@@ -38,7 +38,7 @@ REPORT = "experiments.report"
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the steps; 1 if one failed, 130 after an interruption."""
     parser = argparse.ArgumentParser(prog="python -m experiments.reproduce")
-    parser.add_argument("--quick", action="store_true", help="under half an hour: fewer seeds")
+    parser.add_argument("--quick", action="store_true", help="fewer seeds")
     parser.add_argument("--list", action="store_true", help="show the steps, run none")
     chosen = parser.parse_args(arguments)
     console = Console(highlight=False)
