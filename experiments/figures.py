@@ -91,7 +91,7 @@ def error_vs_time(records: Records) -> Figure:
             error = 1 - known["published_test_accuracy"]
             axes.plot(
                 known["published_training_time_s"], max(error, floor), "*", markersize=9,
-                color=_style(model)[0], markeredgecolor="black", markeredgewidth=0.6, zorder=5,
+                color=style_of(model)[0], markeredgecolor="black", markeredgewidth=0.6, zorder=5,
                 clip_on=False,
             )  # fmt: skip
         axes.set_xlabel("training time (s)")
@@ -124,7 +124,7 @@ def accuracy_vs_n(rows: Sequence[Row]) -> Figure:
         for model, n in PUBLISHED_N.items():
             panels[0].plot(
                 n, 100 * published_row(model)["published_test_accuracy"], "*", markersize=8,
-                color=_style(model)[0], markeredgecolor="black", markeredgewidth=0.6, zorder=5,
+                color=style_of(model)[0], markeredgecolor="black", markeredgewidth=0.6, zorder=5,
                 clip_on=False,
             )  # fmt: skip
         limit = published()["accuracy_vs_n/n_for_90_percent"]
@@ -209,7 +209,7 @@ def save(figure: Figure, kind: str) -> bytes:
 def _curve(axes: Axes, run: Run, floor: float) -> None:
     """Error over the reports of one run; the point where it had learnt is ringed."""
     model = run.record["choices"]["model"]
-    colour, marker, line = _style(model)
+    colour, marker, line = style_of(model)
     points = [(row["training_s"], 1 - row["test_accuracy"]) for row in run.curve
               if "test_accuracy" in row]  # fmt: skip
     if not points:
@@ -245,14 +245,14 @@ def _error_bars(
 ) -> None:
     if not lines:
         return
-    colour, symbol, style = _style(model)
+    colour, symbol, style = style_of(model)
     errors = np.array([1 - line["test_accuracy_final"] for line in lines])
     high = np.array([1 - line["test_ci_low"] for line in lines])
     low = np.array([1 - line["test_ci_high"] for line in lines])
     y = np.maximum(errors, floor)
     axes.errorbar(
         list(x), y, yerr=[y - np.maximum(low, floor), high - y], color=colour, ls=style,
-        marker=symbol if marker else None, mfc=_fill(model), elinewidth=0.7, capsize=1.5, lw=0.9,
+        marker=symbol if marker else None, mfc=fill_of(model), elinewidth=0.7, capsize=1.5, lw=0.9,
         zorder=3,
     )  # fmt: skip
 
@@ -274,14 +274,14 @@ def _accuracy_curves(
         lines.sort(key=lambda r: r[key])
         if not lines:
             continue
-        colour, marker, style = _style(model)
+        colour, marker, style = style_of(model)
         x = np.array([r[key] for r in lines]) * 1.02 ** (k - len(models) // 2)
         y, low, high = (
             100 * np.array([r[name] for r in lines])
             for name in ("test_accuracy_final", "test_ci_low", "test_ci_high")
         )
         axes.errorbar(
-            x, y, yerr=[y - low, high - y], color=colour, marker=marker, mfc=_fill(model),
+            x, y, yerr=[y - low, high - y], color=colour, marker=marker, mfc=fill_of(model),
             ls=style, elinewidth=0.6, capsize=1.2, lw=0.9,
         )  # fmt: skip
     axes.set_ylim(min(15, lowest - 2), 102)
@@ -347,16 +347,17 @@ def _shown(rows: Sequence[Row], models: Sequence[str]) -> list[str]:
 
 
 def _handle(model: str) -> Line2D:
-    colour, marker, line = _style(model)
-    return Line2D([], [], color=colour, marker=marker, ls=line, mfc=_fill(model),
+    colour, marker, line = style_of(model)
+    return Line2D([], [], color=colour, marker=marker, ls=line, mfc=fill_of(model),
                   label=display_name(model))  # fmt: skip
 
 
-def _fill(model: str) -> str:
+def fill_of(model: str) -> str:
     """Of markers: none for a dashed line, so that lone markers of a family differ too."""
-    colour, _, line = _style(model)
+    colour, _, line = style_of(model)
     return "white" if line == "--" else colour
 
 
-def _style(model: str) -> tuple[str, str, str]:
+def style_of(model: str) -> tuple[str, str, str]:
+    """Colour, marker and line of a model, the same in every figure."""
     return _STYLES.get(model, _OTHER)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.figures import _style as style_of
+from experiments.figures import style_of
 from experiments.selection import Records, Run
 from experiments.tables import Row, display_name, published_row, row, training_time
 

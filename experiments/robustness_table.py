@@ -177,7 +177,7 @@ def _bit_flips(axes: Axes, rows: Sequence[Row], models: Sequence[str], name: str
     A model without rows of this name, since it stores no floating-point numbers, is drawn with
     those of its bits as they are.
     """
-    from experiments.figures import _fill, _style
+    from experiments.figures import fill_of, style_of
 
     rates = sorted({row["level"] for row in rows if row["disturbance"] in _FLIPS} - {0.0})
     axes.set_xscale("log")
@@ -196,9 +196,9 @@ def _bit_flips(axes: Axes, rows: Sequence[Row], models: Sequence[str], name: str
             100 * np.array([row[key] for row in lines])
             for key in ("test_accuracy_final", "lowest", "highest")
         )
-        colour, marker, style = _style(model)
+        colour, marker, style = style_of(model)
         axes.errorbar(x, y, yerr=[y - low, high - y], color=colour, marker=marker,
-                      mfc=_fill(model), ls=style, elinewidth=0.4, lw=0.9)  # fmt: skip
+                      mfc=fill_of(model), ls=style, elinewidth=0.4, lw=0.9)  # fmt: skip
     decades = [10.0**k for k in range(-12, 1, 2) if none < 10.0**k <= 1]
     axes.set_xticks([none, *decades], ["0", *(f"$10^{{{np.log10(d):.0f}}}$" for d in decades)])
     axes.set_xticks([], minor=True)
@@ -209,7 +209,7 @@ def _of_frames(
     axes: Axes, rows: Sequence[Row], models: Sequence[str], name: str, first: bool
 ) -> None:
     """Accuracies side by side at each level of one disturbance, none of it at the left."""
-    from experiments.figures import _fill, _style
+    from experiments.figures import fill_of, style_of
 
     title, unit, units = _LEVELS[name]
     levels = [0.0, *sorted({row["level"] for row in rows if row["disturbance"] == name})]
@@ -221,9 +221,9 @@ def _of_frames(
             100 * np.array([row[key] for row in lines])
             for key in ("test_accuracy_final", "test_ci_low", "test_ci_high")
         )
-        colour, marker, _ = _style(model)
+        colour, marker, _ = style_of(model)
         axes.errorbar(x, y, yerr=[y - low, high - y], color=colour, marker=marker,
-                      mfc=_fill(model), ls="", elinewidth=0.6, markersize=2.5)  # fmt: skip
+                      mfc=fill_of(model), ls="", elinewidth=0.6, markersize=2.5)  # fmt: skip
     axes.set_xticks(range(len(levels)), [f"{level * units:g}" for level in levels])
     axes.set_xlabel(f"{title} ({unit})")
     if first:

@@ -123,5 +123,5 @@ def test_published_points_are_drawn_where_they_are(make, a_full_set):
 
 
 def test_no_two_models_look_alike_without_their_lines():
-    looks = [(*figures._style(model)[:2], figures._fill(model)) for model in figures._STYLES]
+    looks = [(*figures.style_of(model)[:2], figures.fill_of(model)) for model in figures._STYLES]
     assert len(set(looks)) == len(looks)
