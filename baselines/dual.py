@@ -115,7 +115,10 @@ def _integer_gram(images: Tensor) -> Tensor:
 
 
 def _scaled_gram(images: Tensor, scaling: PixelScaling) -> Tensor:
-    """Gram matrix of frames scaled pixel by pixel, float32 products summed in float64."""
+    """Gram matrix of frames scaled pixel by pixel, float32 products summed in float64.
+
+    A constant a pixel, the shift of the scaling, is left out: centring takes it away.
+    """
     assert isinstance(scaling.scale, Tensor)
     assert isinstance(scaling.offset, Tensor)
     offset, scale = scaling.offset.flatten(), scaling.scale.flatten()

@@ -1,4 +1,4 @@
-"""Pixels to numbers: x ↦ (x − offset)·scale, with offset and scale chosen by name.
+"""Pixels to numbers: x ↦ (x − offset)·scale − shift, with the three chosen by name.
 
 ========================  =================  ====================================================
 ``raw``                   x                  0…255 (or 0…65535), as the camera gives them
@@ -29,15 +29,17 @@ CHUNK = 20  # frames; float32 sums of 20 squared 8-bit pixels are exact (20·255
 
 @dataclass
 class PixelScaling:
-    """x ↦ (x − offset)·scale.
+    """x ↦ (x − offset)·scale − shift.
 
     Args:
         offset: number, or float32 [H, W].
         scale: number, or float32 [H, W].
+        shift: number, or float32 [H, W]: what is left of a mean whose whole part is the offset.
     """
 
     offset: float | Tensor = 0.0
     scale: float | Tensor = 1.0
+    shift: float | Tensor = 0.0
 
     def __call__(self, batch: Tensor) -> Tensor:
         """Frames [n, H, W] → float32 of the same shape."""
@@ -46,11 +48,15 @@ class PixelScaling:
             values.sub_(self.offset)
         if isinstance(self.scale, Tensor) or self.scale != 1:
             values.mul_(self.scale)
+        if isinstance(self.shift, Tensor) or self.shift != 0:
+            values.sub_(self.shift)
         return values
 
     def state_tensors(self) -> dict[str, Tensor]:
         """The maps that a prediction needs; none when offset and scale are numbers."""
-        maps = {"pixel_offset": self.offset, "pixel_scale": self.scale}
+        maps = {
+            "pixel_offset": self.offset, "pixel_scale": self.scale, "pixel_shift": self.shift
+        }  # fmt: skip
         return {name: value for name, value in maps.items() if isinstance(value, Tensor)}
 
 
@@ -79,8 +85,13 @@ def _unit_centred(model: Classifier, frames: FrameSource) -> PixelScaling:
 def _standard(model: Classifier, frames: FrameSource) -> PixelScaling:
     total, squares = _sums(model, frames)
     mean = total / len(frames)
-    deviation = _deviation(squares / len(frames) - mean**2)
-    return PixelScaling(offset=mean.float(), scale=(1 / deviation).float())
+    # In whole numbers up to 2⁵³, so that nothing cancels that float64 has not kept.
+    deviation = _deviation((len(frames) * squares - total**2) / len(frames) ** 2)
+    # The difference of whole numbers is exact in float32; a mean of 16-bit pixels would lose what a
+    # nearly constant pixel differs by.
+    whole = mean.round()
+    shift = (mean - whole) / deviation
+    return PixelScaling(whole.float(), (1 / deviation).float(), shift.float())
 
 
 def _standard_global(model: Classifier, frames: FrameSource) -> PixelScaling:

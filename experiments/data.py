@@ -61,11 +61,12 @@ class CachedScene:
         self.samples, self.origin, self._scene = scene.samples, scene.origin, scene
         expected = f"{path}: expected {len(self)} frames {self.shape} (remove it to make it anew)"
         try:
-            self._frames = np.load(path, mmap_mode="r", allow_pickle=False)
+            header = np.load(path, mmap_mode="r", allow_pickle=False)
         except (ValueError, EOFError) as error:
             raise ValueError(f"{expected}, found: {error}") from error
-        if self._frames.shape != (len(self), *self.shape):
-            raise ValueError(f"{expected}, found shape {self._frames.shape}")
+        if header.shape != (len(self), *self.shape):
+            raise ValueError(f"{expected}, found shape {header.shape}")
+        self._path, self._dtype, self._start = path, header.dtype, header.offset
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -74,7 +75,15 @@ class CachedScene:
         return self._scene.fingerprint()
 
     def frames(self, indices: Any) -> Tensor:
-        return torch.from_numpy(self._frames[np.asarray(indices)])
+        """Read, not mapped: the pages of a map count as memory of the process once seen."""
+        wanted = np.arange(len(self))[np.asarray(indices)]
+        frames = np.empty((len(wanted), *self.shape), self._dtype)
+        with self._path.open("rb") as file:
+            for frame, index in zip(frames, wanted.tolist(), strict=True):
+                file.seek(self._start + index * frame.nbytes)
+                if file.readinto(frame.data) != frame.nbytes:
+                    raise ValueError(f"{self._path}: expected {len(self)} frames, found it cut off")
+        return torch.from_numpy(frames)
 
 
 def cached(scene: Scene, folder: Path, progress: Callable[[int, int], None]) -> Scene:

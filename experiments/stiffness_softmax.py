@@ -211,7 +211,8 @@ def _blocks(frames: Tensor, scaling: PixelScaling) -> Iterator[Tensor]:
     """The scaled frames a few rows at a time, float64 [N, rows·W]."""
     for first in range(0, frames.shape[1], ROWS):
         rows = slice(first, first + ROWS)
-        offset, scale = (
-            x[rows] if isinstance(x, Tensor) else x for x in (scaling.offset, scaling.scale)
+        offset, scale, shift = (
+            x[rows] if isinstance(x, Tensor) else x
+            for x in (scaling.offset, scaling.scale, scaling.shift)
         )
-        yield frames[:, rows].double().sub_(offset).mul_(scale).flatten(1)
+        yield frames[:, rows].double().sub_(offset).mul_(scale).sub_(shift).flatten(1)

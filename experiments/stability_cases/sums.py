@@ -66,14 +66,12 @@ def gram_matrix_of_nearly_equal_frames(n: int = 6, d: int = 250_000) -> Trial:
 
 @training_case(
     extreme="16-bit pixels: one always 65,535, one that is one less in one of 400 frames",
-    expected="0 for the first, four digits for the second; (x − μ)/σ is 0/0 for the first",
+    expected="0 for the first, six digits for the second; (x − μ)/σ is 0/0 for the first",
     reference="integers and mpmath",
     unit="deviations",
     naive="(x − mean) / std in float32",
     ours="pixels: standard",
-    tolerance=2e-3,
-    note="the mean is kept in float32, whose steps at 65,535 are 0.004 grey levels, and the "
-    "deviation of this pixel is 0.05",
+    tolerance=2e-5,
 )
 def standardised_pixels(n: int = 400) -> Trial:
     pixels = np.full((n, 1, 2), 65_535, np.uint16)

@@ -159,8 +159,6 @@ def deeper_than_the_layer(depth: float = 6e-3) -> Trial:
     unit="of 100 touches",
     naive="depth·(1 + spread·ξ)",
     ours="SpeckleScene.samples",
-    note="contact.Press.draw does not bound the depth from below; the largest depth spread in "
-    "configs/ is small enough for it not to happen there",
 )
 def an_indentation_is_never_negative(depth: float = 1e-3, spread: float = 0.6) -> Trial:
     return Trial(

@@ -82,7 +82,10 @@ class Press:
         sensor.paths.require_inside(f"scene.classes.{name}.position", self.position)
 
     def draw(self, normals: np.ndarray) -> dict[str, np.ndarray]:
-        """Depth and centre of n touches from standard normals [n, 3]."""
+        """Depth and centre of n touches from standard normals [n, 3].
+
+        A depth may come out negative; a scene takes it for a touch that does not reach the layer.
+        """
         return {
             "depth": self.depth * (1 + self.depth_spread * normals[:, 0]),
             "x": self.position[0] + self.position_spread * normals[:, 1],

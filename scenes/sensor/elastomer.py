@@ -47,10 +47,31 @@ def hertz_transform(x: Array) -> Array:
 
 
 def layer_response(k: Array, z: Array, thickness: float) -> tuple[Array, Array]:
-    """(P, Q) at wavenumbers k [1/m] and heights z [m], broadcast; nothing overflows."""
+    """(P, Q) at wavenumbers k [1/m] and heights z [m], broadcast; nothing overflows or cancels."""
     near, far = _excess(k, z, thickness)
     kd = k * (thickness - z)
-    return near + (1 + kd) * np.exp(-kd), far + kd * np.exp(-kd)
+    # P and Q are of order H³ and H² for a small H, what they are differences of is of order one.
+    p, q = _thin(np.minimum(k * thickness, 1), np.minimum(k * z, 1))
+    thin = k * thickness < 1
+    return (
+        np.where(thin, p, near + (1 + kd) * np.exp(-kd)),
+        np.where(thin, q, far + kd * np.exp(-kd)),
+    )
+
+
+def _thin(big_h: Array, s: Array) -> tuple[Array, Array]:
+    """(P, Q) of H ≤ 1 from hyperbolic functions, without differences of nearly equal terms.
+
+    U = N(s)/N(H) with N(s) = H·cosh H·s·sinh s + (cosh H + H·sinh H)(sinh s − s·cosh s), and
+    N(H) = (sinh 2H − 2H)/2 cancels against w̄: P = N(s)/C, Q = N′(s)/C, C = (cosh 2H + 1)/2 + H².
+    s·cosh s − sinh s = s²·i1(s), the modified spherical Bessel function.
+    """
+    cosh_h, sinh_h, cosh_s, sinh_s = np.cosh(big_h), np.sinh(big_h), np.cosh(s), np.sinh(s)
+    rest = cosh_h + big_h * sinh_h
+    size = cosh_h**2 + big_h**2
+    p = big_h * cosh_h * s * sinh_s - rest * s**2 * special.spherical_in(1, s)
+    q = big_h * cosh_h * (sinh_s + s * cosh_s) - rest * s * sinh_s
+    return p / size, q / size
 
 
 def _excess(k: Array, z: Array, h: float) -> tuple[Array, Array]:

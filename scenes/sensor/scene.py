@@ -23,7 +23,7 @@ from scenes.sensor.validate import require, require_count
 if TYPE_CHECKING:  # a scene in which nobody touches loads no mechanics of contact
     from scenes.sensor.contact import BoundContact, Press
 
-CPU_BATCH, DEVICE_BATCH = 2, 64  # a frame's arrays fill a core's cache; a GPU wants many
+CPU_BATCH, DEVICE_BATCH = 1, 64  # a frame's arrays fill a core's cache; a GPU wants many
 
 
 class SpeckleScene:
@@ -147,6 +147,8 @@ class SpeckleScene:
                     mine = np.flatnonzero(label == c)
                     for name, values in contact.draw(normals[mine]).items():
                         sample[name][mine] = values
+            # A contact that is not glued to the layer presses it and never pulls.
+            np.maximum(sample["depth"], 0, out=sample["depth"])
             labels.append(label)
             for name, values in sample.items():
                 columns.setdefault(name, []).append(values)

@@ -144,6 +144,22 @@ def test_frames_that_break_off_leave_no_file(tmp_path, error):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_cached_frames_are_indexed_as_an_array_is(tmp_path):
+    scene = make_scene()
+    cached = data.cached(scene, tmp_path, no_progress)
+    assert torch.equal(cached.frames(np.array([-1, -60])), scene.images[[59, 0]])
+    with pytest.raises(IndexError, match="60"):
+        cached.frames([60])
+
+
+def test_a_cache_file_cut_off_while_in_use_is_named(tmp_path):
+    cached = data.cached(make_scene(), tmp_path, no_progress)
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(path.read_bytes()[:500])
+    with pytest.raises(ValueError, match=f"{path.name}: expected 60 frames"):
+        cached.frames([59])
+
+
 def test_recorded_frames_are_not_copied(tmp_path):
     scene = make_scene(origin="recorded")
     assert data.cached(scene, tmp_path / "cache", no_progress) is scene

@@ -31,6 +31,13 @@ def test_response_at_any_thickness_equals_the_equations(kh, height):
     assert np.allclose(found, exact_response(kh, height, 1.0), rtol=0, atol=1e-15)
 
 
+@pytest.mark.parametrize("kh", [1e-6, 1e-3, 0.05, 0.999, 1.001])
+@pytest.mark.parametrize("height", [0.01, 0.5, 1.0])
+def test_response_of_a_thin_layer_keeps_its_digits(kh, height):
+    found = layer_response(np.array(kh), np.array(height), 1.0)
+    assert np.allclose(found, exact_response(kh, height, 1.0), rtol=1e-10, atol=0)
+
+
 def test_half_space_surface_is_hertz():
     # Johnson, Contact Mechanics (1985), Eq. 3.42; inside the contact a paraboloid. The surface
     # sinks by pi/4 of the integral's unit, 1/a.

@@ -111,6 +111,14 @@ def test_labels_come_in_random_order_and_samples_are_described():
     assert made.samples["depth"][left].std() == pytest.approx(0.018e-3, rel=0.3)
 
 
+def test_a_touch_never_pulls_at_the_layer():
+    spread = tiny("touch", "contact.depth_spread=0.6", "contact.depth=0.001")
+    depths = spread.samples["depth"]
+    assert depths.min() == 0
+    assert depths.max() > 1e-3
+    assert torch.isfinite(spread.phases(int(depths.argmin()))).all()
+
+
 def test_classes_look_alike_within_and_differ_between():
     """At the calm temperature of one room, the same press gives correlated frames."""
     calm = ("sessions.0.slow=0.0", "sessions.0.fast=0.0", "sensor.camera.unevenness=0.0")
