@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 
 import hydra
 import pytest
 from omegaconf import OmegaConf
 
-from experiments import footprint, footprint_probe, measurement, stiffness_tables
+from experiments import cores, footprint, footprint_probe, measurement, stiffness_tables
 from experiments.sources import ROOT
 from experiments.trial import instantiate
 
@@ -40,6 +41,14 @@ def test_a_scene_has_what_it_needs_and_no_more():
     assert 0 < row["torch_s"] < row["first_prediction_s"]
     assert row["above_torch_bytes"] == row["peak_bytes"] - row["torch_bytes"] > 1e6
     assert "torch:" in row["packages"]
+
+
+def test_the_run_does_not_wait_for_the_cores_that_its_measurement_holds():
+    overrides = ["scene=touch", *SMALL, "scene.samples_per_class=5"]
+    with cores.held(os.cpu_count() or 1, "cpu", lambda *_: None):
+        rows = list(footprint.rows({"touch": overrides}, ["hdc"], frames=5, stream=[]))
+    assert [row["what"] for row in rows] == ["import torch", "build", "run"]
+    assert all(row["status"] == "ok" for row in rows)
 
 
 def test_a_process_that_fails_says_why(monkeypatch):
