@@ -4,6 +4,9 @@ A route is one function below, registered under an operation. Given a case (fram
 prepares what its users would have at hand, and returns the call that is timed and a function that
 brings the call's result into the operation's common form, in which it is compared with a reference
 computed in plain numpy: bits packed into bytes, distances, or predicted labels.
+
+Ours is measured with both backends. The compiled one's kernels are compiled, or read from their
+cache, when the route is built, so no time contains that.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from hdc.prototypes import Counters
 
 OPERATIONS = ("encode", "bundle", "hamming", "train", "predict")
 OURS = "hdc"
+OURS_COMPILED = "hdc, compiled"
 READ = "one read of the bytes"
 
 Form = Callable[[Any], np.ndarray | None]
@@ -58,6 +62,21 @@ def _route(operation: str, name: str, module: str = "torch", anywhere: bool = Fa
     return register
 
 
+def _ours(operation: str):
+    """Register a function of (case, backend) for each of our backends."""
+
+    def register(build: Callable[[Case, str], Job]) -> Callable[[Case, str], Job]:
+        def compiled(case: Case) -> Job:
+            bits.kernels("compiled", case.device)  # compiles
+            return build(case, "compiled")
+
+        _route(operation, OURS, anywhere=True)(lambda case: build(case, "numpy"))
+        _route(operation, OURS_COMPILED, "numba")(compiled)
+        return build
+
+    return register
+
+
 def _from_mask(mask: Tensor | np.ndarray) -> np.ndarray:
     return pack_bits(mask if isinstance(mask, np.ndarray) else mask.numpy(force=True))
 
@@ -65,10 +84,10 @@ def _from_mask(mask: Tensor | np.ndarray) -> np.ndarray:
 # Encode: frames → hypervectors -------------------------------------------------------------------
 
 
-@_route("encode", OURS, anywhere=True)
-def _(case: Case) -> Job:
+@_ours("encode")
+def _(case: Case, backend: str) -> Job:
     frames = case.frames.to(case.device)
-    return lambda: encode(frames), lambda words: packed_bytes(words, case.d)
+    return lambda: encode(frames, backend=backend), lambda words: packed_bytes(words, case.d)
 
 
 @_route("encode", "torch.median, compare", anywhere=True)
@@ -102,12 +121,12 @@ def _histogram_threshold(pixels: np.ndarray) -> np.ndarray:
 # Bundle: hypervectors → prototypes ---------------------------------------------------------------
 
 
-@_route("bundle", OURS, anywhere=True)
-def _(case: Case) -> Job:
+@_ours("bundle")
+def _(case: Case, backend: str) -> Job:
     words, labels = case.words, torch.from_numpy(case.labels)
 
     def call() -> Tensor:
-        counters = Counters(case.n_classes, case.d, case.device)
+        counters = Counters(case.n_classes, case.d, case.device, backend)
         counters.add(words, labels)
         return counters.majority()
 
@@ -214,10 +233,10 @@ def _numpy_hamming(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
 # Train: uint8 frames in memory → a model ---------------------------------------------------------
 
 
-@_route("train", OURS, anywhere=True)
-def _(case: Case) -> Job:
+@_ours("train")
+def _(case: Case, backend: str) -> Job:
     frames, labels = case.frames, case.labels
-    return lambda: HDCClassifier(device=case.device).fit(frames, labels), (
+    return lambda: HDCClassifier(device=case.device, backend=backend).fit(frames, labels), (
         lambda model: packed_bytes(model.prototypes_, case.d)
     )
 
@@ -288,9 +307,9 @@ def _one_by_one(case: Case, predict: Callable[[Tensor], Any]) -> Job:
     return call, form
 
 
-@_route("predict", OURS, anywhere=True)
-def _(case: Case) -> Job:
-    model = HDCClassifier(device=case.device).fit(*case.few)
+@_ours("predict")
+def _(case: Case, backend: str) -> Job:
+    model = HDCClassifier(device=case.device, backend=backend).fit(*case.few)
     return _one_by_one(case, lambda frame: model.predict(frame)[0])
 
 

@@ -12,6 +12,7 @@ import functools
 import os
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from types import ModuleType
 
 import numpy as np
 import torch
@@ -21,6 +22,7 @@ from hdc import planes
 
 WORD = 64
 TIES = ("zero", "one", "random")
+BACKENDS = ("numpy", "compiled")
 _PARALLEL_BYTES = 2**20  # of queries that are worth a second thread
 
 # Eight bools seen as one int64 times this constant carry their bits into the top byte, in order.
@@ -28,6 +30,28 @@ _GATHER_BYTE = 0x0102040810204080
 
 if sys.byteorder != "little":  # the byte views below would put bits elsewhere
     raise ImportError("hdc.bits: expected a little-endian machine, found a big-endian one")
+
+
+def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
+    """The kernels of a backend: :mod:`hdc.compiled`, or None for numpy's and torch's operations.
+
+    Raises:
+        ValueError: for an unknown backend, for compiled kernels on a device other than the CPU, or
+            without numba.
+    """
+    if backend not in BACKENDS:
+        raise ValueError(f"backend: expected one of {', '.join(BACKENDS)}, found {backend!r}")
+    if backend == "numpy":
+        return None
+    if torch.device(device).type != "cpu":
+        raise ValueError(f"backend: 'compiled' expects device 'cpu', found {str(device)!r}")
+    try:
+        from hdc import compiled
+    except ImportError as error:
+        raise ValueError(
+            f"backend: 'compiled' expects numba (pip install .[compiled]), found: {error}"
+        ) from error
+    return compiled
 
 
 def words_for(dimension: int) -> int:

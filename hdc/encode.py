@@ -15,31 +15,35 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits
+from hdc import bits, planes
 
 _STEP = 64  # frames thresholded at once where frames of other types, or an accelerator, need it
 _SCAN = 2**16  # pixels looked through at a time for ties; a multiple of 64
 
 
-def encode(frames: Tensor, first: int = 0) -> Tensor:
+def encode(frames: Tensor, first: int = 0, backend: str = "numpy") -> Tensor:
     """Hypervectors of frames: [N, H, W] or [N, D] of any real or integer dtype → int64 [N, ⌈D/64⌉].
 
     Each hypervector has exactly ⌊D/2⌋ ones. A constant frame carries no information; it gets its
     ones by the order of pixels alone, and a warning names it. Warnings and errors count frames from
-    `first`, for frames that are a part of more.
+    `first`, for frames that are a part of more. ``backend="compiled"`` encodes 8-bit frames on the
+    CPU by :mod:`hdc.compiled`, with the same result; other types take the same way as without.
 
     Raises:
-        ValueError: for a shape other than the above, no pixels, or pixels that are not finite.
+        ValueError: for a shape other than the above, no pixels, pixels that are not finite, or a
+            backend that is not to be had (:func:`hdc.bits.kernels`).
         TypeError: for a dtype that has no order (bool, complex).
     """
+    kernels = bits.kernels(backend, frames.device)
     pixels = _flatten(frames, first)
     n, dimension = pixels.shape
-    words = torch.zeros(n, bits.words_for(dimension), dtype=torch.int64, device=pixels.device)
+    words = planes.zeros((n, bits.words_for(dimension)), pixels.device)
     constant: list[int] = []
     if dimension < 2:
         constant = list(range(n))  # ⌊D/2⌋ = 0 ones
     elif pixels.dtype == torch.uint8 and pixels.device.type == "cpu":
-        constant = _encode_uint8(pixels.numpy(), words.numpy())
+        encode_uint8 = kernels.encode_uint8 if kernels else _encode_uint8
+        constant = encode_uint8(pixels.numpy(), words.numpy())
     else:
         for start in range(0, n, _STEP):
             words[start : start + _STEP], flat = _encode_any(pixels[start : start + _STEP])

@@ -31,9 +31,11 @@ def save(model: HDCClassifier, path: Path) -> None:
             raise TypeError(
                 f"{path}: expected labels of type str, int, float or bool, found {label!r}"
             )
+    parameters = model.get_params() | {"seed": int(model.seed), "device": str(model.device)}
+    parameters.pop("backend", None)  # of this machine; the model is the same with any
     header = {
         "format": FORMAT,
-        "parameters": model.get_params() | {"seed": int(model.seed), "device": str(model.device)},
+        "parameters": parameters,
         "classes": labels,
         "frame_shape": model.frame_shape_,
     }
@@ -61,6 +63,9 @@ def load(cls: type[HDCClassifier], path: Path) -> HDCClassifier:
     from safetensors import safe_open
 
     try:
+        # Anything else that can be opened might never end, or never begin.
+        if path.exists() and not path.is_file():
+            raise ValueError("what is not a regular file")
         with safe_open(path, framework="pt") as file:
             metadata = file.metadata() or {}
             names = set(file.keys())

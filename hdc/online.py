@@ -49,6 +49,7 @@ class OnlineHDCClassifier(HDCClassifier):
     """
 
     prototype = "binary"
+    backend = "numpy"
 
     def __init__(
         self,

@@ -22,16 +22,24 @@ class Counters:
         n_classes: L.
         dimension: D.
         device: where the counts live.
+        backend: ``"compiled"`` counts by :mod:`hdc.compiled`, to the same counts.
 
     Attributes:
         planes: int64 [L, P, W], the counts, bit-sliced.
         n: int64 [L] (CPU), how many hypervectors each class has.
     """
 
-    def __init__(self, n_classes: int, dimension: int, device: torch.device | str = "cpu"):
+    def __init__(
+        self,
+        n_classes: int,
+        dimension: int,
+        device: torch.device | str = "cpu",
+        backend: str = "numpy",
+    ):
         if dimension < 1:
             raise ValueError(f"dimension: expected at least 1, found {dimension}")
         self.dimension = dimension
+        self.backend = backend
         self.n = torch.zeros(n_classes, dtype=torch.int64)
         self.planes = planes.zeros((n_classes, 1, bits.words_for(dimension)), device)
 
@@ -53,12 +61,15 @@ class Counters:
         n = torch.bincount(labels, minlength=len(self.n)) if len(labels) else self.n * 0
         total = self.n + n
         self._grow(int(total.max()).bit_length() if len(total) else 0)
-        order = labels.argsort(stable=True).tolist()
-        start = 0
-        for c, n_c in enumerate(n.tolist()):
-            if n_c:
-                planes.count_into(self.planes[c], words, order[start : start + n_c])
-                start += n_c
+        order = labels.argsort(stable=True)
+        if kernels := bits.kernels(self.backend, self.device):
+            kernels.count_into(*(x.numpy() for x in (self.planes, words, order, n.cumsum(0))))
+        else:
+            rows, start = order.tolist(), 0
+            for c, n_c in enumerate(n.tolist()):
+                if n_c:
+                    planes.count_into(self.planes[c], words, rows[start : start + n_c])
+                    start += n_c
         self.n = total
 
     def merge(self, other: Counters) -> None:
@@ -123,7 +134,10 @@ class Counters:
         n_classes, n_old, width = self.planes.shape
         if n_planes > n_old:
             grown = planes.zeros((n_classes, n_planes, width), self.device)
-            grown[:, :n_old] = self.planes
+            if grown.device.type == "cpu":  # without torch's threads, as planes.zeros
+                grown.numpy()[:, :n_old] = self.planes.numpy()
+            else:
+                grown[:, :n_old] = self.planes
             self.planes = grown
 
     def _tie_breaker(self, seed: int, c: int) -> Tensor:

@@ -178,7 +178,7 @@ def test_parameters_as_scikit_learn_sets_them() -> None:
     frames, labels = touches()
     model = HDCClassifier().set_params(ties="one", seed=3)
     assert repr(clone(model)) == (
-        "HDCClassifier(ties='one', prototype='binary', seed=3, device='cpu')"
+        "HDCClassifier(ties='one', prototype='binary', seed=3, device='cpu', backend='numpy')"
     )
     assert not hasattr(clone(model.fit(frames, labels)), "prototypes_")
     with pytest.raises(ValueError, match=r"set_params: expected one of ties, .*found 'tie'"):

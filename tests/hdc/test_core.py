@@ -373,7 +373,7 @@ def test_damaged_model_files_are_named_and_never_crash(tmp_path) -> None:
 
 def test_importing_loads_neither_images_nor_tables() -> None:
     code = "import sys, hdc; print([m for m in sys.argv[1:] if m in sys.modules])"
-    heavy = ["cv2", "sklearn", "pandas", "matplotlib", "hydra", "scipy", "safetensors"]
+    heavy = ["cv2", "sklearn", "pandas", "matplotlib", "hydra", "scipy", "safetensors", "numba"]
     done = subprocess.run(
         [sys.executable, "-c", code, *heavy], capture_output=True, text=True, check=True
     )

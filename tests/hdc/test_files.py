@@ -241,6 +241,14 @@ def test_a_folder_and_a_missing_file(tmp_path: Path) -> None:
         HDCClassifier().save(tmp_path / "m")
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+def test_a_pipe_is_refused_without_waiting_for_a_writer(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    message = r"pipe: expected a saved HDCClassifier, found what is not a regular file"
+    with pytest.raises(ValueError, match=message):
+        HDCClassifier.load(tmp_path / "pipe")
+
+
 @pytest.mark.skipif(torch.cuda.is_available(), reason="for machines without CUDA")
 def test_a_model_from_an_accelerator_loads_without_one(tmp_path: Path) -> None:
     write(tmp_path / "m", parameters={"device": "cuda"})

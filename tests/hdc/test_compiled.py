@@ -1,0 +1,262 @@
+"""The compiled backend: the same bits as numpy's, on request only, and clear where it is not."""
+
+from __future__ import annotations
+
+import pickle
+import sys
+from itertools import product
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+
+import hdc
+from hdc import HDCClassifier, bits
+from hdc.encode import encode
+from hdc.prototypes import Counters
+
+needs_numba = pytest.mark.usefixtures("numba")
+NEAR = "ignore:.*constant frame"
+
+
+@pytest.fixture(scope="module")
+def numba():
+    return pytest.importorskip("numba", reason="numba is not installed: pip install .[compiled]")
+
+
+@pytest.fixture(params=[1, 2])
+def threads(request):
+    before = torch.get_num_threads()
+    torch.set_num_threads(request.param)
+    yield request.param
+    torch.set_num_threads(before)
+
+
+def frames_of(n: int, d: int, spread: float = 20.0) -> torch.Tensor:
+    """Stretches of one noise, with many ties, whose brightness goes up and down by some levels."""
+    rng = np.random.default_rng([n, d])
+    noise = rng.normal(100, spread, 2 * d).clip(20, 235).astype(np.uint8)
+    shifts = rng.integers(-spread / 4, spread / 4 + 1, n, dtype=np.int8).astype(np.uint8)
+    starts = rng.integers(0, d + 1, n)
+    rows = [noise[start : start + d] + shift for start, shift in zip(starts, shifts, strict=True)]
+    return torch.from_numpy(np.stack(rows))
+
+
+def both(frames: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    return encode(frames), encode(frames, backend="compiled")
+
+
+def prototypes(words, labels, n_classes: int, d: int, backend: str) -> torch.Tensor:
+    counters = Counters(n_classes, d, backend=backend)
+    counters.add(words, labels)
+    return counters.planes
+
+
+@needs_numba
+@pytest.mark.filterwarnings(NEAR)
+@pytest.mark.parametrize("d", [1, 2, 7, 63, 64, 65, 127, 1000, 250_000])
+@pytest.mark.parametrize("n", [1, 2, 3, 80, 255, 256])
+def test_same_words_and_same_counts(n: int, d: int, threads: int) -> None:
+    expected, found = both(frames_of(n, d))
+    assert torch.equal(found, expected)
+    for n_classes in (1, 2, 5, 51):
+        labels = torch.arange(n) * 7 % n_classes
+        counts = [prototypes(expected, labels, n_classes, d, b) for b in bits.BACKENDS]
+        assert torch.equal(*counts)
+
+
+@needs_numba
+@pytest.mark.filterwarnings(NEAR)
+@settings(max_examples=200, deadline=None)
+@given(
+    arrays(np.uint8, array_shapes(min_dims=2, max_dims=2, max_side=200),
+           elements=st.integers(0, 255)),
+    st.integers(1, 6),
+)  # fmt: skip
+def test_same_words_and_same_counts_of_any_frames(frames: np.ndarray, n_classes: int) -> None:
+    expected, found = both(torch.from_numpy(frames))
+    assert torch.equal(found, expected)
+    labels = torch.from_numpy(frames[:, 0].astype(np.int64) % n_classes)
+    counts = [prototypes(expected, labels, n_classes, frames.shape[1], b) for b in bits.BACKENDS]
+    assert torch.equal(*counts)
+
+
+@needs_numba
+@pytest.mark.parametrize("d", [2, 63, 64, 129, 5000])
+@pytest.mark.parametrize(("low", "high"), [(0, 255), (0, 1), (254, 255), (3, 200)])
+def test_two_values_at_every_share(d: int, low: int, high: int) -> None:
+    """The level jumps from frame to frame, and lies at an end of the scale."""
+    frames = torch.full((d if d < 200 else 60, d), low, dtype=torch.uint8)
+    for i, frame in enumerate(frames):
+        share = i * d // len(frames) if i else 1
+        frame[torch.randperm(d, generator=torch.Generator().manual_seed(i))[:share]] = high
+    assert torch.equal(*both(frames))
+
+
+@needs_numba
+def test_every_level_is_found_from_every_other() -> None:
+    levels = torch.arange(256, dtype=torch.uint8)
+    ramp = torch.arange(-32, 33)
+    for start in (0, 1, 127, 128, 255):
+        pairs = torch.stack([torch.full_like(levels, start), levels], 1).flatten().long()
+        frames = (pairs[:, None] + ramp).clamp(0, 255).to(torch.uint8)
+        assert torch.equal(*both(frames))
+
+
+@needs_numba
+def test_constant_frames_are_named_and_have_half_ones(threads: int) -> None:
+    frames = frames_of(40, 9000)
+    frames[3], frames[39] = 0, 255
+    with pytest.warns(UserWarning, match=r"2 constant frame\(s\), at index 103, 139:"):
+        words = encode(frames, 100, "compiled")
+    assert bits.count_ones(words).tolist() == [4500] * 40
+    frames[3, 8999] = 1  # in the pixels that fill no word
+    with pytest.warns(UserWarning, match=r"1 constant frame\(s\), at index 39:"):
+        encode(frames, backend="compiled")
+
+
+@needs_numba
+@pytest.mark.parametrize(
+    "view",
+    [
+        lambda x: x[::2],
+        lambda x: x[:, 1::3],
+        lambda x: x[:, 5:-2],
+        lambda x: x.t(),
+        lambda x: x.view(30, 20, 50).transpose(1, 2),
+        lambda x: x[:0],
+    ],
+)
+def test_views_are_taken_as_they_are(view) -> None:
+    frames = view(frames_of(30, 1000))
+    assert torch.equal(*both(frames))
+
+
+@needs_numba
+def test_nothing_beyond_a_frame_is_read_or_written() -> None:
+    """Frames inside a larger array, whose surroundings must neither matter nor change."""
+    for offset, d in product((0, 1, 13), (64, 65, 191)):
+        inner = frames_of(5, d)
+        for around in (0, 255):
+            memory = np.full(offset + inner.numel() + 64, around, np.uint8)
+            memory[offset : offset + inner.numel()] = inner.numpy().ravel()
+            frames = memory[offset : offset + inner.numel()].reshape(5, d)
+            words = np.full((7, bits.words_for(d)), -1, np.int64)
+            from hdc import compiled
+
+            assert compiled.encode_uint8(frames, words[1:6]) == []
+            assert np.array_equal(words[1:6], encode(inner).numpy())
+            assert (words[[0, 6]] == -1).all()
+
+
+@needs_numba
+@pytest.mark.parametrize("dtype", [torch.int16, torch.float32, torch.float16, torch.uint16])
+def test_other_pixels_take_the_way_they_always_take(dtype: torch.dtype) -> None:
+    frames = frames_of(9, 300).to(dtype)
+    assert torch.equal(*both(frames))
+
+
+@needs_numba
+@pytest.mark.parametrize("ties", bits.TIES)
+@pytest.mark.parametrize("prototype", ["binary", "integer"])
+def test_the_same_model(ties: str, prototype: str, threads: int) -> None:
+    frames = frames_of(300, 500, spread=60).view(300, 20, 25)
+    labels = np.random.default_rng(0).choice(["c", "a", "b"], 300)
+    models = [
+        HDCClassifier(ties=ties, prototype=prototype, seed=4, backend=backend).fit(frames, labels)
+        for backend in bits.BACKENDS
+    ]
+    assert torch.equal(models[0].prototypes_, models[1].prototypes_)
+    assert np.array_equal(models[0].predict(frames), models[1].predict(frames))
+    if prototype == "binary":
+        for model in models:
+            model.recalibrate(frames[:40], labels[:40], 0.5, seed=1)
+        assert np.array_equal(models[0].distances(frames), models[1].distances(frames))
+
+
+@needs_numba
+def test_training_goes_on_with_another_backend() -> None:
+    frames, labels = frames_of(90, 700), np.arange(90) % 4
+    whole = HDCClassifier().fit(frames, labels)
+    model = HDCClassifier(backend="compiled").fit(frames[:30], labels[:30])
+    model.set_params(backend="numpy").partial_fit(frames[30:60], labels[30:60])
+    assert model.counters_.backend == "numpy"
+    model.set_params(backend="compiled").partial_fit(frames[60:], labels[60:])
+    assert model.counters_.backend == "compiled"
+    assert torch.equal(model.counters_.planes, whole.counters_.planes)
+    halves = [
+        HDCClassifier(backend=backend).fit(frames[part], labels[part]).counters_
+        for part, backend in zip((slice(45), slice(45, None)), bits.BACKENDS, strict=True)
+    ]
+    halves[0].merge(halves[1])
+    assert torch.equal(halves[0].majority(), whole.prototypes_)
+
+
+@needs_numba
+def test_parameter_pickle_and_clone() -> None:
+    sklearn = pytest.importorskip("sklearn.base")
+    frames, labels = frames_of(12, 100), np.arange(12) % 3
+    model = HDCClassifier(backend="compiled")
+    assert sklearn.clone(model).get_params() == model.get_params()
+    assert model.get_params()["backend"] == "compiled"
+    assert "backend='compiled'" in repr(model)
+    again = pickle.loads(pickle.dumps(model.fit(frames, labels)))
+    again.partial_fit(frames, labels)
+    assert torch.equal(again.prototypes_, model.prototypes_)
+
+
+@needs_numba
+def test_a_file_does_not_remember_the_backend(tmp_path) -> None:
+    pytest.importorskip("safetensors")
+    frames, labels = frames_of(12, 100), np.arange(12) % 3
+    files = [tmp_path / backend for backend in bits.BACKENDS]
+    for path in files:
+        HDCClassifier(backend=path.name).fit(frames, labels).save(path)
+    assert files[0].read_bytes() == files[1].read_bytes()
+    loaded = HDCClassifier.load(files[1])
+    assert loaded.backend == "numpy"
+    loaded.set_params(backend="compiled").partial_fit(frames, labels)
+
+
+@needs_numba
+def test_unknown_labels_and_widths_are_refused_as_before() -> None:
+    counters = Counters(2, 100, backend="compiled")
+    with pytest.raises(ValueError, match=r"labels: expected class indices in \[0, 2\), found 2"):
+        counters.add(encode(frames_of(3, 100)), torch.tensor([0, 1, 2]))
+    assert counters.planes.sum() == 0
+
+
+@needs_numba
+def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch) -> None:
+    from hdc import compiled
+
+    monkeypatch.setattr("numba.core.caching.CacheImpl._locator_classes", [])
+    double = compiled._compile("int64(int64)")(lambda x: 2 * x)
+    assert double(21) == 42
+
+
+def test_without_numba_the_parameter_is_named(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "numba", None)
+    monkeypatch.delitem(sys.modules, "hdc.compiled", raising=False)
+    monkeypatch.delattr(hdc, "compiled", raising=False)
+    message = r"backend: 'compiled' expects numba \(pip install \.\[compiled\]\), found"
+    frames = frames_of(4, 100)
+    with pytest.raises(ValueError, match=message):
+        HDCClassifier(backend="compiled").fit(frames, [0, 1, 0, 1])
+    with pytest.raises(ValueError, match=message):
+        encode(frames, backend="compiled")
+    HDCClassifier().fit(frames, [0, 1, 0, 1])
+
+
+def test_other_backends_and_devices_are_refused() -> None:
+    frames = frames_of(4, 100)
+    with pytest.raises(ValueError, match="backend: expected one of numpy, compiled, found 'cuda'"):
+        HDCClassifier(backend="cuda").fit(frames, [0, 1, 0, 1])
+    message = "backend: 'compiled' expects device 'cpu', found 'meta'"
+    with pytest.raises(ValueError, match=message):
+        HDCClassifier(backend="compiled", device="meta").fit(frames, [0, 1, 0, 1])
+    with pytest.raises(ValueError, match=message):
+        encode(frames.to("meta"), backend="compiled")
