@@ -34,6 +34,7 @@ _LANES = 8  # words of a vector
 _ROWS = 8  # rows that one pass over the counters adds
 _BLOCK = 512  # words a row counted at a time: counters and rows of a block stay in the cache
 _SHARE_BYTES = 2**17  # of input that are worth another thread
+_AHEAD = 8192  # bytes: the processor's own prefetching ends with a page
 _SAMPLE = 1024  # pixels from which the first frame's level is guessed
 
 
@@ -95,6 +96,8 @@ def _pool(process: int, n_threads: int) -> ThreadPoolExecutor:
 
 # Operations for LLVM -----------------------------------------------------------------------------
 
+_operation: Any = intrinsic  # its type says that it leaves the function's arguments as they are
+
 
 def _pointer(context, builder, array_type, array, *index):
     """Where an element of a C-contiguous array lies; index without a check of bounds."""
@@ -110,7 +113,7 @@ def _load(builder, pointer, lanes, bits):
 def _compare(relation: str):
     """An intrinsic (pixels, row, start, level) → the mask of 64 pixels, the first one lowest."""
 
-    @intrinsic
+    @_operation
     def compare(typing_context, pixels, row, start, level):
         def code(context, builder, signature, arguments):
             pixels, row, start, level = arguments
@@ -132,7 +135,8 @@ _greater = _compare(">")
 _equal = _compare("==")
 
 
-def _population(typing_context, word):
+@_operation
+def _ones(typing_context, word):
     """The number of ones of a word."""
 
     def code(context, builder, signature, arguments):
@@ -141,13 +145,25 @@ def _population(typing_context, word):
     return types.int64(types.uint64), code
 
 
-_ones: Any = intrinsic(_population)
+@_operation
+def _prefetch(typing_context, pixels, row, start):
+    """Ask for the cache line of a pixel; a hint, so the pixel need not exist."""
+
+    def code(context, builder, signature, arguments):
+        place = _pointer(context, builder, signature.args[0], *arguments)
+        i32 = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [place.type, i32, i32, i32])
+        prefetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        builder.call(prefetch, [place, i32(0), i32(2), i32(1)])  # to read, to the second level
+        return context.get_dummy_value()
+
+    return types.void(pixels, types.intp, types.intp), code
 
 
 def _add_rows(n_rows: int):
     """An intrinsic (counts, c, words, order, first, place): add rows to class c at eight words."""
 
-    @intrinsic
+    @_operation
     def add(typing_context, counts, c, words, order, first, place):
         def code(context, builder, signature, arguments):
             counts, c, words, order, first, place = arguments
@@ -176,10 +192,10 @@ def _add_rows(n_rows: int):
             n_planes = builder.extract_value(view.shape, 1)
             with cgutils.for_range(builder, n_planes, start=ir.Constant(c.type, p)) as loop:
                 plane = _pointer(context, builder, counts_type, counts, c, loop.index, place)
-                old, in_ = _load(builder, plane, _LANES, _WORD), builder.load(carry)
-                total = builder.xor(old, in_)
+                old, new = _load(builder, plane, _LANES, _WORD), builder.load(carry)
+                total = builder.xor(old, new)
                 builder.store(total, builder.bitcast(plane, total.type.as_pointer()), align=1)
-                builder.store(builder.and_(old, in_), carry)
+                builder.store(builder.and_(old, new), carry)
             return context.get_dummy_value()
 
         return types.void(counts, types.intp, words, order, types.intp, types.intp), code
@@ -212,6 +228,7 @@ def _threshold(images, i, level, words):
     whole, rest = divmod(images.shape[1], _WORD)
     n_greater = n_equal = 0
     for w in range(whole):
+        _prefetch(images, i, w * _WORD + _AHEAD)
         greater = _greater(images, i, w * _WORD, level)
         words[i, w] = np.int64(greater)
         n_greater += _ones(greater)
