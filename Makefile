@@ -10,7 +10,7 @@ help:  ## show this list
 
 $(VENV): pyproject.toml constraints.txt
 	$(PYTHON) -m venv --clear .venv
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,peers,cluster]'
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,compiled,peers,cluster]'
 	@touch $@
 
 # Into a folder of its own: numbers of this machine must not mix with the committed ones.

@@ -24,7 +24,7 @@ from experiments.benchmark_cases import Case
 from experiments.benchmark_routes import ROUTES, Route
 
 _PROC = Path("/proc/self")
-_IMPORTED = ("torchhd", "faiss", "numkong", "sklearn.linear_model", "sklearn.neighbors")
+_IMPORTED = ("torchhd", "faiss", "numba", "numkong", "sklearn.linear_model", "sklearn.neighbors")
 
 
 def peak_bytes(route: Route, case: Case) -> int | None:

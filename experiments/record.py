@@ -25,7 +25,7 @@ SCHEMA = 2
 # Keys of a config that say how a run is carried out, not what it computes.
 NOT_IDENTITY = ("force", "cache", "exclusive", "task")
 STATUSES = ("running", "finished", "failed", "interrupted")
-_PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "hydra-core", "numkong")
+_PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "hydra-core", "numkong", "numba")
 MOST_BYTES = 2**22
 """Of a record; those of runs and measurements have some thousand. As Python objects it takes up to
 twenty times as many."""

@@ -206,11 +206,12 @@ STEPS = (
     # The networks of its list are runs of accuracy_vs_n_cnn.
     Step("table1_extended", "other models",
          _sweep("table1_extended",
-                "model=hdc_random_ties,hdc_integer,hdc_online,record_hdc,softmax_dual,"
-                "softmax_lbfgs,softmax_raw,softmax_sgd,ridge,correlation,nearest_neighbour,"
+                "model=hdc_compiled,hdc_random_ties,hdc_integer,hdc_online,record_hdc,"
+                "softmax_dual,softmax_lbfgs,softmax_raw,softmax_sgd,ridge,correlation,nearest_neighbour,"
                 "sklearn_centroid,sklearn_ridge,sklearn_logistic,sklearn_svc", _FIVE),
-         _sweep("table1_extended", "model=hdc_random_ties,hdc_integer,softmax_dual,softmax_lbfgs,"
-                "ridge,correlation,nearest_neighbour,sklearn_centroid,sklearn_ridge"), (30, 2)),
+         _sweep("table1_extended", "model=hdc_compiled,hdc_random_ties,hdc_integer,softmax_dual,"
+                "softmax_lbfgs,ridge,correlation,nearest_neighbour,sklearn_centroid,sklearn_ridge"),
+         (30, 2)),
     Step("accuracy_vs_n_cnn", "other models", _sweep("accuracy_vs_n_cnn"), "", (30, 0)),
     Step("calibration", "end", "scenes.sensor.calibrate", "", (10, 0), "calibration.csv"),
     Step("slow_tests", "end", "pytest -m slow", "", (5, 0)),

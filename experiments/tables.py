@@ -30,6 +30,7 @@ Row = dict[str, Any]
 
 NAMES = {
     "hdc": "HDC",
+    "hdc_compiled": "HDC, compiled",
     "hdc_random_ties": "HDC, random ties",
     "hdc_integer": "HDC, integer prototypes",
     "hdc_online": "HDC, online",

@@ -10,7 +10,7 @@ from experiments import benchmark
 from experiments.benchmark_cases import Case
 from experiments.benchmark_memory import peak_bytes
 from experiments.benchmark_results import Row, growth, read, targets, to_csv
-from experiments.benchmark_routes import OURS, READ, ROUTES, Route
+from experiments.benchmark_routes import OURS, OURS_COMPILED, READ, ROUTES, Route
 
 COMPARED = [r for r in ROUTES if r.name != READ]
 
@@ -164,8 +164,14 @@ def test_growth_and_targets_from_rows():
     assert found["bundle", "D"] == pytest.approx((1.5, 1))
     assert ("bundle", "L") not in found
     by_name = {what: reached for what, _, _, reached in targets(rows)}
-    assert by_name["bundle: torchhd.multiset over ours"] is True
-    assert by_name["train: sklearn RidgeClassifier over ours"] is None
+    assert by_name["bundle: torchhd.multiset over hdc"] is True
+    assert "bundle: torchhd.multiset over hdc, compiled" not in by_name
+    rows[-1].ratio_to_ours = 80.0
+    rows.append(Row("bundle", OURS_COMPILED, 400, 250_000, 5, 1.0, 1.0, 0.5))
+    by_name = {what: reached for what, _, _, reached in targets(rows)}
+    assert by_name["bundle: torchhd.multiset over hdc"] is False
+    assert by_name["bundle: torchhd.multiset over hdc, compiled"] is True  # 160 times
+    assert by_name["train: sklearn RidgeClassifier over hdc"] is None
 
 
 def test_csv_is_read_back_as_written(tmp_path):
