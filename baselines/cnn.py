@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from torch import nn
 
@@ -34,6 +35,8 @@ class CNN(IterativeClassifier):
     """
 
     filters: Sequence[int] = (16,)
+
+    prediction_batch: ClassVar[int] = 20  # as in training: the maps of a frame take 20 MB
 
     def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
         least = POOL ** len(self.filters)

@@ -52,6 +52,7 @@ class SklearnClassifier(Classifier):
         if estimator.get_params().get("random_state", 0) is None:
             estimator.set_params(random_state=self.seed)
         self.estimator_ = estimator.fit(features, targets.numpy(force=True))
+        del features  # whoever asks for no more than this keeps the generator, and them with it
         yield {"samples_seen": len(frames)}
 
     def scores(self, batch: Tensor) -> Tensor:

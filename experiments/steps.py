@@ -207,10 +207,10 @@ STEPS = (
     Step("table1_extended", "other models",
          _sweep("table1_extended",
                 "model=hdc_compiled,hdc_random_ties,hdc_integer,hdc_online,record_hdc,"
-                "softmax_dual,softmax_lbfgs,softmax_raw,softmax_sgd,ridge,correlation,nearest_neighbour,"
-                "sklearn_centroid,sklearn_ridge,sklearn_logistic,sklearn_svc", _FIVE),
+                "softmax_dual,softmax_lbfgs,softmax_raw,softmax_sgd,ridge,correlation,"
+                "nearest_neighbour,sklearn_ridge,sklearn_logistic", _FIVE),
          _sweep("table1_extended", "model=hdc_compiled,hdc_random_ties,hdc_integer,softmax_dual,"
-                "softmax_lbfgs,ridge,correlation,nearest_neighbour,sklearn_centroid,sklearn_ridge"),
+                "softmax_lbfgs,ridge,correlation,nearest_neighbour,sklearn_ridge"),
          (30, 2)),
     Step("accuracy_vs_n_cnn", "other models", _sweep("accuracy_vs_n_cnn"), "", (30, 0)),
     Step("calibration", "end", "scenes.sensor.calibrate", "", (10, 0), "calibration.csv"),
