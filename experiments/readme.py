@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from experiments import reproduce
 from experiments.benchmark_results import markdown_table
 from experiments.record import ROOT, results_dir, write_atomically
 
@@ -40,6 +41,7 @@ def sources(results: Path) -> dict[str, Callable[[], str]]:
         "comparison": lambda: _read(results / "tables" / "comparison.md"),
         "calibration": lambda: _csv_table(results / "calibration.csv"),
         "benchmark": lambda: _benchmark(results / "benchmark.csv"),
+        "reproduction": lambda: _reproduction(results),
     }
 
 
@@ -49,6 +51,22 @@ def _read(path: Path) -> str:
 
 def _benchmark(path: Path) -> str:
     return markdown_table(path).strip() if path.exists() else _missing(path)
+
+
+def _reproduction(results: Path) -> str:
+    """What the steps took, added up, and the one that needed most memory."""
+    rows = reproduce.read(results)
+    if not rows:
+        return _missing(results / "tables" / "reproduce.csv")
+    table = ["| command | steps | time | most memory |", "|---|---:|---:|---|"]
+    for mode, command in (("full", "make reproduce"), ("quick", "make reproduce QUICK=1")):
+        steps = [row for (_, m), row in rows.items() if m == mode and row["status"] == "finished"]
+        if steps:
+            seconds = sum(float(row["seconds"]) for row in steps)
+            most = max(steps, key=lambda row: int(row["peak_bytes"]))
+            memory = f"{int(most['peak_bytes']) / 1e9:.2f} GB ({most['step']})"
+            table.append(f"| `{command}` | {len(steps)} | {reproduce.span(seconds)} | {memory} |")
+    return "\n".join(table)
 
 
 def _csv_table(path: Path) -> str:
