@@ -20,7 +20,6 @@ WATCHED = (
     "cv2", "sklearn", "pandas", "matplotlib", "scipy", "scipy.stats", "baselines.cnn",
     "scenes.sensor.texture", "scenes.sensor.creep", "scenes.fibre", "scenes.recorded",
 )  # fmt: skip
-_STREAM = 20  # frames learnt at a time
 
 
 def main() -> None:
@@ -29,7 +28,7 @@ def main() -> None:
     ``started`` is the time at which this process was (s), ``threads`` those of torch. What is
     done: ``torch``, nothing but its import; ``build``, ``frames`` frames of the scene that
     ``overrides`` choose are made and learnt, and one of them predicted; ``stream``, besides,
-    ``n`` frames are learnt and predicted as they come (the same ones again and again); ``run``, the
+    ``n`` frames are learnt and predicted one by one (the same ones again and again); ``run``, the
     runner carries out the run of these overrides.
     """
     request = json.loads(sys.argv[1])
@@ -95,10 +94,10 @@ def _build(request: dict[str, Any]) -> dict[str, Any]:
         spent.append((time.perf_counter() - before) / len(indices))
     answer |= {"frame_s": min(spent), "parts": sorted(_parts(scene)), "origin": scene.origin}
     if request["do"] == "stream":
-        for first in range(0, request["n"], _STREAM):
-            some = np.arange(first, first + _STREAM) % len(frames)
-            model.partial_fit(frames[some], labels[some])
-            model.predict(frames[some])
+        for index in np.arange(request["n"]) % len(frames):
+            one = slice(index, index + 1)
+            model.partial_fit(frames[one], labels[one])
+            model.predict(frames[one])
     return answer
 
 
