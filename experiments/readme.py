@@ -39,7 +39,7 @@ def sources(results: Path) -> dict[str, Callable[[], str]]:
     return {
         "table1": lambda: _read(results / "tables" / "table1.md"),
         "comparison": lambda: _read(results / "tables" / "comparison.md"),
-        "calibration": lambda: _csv_table(results / "calibration.csv"),
+        "calibration": lambda: _calibration(results / "calibration.csv"),
         "benchmark": lambda: _benchmark(results / "benchmark.csv"),
         "reproduction": lambda: _reproduction(results),
     }
@@ -69,13 +69,15 @@ def _reproduction(results: Path) -> str:
     return "\n".join(table)
 
 
-def _csv_table(path: Path) -> str:
+def _calibration(path: Path) -> str:
+    """The rows that something was expected of; the file has the others and the single values."""
     if not path.exists():
         return _missing(path)
-    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
-    rows = list(csv.reader(lines))
-    table = [rows[0], ["---"] * len(rows[0]), *rows[1:]]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in table)
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["expected"]]
+    columns = ["quantity", "paper", "ours", "sd", "seeds", "status", "expected", "met", "note"]
+    cells = [columns, ["---"] * len(columns), *([row[key] for key in columns] for row in rows)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in cells)
 
 
 def _missing(path: Path) -> str:
