@@ -27,9 +27,9 @@ def main() -> None:
 
     ``started`` is the time at which this process was (s), ``threads`` those of torch. What is
     done: ``torch``, nothing but its import; ``build``, ``frames`` frames of the scene that
-    ``overrides`` choose are made and learnt, and one of them predicted; ``stream``, besides,
-    ``n`` frames are learnt and predicted one by one (the same ones again and again); ``run``, the
-    runner carries out the run of these overrides.
+    ``overrides`` choose are made and learnt, and one of them predicted; ``stream``, the same one by
+    one, and ``n`` more are made, predicted and learnt as they come (the scene's, from the first
+    again after the last); ``run``, the runner carries out the run of these overrides.
     """
     request = json.loads(sys.argv[1])
     before = time.perf_counter()
@@ -83,22 +83,28 @@ def _build(request: dict[str, Any]) -> dict[str, Any]:
     model = run.instantiate(cfg.model, "model")
     # Spread over all sessions and classes.
     indices = np.linspace(0, len(scene.labels) - 1, request["frames"]).astype(int)
-    frames, labels = scene.frames(indices), scene.labels[indices]
-    next(iter(model.train(frames, labels)))
-    model.predict(frames[:1])
-    answer: dict[str, Any] = {"first_prediction_s": time.time() - request["started"]}
-    spent = []
-    for _ in range(3):
-        before = time.perf_counter()
-        scene.frames(indices)
-        spent.append((time.perf_counter() - before) / len(indices))
-    answer |= {"frame_s": min(spent), "parts": sorted(_parts(scene)), "origin": scene.origin}
+    answer: dict[str, Any] = {}
     if request["do"] == "stream":
-        for index in np.arange(request["n"]) % len(frames):
-            one = slice(index, index + 1)
-            model.partial_fit(frames[one], labels[one])
-            model.predict(frames[one])
-    return answer
+        for index in indices:
+            model.partial_fit(scene.frames([index]), scene.labels[[index]])
+        model.predict(scene.frames(indices[:1]))
+        answer["first_prediction_s"] = time.time() - request["started"]
+        for index in np.resize(np.arange(len(scene.labels)), request["n"]):
+            frame = scene.frames([index])
+            model.predict(frame)
+            model.partial_fit(frame, scene.labels[[index]])
+    else:
+        frames = scene.frames(indices)
+        next(iter(model.train(frames, scene.labels[indices])))
+        model.predict(frames[:1])
+        answer["first_prediction_s"] = time.time() - request["started"]
+        spent = []
+        for _ in range(3):
+            before = time.perf_counter()
+            scene.frames(indices)
+            spent.append((time.perf_counter() - before) / len(indices))
+        answer["frame_s"] = min(spent)
+    return answer | {"parts": sorted(_parts(scene)), "origin": scene.origin}
 
 
 def _run(overrides: list[str]) -> dict[str, Any]:

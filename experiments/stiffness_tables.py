@@ -288,9 +288,9 @@ def _footprint_text(measured: Measured, rows: Sequence[Row]) -> str:
         f"**What each scene and model load, build and hold. {_machine(measured)}**\n\n{table}\n\n"
         "Every row is a process of its own. First prediction: from the start of the process, scene "
         "and model built, frames made and learnt. Watched: cv2, sklearn, pandas, matplotlib, "
-        "scipy, scipy.stats, baselines.cnn and the parts of other scenes. `stream`: frames learnt "
-        "and predicted as they come; `run`: the whole command line, which holds the frames of a "
-        "run in memory. `everything`: texture, two sessions, drift and creep. The sensor is "
+        "scipy, scipy.stats, baselines.cnn and the parts of other scenes. `stream`: frames made, "
+        "predicted and learnt as they come; `run`: the whole command line, which holds the frames "
+        "of a run in memory. `everything`: texture, two sessions, drift and creep. The sensor is "
         "simulated, the transmission matrices of the fibre are measured.\n"
     )
 
