@@ -54,7 +54,7 @@ def _benchmark(path: Path) -> str:
 
 
 def _reproduction(results: Path) -> str:
-    """What the steps took, added up, and the one that needed most memory."""
+    """What the steps took, added up, and the two that needed most memory."""
     rows = reproduce.read(results)
     if not rows:
         return _missing(results / "tables" / "reproduce.csv")
@@ -63,8 +63,8 @@ def _reproduction(results: Path) -> str:
         steps = [row for (_, m), row in rows.items() if m == mode and row["status"] == "finished"]
         if steps:
             seconds = sum(float(row["seconds"]) for row in steps)
-            most = max(steps, key=lambda row: int(row["peak_bytes"]))
-            memory = f"{int(most['peak_bytes']) / 1e9:.2f} GB ({most['step']})"
+            most = sorted(steps, key=lambda row: -int(row["peak_bytes"]))[:2]
+            memory = ", ".join(f"{int(x['peak_bytes']) / 1e9:.2f} GB ({x['step']})" for x in most)
             table.append(f"| `{command}` | {len(steps)} | {reproduce.span(seconds)} | {memory} |")
     return "\n".join(table)
 

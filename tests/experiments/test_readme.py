@@ -32,5 +32,5 @@ def test_the_steps_of_a_reproduction_are_added_up(tmp_path):
         row | {"step": "fuzz", "mode": "full", "seconds": 9e9, "peak_bytes": 1, "status": "failed"},
     )
     table = readme.sources(tmp_path)["reproduction"]()
-    assert "| `make reproduce` | 2 | 2.0 h | 1.50 GB (cnn3) |" in table
+    assert "| `make reproduce` | 2 | 2.0 h | 1.50 GB (cnn3), 0.50 GB (hdc) |" in table
     assert "| `make reproduce QUICK=1` | 1 | 30 s | 0.40 GB (hdc) |" in table
