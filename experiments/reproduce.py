@@ -32,6 +32,7 @@ from experiments.steps import STEPS, Progress, Step, code, progress, read_record
 from experiments.tables import to_csv
 
 COLUMNS = ("step", "mode", "command", "seconds", "peak_bytes", "status", "code")
+INTERRUPTED = "interrupted"
 REPORT = "experiments.report"
 
 
@@ -101,7 +102,15 @@ def run(steps: Sequence[Step], quick: bool, results: Path, console: Console) -> 
 def _run_step(step: Step, quick: bool, results: Path) -> str:
     command = step.command(quick)
     row = {"step": step.name, "mode": _mode(quick), "command": shlex.join(command),
-           "code": code(step), **measured(command)}  # fmt: skip
+           "code": code(step)}  # fmt: skip
+    start = time.perf_counter()
+    try:
+        row |= measured(command)
+    except (KeyboardInterrupt, SystemExit):
+        # What it took so far belongs to the time of the whole.
+        taken = time.perf_counter() - start
+        write(results, row | {"seconds": taken, "peak_bytes": 0, "status": INTERRUPTED})
+        raise
     write(results, row)
     return str(row["status"])
 
@@ -158,10 +167,14 @@ def write(results: Path, row: dict[str, Any]) -> None:
     rows: dict[tuple[str, str], Any] = read(results)
     key = row["step"], row["mode"]
     known = rows.get(key)
-    if known and known["command"] == row["command"] and known["status"] == row["status"]:
-        # A step that was resumed or repeated had less to do.
-        row |= {name: max(row[name], type(row[name])(known[name])) for name in
-                ("seconds", "peak_bytes")}  # fmt: skip
+    if known and known["command"] == row["command"]:
+        before, peak = float(known["seconds"]), int(known["peak_bytes"])
+        if known["status"] == INTERRUPTED:
+            row |= {"seconds": row["seconds"] + before, "peak_bytes": max(row["peak_bytes"], peak)}
+        elif known["status"] == row["status"]:
+            # A step that is repeated finds most of its work done.
+            row |= {"seconds": max(row["seconds"], before),
+                    "peak_bytes": max(row["peak_bytes"], peak)}  # fmt: skip
     rows[key] = row
     order = {step.name: k for k, step in enumerate(STEPS)}
     ordered: Iterable[Any] = sorted(

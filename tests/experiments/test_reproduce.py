@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 
 import pytest
 from hydra import compose, initialize_config_dir
@@ -54,13 +55,26 @@ def test_it_goes_on_after_a_failure_and_reports_after_each_stage(tmp_path, comma
     assert reproduce.run(chosen[:1], False, tmp_path, console()) == 0
 
 
-def test_an_interruption_ends_it(tmp_path, monkeypatch):
+def test_an_interruption_ends_it_and_what_it_took_is_added_to_the_rest(tmp_path, monkeypatch):
     def interrupted(command):
+        time.sleep(0.01)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(reproduce, "measured", interrupted)
-    assert reproduce.run([step("one", NOTHING)], True, tmp_path, console()) == 130
-    assert not reproduce.read(tmp_path)
+    one = [step("one", NOTHING)]
+    for times in (1, 2):
+        with monkeypatch.context() as patch:
+            patch.setattr(reproduce, "measured", interrupted)
+            assert reproduce.run(one, True, tmp_path, console()) == 130
+        (row,) = reproduce.read(tmp_path).values()
+        assert row["status"] == "interrupted"
+        taken = float(row["seconds"])
+        assert taken >= times * 0.01
+    rest = {"seconds": 3.0, "peak_bytes": 1000, "status": "finished"}
+    monkeypatch.setattr(reproduce, "measured", lambda command: dict(rest))
+    assert reproduce.run(one, True, tmp_path, console()) == 0
+    row = reproduce.read(tmp_path)["one", "quick"]
+    assert (row["status"], row["peak_bytes"]) == ("finished", "1000")
+    assert float(row["seconds"]) == pytest.approx(3 + taken, rel=1e-4)
 
 
 def test_seconds_memory_and_status_of_commands(tmp_path):
