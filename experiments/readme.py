@@ -60,12 +60,19 @@ def _reproduction(results: Path) -> str:
         return _missing(results / "tables" / "reproduce.csv")
     table = ["| command | steps | time | most memory |", "|---|---:|---:|---|"]
     for mode, command in (("full", "make reproduce"), ("quick", "make reproduce QUICK=1")):
-        steps = [row for (_, m), row in rows.items() if m == mode and row["status"] == "finished"]
+        chosen = [row for (_, m), row in rows.items() if m == mode]
+        steps = [row for row in chosen if row["status"] == "finished"]
         if steps:
             seconds = sum(float(row["seconds"]) for row in steps)
+            parts = [
+                f", and part of {row['step']} ({reproduce.span(float(row['seconds']))})"
+                for row in chosen
+                if row["status"] == reproduce.INTERRUPTED
+            ]
             most = sorted(steps, key=lambda row: -int(row["peak_bytes"]))[:2]
             memory = ", ".join(f"{int(x['peak_bytes']) / 1e9:.2f} GB ({x['step']})" for x in most)
-            table.append(f"| `{command}` | {len(steps)} | {reproduce.span(seconds)} | {memory} |")
+            count, time = f"{len(steps)}{''.join(parts)}", reproduce.span(seconds)
+            table.append(f"| `{command}` | {count} | {time} | {memory} |")
     return "\n".join(table)
 
 

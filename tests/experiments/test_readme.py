@@ -27,10 +27,10 @@ def test_the_steps_of_a_reproduction_are_added_up(tmp_path):
     for step, mode, seconds, memory in steps:
         cells = {"step": step, "mode": mode, "seconds": float(seconds), "peak_bytes": int(memory)}
         reproduce.write(tmp_path, row | cells)
-    reproduce.write(
-        tmp_path,
-        row | {"step": "fuzz", "mode": "full", "seconds": 9e9, "peak_bytes": 1, "status": "failed"},
-    )
+    for step, seconds, status in (("fuzz", 9e9, "failed"), ("cnn1", 600.0, "interrupted")):
+        cells = {"step": step, "mode": "full", "seconds": seconds, "peak_bytes": 1}
+        reproduce.write(tmp_path, row | cells | {"status": status})
     table = readme.sources(tmp_path)["reproduction"]()
-    assert "| `make reproduce` | 2 | 2.0 h | 1.50 GB (cnn3), 0.50 GB (hdc) |" in table
+    steps, memory = "2, and part of cnn1 (10 min)", "1.50 GB (cnn3), 0.50 GB (hdc)"
+    assert f"| `make reproduce` | {steps} | 2.0 h | {memory} |" in table
     assert "| `make reproduce QUICK=1` | 1 | 30 s | 0.40 GB (hdc) |" in table
