@@ -42,7 +42,7 @@ def main() -> None:
     elif request["do"] != "torch":
         answer |= _build(request)
     packages = Counter(name.partition(".")[0] for name in sys.modules)
-    answer = {"peak_bytes": peak_bytes()} | answer
+    answer.setdefault("peak_bytes", peak_bytes())
     answer |= {
         "modules": len(sys.modules),
         "packages": {name: count for name, count in packages.most_common() if count > 1},

@@ -166,15 +166,13 @@ def write(results: Path, row: dict[str, Any]) -> None:
     """Put a step's row into tables/reproduce.csv, in the order of the steps."""
     rows: dict[tuple[str, str], Any] = read(results)
     key = row["step"], row["mode"]
-    known = rows.get(key)
-    if known and known["command"] == row["command"]:
-        before, peak = float(known["seconds"]), int(known["peak_bytes"])
-        if known["status"] == INTERRUPTED:
-            row |= {"seconds": row["seconds"] + before, "peak_bytes": max(row["peak_bytes"], peak)}
-        elif known["status"] == row["status"]:
-            # A step that is repeated finds most of its work done.
-            row |= {"seconds": max(row["seconds"], before),
-                    "peak_bytes": max(row["peak_bytes"], peak)}  # fmt: skip
+    known = rows.get(key, {})
+    same = known.get("command") == row["command"]
+    if same and known["status"] in (INTERRUPTED, row["status"]):
+        # The rest of an interrupted step adds up; a repeated one finds most of its work done.
+        pair = float(known["seconds"]), row["seconds"]
+        row["seconds"] = sum(pair) if known["status"] == INTERRUPTED else max(pair)
+        row["peak_bytes"] = max(row["peak_bytes"], int(known["peak_bytes"]))
     rows[key] = row
     order = {step.name: k for k, step in enumerate(STEPS)}
     ordered: Iterable[Any] = sorted(

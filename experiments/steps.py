@@ -214,7 +214,7 @@ STEPS = (
     Step("cnn3", "networks", _sweep("table1", f"{_PAPER}cnn3", "0,1,2"),
          _sweep("table1", "stop=quick model=cnn3", "0"), (95, 10)),
     Step("calibration", "end", "scenes.sensor.calibrate", "", (10, 0), "calibration.csv"),
-    Step("slow_tests", "end", "pytest -m slow", "", (5, 0)),
+    Step("slow_tests", "end", "pytest -m slow", "", (1.5, 0)),
     Step("readme", "last", "experiments.readme", "", (0.1, 0)),
 )
 # fmt: on
