@@ -137,7 +137,8 @@ def _(case: Case, backend: str) -> Job:
 def _(case: Case) -> Job:
     import torchhd
 
-    classes = [_bsc(case)[case.labels == c] for c in range(case.n_classes)]  # sorted for it
+    hypervectors = _bsc(case)
+    classes = [hypervectors[case.labels == c] for c in range(case.n_classes)]  # sorted for it
     return lambda: torch.stack([torchhd.multiset(x) for x in classes]), _from_mask
 
 
@@ -152,8 +153,8 @@ def _(case: Case) -> Job:
 
 @_route("bundle", "numpy.add.reduce of bytes")
 def _(case: Case) -> Job:
-    ones = unpack_bits(packed_bytes(case.words, case.d), case.d)
-    classes = [ones[case.labels == c] for c in range(case.n_classes)]
+    packed = packed_bytes(case.words, case.d)
+    classes = [unpack_bits(packed[case.labels == c], case.d) for c in range(case.n_classes)]
     return lambda: np.stack([2 * x.sum(0, dtype=np.int16) > len(x) for x in classes]), _from_mask
 
 

@@ -11,6 +11,7 @@ from experiments.benchmark_cases import Case
 from experiments.benchmark_memory import peak_bytes
 from experiments.benchmark_results import Row, growth, read, targets, to_csv
 from experiments.benchmark_routes import OURS, OURS_COMPILED, READ, ROUTES, Route
+from hdc.encode import encode
 
 COMPARED = [r for r in ROUTES if r.name != READ]
 
@@ -141,6 +142,27 @@ def test_skipped_rows_say_why(results):
     assert found[OURS, 4, 5] == "skipped: 4 frames for 5 classes"
     assert found["absent", 4, 3] == "not installed"
     assert found[OURS, 400, 5] == "ok"
+
+
+def test_memory_is_foretold_from_the_same_pixels():
+    name = "sklearn RidgeClassifier"
+    ridge = next(r for r in ROUTES if (r.operation, r.name) == ("train", name))
+    installed(ridge)
+    rows = [
+        Row("train", ridge.name, 4000, 10_000, 5, peak_bytes=730_000_000),  # with a Gram matrix
+        Row("train", ridge.name, 40, 250_000, 5, peak_bytes=147_000_000),
+    ]
+    bench = benchmark._Bench(limit_s=20, limit_bytes=1.7e9, budget_s=0, rows=rows)
+    assert bench._reason_to_skip(ridge, Case(400, 250_000, 5)) is None
+    expected = "skipped: about 15.7 GB expected, limit 1.7 GB"  # 14.7 and a gigabyte of frames
+    assert bench._reason_to_skip(ridge, Case(4000, 250_000, 5)) == expected
+    del rows[1]
+    expected = "skipped: about 1.9 GB expected, limit 1.7 GB"
+    assert bench._reason_to_skip(ridge, Case(400, 250_000, 5)) == expected
+
+
+def test_hypervectors_made_frame_by_frame_are_those_of_the_frames(case):
+    assert case.words.equal(encode(case.frames))
 
 
 def test_peak_memory_is_what_a_call_takes():
