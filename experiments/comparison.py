@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments import evaluate, tables
+from experiments import evaluate, table_text, tables
 from experiments.record import ROOT, read_record
 from experiments.selection import Records, sweep
 from experiments.tables import Row
@@ -128,7 +128,7 @@ def verdict(row: Mapping[str, Any], calibration: str | None = None) -> str:
 
 def to_csv(rows: Sequence[Row]) -> str:
     """The rows as comma-separated values."""
-    return tables.to_csv(rows, COLUMNS)
+    return table_text.to_csv(rows, COLUMNS)
 
 
 def to_markdown(rows: Sequence[Row]) -> str:

@@ -22,15 +22,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from experiments.selection import Records, Run, sweep
-from experiments.tables import (
-    Row,
-    display_name,
-    origin,
-    published,
-    published_row,
-    row,
-    training_time,
-)
+from experiments.table_text import display_name, origin
+from experiments.tables import Row, published, published_row, row, training_time
 
 WIDTH = 3.4  # in, one column
 STYLE: dict[Any, Any] = {
@@ -52,6 +45,7 @@ STYLE: dict[Any, Any] = {
 # the distinction. A family of models shares a colour.
 _STYLES: dict[str, tuple[str, str, str]] = {
     "hdc": ("#D55E00", "o", "-"),
+    "hdc_compiled": ("#D55E00", "P", "--"),
     "hdc_integer": ("#D55E00", "s", "--"),
     "hdc_online": ("#D55E00", "D", "-."),
     "record_hdc": ("#D55E00", "v", ":"),

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from omegaconf import OmegaConf
 
-from experiments import measurement, record, selection, sources, tables
+from experiments import measurement, record, selection, sources, table_text, tables
 from experiments.fuzz_damage import field_of
 from experiments.fuzz_files import Kind, Rng, noise
 from hdc import HDCClassifier
@@ -105,9 +105,9 @@ def read_run(folder: Path) -> str:
     group = records.group("touch", "hdc")
     rows = [tables.row(group, group)]
     texts = (
-        tables.to_csv(rows, tables.TABLE1),
-        tables.to_markdown(rows, tables.TABLE1_COLUMNS, "t"),
-        tables.to_latex(rows, tables.TABLE1_COLUMNS, "t", "t"),
+        table_text.to_csv(rows, tables.TABLE1),
+        table_text.to_markdown(rows, table_text.TABLE1_COLUMNS, "t"),
+        table_text.to_latex(rows, table_text.TABLE1_COLUMNS, "t", "t"),
         repr([run.curve for run in group.runs]),
     )
     return hashlib.sha256(repr(texts).encode()).hexdigest()

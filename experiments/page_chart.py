@@ -14,7 +14,8 @@ import numpy as np
 
 from experiments.figures import style_of
 from experiments.selection import Records, Run
-from experiments.tables import Row, display_name, published_row, row, training_time
+from experiments.table_text import display_name
+from experiments.tables import Row, published_row, row, training_time
 
 MODELS = ("hdc", "softmax", "softmax_dual", "cnn1", "cnn1_fast", "cnn3", "cnn3_fast")
 PAPER = ("hdc", "softmax", "cnn1", "cnn3")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from experiments import tables
+from experiments import table_text
 from experiments.measurement import Measured, read
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
@@ -213,9 +213,9 @@ def _how(measured: Measured) -> str:
     if entry["status"] != "finished":
         parts.append(f"{entry['status']}: {entry.get('error', 'not finished')}")
     if entry.get("seconds"):
-        parts.append(f"made in {tables.number(entry['seconds'])} s")
+        parts.append(f"made in {table_text.number(entry['seconds'])} s")
     if entry.get("peak_bytes"):
-        parts.append(f"peak memory {tables.bytes_cell(entry['peak_bytes'])}")
+        parts.append(f"peak memory {table_text.bytes_cell(entry['peak_bytes'])}")
     if changed := measured.outdated:
         parts.append(f"by other code than this ({', '.join(changed)} changed since)")
     return "; ".join(parts)

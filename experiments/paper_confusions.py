@@ -21,7 +21,8 @@ from experiments.paper_data import (
 )
 from experiments.paper_style import CONFUSION_MAP, PRINTED, changed, head, matrix, panel, seeds_of
 from experiments.selection import Group, Records
-from experiments.tables import display_name, published
+from experiments.table_text import display_name
+from experiments.tables import published
 
 # Which figure of the paper shows a scene, and the line of published.csv that has its accuracy.
 PAPER = {

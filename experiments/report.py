@@ -17,11 +17,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from experiments import comparison, page, page_figures, page_tables, tables
+from experiments import comparison, page, page_figures, page_tables, table_text, tables
 from experiments.comparison import MISFITS
 from experiments.record import results_dir, write_atomically
 from experiments.selection import Records
-from experiments.tables import Columns, Row, number, percent
+from experiments.table_text import Columns, number, percent
+from experiments.tables import Row
 
 WIDTH = 100  # columns of the terminal that Table I needs
 
@@ -47,19 +48,19 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
     written: list[Path] = []
     shown = {}
     for name, rows, columns, cells, title in (
-        ("table1", table1, tables.TABLE1, tables.TABLE1_COLUMNS,
+        ("table1", table1, tables.TABLE1, table_text.TABLE1_COLUMNS,
          "Table I, published and measured"),
-        ("table1_extended", extended, tables.TABLE1, tables.EXTENDED_COLUMNS,
+        ("table1_extended", extended, tables.TABLE1, table_text.EXTENDED_COLUMNS,
          "Table I for other competitors"),
-        ("accuracy_vs_n", over_n, tables.CURVE, tables.CURVE_COLUMNS,
+        ("accuracy_vs_n", over_n, tables.CURVE, table_text.CURVE_COLUMNS,
          "Accuracy against the number N of training samples"),
-        ("accuracy_vs_d", over_d, tables.CURVE, tables.CURVE_COLUMNS,
+        ("accuracy_vs_d", over_d, tables.CURVE, table_text.CURVE_COLUMNS,
          "Accuracy against the number D of pixels seen"),
-        ("work_precision", work, tables.CURVE, tables.CURVE_COLUMNS,
+        ("work_precision", work, tables.CURVE, table_text.CURVE_COLUMNS,
          "Accuracy against the time of a prediction"),
     ):  # fmt: skip
         written += _write_table(results / "tables", name, rows, columns, cells, title)
-        text = tables.to_markdown(rows, cells, title)
+        text = table_text.to_markdown(rows, cells, title)
         command = f"python -m experiments.run experiment={name}"
         shown[name] = page_tables.of_markdown(name, title, text, command)
     compared = comparison.compare(records, results)
@@ -128,7 +129,7 @@ def _write_robustness(results: Path) -> list[Path]:
     if not rows:
         return []
     texts = {
-        results / "tables" / "robustness.csv": tables.to_csv(rows, robustness_table.COLUMNS),
+        results / "tables" / "robustness.csv": table_text.to_csv(rows, robustness_table.COLUMNS),
         results / "tables" / "robustness.md": robustness_table.markdown(rows),
     }
     for path, text in texts.items():
@@ -150,7 +151,7 @@ def _write_comparison(results: Path, compared: list[Row]) -> list[Path]:
 def terminal_table(rows: list[Row]) -> Table:
     """Table I for the terminal: the paper's number beside ours, at most 100 columns."""
     table = Table(
-        title=tables.caption(rows, "Table I"),
+        title=table_text.caption(rows, "Table I"),
         title_justify="left",
         box=box.SIMPLE_HEAD,
         padding=0,
@@ -165,14 +166,14 @@ def terminal_table(rows: list[Row]) -> Table:
     for line in rows:
         seeds = "1 seed" if line["seeds"] == 1 else f"{line['seeds']} seeds"
         cells = (
-            f"{tables.display_name(line['model'])}\n{seeds}",
+            f"{table_text.display_name(line['model'])}\n{seeds}",
             number(line["published_training_time_s"])
             + _times(line["published_training_time_over_hdc"]),
-            tables.time_cell(line) + _times(line.get("training_time_over_hdc")),
+            table_text.time_cell(line) + _times(line.get("training_time_over_hdc")),
             percent(line["published_train_accuracy"]),
             percent(line.get("train_accuracy_max")),
-            tables.published_cell(line),
-            tables.interval_cell(line),
+            table_text.published_cell(line),
+            table_text.interval_cell(line),
         )
         table.add_row(*(escape(cell) for cell in cells))
     return table
@@ -186,9 +187,9 @@ def _write_table(
     folder: Path, name: str, rows: list[Row], columns: Any, shown: Columns, title: str
 ) -> list[Path]:
     texts = {
-        "csv": tables.to_csv(rows, columns),
-        "md": tables.to_markdown(rows, shown, title),
-        "tex": tables.to_latex(rows, shown, title, name),
+        "csv": table_text.to_csv(rows, columns),
+        "md": table_text.to_markdown(rows, shown, title),
+        "tex": table_text.to_latex(rows, shown, title, name),
     }
     for kind, text in texts.items():
         write_atomically(folder / f"{name}.{kind}", text)
@@ -229,7 +230,7 @@ def _save(folder: Path, name: str, figure: Any) -> list[Path]:
 
 def _print_notes(console: Console, records: Records, table1: list[Row], rest: list[Row]) -> None:
     """How to read the table, and what is missing from it and from the others."""
-    console.print(f"[dim]{escape(tables.notes(table1))}[/dim]")
+    console.print(f"[dim]{escape(table_text.notes(table1))}[/dim]")
     for line in table1:
         if line["status"] != "ok":
             console.print(escape(f"{line['model']}: {line['status']}"), style="yellow")

@@ -29,7 +29,7 @@ from rich.table import Table
 
 from experiments.record import ROOT, results_dir, write_atomically
 from experiments.steps import STEPS, Progress, Step, code, progress, read_records
-from experiments.tables import to_csv
+from experiments.table_text import to_csv
 
 COLUMNS = ("step", "mode", "command", "seconds", "peak_bytes", "status", "code")
 INTERRUPTED = "interrupted"

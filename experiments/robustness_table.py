@@ -15,7 +15,8 @@ import numpy as np
 
 from experiments import evaluate, measurement
 from experiments.robustness import NAME
-from experiments.tables import Row, bytes_cell, display_name, interval_cell, origin, percent
+from experiments.table_text import bytes_cell, display_name, interval_cell, origin, percent
+from experiments.tables import Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments import measurement, tables
+from experiments import measurement, table_text
 from experiments.measurement import Measured
 from experiments.record import write_atomically
 
@@ -93,9 +93,9 @@ def _crossing(
     rates = [float(line["rate"]) for line in lines]
     at = next((k for k, line in enumerate(lines) if line[key] == "yes"), None)
     if at is None:
-        return f"> {tables.number(rates[-1])}", None
+        return f"> {table_text.number(rates[-1])}", None
     if at == 0:
-        return f"< {tables.number(rates[0])}", None
+        return f"< {table_text.number(rates[0])}", None
     limit = math.sqrt(rates[at - 1] * rates[at])
     return limit, limit / predicted
 
@@ -110,8 +110,8 @@ def _why_not(row: Row, lines: Sequence[dict[str, str]]) -> str:
             return text + "the frames are separated before the swings grow"
         return (
             text + "the frames are separated before the swings grow, and the curvature goes with "
-            f"the loss (λ_max at the end {tables.number(above[1])}, at the start "
-            f"{tables.number(row['lambda_max'])})"
+            f"the loss (λ_max at the end {table_text.number(above[1])}, at the start "
+            f"{table_text.number(row['lambda_max'])})"
         )
     if row["method"] == "Adam":
         return (
@@ -123,24 +123,24 @@ def _why_not(row: Row, lines: Sequence[dict[str, str]]) -> str:
     if grown > 1.5 * row["lambda_max"]:
         return (
             "the network sharpens as it learns: λ_max at the end of a stable run is "
-            f"{tables.number(grown)}, at the start {tables.number(row['lambda_max'])}; "
-            f"the limit has come down to {tables.number(2 / grown)}"
+            f"{table_text.number(grown)}, at the start {table_text.number(row['lambda_max'])}; "
+            f"the limit has come down to {table_text.number(2 / grown)}"
         )
     return "λ_max at the start is no bound along the way"
 
 
 def _and_ends(row: Row) -> str:
     ends = row["ends_above"]
-    rates = ends if isinstance(ends, str) else f"above {tables.number(ends)}"
+    rates = ends if isinstance(ends, str) else f"above {table_text.number(ends)}"
     return f", and at the end for rates {rates}"
 
 
 def _limits_text(measured: Measured, rows: Sequence[Row]) -> str:
     def seen(key: str) -> Callable[[Row], str]:
-        return lambda r: tables.number(r[key])
+        return lambda r: table_text.number(r[key])
 
     table = _markdown(rows, (
-        ("Model", lambda r: tables.display_name(r["model"])),
+        ("Model", lambda r: table_text.display_name(r["model"])),
         ("Pixels", lambda r: _PIXELS[r["pixels"]]),
         ("Method", lambda r: _METHODS[r["method"]]),
         ("Start", lambda r: r["start"]),
@@ -188,7 +188,7 @@ def why_1e_4(rows: Sequence[Row]) -> str:
         times = PAPER_RATE / found["raw", "GD"]
         text += (
             f"On pixels in 0…255 the limit of gradient descent is {_rate(found['raw', 'GD'])}, and "
-            f"{_rate(PAPER_RATE)} is {tables.number(times)} times that. "
+            f"{_rate(PAPER_RATE)} is {table_text.number(times)} times that. "
         )
     if ("standard", "GD") in found:
         text += f"On standardised pixels it is {_rate(found['standard', 'GD'])}. "
@@ -232,16 +232,16 @@ def work(row: dict[str, str]) -> float:
 
 def _methods_text(measured: Measured, rows: Sequence[Row]) -> str:
     def to(gap: float) -> tuple[str, Callable[[Row], str]]:
-        return f"s to F − F* ≤ {gap:g}", lambda r: tables.number(r[f"seconds_to_{gap:g}"])
+        return f"s to F − F* ≤ {gap:g}", lambda r: table_text.number(r[f"seconds_to_{gap:g}"])
 
     table = _markdown(rows, (
         ("Method", lambda r: r["method"]),
         ("Pixels", lambda r: _PIXELS[r["pixels"]]),
-        ("Rate", lambda r: tables.number(r["rate"])),
+        ("Rate", lambda r: table_text.number(r["rate"])),
         *(to(gap) for gap in GAPS),
-        ("s in all", lambda r: tables.number(r["seconds"])),
-        ("F − F* at the end", lambda r: tables.number(r["loss_gap"])),
-        ("Test error, %, at the end", lambda r: tables.percent(r["test_error"])),
+        ("s in all", lambda r: table_text.number(r["seconds"])),
+        ("F − F* at the end", lambda r: table_text.number(r["loss_gap"])),
+        ("Test error, %, at the end", lambda r: table_text.percent(r["test_error"])),
     ))  # fmt: skip
     return (
         f"**Softmax regression by explicit, adaptive and second-order methods, "
@@ -266,7 +266,7 @@ def footprint(measured: Measured) -> list[Row]:
 
 def _footprint_text(measured: Measured, rows: Sequence[Row]) -> str:
     def scaled(key: str, factor: float) -> Callable[[Row], str]:
-        return lambda r: tables.number(r[key] * factor) if key in r else "–"
+        return lambda r: table_text.number(r[key] * factor) if key in r else "–"
 
     def name(r: Row) -> str:
         return " ".join(filter(None, (r.get("scene"), r.get("model")))) or "–"
@@ -298,7 +298,7 @@ def _footprint_text(measured: Measured, rows: Sequence[Row]) -> str:
 # Parts --------------------------------------------------------------------------------------------
 
 
-def _markdown(rows: Sequence[Row], columns: tables.Columns) -> str:
+def _markdown(rows: Sequence[Row], columns: table_text.Columns) -> str:
     def lines() -> Iterator[list[str]]:
         yield [name for name, _ in columns]
         yield ["---"] * len(columns)

@@ -15,7 +15,17 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from experiments import comparison, evaluate, page, page_tables, record, run, sources, tables
+from experiments import (
+    comparison,
+    evaluate,
+    page,
+    page_tables,
+    record,
+    run,
+    sources,
+    table_text,
+    tables,
+)
 from experiments.measurement import to_csv
 from experiments.selection import CONFIGS, Records
 
@@ -200,7 +210,7 @@ def write_page(tmp_path):
         records = Records(tmp_path)
         rows, compared = tables.table1(records), comparison.compare(records, tmp_path)
         texts = {
-            "table1": tables.to_markdown(rows, tables.TABLE1_COLUMNS, "Table I"),
+            "table1": table_text.to_markdown(rows, table_text.TABLE1_COLUMNS, "Table I"),
             "comparison": comparison.to_markdown(compared),
         }
         shown = {

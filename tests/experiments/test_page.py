@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 import pytest
 from PIL import Image
 
-from experiments import comparison, page, page_chart, page_figures, page_tables, tables
+from experiments import comparison, page, page_chart, page_figures, page_tables, table_text
 from experiments.selection import Records
 
 HOSTILE = '</script><script>alert("1")</script>&<img src=x onerror=alert(2)>'
@@ -79,8 +79,9 @@ def test_numbers_are_those_of_the_files(built, write_measurement):
             wanted = [float(line[name]) for name in names if line[name]]
             assert [float(n) for n in re.findall(r"[\d.]+", cell)] == pytest.approx(wanted, 5e-4)
     assert found.tables["stability"][1:] == [list(row.values()) for row in rows]
-    cells = [[" ".join(cell(row).split()) for _, cell in tables.TABLE1_COLUMNS] for row in table1]
-    assert found.tables["table1"] == [[head for head, _ in tables.TABLE1_COLUMNS], *cells]
+    columns = table_text.TABLE1_COLUMNS
+    cells = [[" ".join(cell(row).split()) for _, cell in columns] for row in table1]
+    assert found.tables["table1"] == [[head for head, _ in columns], *cells]
 
 
 def test_it_needs_no_network_and_every_picture_is_whole(built, tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from experiments import evaluate, figures, measurement, record, robustness_table, tables
+from experiments import evaluate, figures, measurement, record, robustness_table, table_text
 from experiments.robustness_table import COLUMNS, figure, markdown, rows
 
 
@@ -51,7 +51,7 @@ def test_seeds_and_draws_are_pooled(measured):
     assert (flipped["lowest"], flipped["highest"]) == (0.1, 0.9)
     assert {row["code"] for row in found} == {"current"}
     assert set(COLUMNS) == set(found[0])
-    assert tables.to_csv(found, COLUMNS).count("\n") == 15
+    assert table_text.to_csv(found, COLUMNS).count("\n") == 15
 
 
 def test_markdown_says_what_is_shown(measured):

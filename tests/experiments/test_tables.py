@@ -11,7 +11,7 @@ import pytest
 from omegaconf import OmegaConf
 from scipy.stats import binomtest
 
-from experiments import pooling, tables
+from experiments import pooling, table_text, tables
 from experiments.selection import Records, numbers, sweep
 
 
@@ -68,13 +68,13 @@ def test_not_reached_is_said_never_a_number(tmp_path, write_run):
     row = line(tmp_path, "cnn1")
     assert row["training_time_s"] == "not reached in 20 s"
     assert row["training_time_over_hdc"] is None
-    assert tables.time_cell(row) == "not reached in 20 s"
+    assert table_text.time_cell(row) == "not reached in 20 s"
     for seed, curve in ((1, epochs(0.95)), (2, epochs(0.5, 0.95))):
         write_run("cnn1", seed=seed, curve=curve)
     row = line(tmp_path, "cnn1")
     assert row["training_time_s"] == 20.0
     assert row["training_time_q75_s"] == "not reached in 20 s"
-    assert tables.time_cell(row) == "20.0 (15.0…> 20)"
+    assert table_text.time_cell(row) == "20.0 (15.0…> 20)"
 
 
 def test_mcnemar_is_exact_on_the_same_samples(tmp_path, write_run):
@@ -182,7 +182,7 @@ def test_a_row_of_other_code_says_so(tmp_path, write_run):
     rows = tables.table1(Records(tmp_path))
     row = next(r for r in rows if r["model"] == "softmax")
     assert row["code"] == "hdc/bits.py"
-    assert "other code than this (hdc/bits.py changed since): Softmax" in tables.notes(rows)
+    assert "other code than this (hdc/bits.py changed since): Softmax" in table_text.notes(rows)
 
 
 def seen_by(fingerprint):
@@ -260,7 +260,7 @@ def test_every_model_of_an_experiment_has_a_config_and_a_name(experiment, compos
     params = sweep(experiment)
     for model in params["model"]:
         composed(params["scene"][0], model, params["stop"][0])
-        assert model in tables.NAMES
+        assert model in table_text.NAMES
     numbers(params.get("split.n_train", []) + params.get("data.pixels", []))
 
 
@@ -269,7 +269,7 @@ def test_every_model_of_an_experiment_has_a_config_and_a_name(experiment, compos
 
 def test_csv_reads_back(tmp_path, a_full_set):
     rows = tables.table1(Records(tmp_path))
-    read = list(csv.DictReader(io.StringIO(tables.to_csv(rows, tables.TABLE1))))
+    read = list(csv.DictReader(io.StringIO(table_text.to_csv(rows, tables.TABLE1))))
     assert [r["model"] for r in read] == ["hdc", "softmax", "cnn1", "cnn3"]
     for text, row in zip(read, rows, strict=True):
         for key in tables.TABLE1:
@@ -282,10 +282,10 @@ def test_csv_reads_back(tmp_path, a_full_set):
 
 def test_markdown_has_a_cell_for_every_column(tmp_path, a_full_set):
     rows = tables.table1(Records(tmp_path))
-    text = tables.to_markdown(rows, tables.TABLE1_COLUMNS, "Table I")
+    text = table_text.to_markdown(rows, table_text.TABLE1_COLUMNS, "Table I")
     body = [x for x in text.splitlines() if x.startswith("|")]
     assert len(body) == 2 + len(rows)
-    assert {x.count("|") for x in body} == {len(tables.TABLE1_COLUMNS) + 1}
+    assert {x.count("|") for x in body} == {len(table_text.TABLE1_COLUMNS) + 1}
     assert "simulated frames" in text.splitlines()[0]
     assert "failed: RuntimeError: no memory" in body[-1]
 
@@ -293,14 +293,14 @@ def test_markdown_has_a_cell_for_every_column(tmp_path, a_full_set):
 def test_latex_is_balanced(tmp_path, write_run, a_full_set):
     write_run("ridge", status="failed", error=r"Odd: 50% of {a_b} & #1 \x ~ ^ $")
     rows = tables.table1(Records(tmp_path)) + tables.table1(Records(tmp_path), "table1_extended")
-    text = tables.to_latex(rows, tables.TABLE1_COLUMNS, "Table I", "table1")
+    text = table_text.to_latex(rows, table_text.TABLE1_COLUMNS, "Table I", "table1")
     assert re.findall(r"\\begin\{(\S+?)\}", text) == re.findall(r"\\end\{(\S+?)\}", text)[::-1]
     bare = re.sub(r"\\[{}&%#$_]", "", text)
     assert bare.count("{") == bare.count("}")
     assert bare.count("$") % 2 == 0
     body = bare[bare.index("\\midrule") : bare.index("\\bottomrule")].strip().splitlines()[1:]
     assert len(body) == len(rows)
-    assert {x.count("&") for x in body} == {len(tables.TABLE1_COLUMNS) - 1}
+    assert {x.count("&") for x in body} == {len(table_text.TABLE1_COLUMNS) - 1}
     assert all(x.endswith(r"\\") for x in body)
     for rule in ("toprule", "midrule", "bottomrule"):
         assert text.count(rule) == 1
@@ -314,4 +314,4 @@ def test_latex_is_balanced(tmp_path, write_run, a_full_set):
      (2e-5, "2.0e-05"), ("mixed", "mixed")],
 )  # fmt: skip
 def test_three_digits(value, text):
-    assert tables.number(value) == text
+    assert table_text.number(value) == text

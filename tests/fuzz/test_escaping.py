@@ -8,7 +8,7 @@ import json
 import pytest
 from rich.console import Console
 
-from experiments import fuzz_records, run, tables
+from experiments import fuzz_records, run, table_text, tables
 from experiments.summary import summarise
 
 HOSTILE = (
@@ -27,11 +27,11 @@ def rows():
 
 
 def test_markdown(rows):
-    text = tables.to_markdown(rows, tables.TABLE1_COLUMNS, "t")
+    text = table_text.to_markdown(rows, table_text.TABLE1_COLUMNS, "t")
     lines = text.splitlines()
     assert len(lines) == 7  # caption, head, rule, row, notes and what is between
     unescaped = [i for i, c in enumerate(lines[4]) if c == "|" and not _escaped(lines[4], i)]
-    assert len(unescaped) == len(tables.TABLE1_COLUMNS) + 1
+    assert len(unescaped) == len(table_text.TABLE1_COLUMNS) + 1
     for what in ("<", "](", " `c`", " *c*", "&amp; |"):
         assert what not in text
     assert "&lt;img src=x>" in text
@@ -45,11 +45,11 @@ def _escaped(text: str, i: int) -> bool:
 
 def test_what_tables_hold_already_is_left_as_it_is():
     for cell in ("100 [96.3, 100]", "0.5 (0.4…> 30)", "ok, plateau", "1.0e-6", "CNN, 1 layer"):
-        assert tables._markdown(cell) == cell
+        assert table_text._markdown(cell) == cell
 
 
 def test_latex(rows):
-    text = tables.to_latex(rows, tables.TABLE1_COLUMNS, "t", "t")
+    text = table_text.to_latex(rows, table_text.TABLE1_COLUMNS, "t", "t")
     assert r"\input" not in text
     assert r"\textbackslash{}input\{/etc/passwd\} \$" in text
     assert "\x1b" not in text
