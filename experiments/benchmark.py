@@ -24,9 +24,9 @@ from rich.progress import Progress
 
 from experiments import record
 from experiments.benchmark_cases import Case
-from experiments.benchmark_memory import peak_bytes
+from experiments.benchmark_memory import give_back, peak_bytes
 from experiments.benchmark_results import Row, closest, markdown_table, show, to_csv
-from experiments.benchmark_routes import OURS, OURS_COMPILED, READ, ROUTES, Route
+from experiments.benchmark_routes import OURS, OURS_COMPILED, READ, ROUTES, Form, Route
 from experiments.clock import synchronise
 from hdc import bits
 
@@ -129,6 +129,7 @@ class _Bench:
             row.status = self._reason_to_skip(route, case) or "ok"
             if row.status != "ok":
                 continue
+            give_back()  # a route does not stand on what others left
             try:
                 row.peak_bytes = peak_bytes(route, case)
                 timed = self._checked(route, case, row)
@@ -186,6 +187,13 @@ class _Bench:
     def _checked(self, route: Route, case: Case, row: Row) -> _Timed | None:
         """Run the route once and compare; None if the result is another."""
         call, form = route.build(case)
+        first = self._compare(call, form, route, case, row)
+        return None if row.status == "wrong result" else _Timed(call, case.device, first)
+
+    def _compare(
+        self, call: Callable[[], Any], form: Form, route: Route, case: Case, row: Row
+    ) -> float:
+        """What a route's first result is worth goes into its row; the seconds it took."""
         start = time.perf_counter()
         output = call()
         synchronise(case.device)
@@ -197,8 +205,7 @@ class _Bench:
                 row.equal_result = "no"  # ours is specified to the last bit
             if row.equal_result == "no":
                 row.status = "wrong result"
-                return None
-        return _Timed(call, case.device, first)
+        return first
 
     def _in_turns(
         self, peer: _Timed, ours: _Timed | None, case: Case

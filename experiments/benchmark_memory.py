@@ -48,6 +48,13 @@ def peak_bytes(route: Route, case: Case) -> int | None:
     return json.loads(answer) if answer.strip() else None
 
 
+def give_back() -> None:
+    """Freed memory goes back to the system, where the C library can do that."""
+    gc.collect()
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
 def _peak_on_accelerator(route: Route, case: Case) -> int:
     call, _ = route.build(case)
     torch.cuda.synchronize(case.device)
@@ -103,10 +110,7 @@ def _measure(index: int, n: int, d: int, n_classes: int, seed: int, threads: int
     route = ROUTES[index]
     call, _ = route.build(Case(n, d, n_classes, seed=seed))
     route.build(Case(4, 64, 2))[0]()  # thread pools and late imports belong to no call
-    gc.collect()
-    # Give freed memory back, so that the call cannot take it unseen.
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)
+    give_back()  # so that the call cannot take it unseen
     (_PROC / "clear_refs").write_text("5")  # the peak starts from here
     before = _status("VmRSS")
     result = call()
