@@ -167,7 +167,7 @@ def write(results: Path, row: dict[str, Any]) -> None:
     rows: dict[tuple[str, str], Any] = read(results)
     key = row["step"], row["mode"]
     known = rows.get(key, {})
-    same = known.get("command") == row["command"]
+    same = (known.get("command"), known.get("code")) == (row["command"], row["code"])
     if same and known["status"] in (INTERRUPTED, row["status"]):
         # The rest of an interrupted step adds up; a repeated one finds most of its work done.
         pair = float(known["seconds"]), row["seconds"]

@@ -102,9 +102,10 @@ def test_a_resumed_step_keeps_the_time_of_the_whole(tmp_path):
         reproduce.write(tmp_path, {**row, "seconds": seconds, "peak_bytes": peak})
     (found,) = reproduce.read(tmp_path).values()
     assert (float(found["seconds"]), int(found["peak_bytes"])) == (100, 20)
-    reproduce.write(tmp_path, {**row, "command": "other", "seconds": 2.0, "peak_bytes": 5})
-    (found,) = reproduce.read(tmp_path).values()
-    assert (float(found["seconds"]), int(found["peak_bytes"])) == (2, 5)
+    for peak, changed in enumerate([{"command": "other"}, {"command": "other", "code": "new"}]):
+        reproduce.write(tmp_path, {**row, **changed, "seconds": 2.0, "peak_bytes": 5 - peak})
+        (found,) = reproduce.read(tmp_path).values()
+        assert (float(found["seconds"]), int(found["peak_bytes"])) == (2, 5 - peak)
 
 
 def test_runs_of_a_sweep_are_counted_by_what_they_computed(tmp_path, write_run):
