@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+from pathlib import Path
 
 import pytest
 
@@ -44,6 +46,13 @@ def test_values_times_and_memory_come_back():
     assert all(0 <= o.seconds < 5 and 1e6 < o.peak_bytes < 1e9 for o in found)
     (large,) = outcomes(exec, ["b'x' * 3 * 10**8"], 5, 1e9, PRELOAD)
     assert large.peak_bytes > found[-1].peak_bytes + 2e8
+
+
+def test_what_a_call_complains_of_is_not_printed():
+    if not Path("/proc/self/fd").exists():
+        pytest.skip("this system does not tell where standard error goes")
+    (outcome,) = outcomes(os.readlink, ["/proc/self/fd/2"], 5, 1e9, PRELOAD)
+    assert outcome.value == os.devnull
 
 
 def test_a_child_that_is_left_is_ended():
