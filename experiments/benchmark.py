@@ -35,6 +35,7 @@ __all__ = ["markdown_table", "run"]
 console = Console()
 
 _SAMPLE = 2e-3  # seconds that one time sample takes at least: shorter calls are repeated in it
+_LONG = 4.0  # seconds from which a call is timed once, not at least three times
 _PACKAGES = ("torch", "numpy", "numba", "numkong", "torch-hd", "faiss-cpu", "scikit-learn")
 
 
@@ -57,7 +58,7 @@ def run(
         queries: of the Hamming distances.
         device: where torch routes run; on an accelerator the CSV is benchmark_gpu.csv.
         limit_s, limit_bytes: a call that is expected to need more, with its frames, is skipped.
-        budget_s: about how long a route is timed (at least once, however long that takes).
+        budget_s: about how long a route is timed (three times at least; once if it takes seconds).
         seed: of the frames.
         routes: instead of all that are registered.
 
@@ -214,7 +215,8 @@ class _Bench:
         samples: list[float] = []
         ratios: list[float] = []
         deadline = time.perf_counter() + self.budget_s
-        while not samples or (len(samples) < 30 and time.perf_counter() < deadline):
+        least = 3 if peer.first < _LONG else 1
+        while len(samples) < least or (len(samples) < 30 and time.perf_counter() < deadline):
             samples.append(peer.sample())
             if ours:
                 ratios.append(samples[-1] / ours.sample(keep=True))
@@ -229,7 +231,7 @@ class _Timed:
     """
 
     def __init__(self, call: Callable[[], Any], device: str, first: float):
-        self.call, self.device, self.repeats = call, device, 1
+        self.call, self.device, self.first, self.repeats = call, device, first, 1
         self.samples: list[float] = []
         # A first call may be slow for reasons of its own; one that takes seconds is not made twice.
         seconds = first if first > 1 else min(self.sample() for _ in range(3))
