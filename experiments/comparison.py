@@ -30,7 +30,7 @@ import numpy as np
 
 from experiments import evaluate, table_text, tables
 from experiments.record import ROOT, read_record
-from experiments.selection import Records, sweep
+from experiments.selection import Group, Records, sweep
 from experiments.tables import Row
 
 # What reading a measurement raises whose rows were made by other code and lack something.
@@ -234,6 +234,16 @@ def _others(results: Path, device: str) -> dict[str, list[Row]]:
             "note": "; ".join(filter(None, notes)),
         })  # fmt: skip
     return found
+
+
+def commands(groups: Iterable[Group]) -> list[str]:
+    """What makes the runs of these groups again: a command for the models with the same seeds."""
+    alike: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
+    for group in groups:
+        records = [run.record for run in group.runs]
+        seeds = sorted((r["choices"]["stop"], r["config"]["seed"]["run"]) for r in records)
+        alike.setdefault(tuple(seeds), []).extend(records)
+    return [_made_by(records) for records in alike.values() if records]
 
 
 def _made_by(made: Iterable[Mapping[str, Any] | None]) -> str:

@@ -41,13 +41,14 @@ class Figure:
         return self.name.startswith("sensor_")
 
 
-# What a figure shows, and the experiment that makes what it is drawn from, in the page's order.
+# What a figure shows, and the experiment that makes what it is drawn from, in the page's order;
+# Table I takes several commands, which stand below it.
 _DRAWN = {
-    "error_vs_time": ("Test error against training time (Table I).", "table1"),
+    "error_vs_time": ("Test error against training time (Table I).", ""),
     "fig4_images": ("Speckle, hypervector and prototype of each class (Fig. 4(a)).", "correlation"),
     "fig4_correlations": ("Correlations within and between classes (Fig. 4(b) to (e)).",
                           "correlation"),
-    "fig5_confusion": ("Confusion matrix of the touch scene (Fig. 5(a)).", "table1"),
+    "fig5_confusion": ("Confusion matrix of the touch scene (Fig. 5(a)).", ""),
     "accuracy_vs_n": ("Test accuracy against the number of training samples (Fig. 5(b)).",
                       "accuracy_vs_n"),
     "fig6_confusion": ("Confusion matrix of the finger scene (Fig. 6(b)).", "scenes"),
@@ -68,7 +69,7 @@ _DRAWN = {
                    "robustness"),
 }  # fmt: skip
 _KNOWN = {
-    **{name: (text, f"{_RUN}{experiment} && {REPORT}")
+    **{name: (text, f"{_RUN}{experiment} && {REPORT}" if experiment else "make reproduce")
        for name, (text, experiment) in _DRAWN.items()},
     "sensor_precision": ("Error of the simulated sensor's approximations against their run time.",
                          "python -m scenes.sensor.check"),

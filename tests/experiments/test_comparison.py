@@ -115,3 +115,16 @@ def test_csv_and_markdown_have_the_same_verdicts(tmp_path, a_full_set):
     assert [line["verdict"] for line in read] == [row["verdict"] for row in rows]
     lines = comparison.to_markdown(rows).splitlines()[4:]
     assert [line.split(" | ")[1] for line in lines] == [row["verdict"] for row in rows]
+
+
+def test_a_command_for_all_models_with_the_same_seeds(tmp_path, write_run):
+    for model, seeds in (("hdc", 2), ("softmax", 2), ("cnn1", 1)):
+        for seed in range(seeds):
+            write_run(model, seed=seed)
+    records = Records(tmp_path)
+    groups = [records.group("touch", model) for model in ("hdc", "softmax", "cnn1", "cnn3")]
+    command = "python -m experiments.run -m scene=touch model={} stop=paper seed.run={}"
+    assert comparison.commands(groups) == [
+        command.format("hdc,softmax", "0,1"), command.format("cnn1", "0"),
+    ]  # fmt: skip
+    assert comparison.commands(groups[3:]) == []
