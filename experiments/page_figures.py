@@ -42,22 +42,21 @@ class Figure:
 
 
 # What a figure shows, and the experiment that makes what it is drawn from, in the page's order;
-# Table I takes several commands, which stand below it.
+# none where several do.
 _DRAWN = {
     "error_vs_time": ("Test error against training time (Table I).", ""),
     "fig4_images": ("Speckle, hypervector and prototype of each class (Fig. 4(a)).", "correlation"),
     "fig4_correlations": ("Correlations within and between classes (Fig. 4(b) to (e)).",
                           "correlation"),
     "fig5_confusion": ("Confusion matrix of the touch scene (Fig. 5(a)).", ""),
-    "accuracy_vs_n": ("Test accuracy against the number of training samples (Fig. 5(b)).",
-                      "accuracy_vs_n"),
+    "accuracy_vs_n": ("Test accuracy against the number of training samples (Fig. 5(b)).", ""),
     "fig6_confusion": ("Confusion matrix of the finger scene (Fig. 6(b)).", "scenes"),
     "fig7_spatial": ("51 positions: correlations and confusion (Fig. 7).", "spatial_correlation"),
     "fig8_drift": ("Accuracy after recalibration with N_new samples (Fig. 8(b)).", "drift"),
     "fig9_confusion": ("Confusion matrix of the tactile scene (Fig. 9(d)).", "scenes"),
     "accuracy_vs_d": ("Test accuracy against the number of pixels seen: the dimension of a "
                       "hypervector.", "accuracy_vs_d"),
-    "work_precision": ("Test error against the time a prediction takes.", "work_precision"),
+    "work_precision": ("Test error against the time a prediction takes.", ""),
     "numerics": ("Error against CPU time of phases, mean correlations and the elastic layer.",
                  "numerics"),
     "stiffness_limit": ("Highest loss against the learning rate in units of the predicted limit.",

@@ -26,6 +26,7 @@ from experiments.table_text import Columns, number, percent
 from experiments.tables import Row
 
 WIDTH = 100  # columns of the terminal that Table I needs
+_OVER_N = ["accuracy_vs_n", "accuracy_vs_n_cnn"]
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -42,7 +43,7 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
     table1, extended, over_n, over_d, work = (
         tables.table1(records),
         tables.table1(records, "table1_extended"),
-        tables.curve(records, ["accuracy_vs_n", "accuracy_vs_n_cnn"]),
+        tables.curve(records, _OVER_N),
         tables.curve(records, ["accuracy_vs_d"]),
         tables.curve(records, ["work_precision"]),
     )
@@ -62,7 +63,8 @@ def write(results: Path, device: str, console: Console) -> list[Path]:
     ):  # fmt: skip
         written += _write_table(results / "tables", name, rows, columns, cells, title)
         text = table_text.to_markdown(rows, cells, title)
-        command = f"python -m experiments.run experiment={name}"
+        experiments = _OVER_N if name == "accuracy_vs_n" else [name]
+        command = " && ".join(f"python -m experiments.run experiment={x}" for x in experiments)
         shown[name] = page_tables.of_markdown(name, title, text, command)
         if name.startswith("table1"):  # the experiment by itself is a first look with one seed
             made = [records.group(row["scene"], row["model"]) for row in rows]
