@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import types
+import typing
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, Self
+from pathlib import Path
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
-
-class FrameSource(Protocol):
-    """Frames uint8 or uint16 [N, H, W], indexable by a slice or an index tensor."""
-
-    @property
-    def shape(self) -> Any: ...
-    def __len__(self) -> int: ...
-    def __getitem__(self, index: Any) -> Tensor: ...
+from baselines import files
+from baselines.inputs import FrameSource, as_tensor, distinct, indexable, label_array, pixel_type
 
 
 @dataclass(kw_only=True, eq=False)
@@ -27,11 +24,13 @@ class Classifier(ABC):
     """A classifier of frames with scikit-learn's conventions.
 
     A subclass is a dataclass whose fields are its hyperparameters; it writes ``train``, ``scores``
-    and ``state_tensors``. ``train`` begins with ``start``, which checks the input and sets
+    and ``state_tensors``. ``train`` begins with ``start``, which checks the input, and gets its
+    frames by ``read``. What it learns it keeps in tensors and numbers: then the model can be saved.
 
     Attributes:
-        classes_: int64 [L], the labels present in training, ascending.
-        shape_: (H, W) of the training frames.
+        classes_: [L], the labels present in training, sorted (labels of mixed types by type and
+            spelling).
+        shape_: (H, W) of the training frames; (1, D) where they were given as [N, D].
         frame_dtype_: ``torch.uint8`` or ``torch.uint16``.
     """
 
@@ -39,9 +38,18 @@ class Classifier(ABC):
 
     # Frames scored at a time: bounds the memory of predict, whatever the number of queries.
     prediction_batch: ClassVar[int] = 50
+    _estimator_type: ClassVar[str] = "classifier"  # what scikit-learn before 1.6 asks for
+
+    def __post_init__(self) -> None:
+        hints = typing.get_type_hints(type(self))
+        for field in dataclasses.fields(self):
+            value, kinds = getattr(self, field.name), _plain_kinds(hints[field.name])
+            if kinds and not (isinstance(value, kinds) and (bool in kinds or value is not True)):
+                names = " or ".join(kind.__name__ for kind in kinds)
+                raise ValueError(f"{field.name}: expected {names}, found {value!r}")
 
     @abstractmethod
-    def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[Mapping[str, float]]:
+    def train(self, frames: FrameSource, labels: Any) -> Iterator[Mapping[str, float]]:
         """Start anew and yield whenever the model can predict."""
 
     @abstractmethod
@@ -49,73 +57,116 @@ class Classifier(ABC):
         """One score for each class, larger is better: [n, H, W] on ``device`` → [n, L]."""
 
     @abstractmethod
-    def state_tensors(self) -> dict[str, Tensor]:
-        """What has to be stored to predict, sharing memory with the model; each contiguous."""
+    def state_tensors(self) -> dict[str, Tensor] | None:
+        """What has to be stored to predict, sharing memory with the model; each contiguous.
 
-    def fit(self, frames: FrameSource, labels: np.ndarray) -> Self:
-        """Run ``train`` to its end."""
-        for _ in self.train(frames, labels):
+        None where that is not known, because a model of another library keeps it in objects of its
+        own: then neither has the model a size, nor can bits be flipped in it.
+        """
+
+    def fit(self, frames: Any, labels: Any) -> Self:
+        """Learn from frames [N, H, W] or [N, D], uint8 or uint16, and N labels of any kind.
+
+        Args:
+            frames: array, tensor, list of either, or a :class:`FrameSource`.
+            labels: array, tensor or list; integers, text, or whatever is hashable.
+
+        Raises:
+            ValueError: naming what was found and what was expected.
+        """
+        for _ in self.train(indexable(frames), labels):
             pass
         return self
 
-    def predict(self, frames: FrameSource) -> np.ndarray:
-        """Labels int64 [Q] of frames [Q, H, W]; among equal scores the lowest label.
+    def predict(self, frames: Any) -> np.ndarray:
+        """Labels [Q] of frames [Q, H, W], of the kind trained with; among equal scores the first.
 
         Raises:
             RuntimeError: before ``train``.
             ValueError: if the frames differ in size or type from those of the training.
         """
+        frames = indexable(frames)
         self.check_queries(frames)
         best = []
         with torch.inference_mode():
             for start in range(0, len(frames), self.prediction_batch):
-                batch = self.load(frames, slice(start, start + self.prediction_batch))
+                batch = self.read(frames, slice(start, start + self.prediction_batch))
                 best.append(self.scores(batch).argmax(dim=1).cpu())
-        return self.classes_[torch.cat(best).numpy()] if best else np.empty(0, dtype=np.int64)
+        return self.classes_[torch.cat(best).numpy()] if best else self.classes_[:0]
 
-    def start(self, frames: FrameSource, labels: np.ndarray) -> Tensor:
+    def score(self, frames: Any, labels: Any) -> float:
+        """Fraction of frames whose predicted label is right."""
+        frames = indexable(frames)
+        return float(np.mean(self.predict(frames) == label_array(labels, len(frames))))
+
+    def save(self, path: str | Path) -> None:
+        """Write the trained model to a safetensors file, whole or not at all.
+
+        Raises:
+            RuntimeError: before ``train``.
+            TypeError: naming what cannot be saved, such as another library's estimator.
+        """
+        self.check_is_trained("save")
+        files.save(self, Path(path))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a model of this class that :meth:`save` wrote.
+
+        Raises:
+            FileNotFoundError: if there is no such file.
+            ValueError: if the file is not such a model, or damaged; it is named.
+        """
+        return files.load(cls, Path(path))
+
+    def start(self, frames: FrameSource, labels: Any) -> Tensor:
         """Check the training set, remember its classes and frame size; class indices int64 [N].
 
         Raises:
             ValueError: naming what was found and what was expected.
         """
-        shape, labels = tuple(frames.shape), np.asarray(labels)
-        if len(shape) != 3 or min(shape[1:]) < 1:
-            raise ValueError(f"frames: expected shape [N, H, W], found {list(shape)}")
+        shape = tuple(frames.shape)
+        if len(shape) not in (2, 3) or min(shape[1:]) < 1:
+            raise ValueError(f"frames: expected shape [N, H, W] or [N, D], found {list(shape)}")
         if len(frames) == 0:
             raise ValueError("frames: expected at least one, found none")
-        if labels.shape != (len(frames),):
-            raise ValueError(
-                f"labels: expected {len(frames)} (one a frame), found shape {list(labels.shape)}"
-            )
-        if not np.issubdtype(labels.dtype, np.integer):
-            raise ValueError(f"labels: expected integers, found {labels.dtype}")
-        classes, indices = np.unique(labels, return_inverse=True)
+        classes, indices = distinct(label_array(labels, len(frames)))
         if len(classes) < 2:
-            raise ValueError(f"labels: expected at least two classes, found only {classes[0]}")
-        self.classes_ = classes.astype(np.int64)
-        self.shape_: tuple[int, int] = (int(shape[1]), int(shape[2]))
-        self.frame_dtype_ = pixel_type(frames[0:1])
+            raise ValueError(
+                f"labels: expected at least two classes, found only {classes.tolist()[0]!r}"
+            )
+        self.classes_ = classes
+        self.shape_: tuple[int, int] = (1 if len(shape) == 2 else int(shape[1]), int(shape[-1]))
+        self.frame_dtype_ = pixel_type(as_tensor(frames[0:1]))
         return torch.from_numpy(indices.astype(np.int64)).to(self.device)
+
+    def check_is_trained(self, call: str) -> None:
+        """Raise RuntimeError, naming the call that needs it, unless the model is trained."""
+        if not hasattr(self, "classes_"):
+            raise RuntimeError(f"{type(self).__name__}: {call} needs train or fit first")
 
     def check_queries(self, frames: FrameSource) -> None:
         """Raise unless the model is trained and the frames have the size it was trained on."""
-        if not hasattr(self, "classes_"):
-            raise RuntimeError(f"{type(self).__name__}: predict needs train or fit first")
-        if len(frames.shape) != 3 or tuple(frames.shape[1:]) != self.shape_:
-            raise ValueError(
-                f"frames: expected shape [Q, {self.shape_[0]}, {self.shape_[1]}] as in training, "
-                f"found {list(frames.shape)}"
-            )
+        self.check_is_trained("predict")
+        shape = tuple(frames.shape)
+        if shape[1:] == self.shape_ or (len(shape) == 2 and (1, *shape[1:]) == self.shape_):
+            return
+        size = ", ".join(map(str, self.shape_[self.shape_[0] == 1 :]))
+        one = "; one frame is frame[None]" if shape in (self.shape_, self.shape_[1:]) else ""
+        raise ValueError(
+            f"frames: expected shape [Q, {size}] as in training, found {list(shape)}{one}"
+        )
 
-    def load(self, frames: FrameSource, index: slice | Tensor) -> Tensor:
-        """The frames at ``index`` on ``device``: uint8, or int32 for 16-bit frames."""
-        batch = frames[index]
+    def read(self, frames: FrameSource, index: slice | Tensor) -> Tensor:
+        """The frames at ``index`` as [n, H, W] on ``device``: uint8, or int32 for 16-bit frames."""
+        batch = as_tensor(frames[index])
         if pixel_type(batch) != self.frame_dtype_:
             raise ValueError(
                 f"frames: expected {self.frame_dtype_} as in training, found {batch.dtype}"
             )
         batch = batch.to(self.device)
+        if batch.ndim == 2:
+            batch = batch[:, None]
         # torch has next to no arithmetic on uint16.
         return batch if batch.dtype == torch.uint8 else batch.to(torch.int32)
 
@@ -135,15 +186,15 @@ class Classifier(ABC):
             setattr(self, name, value)
         return self
 
+    def __sklearn_tags__(self) -> Any:
+        from sklearn.utils import ClassifierTags, InputTags, Tags, TargetTags
 
-def pixel_type(batch: Tensor) -> torch.dtype:
-    """The dtype of a batch of frames, which has to be that of a camera."""
-    if batch.dtype in (torch.uint8, torch.uint16):
-        return batch.dtype
-    found = str(batch.dtype)
-    if batch.is_floating_point() and not batch.isfinite().all():
-        found += " with NaN or infinite pixels"
-    raise ValueError(f"frames: expected uint8 or uint16, found {found}")
+        return Tags(
+            estimator_type="classifier",
+            target_tags=TargetTags(required=True),
+            classifier_tags=ClassifierTags(),
+            input_tags=InputTags(two_d_array=True, three_d_array=True),
+        )
 
 
 def in_memory_order(tensor: Tensor) -> Tensor:
@@ -152,8 +203,10 @@ def in_memory_order(tensor: Tensor) -> Tensor:
     return tensor.permute(sorted(range(tensor.ndim), key=lambda k: -tensor.stride()[k]))
 
 
-def choose(name: str, value: str, options: Mapping[str, Any]) -> Any:
-    """``options[value]``, or an error that lists the valid ones."""
-    if value not in options:
-        raise ValueError(f"{name}: expected one of {', '.join(options)}, found {value!r}")
-    return options[value]
+def _plain_kinds(hint: Any) -> tuple[type, ...]:
+    """The classes that a hint of plain values allows; none for any other hint."""
+    union = typing.get_origin(hint) is types.UnionType
+    kinds = typing.get_args(hint) if union else (hint,)
+    if not all(kind in (str, bool, int, float, type(None)) for kind in kinds):
+        return ()
+    return (*kinds, int) if float in kinds and int not in kinds else kinds

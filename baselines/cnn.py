@@ -31,7 +31,8 @@ class CNN(IterativeClassifier):
     :class:`baselines.training.IterativeClassifier`.
 
     Raises:
-        ValueError: in ``train``, if the frames are too small to be halved in every layer.
+        ValueError: in ``train``, if the frames are too small to be halved in every layer, or the
+            weights are to start at zero, where no gradient reaches any layer but the last.
     """
 
     filters: Sequence[int] = (16,)
@@ -39,6 +40,8 @@ class CNN(IterativeClassifier):
     prediction_batch: ClassVar[int] = 20  # as in training: the maps of a frame take 20 MB
 
     def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
+        if self.init == "zeros":
+            raise ValueError("init: expected linear or normal for a CNN, found 'zeros'")
         least = POOL ** len(self.filters)
         if min(shape) < least:
             raise ValueError(

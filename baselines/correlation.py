@@ -46,7 +46,7 @@ class CorrelationClassifier(Classifier):
             last = min(first + self.batch_size, len(frames))
             for start in range(first, last, CHUNK):
                 rows = slice(start, min(start + CHUNK, last))
-                sums += onehot[rows].T @ self.load(frames, rows).flatten(1).float()
+                sums += onehot[rows].T @ self.read(frames, rows).flatten(1).float()
             self.templates_ = _normalise(sums).float()
             self._counts = onehot[:last].sum(dim=0)
             yield {"samples_seen": last}

@@ -51,7 +51,7 @@ class DualLinearClassifier(Classifier):
         """Solve; yields once: samples_seen = N, epoch = 1 and the loss."""
         targets = self.start(frames, labels)
         scaling = fit_scaling(self.pixels, self, frames)
-        images = self.load(frames, slice(0, len(frames))).flatten(1)
+        images = self.read(frames, slice(0, len(frames))).flatten(1)
         coefficients, bias, loss = self.solve(centred_gram(images, scaling), targets)
         # Exactly zero-sum columns leave the mean frame no part in the weights.
         self.coefficients_ = coefficients - coefficients.mean(dim=0)

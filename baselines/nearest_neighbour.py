@@ -45,7 +45,7 @@ class NearestNeighbour(Classifier):
         bits = torch.empty(len(frames), width, dtype=torch.uint8, device=self.device)
         for first in range(0, len(frames), self.batch_size):
             last = min(first + self.batch_size, len(frames))
-            bits[first:last] = pack(binarise(self.load(frames, slice(first, last)).flatten(1)))
+            bits[first:last] = pack(binarise(self.read(frames, slice(first, last)).flatten(1)))
             self.bits_, self.labels_ = bits[:last], targets[:last]
             yield {"samples_seen": last}
 

@@ -18,11 +18,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
-from baselines.base import Classifier, FrameSource, choose
+from baselines.inputs import FrameSource, choose
+
+if TYPE_CHECKING:
+    from baselines.base import Classifier
 
 CHUNK = 20  # frames; float32 sums of 20 squared 8-bit pixels are exact (20·255² < 2²⁴)
 
@@ -117,7 +121,7 @@ def _sums(model: Classifier, frames: FrameSource) -> tuple[Tensor, Tensor]:
     total = torch.zeros(model.shape_, dtype=torch.float64, device=model.device)
     squares = torch.zeros_like(total)
     for start in range(0, len(frames), CHUNK):
-        batch = model.load(frames, slice(start, start + CHUNK)).to(exact)
+        batch = model.read(frames, slice(start, start + CHUNK)).to(exact)
         total += batch.sum(dim=0)
         squares += batch.square_().sum(dim=0)
     return total, squares

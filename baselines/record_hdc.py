@@ -71,7 +71,7 @@ class RecordHDC(Classifier):
         """Make the codebooks, encode and bundle; yields once, with samples_seen = N."""
         targets = self.start(frames, labels)
         self._make_codebooks()
-        signs = self.encode(self.load(frames, slice(0, len(frames))))
+        signs = self.encode(self.read(frames, slice(0, len(frames))))
         onehot = torch.nn.functional.one_hot(targets, len(self.classes_)).float()
         counters = onehot.T @ signs
         self.prototypes_ = pack(torch.where(counters == 0, self._base() > 0, counters > 0))

@@ -9,7 +9,7 @@ The estimator comes ready-made from the configuration, so that this file imports
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,7 +47,7 @@ class SklearnClassifier(Classifier):
         features = np.empty((len(frames), self.shape_[0] * self.shape_[1]), dtype=np.float32)
         for start in range(0, len(frames), FRAMES):
             rows = slice(start, start + FRAMES)
-            features[rows] = self._features(self.load(frames, rows))
+            features[rows] = self._features(self.read(frames, rows))
         estimator = copy.deepcopy(self.estimator)
         if estimator.get_params().get("random_state", 0) is None:
             estimator.set_params(random_state=self.seed)
@@ -60,18 +60,18 @@ class SklearnClassifier(Classifier):
         predicted = torch.from_numpy(np.asarray(self.estimator_.predict(self._features(batch))))
         return torch.nn.functional.one_hot(predicted.long(), len(self.classes_))
 
-    def state_tensors(self) -> dict[str, Tensor]:
-        """Every numeric array in the fitted estimator or in a part of it, by attribute name.
+    def state_tensors(self) -> dict[str, Tensor] | None:
+        """The numeric arrays in the fitted estimator and its parts, by attribute name.
 
-        Raises:
-            TypeError: if it keeps what it learnt anywhere else (trees, for instance).
+        None if it keeps anything it learnt in other objects (trees, for instance), or nothing in
+        arrays.
         """
-        arrays = dict(_arrays(self.estimator_))
+        try:
+            arrays = dict(_arrays(self.estimator_))
+        except (_Unknown, RecursionError):  # the latter where parts refer to one another
+            return None
         if not arrays:
-            raise TypeError(
-                f"{type(self.estimator_).__name__}: expected learnt parameters in NumPy arrays, "
-                "found none"
-            )
+            return None
         tensors = {name: in_memory_order(torch.from_numpy(array)) for name, array in arrays.items()}
         return tensors | self.scaling_.state_tensors()
 
@@ -79,16 +79,31 @@ class SklearnClassifier(Classifier):
         return self.scaling_(batch).flatten(1).numpy(force=True)
 
 
+class _Unknown(Exception):
+    """Learnt state that is in no array."""
+
+
 def _arrays(part: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
-    """The writable numeric arrays in the attributes, lists and tuples of an estimator."""
+    """The numeric arrays in the attributes, lists and dictionaries of an estimator.
+
+    Raises:
+        _Unknown: for an object of which nothing is known, or an array torch cannot share.
+    """
     if isinstance(part, np.ndarray):
-        if part.dtype.kind in "fiu" and part.flags.writeable and part.size:
+        if part.dtype.kind not in "biuf" or part.dtype.itemsize > 8 or not part.flags.writeable:
+            raise _Unknown
+        if part.size:
             yield name, part
+    elif isinstance(part, Mapping):
+        for key, inner in part.items():
+            yield from _arrays(inner, f"{name}.{key}")
     elif isinstance(part, list | tuple):
         for k, inner in enumerate(part):
             yield from _arrays(inner, f"{name}.{k}")
-    elif hasattr(part, "get_params"):
+    elif hasattr(part, "get_params") and not isinstance(part, type):
         for key, value in vars(part).items():
             # What the constructor was given is a hyperparameter, except the steps of a pipeline.
             if key != "classes_" and (key == "steps" or key not in part.get_params(deep=False)):
                 yield from _arrays(value, f"{name}.{key}".lstrip("."))
+    elif part is not None and not isinstance(part, str | int | float | np.generic):
+        raise _Unknown

@@ -13,8 +13,10 @@ from baselines.training import IterativeClassifier
 class SoftmaxRegression(IterativeClassifier):
     """One linear layer from H·W pixels to L logits, by minibatches or by L-BFGS.
 
-    The weights start at zero: the problem is convex, and every class then starts equally likely.
-    Arguments and attributes are those of :class:`baselines.training.IterativeClassifier`.
+    Arguments and attributes are those of :class:`baselines.training.IterativeClassifier`, except
+    that the weights start at zero unless ``init`` says otherwise: the problem is convex, and every
+    class then starts equally likely. Where a training ends before the optimum, its accuracy
+    depends on them: plain gradient descent never changes what lies outside the span of the frames.
 
     Example:
         >>> import numpy as np, torch
@@ -23,8 +25,7 @@ class SoftmaxRegression(IterativeClassifier):
         array([0, 1])
     """
 
+    init: str = "zeros"
+
     def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
-        linear = nn.Linear(shape[0] * shape[1], classes)
-        nn.init.zeros_(linear.weight)
-        nn.init.zeros_(linear.bias)
-        return nn.Sequential(nn.Flatten(), linear)
+        return nn.Sequential(nn.Flatten(), nn.Linear(shape[0] * shape[1], classes))

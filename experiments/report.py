@@ -1,261 +1,270 @@
 """Tables, figures and the page from the records there are: ``python -m experiments.report``.
 
-Reads the records and measurements of the results folder and ``results/published.csv``, never
-trains, and writes ``tables/``, ``figures/``, ``comparison.csv`` and ``report.html``. What is
-missing is said in the table, on the terminal, in the figure and on the page.
+Reads own results and the committed reference, never trains, and writes ``tables/``, ``figures/``
+and ``report.html`` into the folder of own results: paper, reference and mine side by side. What is
+wrong with a record is said, and costs that record only. ``--reference`` makes the committed tables
+and figures again from the committed records, for maintainers.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-from dataclasses import replace
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Table as TerminalTable
+from rich.text import Text
 
-from experiments import comparison, page, page_figures, page_tables, table_text, tables
-from experiments.comparison import MISFITS
-from experiments.record import results_dir, write_atomically
-from experiments.selection import Records
-from experiments.table_text import Columns, number, percent
-from experiments.tables import Row
+from experiments import studies
+from experiments.records.files import REFERENCE, results_dir, write_atomically
+from experiments.records.measurement import Measured
+from experiments.records.results import Results, Run
+from experiments.reporting import comparison
+from experiments.reporting.page import page
+from experiments.reporting.page.page import Block, Picture, Section
+from experiments.reporting.runs import runs_table
+from experiments.reporting.study import Plot, Quantity, Study
+from experiments.reporting.study import studies as studies_of
+from experiments.reporting.table import Table, beside, printable, records
+from experiments.reporting.terminal import in_any_encoding
 
 WIDTH = 100  # columns of the terminal that Table I needs
-_OVER_N = ["accuracy_vs_n", "accuracy_vs_n_cnn"]
+_NAMED = 3  # files of changed code that are named
+# What rows raise that other code made, or an editor: they lack a key, or count no samples.
+_OF_RECORDS = (LookupError, ValueError, TypeError, AttributeError, ArithmeticError, OSError)
+
+
+@dataclass
+class Answers:
+    """What one set of results says to every study.
+
+    Args:
+        name: ``reference`` or ``mine``.
+        results: the records.
+        questions: the studies.
+    """
+
+    name: str
+    results: Results
+    questions: Sequence[Study]
+    tables: dict[str, list[Table]] = field(default_factory=dict)
+    plots: dict[str, list[Plot]] = field(default_factory=dict)
+    pictures: dict[str, list[Picture]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        quantities: list[Quantity] = []
+        for study in self.questions:
+            self.tables[study.name] = list(self._tried(study.name, study.tables))
+            self.plots[study.name] = list(self._tried(study.name, study.plots))
+            quantities += self._tried(study.name, study.quantities)
+        self.tables["comparison"] = [comparison.compare(quantities)]
+        self.tables["runs"] = [runs_table(self.results)]
+
+    def draw(self, drawn: Path | None = None) -> None:
+        """Draw every figure, or take it from a folder where it was drawn before."""
+        for study, plots in self.plots.items():
+            self.pictures[study] = []
+            for plot in plots:
+                data = None
+                if drawn is not None:
+                    with suppress(FileNotFoundError):
+                        data = (drawn / f"{plot.name}.{plot.kind}").read_bytes()
+                with self._costing_itself_only(plot.name):
+                    self.pictures[study].append(Picture(plot, data or _drawn(plot)))
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write tables and figures as files, and remove those of an earlier report; the files."""
+        texts = {}
+        for table in (table for tables in self.tables.values() for table in tables):
+            if table.name == "runs" and self.name == "reference":
+                continue  # the archive itself
+            texts[f"tables/{table.name}.csv"] = table.csv()
+            if table.name != "runs":
+                texts[f"tables/{table.name}.md"] = table.markdown()
+            if table.name == "table1":
+                texts[f"tables/{table.name}.tex"] = table.latex()
+        for name, text in texts.items():
+            write_atomically(folder / name, text)
+        written = [folder / name for name in texts]
+        (folder / "figures").mkdir(parents=True, exist_ok=True)
+        for picture in (picture for same in self.pictures.values() for picture in same):
+            written.append(folder / "figures" / f"{picture.plot.name}.{picture.plot.kind}")
+            written[-1].write_bytes(picture.data)
+        made = {path for name in ("tables", "figures") for path in (folder / name).iterdir()}
+        for path in made.difference(written):
+            path.unlink()
+        return written
+
+    def _tried(self, name: str, make: Callable[[Results], Iterable[Any]]) -> Iterator[Any]:
+        with self._costing_itself_only(name):
+            yield from make(self.results)
+
+    @contextmanager
+    def _costing_itself_only(self, name: str) -> Iterator[None]:
+        """What rows of other code lack, or an editor put there, is named, and the rest stands."""
+        try:
+            yield
+        except _OF_RECORDS as error:
+            self.results.problems.append(f"{name}: {type(error).__name__}: {error}")
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Write everything, show Table I."""
     parser = argparse.ArgumentParser(prog="python -m experiments.report", description=__doc__)
-    parser.add_argument("--device", default="cpu", help="use records of this device (cpu)")
-    device = parser.parse_args(arguments).device
-    write(results_dir(), device, Console(width=WIDTH, highlight=False))
-
-
-def write(results: Path, device: str, console: Console) -> list[Path]:
-    """Write tables and figures into a results folder from the records in it; what was written."""
-    records = Records(results, device)
-    table1, extended, over_n, over_d, work = (
-        tables.table1(records),
-        tables.table1(records, "table1_extended"),
-        tables.curve(records, _OVER_N),
-        tables.curve(records, ["accuracy_vs_d"]),
-        tables.curve(records, ["work_precision"]),
+    parser.add_argument("--device", default="cpu", help="use runs of this device (cpu)")
+    parser.add_argument(
+        "--reference", action="store_true", help="write the tables and figures of the reference"
     )
-    written: list[Path] = []
-    shown = {}
-    for name, rows, columns, cells, title in (
-        ("table1", table1, tables.TABLE1, table_text.TABLE1_COLUMNS,
-         "Table I, published and measured"),
-        ("table1_extended", extended, tables.TABLE1, table_text.EXTENDED_COLUMNS,
-         "Table I for other competitors"),
-        ("accuracy_vs_n", over_n, tables.CURVE, table_text.CURVE_COLUMNS,
-         "Accuracy against the number N of training samples"),
-        ("accuracy_vs_d", over_d, tables.CURVE, table_text.CURVE_COLUMNS,
-         "Accuracy against the number D of pixels seen"),
-        ("work_precision", work, tables.CURVE, table_text.CURVE_COLUMNS,
-         "Accuracy against the time of a prediction"),
-    ):  # fmt: skip
-        written += _write_table(results / "tables", name, rows, columns, cells, title)
-        text = table_text.to_markdown(rows, cells, title)
-        experiments = _OVER_N if name == "accuracy_vs_n" else [name]
-        command = " && ".join(f"python -m experiments.run experiment={x}" for x in experiments)
-        shown[name] = page_tables.of_markdown(name, title, text, command)
-        if name.startswith("table1"):  # the experiment by itself is a first look with one seed
-            made = [records.group(row["scene"], row["model"]) for row in rows]
-            commands = comparison.commands(made) or [command]
-            shown[name][-1] = replace(shown[name][-1], commands=commands)
-    compared = comparison.compare(records, results)
-    written += _write_comparison(results, compared)
-    shown["comparison"] = page_tables.of_markdown(
-        "comparison", comparison.TITLE, comparison.to_markdown(compared), page_figures.REPORT
+    chosen = parser.parse_args(arguments)
+    in_any_encoding()
+    console = Console(width=WIDTH, highlight=False)
+    try:
+        if chosen.reference:
+            _write_reference(chosen.device, console)
+        else:
+            write(results_dir(), chosen.device, console)
+    except (OSError, ValueError) as error:  # a disk that is full, published.csv that is not there
+        sys.exit(f"error: {error}")
+
+
+def _write_reference(device: str, console: Console) -> None:
+    answers = Answers("reference", Results(REFERENCE, device), all_studies())
+    answers.draw()
+    written = answers.write(REFERENCE)
+    _print_problems(console, [answers])
+    console.print(f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True)
+
+
+def all_studies() -> list[Study]:
+    """Every study, in the order of the page."""
+    return studies_of(studies)
+
+
+def write(folder: Path, device: str, console: Console) -> Path:
+    """Write tables, figures and the page into a folder of own results; the page's file."""
+    folder.mkdir(parents=True, exist_ok=True)  # what cannot be written is said before the work
+    questions = all_studies()
+    reference = Answers("reference", Results(REFERENCE, device), questions)
+    mine = Answers("mine", Results(folder, device), questions)
+    sets = [answers for answers in (mine, reference) if answers.results] or [mine]
+    mine.draw()
+    reference.draw(REFERENCE / "figures")
+    (mine if mine.results else reference).write(folder)
+    compared = _side_by_side(sets, "comparison", "comparison")
+    # Own runs on own frames say nothing of the paper's numbers.
+    verdicts = next(filter(any, map(_verdicts, sets)), [])
+    sections = [
+        Section("comparison", "Every published number", comparison.HOW, [Block("", [compared])])
+    ]
+    sections += (_section(study, sets) for study in questions)
+    if mine in sets:
+        sections.append(Section("runs", "Every run", "", [Block("", mine.tables["runs"])]))
+    problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
+    about = {answers.name: _about(answers) for answers in sets}
+    path = folder / "report.html"
+    write_atomically(path, page.render(sections, verdicts, problems, about))
+    console.print(terminal_table(sets))
+    for name, text in about.items():
+        console.print(Text(printable(f"{name}: {text}"), "dim"))
+    _print_problems(console, sets)
+    console.print(f"page: {os.path.relpath(path)}", soft_wrap=True)
+    return path
+
+
+def _section(study: Study, sets: Sequence[Answers]) -> Section:
+    """A study's answers: one table where a key says what belongs together, else one after
+    another."""
+    joined = {"table1"} if len(sets) > 1 else set()
+    there = joined & {table.name for a in sets for table in a.tables[study.name]}
+    blocks = [Block("", [_side_by_side(sets, study.name, name)]) for name in sorted(there)]
+    for answers in sets:
+        tables = [table for table in answers.tables[study.name] if table.name not in joined]
+        pictures = answers.pictures[study.name]
+        if tables or pictures:
+            blocks.append(Block(answers.name if len(sets) > 1 else "", tables, pictures))
+    return Section(study.name, study.title, study.question, blocks)
+
+
+def _side_by_side(sets: Sequence[Answers], study: str, name: str) -> Table:
+    """One table of all sets of results."""
+    found = [table for a in sets for table in a.tables[study] if table.name == name]
+    return found[0] if len(found) == 1 else beside(found[0], found[1])
+
+
+def _verdicts(answers: Answers) -> list[str]:
+    """A verdict for each published number that was measured."""
+    rows = records(answers.tables["comparison"][0].data)
+    return [row["verdict"] for row in rows if row["verdict"] != "missing"]
+
+
+def _about(answers: Answers) -> str:
+    """How much there is, of which code, from which machine."""
+    results = answers.results
+    made: list[Run | Measured] = [*results.runs, *results.measurements]
+    machines = {(r.environment.cpu, r.environment.threads) for r in (m.record for m in made)}
+    where = "; ".join(f"{cpu}, {threads} threads" for cpu, threads in sorted(machines))
+    counts = f"{len(results.runs)} runs and {len(results.measurements)} measurements on {where}"
+    old = [one for one in made if one.outdated]
+    if not old:
+        return f"{counts}, all by the code as it is"
+    files = sorted({name for one in old for name in one.outdated})
+    more = f" and {len(files) - _NAMED} more" if len(files) > _NAMED else ""
+    return (
+        f"{counts}; {len(old)} by other code than this: {', '.join(files[:_NAMED])}{more} changed"
     )
-    written += _write_figures(results / "figures", records, table1 + extended, over_n, over_d, work)
-    written += _write_measured(results, records)
-    written += page.write(results, records, compared, shown)
-    console.print(terminal_table(table1))
-    _print_notes(console, records, table1, extended + over_n + over_d + work)
-    folders = sorted({os.path.relpath(path.parent) for path in written})
-    console.print(f"{len(written)} files in {' and '.join(folders)}", soft_wrap=True)
-    return written
 
 
-def _write_measured(results: Path, records: Records) -> list[Path]:
-    """Tables and figures of the paper's experiments and of the measurements that there are.
+def _drawn(plot: Plot) -> bytes:
+    from experiments.reporting.plot import save  # --help does not wait for matplotlib
 
-    What cannot be made of a measurement goes to the problems of the records.
-    """
-    from experiments import (
-        fuzz_table,
-        numerics_figure,
-        paper_figures,
-        stability_table,
-        stiffness_figures,
-        stiffness_tables,
-    )
-
-    folder = results / "figures"
-
-    def save(name: str, figure: Any) -> list[Path]:
-        return [] if figure is None else _save(folder, name, figure)
-
-    written: list[Path] = []
-    for name, make in {
-        "the paper's figures": lambda: paper_figures.write(results, records.device),
-        "stability": lambda: stability_table.tables(results),
-        "stiffness and footprint": lambda: stiffness_tables.write(results),
-        "robustness": lambda: _write_robustness(results),
-        "fuzz": lambda: fuzz_table.table(results),
-        "figure numerics": lambda: save("numerics", numerics_figure.figure(results)),
-        "figure stiffness_limit": lambda: save(
-            "stiffness_limit", stiffness_figures.stability_limit(results)
-        ),
-        "figure stiffness_spectrum": lambda: save(
-            "stiffness_spectrum", stiffness_figures.spectrum(results)
-        ),
-        "figure softmax_methods": lambda: save(
-            "softmax_methods", stiffness_figures.methods(results)
-        ),
-    }.items():
-        try:
-            written += make()
-        except MISFITS as error:  # the rest is shown all the same
-            records.problems.append(f"{name}: {type(error).__name__}: {error}")
-    return written
+    return save(plot.draw(), plot.kind)
 
 
-def _write_robustness(results: Path) -> list[Path]:
-    from experiments import robustness_table
-
-    rows = robustness_table.rows(results)
-    if not rows:
-        return []
-    texts = {
-        results / "tables" / "robustness.csv": table_text.to_csv(rows, robustness_table.COLUMNS),
-        results / "tables" / "robustness.md": robustness_table.markdown(rows),
-    }
-    for path, text in texts.items():
-        write_atomically(path, text)
-    figure = robustness_table.figure(rows)
-    return [*texts, *_save(results / "figures", "robustness", figure)]
-
-
-def _write_comparison(results: Path, compared: list[Row]) -> list[Path]:
-    texts = {
-        results / "comparison.csv": comparison.to_csv(compared),
-        results / "tables" / "comparison.md": comparison.to_markdown(compared),
-    }
-    for path, text in texts.items():
-        write_atomically(path, text)
-    return list(texts)
-
-
-def terminal_table(rows: list[Row]) -> Table:
-    """Table I for the terminal: the paper's number beside ours, at most 100 columns."""
-    table = Table(
-        title=table_text.caption(rows, "Table I"),
+def terminal_table(sets: Sequence[Answers]) -> TerminalTable:
+    """Table I for the terminal: the paper's numbers beside each set of results."""
+    (first, *_) = (a.tables["table1"][0] for a in sets)
+    table = TerminalTable(
+        title=Text(printable(first.title)),
         title_justify="left",
         box=box.SIMPLE_HEAD,
-        padding=0,
+        padding=(0, 1, 0, 0),
         pad_edge=False,
     )
-    table.add_column("model\nseeds", min_width=13)
-    for head, width in (
-        ("training (s)\npaper", 12), ("\nhere", 22), ("train (%)\npaper", 9), ("\nhere", 4),
-        ("test (%) [95 %]\npaper", 15), ("\nhere", 15),
-    ):  # fmt: skip
-        table.add_column(escape(head), justify="right", min_width=width)
-    for line in rows:
-        seeds = "1 seed" if line["seeds"] == 1 else f"{line['seeds']} seeds"
-        cells = (
-            f"{table_text.display_name(line['model'])}\n{seeds}",
-            number(line["published_training_time_s"])
-            + _times(line["published_training_time_over_hdc"]),
-            table_text.time_cell(line) + _times(line.get("training_time_over_hdc")),
-            percent(line["published_train_accuracy"]),
-            percent(line.get("train_accuracy_max")),
-            table_text.published_cell(line),
-            table_text.interval_cell(line),
-        )
-        table.add_row(*(escape(cell) for cell in cells))
+    table.add_column("model")
+    for head in ("training, s", "test, %"):
+        for name in ("paper", *(answers.name for answers in sets)):
+            table.add_column(
+                f"{head}\n{name}" if name == "paper" else f"\n{name}", justify="right", no_wrap=True
+            )
+    rows = [{row["Model"]: row for row in _shown(a.tables["table1"][0])} for a in sets]
+    for model, row in rows[0].items():
+        # Quartiles are in the table.
+        times = (r[model]["Training time, s"].partition(" (")[0] for r in rows)
+        cells = [row["Training time, s, paper"], *times]
+        cells += [row["Test accuracy, %, paper [95 %]"]]
+        cells += (r[model]["Test accuracy, %, final [95 %]"] for r in rows)
+        table.add_row(*(Text(printable(cell)) for cell in (model, *cells)))
     return table
 
 
-def _times(ratio: float | None) -> str:
-    return f"\n{number(ratio)} × HDC" if ratio else ""
+def _shown(table: Table) -> list[dict[str, str]]:
+    return [dict(zip(table.heads, cells, strict=True)) for cells in table.cells()]
 
 
-def _write_table(
-    folder: Path, name: str, rows: list[Row], columns: Any, shown: Columns, title: str
-) -> list[Path]:
-    texts = {
-        "csv": table_text.to_csv(rows, columns),
-        "md": table_text.to_markdown(rows, shown, title),
-        "tex": table_text.to_latex(rows, shown, title, name),
-    }
-    for kind, text in texts.items():
-        write_atomically(folder / f"{name}.{kind}", text)
-    return [folder / f"{name}.{kind}" for kind in texts]
-
-
-def _write_figures(
-    folder: Path,
-    records: Records,
-    table: list[Row],
-    over_n: list[Row],
-    over_d: list[Row],
-    work: list[Row],
-) -> list[Path]:
-    from experiments import figures
-
-    written = []
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, figure in {
-        "error_vs_time": figures.error_vs_time(records),
-        "accuracy_vs_n": figures.accuracy_vs_n(over_n),
-        "accuracy_vs_d": figures.accuracy_vs_d(over_d),
-        "work_precision": figures.work_precision(work, table),
-    }.items():
-        written += _save(folder, name, figure)
-    return written
-
-
-def _save(folder: Path, name: str, figure: Any) -> list[Path]:
-    from experiments import figures
-
-    paths = [folder / f"{name}.{kind}" for kind in ("svg", "pdf")]
-    for path in paths:
-        path.write_bytes(figures.save(figure, path.suffix[1:]))
-    figures.plt.close(figure)
-    return paths
-
-
-def _print_notes(console: Console, records: Records, table1: list[Row], rest: list[Row]) -> None:
-    """How to read the table, and what is missing from it and from the others."""
-    console.print(f"[dim]{escape(table_text.notes(table1))}[/dim]")
-    for line in table1:
-        if line["status"] != "ok":
-            console.print(escape(f"{line['model']}: {line['status']}"), style="yellow")
-    missing = sum(line["status"] == "missing" for line in rest)
-    failed = sum(line["status"] not in ("ok", "missing") for line in rest)
-    if missing or failed:
-        console.print(
-            f"other tables: {len(rest)} rows, {missing} missing, {failed} with failed runs",
-            style="yellow",
-        )
-    for problem in records.problems:
-        console.print(escape(f"left out: {problem}"), style="yellow")
-    if records.skipped:
-        console.print(
-            f"{len(records.skipped)} records left out: their configuration is not the one that "
-            f"configs/ has for their model or scene (first: {records.skipped[0]})",
-            style="yellow",
-        )
+def _print_problems(console: Console, sets: Sequence[Answers]) -> None:
+    """What was left out, and why."""
+    for answers in sets:
+        for problem in answers.results.problems:
+            text = f"left out of {answers.name}: {printable(problem)}"
+            console.print(escape(text), style="yellow", soft_wrap=True, emoji=False)
 
 
 if __name__ == "__main__":

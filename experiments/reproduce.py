@@ -1,12 +1,10 @@
-"""Everything that lies in results/, step by step: ``python -m experiments.reproduce [--quick]``.
+"""Everything again, step by step: ``python -m experiments.reproduce [--quick]``.
 
-A step is a command. What is finished is skipped by the commands themselves, so the same call goes
-on after an interruption; a step that fails is told at the end, and the others run all the same.
-The report is made anew after each stage. ``--quick`` takes fewer seeds, stops the convolutional
-networks at 90 % and leaves out what takes long; ``--list`` shows the steps and runs none.
-
-tables/reproduce.csv has the longest time and the largest memory of each step: those of the run that
-had everything to do.
+The steps are those of ``configs/reproduce.yaml``; results go to the folder of own results. What is
+finished there is skipped by the commands themselves, so the same call goes on after an
+interruption; a step that fails is told at the end, and the others run all the same. ``--list``
+shows the steps and runs none. ``reproduce.csv`` has the time and the largest memory of each step:
+those of the call that had everything to do.
 """
 
 from __future__ import annotations
@@ -19,78 +17,101 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from omegaconf import OmegaConf
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from experiments.record import ROOT, results_dir, write_atomically
-from experiments.steps import STEPS, Progress, Step, code, progress, read_records
-from experiments.table_text import to_csv
+from experiments.records.configs import CONFIGS
+from experiments.records.files import ROOT, results_dir, write_atomically
+from experiments.records.record import to_csv
+from experiments.reporting.terminal import in_any_encoding
 
-COLUMNS = ("step", "mode", "command", "seconds", "peak_bytes", "status", "code")
-INTERRUPTED = "interrupted"
-REPORT = "experiments.report"
+FILE = "reproduce.csv"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One command.
+
+    Attributes:
+        name: unique.
+        words: what stands after ``python -m``.
+        minutes: about how long it takes from nothing on 2 cores.
+    """
+
+    name: str
+    words: tuple[str, ...]
+    minutes: float
+
+    @property
+    def command(self) -> str:
+        """As it would be typed."""
+        return shlex.join(["python", "-m", *self.words])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the steps; 1 if one failed, 130 after an interruption."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.reproduce")
-    parser.add_argument("--quick", action="store_true", help="fewer seeds")
+    parser = argparse.ArgumentParser(prog="python -m experiments.reproduce", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="fewer seeds, without what takes long")
     parser.add_argument("--list", action="store_true", help="show the steps, run none")
     chosen = parser.parse_args(arguments)
+    in_any_encoding()
     console = Console(highlight=False)
-    results = results_dir()
-    steps = [step for step in STEPS if step.command(chosen.quick)]
-    console.print(overview(steps, chosen.quick, results))
+    found = steps(chosen.quick)
+    console.print(overview(found, chosen.quick))
     if chosen.list:
         return 0
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    return run(steps, chosen.quick, results, console)
+    return run(found, "quick" if chosen.quick else "full", results_dir(), console)
 
 
-def overview(steps: Sequence[Step], quick: bool, results: Path) -> Table:
-    """What will run, what of it is finished, and about how long it takes."""
-    found = _progress(steps, quick, results)
-    total, left = (sum(getattr(p, name) for p in found) for name in ("total_s", "left_s"))
+def steps(quick: bool) -> list[Step]:
+    """The steps of the full or the quick reproduction."""
+    tree: Any = OmegaConf.to_container(OmegaConf.load(CONFIGS / "reproduce.yaml"))
+    mode = "quick" if quick else "full"
+    return [
+        Step(step["name"], tuple(shlex.split(step[mode])), step["minutes"][quick])
+        for step in tree
+        if mode in step
+    ]
+
+
+def overview(found: Sequence[Step], quick: bool) -> Table:
+    """What will run, and about how long it takes."""
+    total = span(60 * sum(step.minutes for step in found))
     table = Table(
-        title=f"{'Quick' if quick else 'Full'} reproduction: about {span(total)} from nothing on 2 "
-        f"cores, about {span(left)} of it left",
+        title=f"{'Quick' if quick else 'Full'} reproduction: about {total} from nothing on 2 cores",
         title_justify="left",
         box=box.SIMPLE_HEAD,
         pad_edge=False,
     )
-    for head in ("step", "finished", "left", "command"):
-        right = head in ("finished", "left")
-        table.add_column(head, justify="right" if right else "left", no_wrap=head != "command")
-    for step, p in zip(steps, found, strict=True):
-        command = shlex.join(["python", "-m", *step.command(quick)])
-        table.add_row(step.name, f"{p.finished} of {p.runs}", span(p.left_s), command)
+    for head in ("step", "about", "command"):
+        table.add_column(head, justify="right" if head == "about" else "left")
+    for step in found:
+        table.add_row(step.name, span(60 * step.minutes), step.command)
     return table
 
 
-def run(steps: Sequence[Step], quick: bool, results: Path, console: Console) -> int:
-    """Run steps one after another, with the report after each stage; the exit status."""
+def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> int:
+    """Run steps one after another; the exit status."""
     failed: list[str] = []
+    left = 60 * sum(step.minutes for step in found)
     try:
-        for k, step in enumerate(steps):
-            left = [p.left_s for p in _progress(steps[k:], quick, results)]
+        for k, step in enumerate(found, 1):
             console.rule(
-                f"{k + 1} of {len(steps)}: {step.name}, about {span(left[0])}; with all that "
-                f"follows about {span(sum(left))}",
+                f"{k} of {len(found)}: {step.name}, about {span(60 * step.minutes)}; with all that "
+                f"follows about {span(left)}",
                 align="left",
             )
-            if left[0]:
-                status = _run_step(step, quick, results)
-                failed += [f"{step.name}: {status}"] if status != "finished" else []
-            else:
-                console.print("finished before")
-            if k + 1 == len(steps) or steps[k + 1].stage != step.stage:
-                status = measured([REPORT])["status"]
-                failed += [f"report after {step.name}: {status}"] if status != "finished" else []
+            status = measured(step, mode, results)
+            left -= 60 * step.minutes
+            failed += [f"{step.name}: {status}"] if status != "finished" else []
     except KeyboardInterrupt:
         console.print("interrupted; the same command goes on")
         return 128 + signal.SIGINT
@@ -99,25 +120,62 @@ def run(steps: Sequence[Step], quick: bool, results: Path, console: Console) -> 
     return 1 if failed else 0
 
 
-def _run_step(step: Step, quick: bool, results: Path) -> str:
-    command = step.command(quick)
-    row = {"step": step.name, "mode": _mode(quick), "command": shlex.join(command),
-           "code": code(step)}  # fmt: skip
-    start = time.perf_counter()
+def measured(step: Step, mode: str, results: Path) -> str:
+    """Run a step, add its time and memory to reproduce.csv; its status.
+
+    The memory is that of the largest process among it and its children.
+    """
+    sys.stdout.flush()  # what stands above is told first
+    start, peak, status = time.perf_counter(), 0, "interrupted"
+    process = subprocess.Popen([sys.executable, "-m", *step.words], cwd=ROOT)
     try:
-        row |= measured(command)
-    except (KeyboardInterrupt, SystemExit):
-        # What it took so far belongs to the time of the whole.
-        taken = time.perf_counter() - start
-        write(results, row | {"seconds": taken, "peak_bytes": 0, "status": INTERRUPTED})
+        _, ended, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(ended)
+        peak = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+        status = f"failed with {process.returncode}" if process.returncode else "finished"
+    except BaseException as error:
+        if not isinstance(error, KeyboardInterrupt):  # which it got as well
+            process.terminate()
+        process.wait()
         raise
-    write(results, row)
-    return str(row["status"])
+    finally:
+        note(
+            results,
+            {
+                "step": step.name,
+                "mode": mode,
+                "command": step.command,
+                "seconds": time.perf_counter() - start,
+                "peak_bytes": peak,
+                "status": status,
+            },
+        )
+    return status
 
 
-def _progress(steps: Sequence[Step], quick: bool, results: Path) -> list[Progress]:
-    records, before = read_records(results), read(results)
-    return [progress(s, quick, records, before.get((s.name, _mode(quick)))) for s in steps]
+def note(results: Path, row: dict[str, Any]) -> None:
+    """Put a step's row into reproduce.csv.
+
+    The rest of an interrupted step adds up; of several whole ones the longest counts, as the others
+    found work done.
+    """
+    rows: dict[tuple[str, str], dict[str, Any]] = read(results)
+    known = rows.get((row["step"], row["mode"]))
+    if known and known["command"] == row["command"]:
+        pair = float(known["seconds"]), row["seconds"]
+        row["seconds"] = sum(pair) if known["status"] == "interrupted" else max(pair)
+        row["peak_bytes"] = max(row["peak_bytes"], int(known["peak_bytes"]))
+    rows[row["step"], row["mode"]] = row
+    write_atomically(results / FILE, to_csv(list(rows.values())))
+
+
+def read(results: Path) -> dict[tuple[str, str], dict[str, Any]]:
+    """Rows of reproduce.csv by step and mode."""
+    path = results / FILE
+    if not path.is_file():
+        return {}
+    with path.open(encoding="utf-8", newline="") as file:
+        return {(row["step"], row["mode"]): row for row in csv.DictReader(file)}
 
 
 def span(seconds: float) -> str:
@@ -125,64 +183,6 @@ def span(seconds: float) -> str:
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 90 * 60 else f"{seconds / 3600:.1f} h"
-
-
-def measured(command: Sequence[str]) -> dict[str, Any]:
-    """Run ``python -m`` with these words: seconds, peak memory and status.
-
-    The memory is that of the largest process among it and its children, and at least what this
-    process holds: about 40 MB.
-    """
-    sys.stdout.flush()  # what stands above is told first
-    start = time.perf_counter()
-    process = subprocess.Popen([sys.executable, "-m", *command], cwd=ROOT)
-    try:
-        _, status, usage = os.wait4(process.pid, 0)
-    except KeyboardInterrupt:
-        process.wait()  # it was interrupted as well and writes its record
-        raise
-    except SystemExit:
-        process.terminate()
-        process.wait()
-        raise
-    process.returncode = os.waitstatus_to_exitcode(status)
-    return {
-        "seconds": time.perf_counter() - start,
-        "peak_bytes": usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024),
-        "status": f"failed with {process.returncode}" if process.returncode else "finished",
-    }
-
-
-def read(results: Path) -> dict[tuple[str, str], dict[str, str]]:
-    """Rows of tables/reproduce.csv by step and mode."""
-    path = results / "tables" / "reproduce.csv"
-    if not path.is_file():
-        return {}
-    with path.open(encoding="utf-8", newline="") as file:
-        return {(row["step"], row["mode"]): row for row in csv.DictReader(file)}
-
-
-def write(results: Path, row: dict[str, Any]) -> None:
-    """Put a step's row into tables/reproduce.csv, in the order of the steps."""
-    rows: dict[tuple[str, str], Any] = read(results)
-    key = row["step"], row["mode"]
-    known = rows.get(key, {})
-    same = (known.get("command"), known.get("code")) == (row["command"], row["code"])
-    if same and known["status"] in (INTERRUPTED, row["status"]):
-        # The rest of an interrupted step adds up; a repeated one finds most of its work done.
-        pair = float(known["seconds"]), row["seconds"]
-        row["seconds"] = sum(pair) if known["status"] == INTERRUPTED else max(pair)
-        row["peak_bytes"] = max(row["peak_bytes"], int(known["peak_bytes"]))
-    rows[key] = row
-    order = {step.name: k for k, step in enumerate(STEPS)}
-    ordered: Iterable[Any] = sorted(
-        rows.values(), key=lambda r: (r["mode"], order.get(r["step"], len(order)))
-    )
-    write_atomically(results / "tables" / "reproduce.csv", to_csv(list(ordered), COLUMNS))
-
-
-def _mode(quick: bool) -> str:
-    return "quick" if quick else "full"
 
 
 if __name__ == "__main__":

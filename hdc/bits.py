@@ -23,6 +23,13 @@ from hdc import planes
 WORD = 64
 TIES = ("zero", "one", "random")
 BACKENDS = ("numpy", "compiled")
+# What it takes to load numba, and the kernels from their cache (the first time on a machine they
+# are compiled, in 4 s), and what these save of fitting 256 frames of 500 × 500 pixels of 8 bits:
+# the least of some runs on two shared cores of an AMD EPYC with numba 0.68.
+_NUMBA_S = 0.2
+_KERNELS_S = 0.4
+_SAVED_S = 0.45e-9  # a pixel
+_UNPACKED = 2  # queries for which NumKong's packing of the prototypes, a copy, takes longer
 _PARALLEL_BYTES = 2**20  # of queries that are worth a second thread
 
 # Eight bools seen as one int64 times this constant carry their bits into the top byte, in order.
@@ -49,9 +56,38 @@ def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
         from hdc import compiled
     except ImportError as error:
         raise ValueError(
-            f"backend: 'compiled' expects numba (pip install .[compiled]), found: {error}"
+            f"backend: 'compiled' expects numba (pip install 'hdc[compiled]'), found: {error}"
         ) from error
     return compiled
+
+
+def choose_backend(backend: str, device: torch.device | str, n_pixels: float) -> str:
+    """The backend for so many pixels (frames × pixels of each), one of :data:`BACKENDS`.
+
+    Each is itself; ``"auto"`` is ``"compiled"`` on the CPU where numba is installed, unless loading
+    what is not loaded yet would take longer than it saves. That leaves ``"numpy"`` for less than
+    about 5000 frames of 500 × 500, so nothing is loaded in the midst of a few of them.
+
+    Raises:
+        ValueError: for an unknown backend, or ``"compiled"`` where it is not to be had.
+    """
+    if backend != "auto":
+        if backend not in BACKENDS:
+            raise ValueError(
+                f"backend: expected one of auto, {', '.join(BACKENDS)}, found {backend!r}"
+            )
+        kernels(backend, device)
+        return backend
+    load_s = _NUMBA_S * ("numba" not in sys.modules) + _KERNELS_S * (
+        "hdc.compiled" not in sys.modules
+    )
+    if n_pixels * _SAVED_S < load_s:
+        return "numpy"
+    try:
+        kernels("compiled", device)
+    except ValueError:  # another device, or no numba
+        return "numpy"
+    return "compiled"
 
 
 def words_for(dimension: int) -> int:
@@ -166,6 +202,9 @@ def hamming_numkong(queries: Tensor, prototypes: Tensor) -> Tensor:
     q, p = (x.numpy().view(np.uint8) for x in (queries, prototypes))
     if 0 in (len(q), len(p), q.shape[1]):
         return torch.zeros(len(q), len(p), dtype=torch.int64)
+    if len(q) <= _UNPACKED:
+        found = numkong.cdist(q, p, metric="hamming", dtype="uint1")
+        return torch.from_numpy(np.asarray(found).astype(np.int64).reshape(len(q), len(p)))
     packed = numkong.hammings_pack(p, dtype="uint1")
     halves = [q]
     if q.nbytes > _PARALLEL_BYTES and torch.get_num_threads() > 1:
@@ -195,7 +234,10 @@ def _cpu_hamming():
     """The fastest CPU route that is installed and agrees with numpy's on a trial; chosen once."""
     trial = torch.arange(-6, 6).reshape(3, 4) * 0x0123456789ABCDEF
     try:
-        if torch.equal(hamming_numkong(trial, trial[:2]), hamming_numpy(trial, trial[:2])):
+        if all(
+            torch.equal(hamming_numkong(queries, trial), hamming_numpy(queries, trial))
+            for queries in (trial, trial[:1])  # packed and not
+        ):
             return hamming_numkong
     except (ImportError, TypeError, ValueError, AttributeError):
         pass  # absent, or a version with another interface
@@ -240,10 +282,22 @@ def majority_of_counts(
     return more | (at_least_half & tie_breaker)
 
 
-def random_hypervector(dimension: int, seed: int, p: float = 0.5) -> Tensor:
-    """D independent bits that are one with probability p, from the seed alone: int64 [W] (CPU)."""
-    generator = torch.Generator().manual_seed(seed)
-    return pack(torch.rand(dimension, generator=generator, dtype=torch.float64) < p)
+def random_hypervector(
+    dimension: int, seed: int, p: float = 0.5, stream: tuple[int, ...] = ()
+) -> Tensor:
+    """D independent bits that are one with probability p, from seed and stream alone: int64 [W].
+
+    Args:
+        seed: any integer.
+        stream: non-negative integers that tell apart what is drawn from one seed. Every pair of
+            seed and stream is a source of its own (numpy's SeedSequence).
+    """
+    # 2·seed, or −2·seed − 1: SeedSequence takes no negative number.
+    entropy = 2 * abs(int(seed)) - int(seed < 0)
+    source = np.random.PCG64(np.random.SeedSequence(entropy, spawn_key=stream))
+    # A double has 53 random bits, and so has p.
+    ones = source.random_raw(dimension) >> np.uint64(11) < round(p * 2**53)
+    return pack(torch.from_numpy(ones))
 
 
 def _swar_popcount(words: Tensor) -> Tensor:

@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Hashable, Iterable, Iterator
+import warnings
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from math import prod
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
-import numpy as np
 import torch
-from torch import Tensor
 
-from hdc import bits
-from hdc.encode import encode
-from hdc.prototypes import Counters, recalibrate
-
-PROTOTYPES = ("binary", "integer")
-CHUNK = 128  # frames encoded at a time: 4 MB of packed bits at D = 250,000
+from hdc import files, inputs, stored
+from hdc.prediction import CHUNK
+from hdc.prototypes import Counters
+from hdc.recalibration import Recalibrator
 
 
-class HDCClassifier:
+class HDCClassifier(Recalibrator):
     """Nearest-prototype classifier on packed hypervectors (Kitagawa et al., Opt. Express 32, 3209).
 
     A frame becomes a hypervector by thresholding at its own median (:func:`hdc.encode.encode`), a
     class prototype is the bitwise majority of its hypervectors (Eq. 1), and a query belongs to the
     class whose prototype is nearest in Hamming distance (Eqs. 2, 3); among equally near ones, to
-    the first in ``classes_``. Memory: one chunk of packed hypervectors and the counters, however
-    many frames are given.
+    the first in ``classes_``. Memory: one chunk of packed hypervectors, a sample of 64 for
+    :meth:`is_known`, and the counters, however many frames are given.
+
+    Frames of :meth:`fit` are [N, H, W] or [N, D]; a model of images takes a single one, [H, W], as
+    a batch of one, images of no other shape, and flattened ones. A process that is forked
+    after torch has used its threads may hang in any call of torch, and so in a model: start
+    processes by ``spawn``.
 
     Args:
         ties: what a prototype bit becomes that as many hypervectors have as have not (even number
@@ -35,18 +37,24 @@ class HDCClassifier:
             al., ACM JETC 15, 32 (2019).
         prototype: ``"binary"`` as published, or ``"integer"``: the counters themselves, compared
             by the cosine between 2·count − n and the bipolar query.
-        seed: of the random vectors for ``ties="random"``.
+        seed: seed of the random vectors for ``ties="random"``.
         device: where frames are encoded and prototypes live.
         backend: ``"numpy"``, or ``"compiled"`` for the CPU kernels of :mod:`hdc.compiled`, which
-            need numba and give the same model, bit for bit, in less time. A saved model does not
-            remember it: it is of the machine, and can be set by ``set_params`` after loading.
+            need numba and give the same model, bit for bit, in less time; ``"auto"`` is one of them
+            by :func:`hdc.bits.choose_backend`, by the number of pixels in ``fit`` or in the first
+            batch of ``partial_fit``, or, of a loaded model, in each call of ``predict``. A saved
+            model does not remember it: it is of the machine.
 
     Attributes:
         classes_: array [L] of the labels, sorted (labels of mixed types by type and spelling).
-        counts_: int64 array [L], training samples a class.
-        prototypes_: int64 tensor [L, W], the packed prototypes.
-        dimension_: D, the pixels of a frame.
+        counts_: int64 array [L], training samples a class; votes after a recalibration by votes.
+        prototypes_: int64 tensor [L, W], the packed prototypes, made when asked for; zeros for a
+            class without samples.
+        dimension_, n_features_in_: D, the pixels of a frame.
         frame_shape_: (H, W) or (D,).
+        feature_names_in_: columns of the data frame that a model was trained on, if it was one.
+        metadata_: what :meth:`save` was given to keep with the model.
+        backend_: ``"numpy"`` or ``"compiled"``, with which the model was trained.
 
     Example:
         >>> frames = np.array([[9, 8, 1, 0], [8, 9, 0, 2], [0, 1, 9, 7], [1, 0, 8, 9]], np.uint8)
@@ -55,18 +63,13 @@ class HDCClassifier:
         array(['left'], dtype='<U5')
     """
 
-    _estimator_type = "classifier"
-    classes_: np.ndarray
-    counts_: np.ndarray
-    prototypes_: Tensor
-
     def __init__(
         self,
         ties: str = "zero",
         prototype: str = "binary",
         seed: int = 0,
         device: str = "cpu",
-        backend: str = "numpy",
+        backend: str = "auto",
     ):
         self.ties = ties
         self.prototype = prototype
@@ -76,344 +79,231 @@ class HDCClassifier:
 
     # Training ------------------------------------------------------------------------------------
 
-    def fit(self, frames: Any, labels: Any) -> HDCClassifier:
-        """Learn prototypes from frames [N, H, W] or [N, D] and N labels of any hashable type.
+    def fit(self, frames: Any, y: Any) -> Self:
+        """Learn prototypes from frames [N, H, W] or [N, D] and N labels y of any hashable type.
 
         Raises:
             ValueError: for no frames, one class only, lengths that differ, pixels that are not
                 finite, or an unknown parameter value.
         """
-        for _ in self.train(frames, labels):
+        for _ in self._train(frames, y):
             pass
+        self._majority()
         return self
 
-    def train(self, frames: Any, labels: Any) -> Iterator[dict[str, float]]:
+    def train(self, frames: Any, y: Any) -> Iterator[dict[str, float]]:
         """:meth:`fit`, yielding ``{"samples_seen": n}`` whenever there is a model to predict with.
 
         `frames` may be anything with ``shape`` and batches ``frames[a:b]``.
         """
+        for seen in self._train(frames, y):
+            self._majority()  # whoever times training times the making of prototypes
+            yield {"samples_seen": seen}
+
+    def _train(self, frames: Any, y: Any) -> Iterator[int]:
         self._check_parameters()
-        _forget(self)
-        frames = _indexable(frames)
-        labels = _label_array(labels, len(frames))
+        self._forget()
+        frames = inputs.indexable(frames)
+        labels = inputs.label_array(y, len(frames))
         if len(labels) == 0:
             raise ValueError("frames: expected at least one frame, found none")
-        classes = _classes_of(labels)
+        names = inputs.feature_names(frames)
+        self.backend_ = self._backend(frames)
+        classes = inputs.classes_of(labels)
         if len(classes) < 2:
-            raise ValueError(
-                f"labels: expected at least two classes, found only {classes.tolist()[0]!r}"
-            )
+            raise inputs.one_class(classes)
         # Classes come as they are met: an intermediate model knows only what it has seen.
         for start in range(0, len(frames), CHUNK):
-            self._count(frames[start : start + CHUNK], labels[start : start + CHUNK], start)
+            chunk = slice(start, start + CHUNK)
+            self._count(frames[chunk], labels[chunk], start, len(frames))
             if len(self.classes_) == len(classes):
-                self._finish()
-                yield {"samples_seen": min(start + CHUNK, len(frames))}
+                if names is not None:
+                    self.feature_names_in_ = names
+                yield min(start + CHUNK, len(frames))
 
-    def partial_fit(self, frames: Any, labels: Any = None, classes: Any = None) -> HDCClassifier:
+    def partial_fit(self, frames: Any, y: Any = None, classes: Any = None) -> Self:
         """Add frames to the counters; a label not met before becomes a new class.
 
         Args:
-            frames: a batch, or (with no `labels`) an iterable of ``(frames, labels)`` batches.
-            labels: of the batch.
-            classes: accepted for scikit-learn's sake; classes may also appear later.
-
-        After :meth:`recalibrate`, counting starts again from what was counted before it. What was
-        counted before a batch that raises stays counted.
-        """
-        self._check_parameters()
-        counted = False
-        try:
-            for batch, batch_labels in frames if labels is None else [(frames, labels)]:
-                batch = _indexable(batch)
-                batch_labels = _label_array(batch_labels, len(batch))
-                for start in range(0, len(batch), CHUNK):
-                    chunk = slice(start, start + CHUNK)
-                    self._count(batch[chunk], batch_labels[chunk], start)
-                    counted = True
-        finally:
-            if counted:  # classes and prototypes stay in step with the counters
-                self._finish()
-        if not hasattr(self, "counters_"):
-            raise ValueError("frames: expected at least one frame, found none")
-        return self
-
-    def recalibrate(self, frames: Any, labels: Any, p: float, seed: int = 0) -> HDCClassifier:
-        """Adapt to a changed environment: with probability p, replace a prototype bit by a new one.
-
-        New prototypes are computed from `frames`; each bit of the stored prototype of a class is
-        replaced by the new one's with probability p (paper, Section III.B, Fig. 8). Classes without
-        new frames keep their prototypes.
+            frames: a batch, or (with no `y`) an iterable of ``(frames, y)`` batches.
+            y: labels of the batch.
+            classes: all labels that may come. Those without samples are known (``classes_``) and
+                never predicted; a label that is not among them is refused.
 
         Raises:
-            ValueError: if p is outside [0, 1], or a label is not among ``classes_``.
+            ValueError: as :meth:`fit`, or after :meth:`recalibrate`, whose prototypes are not those
+                of counted frames. What was counted before a batch that raises stays counted.
         """
-        self._check_is_trained()
-        if self.prototype != "binary":
-            raise ValueError(f"prototype: recalibration expects 'binary', found {self.prototype!r}")
-        new = HDCClassifier(
-            ties=self.ties, seed=self.seed, device=self.device, backend=self.backend
+        self._check_parameters()
+        self._check_counts("partial_fit")
+        allowed = (
+            None if classes is None else inputs.values(inputs.label_array(classes, len(classes)))
         )
-        new.partial_fit(frames, labels)
-        self._check_dimension(new.dimension_)
-        unknown = [c for c in new.classes_.tolist() if c not in self._index]
-        if unknown:
-            raise ValueError(
-                f"labels: expected classes among {list(self._index)}, found {unknown[0]!r}"
-            )
-        rows = torch.tensor([self._index[c] for c in new.classes_.tolist()])
-        stored = self.prototypes_.clone()
-        target = stored.clone()
-        target[rows] = new.prototypes_
-        self.prototypes_ = recalibrate(stored, target, self.dimension_, p, seed)
+        if y is None and hasattr(frames, "shape"):
+            inputs.label_array(y, len(frames))
+        for batch, batch_labels in frames if y is None else [(frames, y)]:
+            batch = inputs.indexable(batch, getattr(self, "frame_shape_", None))
+            labels = inputs.label_array(batch_labels, len(batch))
+            if allowed is not None:
+                inputs.check_among(labels, allowed)
+            self.backend_ = self._backend(batch)
+            for start in range(0, len(batch), CHUNK):
+                chunk = slice(start, start + CHUNK)
+                self._count(batch[chunk], labels[chunk], start)
+        if not hasattr(self, "counters_"):
+            raise ValueError("frames: expected at least one frame, found none")
+        if allowed is not None:
+            self._know(allowed)
         return self
 
-    # Prediction ----------------------------------------------------------------------------------
+    def merge(self, other: HDCClassifier) -> Self:
+        """Add what another model was trained on: bit for bit the model of all frames.
 
-    def predict(self, frames: Any) -> np.ndarray:
-        """Labels [Q] of frames [Q, H, W] or [Q, D]."""
-        nearest = self._scores(frames).argmin(1)
-        return self.classes_[nearest.numpy(force=True)]
+        Classes are united; parameters stay those of this model.
 
-    def distances(self, frames: Any) -> np.ndarray:
-        """Hamming distances int64 [Q, L] between queries and prototypes (Eq. 2)."""
-        self._check_is_trained()
-        return torch.cat([bits.hamming(w, self.prototypes_) for w in self._encoded(frames)]).numpy(
-            force=True
-        )
+        Raises:
+            ValueError: for a model of another kind or frame shape, or one of the two that was not
+                trained or was recalibrated.
+        """
+        if type(other) is not type(self):
+            raise ValueError(
+                f"merge: expected a {type(self).__name__}, found {type(other).__name__}"
+            )
+        if not hasattr(other, "counters_"):
+            raise other._not_trained()
+        for model in (self, other):
+            model._check_counts("merge")
+        if not hasattr(self, "counters_"):
+            self._start(other.frame_shape_)
+        inputs.check_shape(other.frame_shape_, self.frame_shape_, type(self).__name__)
+        labels = inputs.values(other.classes_)
+        self._know(labels)
+        rows = [self._index[label] for label in labels]
+        self.counters_.merge(other.counters_, rows)
+        if self._sample is not None and other._sample is not None:
+            self._sample.merge(other._sample)
+        else:
+            self._sample = None
+        self._changed(rows)
+        return self
 
-    def score(self, frames: Any, labels: Any) -> float:
-        """Fraction of frames whose predicted label is right."""
-        frames = _indexable(frames)
-        labels = _label_array(labels, len(frames))
-        return float(np.mean([a == b for a, b in zip(self.predict(frames), labels, strict=True)]))
+    @classmethod
+    def from_counters(
+        cls,
+        counters: Counters,
+        classes: Sequence[Hashable],
+        frame_shape: tuple[int, ...],
+        **parameters: Any,
+    ) -> Self:
+        """A model of hypervectors that were counted elsewhere.
 
-    def state_tensors(self) -> dict[str, Tensor]:
-        """What has to be stored to predict; shares memory with the model."""
-        self._check_is_trained()
-        if self.prototype == "binary":
-            return {"prototypes": self.prototypes_}
-        return {"counters": self.counters_.planes}
+        Args:
+            counters: counts of L classes; the model goes on with them.
+            classes: their labels [L].
+            frame_shape: shape (H, W) or (D,) of a frame.
+            parameters: constructor parameters.
+
+        Raises:
+            ValueError: if classes are not L different labels, at least two of them, or the frame
+                shape is not of the counters' dimension.
+        """
+        model = cls(**parameters)
+        model._check_parameters()
+        labels = inputs.label_array(classes, len(counters.n))
+        ordered = inputs.classes_of(labels)
+        if len(ordered) < len(labels):
+            raise ValueError(f"classes: expected different ones, found {inputs.values(labels)}")
+        if len(labels) < 2:
+            raise inputs.one_class(labels)
+        if prod(frame_shape) != counters.dimension:
+            raise ValueError(
+                f"frame_shape: expected {counters.dimension} pixels, found {tuple(frame_shape)}"
+            )
+        counters.planes = counters.planes.to(model.device)
+        model._start(tuple(frame_shape), counters)
+        known = inputs.values(labels)
+        model._arrange(known, inputs.values(ordered))
+        model._sample = None
+        model._changed(range(len(known)))
+        return model
 
     # Files ---------------------------------------------------------------------------------------
 
-    def save(self, path: str | Path) -> None:
-        """Write the model to a safetensors file, whole or not at all."""
-        from hdc.files import save
+    def save(self, path: str | Path, metadata: Mapping[str, Any] | None = None) -> None:
+        """Write the model to a safetensors file, whole or not at all.
 
+        Args:
+            path: file name, in a folder that exists.
+            metadata: whatever is to be kept with the model, such as how frames are cropped; values
+                that JSON has. By default that of the file the model was read from.
+
+        Raises:
+            TypeError: for labels or metadata that JSON has not.
+            FileNotFoundError: for a folder that does not exist.
+        """
         self._check_is_trained()
-        save(self, Path(path))
+        metadata = getattr(self, "metadata_", {}) if metadata is None else dict(metadata)
+        parameters = self.get_params() | {"seed": int(self.seed), "device": str(self.device)}
+        parameters.pop("backend", None)  # of this machine; the model is the same with any
+        content = stored.Stored(
+            kind=type(self).__name__,
+            parameters=parameters,
+            classes=self.classes_,
+            frame_shape=self.frame_shape_,
+            counters=self.counters_,
+            prototypes=self._majority(),
+            recalibrated=self._recalibrated,
+            calibration=self._try_calibration(),
+            metadata=metadata,
+        )
+        try:
+            header = content.header()
+        except TypeError as error:
+            raise TypeError(f"{path}: {error}") from None
+        files.write(Path(path), header, content.tensors())
+        self.metadata_ = metadata
 
     @classmethod
-    def load(cls, path: str | Path) -> HDCClassifier:
+    def load(cls, path: str | Path) -> Self:
         """Read a model that :meth:`save` wrote.
 
         Raises:
-            ValueError: if the file is not such a model, or damaged; it is named.
+            ValueError: if the file is not such a model, of another class, or damaged; it is named.
         """
-        from hdc.files import load
+        try:
+            header, tensors = files.read(Path(path))
+            return cls._of(stored.checked(cls.__name__, header, tensors))
+        except FileNotFoundError:
+            raise
+        except Exception as error:  # a hostile header reaches numpy and torch in many ways
+            raise ValueError(f"{path}: expected a saved {cls.__name__}, found {error}") from error
 
-        return load(cls, Path(path))
-
-    # scikit-learn's conventions, without importing it: importing its base class takes as long as
-    # importing torch, and 100 MB; this package takes a hundredth of either ------------------------
-
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Constructor parameters by name."""
-        names = inspect.signature(type(self).__init__).parameters
-        return {name: getattr(self, name) for name in names if name != "self"}
-
-    def set_params(self, **params: Any) -> HDCClassifier:
-        """Set constructor parameters by name."""
-        for name, value in params.items():
-            if name not in self.get_params():
-                raise ValueError(
-                    f"set_params: expected one of {', '.join(self.get_params())}, found {name!r}"
-                )
-            setattr(self, name, value)
-        return self
-
-    def __repr__(self) -> str:
-        return f"HDCClassifier({', '.join(f'{k}={v!r}' for k, v in self.get_params().items())})"
-
-    def __sklearn_tags__(self) -> Any:
-        from sklearn.utils import ClassifierTags, InputTags, Tags, TargetTags
-
-        return Tags(
-            estimator_type="classifier",
-            target_tags=TargetTags(required=True),
-            classifier_tags=ClassifierTags(),
-            input_tags=InputTags(two_d_array=True, three_d_array=True),
-        )
+    @classmethod
+    def _of(cls, found: stored.Stored) -> Self:
+        model = cls().set_params(**found.parameters)
+        if torch.device(model.device).type == "cuda" and not torch.cuda.is_available():
+            warnings.warn(
+                f"trained on {model.device!r}, which is not here: on the CPU", stacklevel=3
+            )
+            model.device = "cpu"
+        torch.zeros(1, device=model.device).item()  # raises where the device is not to be had
+        if not isinstance(model.seed, int):
+            raise ValueError(f"seed {model.seed!r}")
+        labels = inputs.values(found.classes)
+        model = cls.from_counters(found.counters, labels, found.frame_shape, **model.get_params())
+        if inputs.values(model.classes_) != labels:
+            raise ValueError(f"classes out of order: {labels!r}")
+        prototypes = found.prototypes.to(model.device)
+        model._recalibrated = found.recalibrated or not torch.equal(model._majority(), prototypes)
+        model.prototypes_ = prototypes
+        model._made.calibration, model.metadata_ = found.calibration, found.metadata
+        return model
 
     # ---------------------------------------------------------------------------------------------
 
-    def _check_parameters(self) -> None:
-        for name, value, valid in (
-            ("ties", self.ties, bits.TIES),
-            ("prototype", self.prototype, PROTOTYPES),
-        ):
-            if value not in valid:
-                raise ValueError(f"{name}: expected one of {', '.join(valid)}, found {value!r}")
-        bits.kernels(self.backend, self.device)
-
-    def _check_is_trained(self) -> None:
-        if not hasattr(self, "prototypes_"):
-            raise ValueError("HDCClassifier: expected a trained model; call fit first")
-        if len(self.classes_) < 2:
+    def _check_counts(self, action: str) -> None:
+        if getattr(self, "_recalibrated", False):
             raise ValueError(
-                f"labels: expected at least two classes, found only {self.classes_.tolist()[0]!r}"
+                f"{action}: expected a model of counted frames, found one that was recalibrated; "
+                "recalibrate it again, or fit anew"
             )
-
-    def _check_dimension(self, dimension: int) -> None:
-        if dimension != self.dimension_:
-            raise ValueError(
-                f"frames: expected D = {self.dimension_} pixels as in training "
-                f"(shape {self.frame_shape_}), found {dimension}"
-            )
-
-    def _encode(self, frames: Any, first: int) -> Tensor:
-        tensor = _tensor(frames).to(self.device)
-        if hasattr(self, "dimension_"):
-            self._check_dimension(tensor[0].numel() if len(tensor) else self.dimension_)
-        return encode(tensor, first, self.backend)
-
-    def _encoded(self, frames: Any) -> Iterator[Tensor]:
-        frames = _indexable(frames)
-        for start in range(0, max(1, len(frames)), CHUNK):
-            yield self._encode(frames[start : start + CHUNK], start)
-
-    def _count(self, frames: Any, labels: np.ndarray, first: int) -> None:
-        """Encode one chunk of frames and add it to the counters."""
-        frames = _tensor(frames)
-        if len(frames) == 0:
-            return
-        words = self._encode(frames, first)
-        if not hasattr(self, "counters_"):
-            self.frame_shape_ = tuple(frames.shape[1:])
-            self.dimension_ = frames[0].numel()
-            self.counters_ = Counters(0, self.dimension_, self.device)
-            self._index: dict[Hashable, int] = {}
-        met = list(dict.fromkeys(labels.tolist()))
-        new = [label for label in met if label not in self._index]
-        if new:
-            known = list(self._index) + new
-            ordered = _classes_of(_object_array(known)).tolist()
-            self.counters_.append_classes(len(new))
-            if ordered != known:
-                self.counters_.reorder([known.index(label) for label in ordered])
-            self._index = {label: i for i, label in enumerate(ordered)}
-            self.classes_ = _label_array(ordered, len(ordered))
-        indices = torch.tensor([self._index[label] for label in labels.tolist()])
-        self.counters_.backend = self.backend
-        self.counters_.add(words, indices)
-
-    def _finish(self) -> None:
-        """Make the learned attributes from the counters."""
-        self.counts_ = self.counters_.n.numpy().copy()
-        self.prototypes_ = self.counters_.majority(self.ties, self.seed)
-
-    def _scores(self, frames: Any) -> Tensor:
-        """Dissimilarity [Q, L], smaller is nearer."""
-        self._check_is_trained()
-        score = self._cosine_distances if self.prototype == "integer" else self._hamming
-        return torch.cat([score(words) for words in self._encoded(frames)])
-
-    def _hamming(self, words: Tensor) -> Tensor:
-        return bits.hamming(words, self.prototypes_)
-
-    def _cosine_distances(self, words: Tensor) -> Tensor:
-        """Minus √D times the cosine of bipolar queries and 2c − n, from the planes of c alone.
-
-        A query v ∈ {0, 1} has v·c = Σ_p 2^p |v ∧ plane_p| and |v ∧ b| = (|v| + |b| − Ham(v, b))/2.
-        """
-        planes, n = self.counters_.planes, self.counters_.n.to(words.device)
-        n_classes, n_planes, width = planes.shape
-        weights = 2 ** torch.arange(n_planes, device=words.device)
-        ones = bits.count_ones(words)
-        plane_ones = bits.count_ones(planes)
-        distances = bits.hamming(words, planes.reshape(-1, width)).view(-1, n_classes, n_planes)
-        overlap = (ones[:, None, None] + plane_ones - distances) // 2
-        dot = (overlap * weights).sum(2)
-        total = (plane_ones * weights).sum(1)
-        # (2v − 1)·(2c − n), in integers throughout
-        dot = 4 * dot - 2 * total - n * (2 * ones[:, None] - self.dimension_)
-        norm = torch.stack([(2 * c - m).double().norm() for c, m in zip(
-            self.counters_.counts(), n, strict=True)])  # fmt: skip
-        return -dot / norm.clamp(min=1)
-
-
-def _forget(model: HDCClassifier) -> None:
-    for name in [name for name in vars(model) if name.endswith("_") or name == "_index"]:
-        delattr(model, name)
-
-
-def _indexable(frames: Any) -> Any:
-    """Frames with a shape: arrays, tensors and lazy sources as they are, lists as arrays.
-
-    Raises:
-        ValueError: for frames of different sizes.
-    """
-    if hasattr(frames, "shape") and hasattr(frames, "__getitem__"):
-        return frames
-    frames = list(frames)
-    shapes = [np.shape(frame) for frame in frames]
-    for i, shape in enumerate(shapes):
-        if shape != shapes[0]:
-            raise ValueError(
-                f"frames[{i}]: expected shape {shapes[0]} as of frames[0], found {shape}"
-            )
-    if frames and isinstance(frames[0], Tensor):
-        return torch.stack(frames)
-    return np.asarray(frames)
-
-
-def _tensor(frames: Any) -> Tensor:
-    if isinstance(frames, Tensor):
-        return frames
-    array = np.asarray(frames)
-    if array.dtype == object or array.dtype.kind not in "uif":
-        raise TypeError(f"frames: expected real or integer pixels, found dtype {array.dtype}")
-    if not array.dtype.isnative:
-        array = array.astype(array.dtype.newbyteorder("="))
-    if not array.flags.writeable or not array.flags.c_contiguous:
-        array = array.copy()
-    return torch.from_numpy(array)
-
-
-def _label_array(labels: Any, n: int) -> np.ndarray:
-    if isinstance(labels, Tensor):
-        labels = labels.numpy(force=True)
-    elif not isinstance(labels, np.ndarray):
-        labels = list(labels) if isinstance(labels, Iterable) else [labels]
-        values = [x.item() if isinstance(x, np.generic | Tensor) else x for x in labels]
-        kinds = {type(value) for value in values}
-        labels = _object_array(values)
-        if len(kinds) == 1 and kinds <= {str, int, float, bool}:
-            array = np.array(values)
-            # numpy rounds some large integers and drops null characters at the end of a string.
-            labels = array if kinds == {float} or array.tolist() == values else labels
-    if labels.ndim != 1:
-        raise ValueError(f"labels: expected one dimension, found shape {labels.shape}")
-    if len(labels) != n:
-        raise ValueError(f"labels: expected {n}, one a frame, found {len(labels)}")
-    for i, label in enumerate(labels.tolist() if labels.dtype.kind in "fO" else ()):
-        if isinstance(label, float) and label != label:
-            raise ValueError(f"labels[{i}]: found NaN")
-    return labels
-
-
-def _object_array(values: list[Any]) -> np.ndarray:
-    array = np.empty(len(values), object)
-    array[:] = values
-    return array
-
-
-def _classes_of(labels: np.ndarray) -> np.ndarray:
-    """The distinct labels, sorted; those without a common order by type and spelling."""
-    distinct = list(dict.fromkeys(labels.tolist()))
-    try:
-        distinct.sort()
-    except TypeError:
-        distinct.sort(key=lambda label: (type(label).__name__, repr(label)))
-    return _label_array(distinct, len(distinct))

@@ -5,11 +5,22 @@ of the 250,000 pixels of an 8-bit frame equal the median, so a plain comparison 
 here exactly k = ⌊D/2⌋ pixels become one: those above the k-th largest value m, and of those equal
 to m the first in raster order. The order has to be the same for every frame and nothing else: a
 Hamming distance does not know where in the image a pixel lies.
+
+On the CPU nothing is sorted but a sample. A sample's order says about where m lies (Floyd and
+Rivest, Commun. ACM 18, 165 (1975)); counting the pixels above a value, in one pass over the frame,
+says on which side. Two or three passes leave the pixels of one grey level, or some thousands of
+many levels, among which the rest are selected. An 8-bit frame of nearly the same median as the
+frame before, by a smaller sample, is compared with that first: one pass and part of another. The
+counts of all pixels decide on either route, so neither the sample nor the frames before change a
+bit, and frames in any order take about the same time.
 """
 
 from __future__ import annotations
 
+import functools
+import math
 import warnings
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,8 +28,12 @@ from torch import Tensor
 
 from hdc import bits, planes
 
-_STEP = 64  # frames thresholded at once where frames of other types, or an accelerator, need it
-_SCAN = 2**16  # pixels looked through at a time for ties; a multiple of 64
+_STEP = 2**20  # pixels of several frames thresholded at once, at up to 30 bytes each
+_SMALL = 4096  # pixels a frame up to which that is faster than one frame after another
+_SAMPLE = 4096  # pixels of a frame that are sorted, at most
+_GLANCE = 256  # pixels that are to agree with the frame before
+_SCAN = 2**16  # pixels looked through at a time for those equal to the level; a multiple of 64
+_PASSES = 12  # over a frame, before what is left is selected however much it is
 
 
 def encode(frames: Tensor, first: int = 0, backend: str = "numpy") -> Tensor:
@@ -29,25 +44,37 @@ def encode(frames: Tensor, first: int = 0, backend: str = "numpy") -> Tensor:
     `first`, for frames that are a part of more. ``backend="compiled"`` encodes 8-bit frames on the
     CPU by :mod:`hdc.compiled`, with the same result; other types take the same way as without.
 
+    Besides the result it takes some bytes a pixel of one frame (or of 2^20 pixels), however many
+    frames there are; only ``"compiled"`` copies frames that do not lie in one piece.
+
     Raises:
         ValueError: for a shape other than the above, no pixels, pixels that are not finite, or a
             backend that is not to be had (:func:`hdc.bits.kernels`).
         TypeError: for a dtype that has no order (bool, complex).
     """
     kernels = bits.kernels(backend, frames.device)
-    pixels = _flatten(frames, first)
-    n, dimension = pixels.shape
-    words = planes.zeros((n, bits.words_for(dimension)), pixels.device)
+    if frames.ndim not in (2, 3) or 0 in frames.shape[1:]:
+        raise ValueError(
+            f"frames: expected shape [N, H, W] or [N, D] with pixels, found {tuple(frames.shape)}"
+        )
+    if frames.dtype == torch.bool or frames.is_complex():
+        raise TypeError(f"frames: expected real or integer pixels, found {frames.dtype}")
+    n, dimension = len(frames), frames.shape[1:].numel()
+    words = planes.zeros((n, bits.words_for(dimension)), frames.device)
     constant: list[int] = []
-    if dimension < 2:
-        constant = list(range(n))  # ⌊D/2⌋ = 0 ones
-    elif pixels.dtype == torch.uint8 and pixels.device.type == "cpu":
-        encode_uint8 = kernels.encode_uint8 if kernels else _encode_uint8
-        constant = encode_uint8(pixels.numpy(), words.numpy())
+    if kernels and frames.dtype == torch.uint8 and dimension > 1:
+        images = frames.reshape(n, dimension).numpy()
+        few, many = _places(dimension, _GLANCE), _places(dimension, _SAMPLE)
+        constant = kernels.encode_uint8(images, words.numpy(), few, many)
     else:
-        for start in range(0, n, _STEP):
-            words[start : start + _STEP], flat = _encode_any(pixels[start : start + _STEP])
-            constant += (start + flat.nonzero().flatten()).tolist()
+        step = max(1, _STEP // dimension)
+        route = _encode_torch
+        if frames.device.type == "cpu":
+            route = _encode_small if dimension <= _SMALL else _Large(dimension)
+        for start in range(0, n, step):
+            block = slice(start, start + step)
+            flat = route(_pixels(frames[block], first + start), words[block])
+            constant += [start + i for i, is_flat in enumerate(flat) if is_flat]
     if constant:
         listed = ", ".join(str(first + i) for i in constant[:10]) + (
             ", …" if len(constant) > 10 else ""
@@ -60,143 +87,217 @@ def encode(frames: Tensor, first: int = 0, backend: str = "numpy") -> Tensor:
     return words
 
 
-def _flatten(frames: Tensor, first: int) -> Tensor:
-    if frames.ndim not in (2, 3) or 0 in frames.shape[1:]:
-        raise ValueError(
-            f"frames: expected shape [N, H, W] or [N, D] with pixels, found {tuple(frames.shape)}"
-        )
-    if frames.dtype == torch.bool or frames.is_complex():
-        raise TypeError(f"frames: expected real or integer pixels, found {frames.dtype}")
-    pixels = frames.reshape(len(frames), frames.shape[1:].numel())
-    if pixels.is_floating_point():
-        bad = ~pixels.isfinite().all(1)
-        if bad.any():
-            index = int(bad.nonzero()[0])
-            value = pixels[index][~pixels[index].isfinite()][0].item()
-            raise ValueError(f"frames[{first + index}]: expected finite pixels, found {value}")
-        # Exact; the half types lack a selection on some devices.
-        return pixels.float() if pixels.dtype in (torch.float16, torch.bfloat16) else pixels
-    if pixels.dtype == torch.uint64:  # the same order, without the wrap at 2^63
-        return pixels.view(torch.int64) ^ torch.iinfo(torch.int64).min
-    # Torch compares and selects few unsigned types wider than 8 bits.
-    return pixels if pixels.dtype == torch.uint8 else pixels.to(torch.int64)
+def _pixels(frames: Tensor, first: int) -> Tensor:
+    """Pixels [B, D] of a few frames, known to be finite, in a type that numpy can compare."""
+    pixels = frames.detach().reshape(len(frames), -1)
+    if not pixels.is_floating_point():
+        return pixels
+    if pixels.dtype not in (torch.float32, torch.float64):
+        pixels = pixels.float()  # exact
+    # On the CPU without torch's threads: waiting for a busy core takes longer than the frame.
+    values = pixels.numpy() if pixels.device.type == "cpu" else pixels
+    if not (math.isfinite(values.min()) and math.isfinite(values.max())):  # NaN is both
+        index = int((~pixels.isfinite().all(1)).nonzero()[0])
+        value = pixels[index][~pixels[index].isfinite()][0].item()
+        raise ValueError(f"frames[{first + index}]: expected finite pixels, found {value}")
+    return pixels
 
 
-def _encode_any(pixels: Tensor) -> tuple[Tensor, Tensor]:
-    """Hypervectors of [B, D] in plain torch, and which frames are constant: bool [B]."""
+def _encode_torch(pixels: Tensor, rows: Tensor) -> list[bool]:
+    """Fill rows int64 [B, W] from pixels [B, D] on any device; return which frames are constant."""
     dimension = pixels.shape[1]
     ones = dimension // 2
-    threshold = pixels.kthvalue(dimension - ones + 1, dim=1, keepdim=True).values
+    if pixels.dtype == torch.uint64:  # the same order, without the wrap at 2^63
+        pixels = pixels.view(torch.int64) ^ torch.iinfo(torch.int64).min
+    elif not pixels.is_floating_point() and pixels.dtype != torch.uint8:
+        pixels = pixels.long()  # torch compares and selects few other unsigned types
+    place = min(dimension - ones, dimension - 1)
+    threshold = pixels.kthvalue(place + 1, dim=1, keepdim=True).values
     above, equal = pixels > threshold, pixels == threshold
     missing = ones - above.sum(1, keepdim=True)
-    first = equal & (equal.cumsum(1, dtype=torch.int32) <= missing)
-    return bits.pack(above | first), equal.all(1)
+    rows[:] = bits.pack(above | (equal & (equal.cumsum(1, dtype=torch.int32) <= missing)))
+    return equal.all(1).tolist()
 
 
-def _encode_uint8(images: np.ndarray, words: np.ndarray) -> list[int]:
-    """:func:`_encode_any` for 8-bit frames on the CPU; fills words, returns constant frames.
+def _encode_small(pixels: Tensor, rows: Tensor) -> list[bool]:
+    """:func:`_encode_torch` on the CPU."""
+    images = pixels.numpy()
+    rows[:] = bits.pack(torch.from_numpy(_largest(images, images.shape[1] // 2)))
+    return (images == images[:, :1]).all(1).tolist()
 
-    Level and cut say which pixels are ones: those above the level and, up to pixel number `cut`,
-    those equal to it; all pairs (level, cut) are ordered by the number of ones. Frames of a session
-    have nearly the same median, so the last frame's pair is tried first: one pass over the frame.
-    Then the cut moves until the number of ones is right, at the cost of the pixels it passes.
-    """
-    dimension = images.shape[1]
-    ones = dimension // 2
-    passed = np.zeros(words.shape[1] * bits.WORD, np.bool_)
-    equal = np.zeros(_SCAN, np.bool_)
-    constant = []
-    level, cut = _sampled_level(images[0]) if len(images) else 0, 0
-    for index, pixels in enumerate(images):
-        row = words[index]
-        missing = ones - _threshold(pixels, level, cut, passed, row)
-        if abs(missing) > dimension // 32:  # some grey levels away: counting all is faster
-            level, cut = _level(pixels, ones), 0
-            missing = ones - _threshold(pixels, level, cut, passed, row)
+
+def _largest(values: np.ndarray, n: int) -> np.ndarray:
+    """Mask [B, K] of the n largest of each row of values [B, K], equal ones in their order."""
+    place = min(values.shape[1] - n, values.shape[1] - 1)
+    threshold = np.partition(values, place, axis=1)[:, place, None]
+    above, equal = values > threshold, values == threshold
+    missing = n - above.sum(1, keepdims=True)
+    return above | (equal & (equal.cumsum(1, dtype=np.int32) <= missing))
+
+
+class _Large:
+    """:func:`_encode_torch` on the CPU, one frame after another; D > 1."""
+
+    def __init__(self, dimension: int) -> None:
+        self.dimension, self.ones = dimension, dimension // 2
+        # To be written to, false from D on: new memory takes long to come by.
+        self.mask = np.zeros(bits.words_for(dimension) * bits.WORD, np.bool_)
+        # The last frame's, if of 8 bits: its ones are the pixels above the level and, up to some
+        # place in the word of pixels from `cut` on, those equal to it.
+        self.level: int | None = None
+        self.cut = 0
+
+    def __call__(self, pixels: Tensor, rows: Tensor) -> list[bool]:
+        frames = zip(pixels.numpy(), rows.numpy(), strict=True)
+        return [self._encode(image, row) for image, row in frames]
+
+    def _encode(self, pixels: np.ndarray, row: np.ndarray) -> bool:
+        """Fill row int64 [W] from pixels [D]; return whether they are all equal."""
+        if self.level is not None:
+            sample = np.sort(pixels[_places(self.dimension, _GLANCE)], kind="stable")
+            middle = len(sample) // 2
+            slack = min(math.isqrt(len(sample)), (len(sample) - 1) // 2)  # two standard deviations
+            agrees = sample[middle - slack] <= self.level <= sample[middle + slack]
+            if agrees and self._move_cut(pixels, row):
+                return bool(sample[0] == sample[-1] and pixels.min() == pixels.max())
+        return self._select(pixels, row)
+
+    def _move_cut(self, pixels: np.ndarray, row: np.ndarray) -> bool:
+        """Fill row by the last level and cut, moved; False if they would have to move far.
+
+        All pairs of level and cut are ordered by the number of ones. One pass counts those of the
+        last pair; then the cut passes as many pixels that equal the level as there are ones missing
+        or too many, at the cost of the stretch in which they lie.
+        """
+        level, cut, mask = self.level, self.cut, self.mask[: self.dimension]
+        assert level is not None
+        np.greater_equal(pixels[:cut], level, out=mask[:cut])
+        np.greater(pixels[cut:], level, out=mask[cut:])
+        row[:] = _packed(self.mask)
+        missing = self.ones - _count(row)
         while missing:
-            if missing > 0:
-                if cut == dimension:
-                    level, cut = level - 1, 0
-                start, stop = cut, min(dimension, cut // _SCAN * _SCAN + _SCAN)
+            forwards = missing > 0
+            if forwards and cut >= self.dimension:
+                level, cut = level - 1, 0
+            elif not forwards and cut == 0:
+                level, cut = level + 1, self.mask.size
+            start = cut if forwards else max(0, cut - _SCAN)
+            stretch = pixels[start : start + _SCAN if forwards else cut]
+            equal = self.mask[: bits.words_for(len(stretch)) * bits.WORD]
+            np.equal(stretch, level, out=equal[: len(stretch)])
+            equal[len(stretch) :] = False
+            ties = _packed(equal)
+            n = _count(ties)
+            if abs(missing) * len(stretch) > n * self.dimension:  # more than a frame's
+                return False
+            words = row[start // bits.WORD :][: len(ties)]
+            words &= ~ties
+            kept = min(n, missing) if forwards else max(0, n + missing)
+            end = _keep_first(ties, kept)
+            cut = start + bits.WORD * end if kept else start
+            words |= ties
+            missing -= kept if forwards else kept - n
+        self.level, self.cut = level, cut
+        return True
+
+    def _select(self, pixels: np.ndarray, row: np.ndarray) -> bool:
+        """Fill row from this frame alone, in two or three passes; return whether it is constant."""
+        dimension, ones = self.dimension, self.ones
+        # The ones are all pixels above `high` and some of those above `low` only, each with its
+        # place in the sample, the packed pixels above it, and their number. None is beyond all.
+        low: Any = None
+        high: Any = None
+        low_at, below, n_below = -1, np.full_like(row, -1), dimension
+        if rest := dimension % bits.WORD:
+            below[-1] = (1 << rest) - 1
+        sample = np.sort(
+            pixels[_places(dimension, _SAMPLE)], kind="stable"
+        )  # to 16 bits, a radix sort
+        high_at, above, n_above = len(sample), np.zeros_like(row), 0
+        # So few pixels of many values are sooner selected than passed once more.
+        few = dimension // 32 if pixels.itemsize > 1 else 0
+        at = len(sample) // 2
+        value = sample[at]
+        for _ in range(_PASSES):
+            np.greater(pixels, value, out=self.mask[:dimension])
+            found = _packed(self.mask)
+            n = _count(found)
+            if n > ones:
+                low, low_at, below, n_below = value, at, found, n
             else:
-                if cut == 0:
-                    level, cut = level + 1, dimension
-                start, stop = (cut - 1) // _SCAN * _SCAN, cut
-            n, cut = _move_cut(pixels, level, start, stop, missing, equal, row)
-            missing -= n
-        # Where all pixels are equal the first ⌊D/2⌋ are ones and the cut is right behind them.
-        if cut == ones and pixels.min() == pixels.max():
-            constant.append(index)
-    return constant
+                high, high_at, above, n_above = value, at, found, n
+            one_value = high is not None and low == _before(high)
+            if one_value or n_below - n_above <= few:
+                break
+            # By as many places as the count is off, to meet one of few levels, or beyond it by
+            # three standard deviations of that many, to have one of many between the last value
+            # and this.
+            off = (n - ones) * len(sample) / dimension
+            at += round(off + math.copysign(1 + 3 * math.sqrt(abs(off)) if few else 0, off))
+            if not low_at < at < high_at:
+                at = (low_at + high_at) // 2
+            value = sample[max(0, at)]
+            if low is not None and value <= low:
+                larger = sample[sample.searchsorted(low, "right") :]
+                value = larger[0] if len(larger) else _after(low)
+            if high is not None and value >= high:
+                value = _before(high)
+        band, missing, self.level = above ^ below, ones - n_above, None
+        if one_value or missing == n_below - n_above:
+            end = _keep_first(band, missing)
+            if one_value and pixels.dtype in (np.uint8, np.int8):
+                self.level, self.cut = int(high), end * bits.WORD
+        else:
+            mask = np.unpackbits(band.view(np.uint8), bitorder="little").view(np.bool_)
+            places = np.flatnonzero(mask)
+            mask[places] = _largest(pixels[None, places], missing)
+            band = _packed(mask)
+        np.bitwise_or(above, band, out=row)
+        return one_value and n_below - n_above == dimension
 
 
-def _sampled_level(pixels: np.ndarray) -> int:
-    """About the median, from every so many pixels."""
-    sample = pixels[:: max(1, len(pixels) // 4096)]
-    return int(np.partition(sample, len(sample) // 2)[len(sample) // 2])
+@functools.lru_cache(maxsize=4)
+def _places(dimension: int, n: int) -> np.ndarray:
+    """Which pixels are the sample: one of each stretch, at random, lest they follow a pattern."""
+    n = min(n, max(32, dimension // 16), dimension)
+    return ((np.arange(n) + np.random.default_rng(0).random(n)) * dimension / n).astype(np.intp)
 
 
-def _level(pixels: np.ndarray, ones: int) -> int:
-    """The largest m for which at least `ones` pixels are ≥ m, from all 256 counts."""
-    at_least = np.bincount(pixels, minlength=256)[::-1].cumsum()[::-1]
-    return int(np.flatnonzero(at_least >= ones)[-1])
+def _before(value: Any) -> Any:
+    """The next smaller number of a numpy scalar's type; None for the smallest integer."""
+    if value.dtype.kind == "f":
+        return np.nextafter(value, value.dtype.type(-np.inf))
+    return None if value == np.iinfo(value.dtype).min else value - 1
 
 
-def _threshold(
-    pixels: np.ndarray, level: int, cut: int, passed: np.ndarray, row: np.ndarray
-) -> int:
-    """Fill row int64 [W] with the bits of (level, cut); return how many are ones."""
-    np.greater_equal(pixels[:cut], level, out=passed[:cut])
-    np.greater(pixels[cut:], level, out=passed[cut : len(pixels)])
-    row[:] = np.packbits(passed, bitorder="little").view(np.int64)
-    return int(np.bitwise_count(row.view(np.uint64)).sum(dtype=np.int64))
+def _after(value: Any) -> Any:
+    """The next larger number of a numpy scalar's type, which is not the largest."""
+    return np.nextafter(value, value.dtype.type(np.inf)) if value.dtype.kind == "f" else value + 1
 
 
-def _move_cut(
-    pixels: np.ndarray,
-    level: int,
-    start: int,
-    stop: int,
-    missing: int,
-    equal: np.ndarray,
-    row: np.ndarray,
-) -> tuple[int, int]:
-    """Move the cut within [start, stop), forwards for missing > 0, else back from stop.
-
-    Returns how many ones the row has gained (negative: lost), and the new cut.
-    """
-    first_word = start // bits.WORD
-    origin = first_word * bits.WORD
-    n_words = bits.words_for(stop - origin)
-    equal[: start - origin] = False
-    np.equal(pixels[start:stop], level, out=equal[start - origin : stop - origin])
-    equal[stop - origin : n_words * bits.WORD] = False
-    ties = np.packbits(equal[: n_words * bits.WORD], bitorder="little").view(np.int64)
-    running = np.bitwise_count(ties.view(np.uint64)).cumsum(dtype=np.int64)
-    total = int(running[-1])
-    target = row[first_word : first_word + n_words]
-    # The first `kept` ties of the stretch are ones, the others are not.
-    kept = min(total, missing) if missing > 0 else max(0, total + missing)
-    if kept in (0, total):  # the cut passes the whole stretch
-        target &= ~ties
-        if kept:
-            target |= ties
-        new_cut = stop if missing > 0 else start
-    else:
-        word = int(running.searchsorted(kept))  # holds the last tie that is kept
-        before = int(running[word - 1]) if word else 0
-        low, new_cut = _lowest_ones(int(ties[word]), kept - before)
-        target[:word] |= ties[:word]
-        target[word] = (target[word] & ~ties[word]) | low
-        target[word + 1 :] &= ~ties[word + 1 :]
-        new_cut += origin + word * bits.WORD
-    return (kept, new_cut) if missing > 0 else (kept - total, new_cut)
+def _packed(mask: np.ndarray) -> np.ndarray:
+    """Words int64 [W] of a mask [64 W]."""
+    return np.packbits(mask, bitorder="little").view(np.int64)
 
 
-def _lowest_ones(word: int, n: int) -> tuple[np.int64, int]:
-    """The n ≥ 1 lowest ones of a 64-bit word, and the place behind the last of them."""
-    kept, rest = 0, word & 0xFFFF_FFFF_FFFF_FFFF
-    for _ in range(n):
-        lowest = rest & -rest
-        kept, rest = kept | lowest, rest ^ lowest
-    return np.uint64(kept).view(np.int64), kept.bit_length()
+def _count(words: np.ndarray) -> int:
+    """The number of ones in words int64 [W]."""
+    return int(_popcount(words).sum(dtype=np.int64))
+
+
+def _popcount(words: np.ndarray) -> np.ndarray:
+    return np.bitwise_count(words.view(np.uint64))
+
+
+def _keep_first(words: np.ndarray, n: int) -> int:
+    """Clear all but the first n ones of words int64 [W]; return how many words keep all."""
+    running = _popcount(words).cumsum(dtype=np.int64)
+    at = int(running.searchsorted(n, "right"))  # the word that holds the first one cleared
+    if at == len(words):
+        return at
+    surplus, word = int(running[at]) - n, int(words[at]) & 0xFFFF_FFFF_FFFF_FFFF
+    for _ in range(surplus):
+        word &= ~(1 << word.bit_length() - 1)
+    words[at] = np.uint64(word).view(np.int64)
+    words[at + 1 :] = 0
+    return at

@@ -13,15 +13,14 @@ some tens of samples, and gains next to none beyond (results/tables/accuracy_vs_
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Hashable, Sequence
+from typing import Self
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.classifier import HDCClassifier, _tensor
-from hdc.prototypes import Counters
+from hdc.classifier import HDCClassifier
 
 
 class OnlineHDCClassifier(HDCClassifier):
@@ -36,12 +35,13 @@ class OnlineHDCClassifier(HDCClassifier):
         bundle: how often every sample is counted; 0 learns from mistakes alone (and from the first
             sample of a class), as AdaptHD does.
         correction: how often a mistake is; 0 is HDCClassifier.
-        ties, seed, device: as of HDCClassifier.
+        ties, seed, device: see :class:`hdc.HDCClassifier`.
 
     Attributes:
         counts_: int64 array [L], hypervectors in each bundle, corrections included.
 
-    Others are those of HDCClassifier.
+    Others are those of HDCClassifier. What leaving a frame out would change is not known, so that
+    ``is_known`` and ``predict_proba`` need :meth:`calibrate` first.
 
     Raises:
         ValueError: in ``fit``, ``train`` and ``partial_fit``, for weights that are no integers from
@@ -65,9 +65,6 @@ class OnlineHDCClassifier(HDCClassifier):
         self.seed = seed
         self.device = device
 
-    def __repr__(self) -> str:
-        return f"Online{super().__repr__()}"
-
     def _check_parameters(self) -> None:
         super()._check_parameters()
         for name, value in (("bundle", self.bundle), ("correction", self.correction)):
@@ -76,63 +73,27 @@ class OnlineHDCClassifier(HDCClassifier):
         if self.bundle == self.correction == 0:
             raise ValueError("bundle, correction: expected one above 0, found 0 and 0")
 
-    def _count(self, frames: Any, labels: np.ndarray, first: int) -> None:
-        frames = _tensor(frames)
-        if len(frames) and not hasattr(self, "counters_"):
-            # The first sample, which is the only one of its counters: plane 0 is its hypervector.
-            super()._count(frames[:1], labels[:1], first)
-            words = self.counters_.planes[:, 0]
-            self.counters_ = self._online(Counters(1, self.dimension_, self.device))
-            self.counters_.add(words, torch.zeros(1, dtype=torch.int64))
-            frames, labels, first = frames[1:], labels[1:], first + 1
-        elif hasattr(self, "counters_") and not isinstance(self.counters_, OnlineCounters):
-            self.counters_ = self._online(self.counters_)  # read from a file
-        super()._count(frames, labels, first)
+    def merge(self, other: HDCClassifier) -> Self:
+        """Not defined: what a model adds depends on all frames before."""
+        raise ValueError(
+            f"merge: expected models whose training is a sum, found {type(self).__name__}"
+        )
 
-    def _online(self, counters: Counters) -> OnlineCounters:
-        online = OnlineCounters(len(counters.n), counters.dimension, self.device)
-        online.planes, online.n = counters.planes, counters.n
-        online.bundle, online.correction = self.bundle, self.correction
-        online.ties, online.seed = self.ties, self.seed
-        return online
+    def _learn(self, words: Tensor, rows: Tensor, labels: Sequence[Hashable]) -> None:
+        """Classify and count hypervectors int64 [N, W] of classes int64 [N], one after another.
 
-
-class OnlineCounters(Counters):
-    """Counters to which a sample is added by what their prototypes take it for."""
-
-    bundle = 2
-    correction = 1
-    ties = "zero"
-    seed = 0
-
-    def add(self, words: Tensor, labels: Tensor) -> None:
-        """Classify and count hypervectors int64 [N, W] of classes int64 [N], one after another."""
-        inside = bits.pack(torch.ones(self.dimension, dtype=torch.bool)).to(words.device)
-        prototypes = torch.zeros_like(self.planes[:, 0])
-        for c in self.n.nonzero().flatten().tolist():
-            prototypes[c] = self._prototype(c)
-        for row, label in zip(words, labels.tolist(), strict=True):
-            known = self.n[label] > 0
+        None is kept for calibration: what leaving one out would change is not known.
+        """
+        inside = bits.pack(torch.ones(self.dimension_, dtype=torch.bool)).to(words.device)
+        for word, row in zip(words, rows.tolist(), strict=True):
+            known = self.counters_.n[row] > 0
             # (hypervector, class, times)
-            adds = [(row, label, self.bundle if known else max(1, self.bundle))]
-            if known and (taken := self._nearest(row, prototypes)) != label:
-                adds[0] = (row, label, self.bundle + self.correction)
-                adds.append((~row & inside, taken, self.correction))
-            rows = [word for word, _, times in adds for _ in range(times)]
+            adds = [(word, row, self.bundle if known else max(1, self.bundle))]
+            if known and (taken := int(self._hamming(word[None])[0].argmin())) != row:
+                adds[0] = (word, row, self.bundle + self.correction)
+                adds.append((~word & inside, taken, self.correction))
+            repeated = [word for word, _, times in adds for _ in range(times)]
             classes = [c for _, c, times in adds for _ in range(times)]
-            if rows:
-                super().add(torch.stack(rows), torch.tensor(classes))
-            for c in set(classes):
-                prototypes[c] = self._prototype(c)
-
-    def _nearest(self, row: Tensor, prototypes: Tensor) -> int:
-        """The class of the nearest prototype, among those that have samples."""
-        distances = bits.hamming(row[None], prototypes)[0].cpu()
-        return int(distances.masked_fill(self.n == 0, self.dimension + 1).argmin())
-
-    def _prototype(self, c: int) -> Tensor:
-        n = int(self.n[c])
-        breaker = None
-        if self.ties == "random" and n % 2 == 0:
-            breaker = self._tie_breaker(self.seed, c)
-        return bits.majority_of_counts(self.planes[c], n, self.ties, breaker)
+            if repeated:
+                self.counters_.add(torch.stack(repeated), torch.tensor(classes))
+                self._made.outdated.update(classes)

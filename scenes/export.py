@@ -32,7 +32,7 @@ def export(scene: Scene, folder: Path) -> Path:
     import cv2
 
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise FileExistsError(f"out: found {folder}, expected a new or an empty folder")
+        raise FileExistsError(f"out: expected a new or an empty folder, found {folder}")
     for name in scene.classes:
         if name != Path(name).name or name in ("", ".", ".."):
             raise ValueError(f"class {name!r}: expected a name that a folder can have")
@@ -74,9 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(__doc__)
     out = [a.removeprefix("out=") for a in given if a.startswith("out=")]
     if len(out) != 1 or not out[0]:
-        sys.exit(f"out: found {len(out)} folders, expected one, out=FOLDER")
+        sys.exit(f"out: expected one folder, out=FOLDER, found {len(out)}")
     scene = compose([a for a in given if not a.startswith("out=")])
-    manifest = export(scene, Path(out[0]))
+    manifest = export(scene, Path(out[0]).expanduser())
     print(f"{len(scene)} frames of {len(scene.classes)} classes, {manifest}")
 
 

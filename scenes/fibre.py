@@ -14,14 +14,15 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 import torch
 from torch import Tensor
+
+from scenes.validate import require_integer, require_number
 
 REPOSITORY = "wavefrontshaping/article_MMF_disorder"
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -84,13 +85,13 @@ class FibreScene:
         sampling_seed: int = 0,
     ) -> None:
         edges = _edges(depth_edges)
-        _require("samples_per_class", samples_per_class, int, lambda v: v >= 1, "an integer ≥ 1")
-        _require("perturbation", perturbation, float, lambda v: v >= 0, "a finite number ≥ 0")
-        _require("photons", photons, float, lambda v: v >= 0, "a finite number ≥ 0")
-        _require("saturation", saturation, float, lambda v: v > 0, "a finite number > 0")
-        _require("side", side, int, lambda v: SIDE <= v <= 4096, f"an integer in [{SIDE}, 4096]")
-        for name, value in (("seed", seed), ("sampling_seed", sampling_seed)):
-            _require(name, value, int, lambda v: v >= 0, "an integer ≥ 0")
+        require_integer("scene.samples_per_class", samples_per_class, 1)
+        require_number("scene.perturbation", perturbation, 0)
+        require_number("scene.photons", photons, 0)
+        require_number("scene.saturation", saturation, 0, strict=True)
+        require_integer("scene.side", side, SIDE, 4096)
+        require_integer("scene.seed", seed, 0)
+        require_integer("scene.sampling_seed", sampling_seed, 0)
 
         depths, self._matrices, self._modes = _load(_locate(path))
         class_of = np.searchsorted(edges, depths)  # Δx ≤ edges[0] → 0; deeper than all → L
@@ -260,11 +261,3 @@ def _edges(depth_edges: Sequence[float]) -> np.ndarray:
 def _class_name(edges: np.ndarray, c: int) -> str:
     um = [f"{edge * 1e6:g}" for edge in edges]
     return f"≤ {um[0]} µm" if c == 0 else f"{um[c - 1]}–{um[c]} µm"
-
-
-def _require(
-    name: str, value: Any, kind: type, valid: Callable[[Any], bool], expected: str
-) -> None:
-    numeric = isinstance(value, int) or (kind is float and isinstance(value, float))
-    if not numeric or isinstance(value, bool) or not np.isfinite(value) or not valid(value):
-        raise ValueError(f"scene.{name}: expected {expected}, found {value!r}")

@@ -11,7 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from scenes.validate import is_integer, is_number, require, require_integer
+
 KINDS = ("random", "ordered")
+"""Kinds of split that every scene can have; ``"grouped"`` needs groups besides."""
 
 
 def split(
@@ -22,6 +25,7 @@ def split(
     kind: str = "random",
     seed: int = 0,
     order: np.ndarray | None = None,
+    groups: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Training and test indices, stratified: each class is split in the same proportion.
 
@@ -30,13 +34,20 @@ def split(
         test_fraction: share of the samples to test on, in (0, 1); 0.2 if ``n_test`` is not given.
         n_test: their number instead. What the classes' proportions leave over goes to the classes
             with the largest remainders, ties to the lowest label.
-        kind: ``"random"``, or ``"ordered"``: the last samples in time of each class test, so the
-            model is asked about what came after everything it has learnt of that class.
-        seed: of the random choice, and of the order of the training indices (random split).
+        kind: ``"random"``; ``"ordered"``: the last samples in time of each class test, so the
+            model is asked about what came after everything it has learnt of that class; or
+            ``"grouped"``: samples of one group are never on both sides, so the model is asked about
+            groups it has not seen. Groups are drawn in random order; one tests if that brings the
+            test samples of the classes nearer to their proportions.
+        seed: seed of the random choice, and of the order of the training indices.
         order: place in time of each sample [N], for ``"ordered"``; ``scene.samples["order"]``.
+        groups: group of each sample [N], numbers or strings, for ``"grouped"``: what neighbouring
+            samples share, for example the actuator position of the fibre
+            (``scene.samples["depth"]``) or the session (``scene.samples["session"]``).
 
     Returns:
-        train [N − n_test], test [n_test].
+        train [N − n_test], test [n_test]. For ``"grouped"`` the number of test samples is as near
+        to n_test as whole groups allow.
 
     Raises:
         ValueError: an argument is out of range, or some class would be left without a training or
@@ -45,13 +56,15 @@ def split(
     classes, class_of, counts = _classes(labels)
     n = len(class_of)
     n_test = _n_test(n, test_fraction, n_test)
-    if kind not in KINDS:
-        raise ValueError(f"split.kind: expected one of {', '.join(KINDS)}, found {kind!r}")
-    if kind == "ordered":
-        if order is None:
-            raise ValueError("split.order: an ordered split needs each sample's place in time")
-        if np.shape(order) != (n,):
-            raise ValueError(f"split.order: expected shape ({n},), found {np.shape(order)}")
+    kinds = (*KINDS, "grouped")
+    require(kind in kinds, "split.kind", kind, f"one of {', '.join(kinds)}")
+    for name, values, needed in (("order", order, "ordered"), ("groups", groups, "grouped")):
+        if kind == needed and np.asarray(values).shape != (n,):
+            found = "none" if values is None else f"shape {np.asarray(values).shape}"
+            raise ValueError(
+                f"split.{name}: expected shape ({n},), a value each sample, for split.kind={kind}, "
+                f"found {found}"
+            )
     tested = _apportion(n_test, counts)
     for c, name in enumerate(classes):
         if not 0 < tested[c] < counts[c]:
@@ -61,12 +74,42 @@ def split(
             )
 
     rng = _generator(seed)
+    if kind == "grouped":
+        test = _of_whole_groups(classes, class_of, tested, np.asarray(groups), rng)
+        train = rng.permutation(n)
+        return train[~np.isin(train, test)], test
     rank = rng.permutation(n) if kind == "random" else np.asarray(order)
     members = _by_class(class_of, rank, len(classes))
     train = np.concatenate([m[: len(m) - t] for m, t in zip(members, tested, strict=True)])
     test = np.concatenate([m[len(m) - t :] for m, t in zip(members, tested, strict=True)])
     train = train[np.argsort(rank[train], kind="stable")]
     return train, np.sort(test)
+
+
+def neighbours_leak(
+    labels: np.ndarray, order: np.ndarray, train: np.ndarray, test: np.ndarray
+) -> float:
+    """Share of the test samples next to which, in time, a training sample of their class lies.
+
+    Neighbouring frames of one touch are nearly copies. Near 1, a test of recorded frames says how
+    well a model remembers, and ``"ordered"`` or ``"grouped"`` is the split to take; independent
+    samples in any order of L classes come to 2/L or less.
+
+    Args:
+        labels: int64 [N].
+        order: place in time of each sample [N]; ``scene.samples["order"]``.
+        train, test: indices that :func:`split` gave.
+    """
+    _, class_of, _ = _classes(labels)
+    in_time = np.argsort(order, kind="stable")
+    place = np.empty_like(in_time)
+    place[in_time] = np.arange(1, len(in_time) + 1)
+    trained = np.full(
+        len(in_time) + 2, -1
+    )  # by place: class of a training sample; none at the ends
+    trained[place[train]] = class_of[train]
+    before, after = trained[place[test] - 1], trained[place[test] + 1]
+    return float(((before == class_of[test]) | (after == class_of[test])).mean())
 
 
 def learning_curve_subsets(
@@ -93,11 +136,13 @@ def learning_curve_subsets(
     train = np.asarray(train)
     classes, class_of, _ = _classes(np.asarray(labels)[train])
     for size in sizes:
-        if not _is_int(size) or not len(classes) <= size <= len(train):
-            raise ValueError(
-                f"split.sizes: expected integers from {len(classes)} (one sample a class) to "
-                f"{len(train)} (all training samples), found {size!r}"
-            )
+        require(
+            is_integer(size) and len(classes) <= size <= len(train),
+            "split.sizes",
+            size,
+            f"integers from {len(classes)} (one sample a class) to {len(train)} "
+            "(all training samples)",
+        )
     rank = _generator(seed).permutation(len(train))
     members = _by_class(class_of, rank, len(classes))
     # The k-th sample of a class of n is due at the share (k + 1/2)/n of the whole; the first of
@@ -121,7 +166,13 @@ def by_session(
     """
     sessions = np.asarray(sessions)
     if train == test:
-        raise ValueError(f"split.test: expected a session other than {train!r}, found the same")
+        same = "the same"
+        if len(np.unique(sessions)) == 1:
+            same += (
+                " as all are of one session (recordings state them in a column session of "
+                "manifest.csv, or in an array session of the .npz)"
+            )
+        raise ValueError(f"split.test: expected a session other than {train!r}, found {same}")
     chosen = [np.flatnonzero(sessions == s) for s in (train, test)]
     for key, session, found in zip(("train", "test"), (train, test), chosen, strict=True):
         if not len(found):
@@ -147,18 +198,14 @@ def _classes(labels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _n_test(n: int, test_fraction: float | None, n_test: int | None) -> int:
     if n_test is None:
         fraction = 0.2 if test_fraction is None else test_fraction
-        number = isinstance(fraction, int | float | np.number) and not isinstance(fraction, bool)
-        if not number or not 0 < fraction < 1:
-            raise ValueError(
-                f"split.test_fraction: expected a number in (0, 1), found {fraction!r}"
-            )
+        inside = is_number(fraction) and 0 < fraction < 1
+        require(inside, "split.test_fraction", fraction, "a number in (0, 1)")
         return round(n * float(fraction))
     if test_fraction is not None:
         raise ValueError(
             f"split: expected n_test or test_fraction, found both ({n_test}, {test_fraction})"
         )
-    if not _is_int(n_test) or not 0 < n_test < n:
-        raise ValueError(f"split.n_test: expected an integer in [1, {n - 1}], found {n_test!r}")
+    require_integer("split.n_test", n_test, 1, n - 1)
     return int(n_test)
 
 
@@ -169,6 +216,47 @@ def _apportion(n: int, counts: np.ndarray) -> np.ndarray:
     return share
 
 
+def _of_whole_groups(
+    classes: np.ndarray,
+    class_of: np.ndarray,
+    target: np.ndarray,
+    groups: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Test indices, increasing: of whole groups, near ``target`` [L] samples of each class.
+
+    Every class keeps a group to train on and one to test on.
+    """
+    names, group_of = np.unique(groups, return_inverse=True)
+    held = np.zeros((len(names), len(classes)), np.int64)  # samples of each class in each group
+    np.add.at(held, (group_of, class_of), 1)
+    counts, missing = held.sum(0), target.copy()
+    chosen = np.zeros(len(names), bool)
+    drawn = rng.permutation(len(names)).tolist()
+
+    def can_test(g: int) -> bool:
+        left = counts - target + missing - held[g]
+        return not chosen[g] and bool(((left > 0) | (held[g] == 0)).all())
+
+    for g in drawn:
+        nearer = np.abs(missing - held[g]).sum() < np.abs(missing).sum()
+        if nearer and can_test(g):
+            chosen[g] = True
+            missing -= held[g]
+    for c, name in enumerate(classes):
+        if missing[c] == target[c]:  # its groups are larger than what should test
+            possible = [g for g in drawn if held[g, c] and can_test(g)]
+            if not possible:
+                raise ValueError(
+                    f"split.groups: expected groups of class {name} of which some test and some "
+                    f"train, found {np.count_nonzero(held[:, c])}"
+                )
+            smallest = min(possible, key=lambda g: held[g].sum())
+            chosen[smallest] = True
+            missing -= held[smallest]
+    return np.flatnonzero(chosen[group_of])
+
+
 def _by_class(class_of: np.ndarray, rank: np.ndarray, n_classes: int) -> list[np.ndarray]:
     """Indices of each class, in increasing rank."""
     by_rank = np.argsort(rank, kind="stable")
@@ -176,10 +264,5 @@ def _by_class(class_of: np.ndarray, rank: np.ndarray, n_classes: int) -> list[np
 
 
 def _generator(seed: int) -> np.random.Generator:
-    if not _is_int(seed) or seed < 0:
-        raise ValueError(f"split.seed: expected an integer ≥ 0, found {seed!r}")
+    require_integer("split.seed", seed, 0)
     return np.random.default_rng(seed)
-
-
-def _is_int(value: object) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)

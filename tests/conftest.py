@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -15,3 +16,28 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"the measured data are not here: no folder {folder}; set SHARED_DATA")
     return folder
+
+
+@pytest.fixture
+def one_thread():
+    """Torch computes with one thread: a forked process misses all others."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="session")
+def frames_and_labels():
+    """frames_and_labels(n, classes, side) → frames uint8 [n, side, side] of classes that differ,
+    and their labels."""
+
+    def make(n=50, classes=5, side=16):
+        rng = np.random.default_rng(0)
+        labels = np.arange(n) % classes
+        base = rng.integers(0, 150, (classes, side, side))
+        return (base[labels] + rng.integers(0, 90, (n, side, side))).astype(np.uint8), labels
+
+    return make

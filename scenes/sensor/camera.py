@@ -32,7 +32,7 @@ import torch
 from scipy.optimize import brentq
 from torch import Tensor
 
-from scenes.sensor.validate import require, require_count, require_number
+from scenes.validate import require, require_integer, require_number
 
 KEY = "scene.sensor.camera"
 CONTINUOUS = 20.0
@@ -65,7 +65,7 @@ class Camera:
 
     def __post_init__(self) -> None:
         for name in ("grid", "crop", "pupil", "polarisations"):
-            require_count(f"{KEY}.{name}", getattr(self, name))
+            require_integer(f"{KEY}.{name}", getattr(self, name), 1)
         limit = f"at most the grid ({self.grid})"
         require(self.pupil <= self.grid, f"{KEY}.pupil", self.pupil, limit + ": it would alias")
         require(self.crop <= self.grid, f"{KEY}.crop", self.crop, limit)
@@ -126,7 +126,7 @@ class MountedCamera:
         side = camera.pupil
         field = torch.zeros(len(phases), side * side, 2, dtype=torch.float32, device=phases.device)
         # In float64, as float32 resolves 0.01 rad at 1e5 rad; it takes no longer than reducing the
-        # phases to one turn and going on in float32 (results/sensor_precision.csv).
+        # phases to one turn and going on in float32 (experiment=numerics).
         field[:, self._inside, 0] = phases.cos().to(torch.float32)
         field[:, self._inside, 1] = phases.sin().to(torch.float32)
         pupil = torch.view_as_complex(field).reshape(-1, side, side)

@@ -22,7 +22,7 @@ import torch
 from torch import Tensor
 
 from scenes.sensor.sensor import Sensor
-from scenes.sensor.validate import require, require_number
+from scenes.validate import require, require_number
 
 EXPANSION = 0.05
 
@@ -116,10 +116,11 @@ class ExpandedPress:
     """L about the target: L + L_x·ξ + L_y·η + ½L_xx·ξ² + L_xy·ξη + ½L_yy·η², float32 [6, P].
 
     The derivatives are central differences over the 3 × 3 points at ± two standard deviations, so
-    that the expansion interpolates where the touches are.
+    that the expansion interpolates where the touches are. A lower ``order`` than the second leaves
+    terms out, to see what they are good for.
     """
 
-    def __init__(self, press: Press, sensor: Sensor) -> None:
+    def __init__(self, press: Press, sensor: Sensor, order: int = 2) -> None:
         self._press, self._wavenumber = press, sensor.paths.wavenumber
         table = sensor.table(press.radius, torch.float64)
         (x, y), e = press.position, 2 * press.position_spread
@@ -135,7 +136,8 @@ class ExpandedPress:
             terms += [(east - west) / (2 * e), (north - south) / (2 * e)]
             terms += [(east - 2 * centre + west) / (2 * e * e), corners / (4 * e * e)]
             terms += [(north - 2 * centre + south) / (2 * e * e)]
-        self._terms = [t.to(torch.float32) for t in terms]
+        count = (order + 1) * (order + 2) // 2
+        self._terms = [t.to(torch.float32) for t in terms[:count]]
 
     def __call__(self, touch: Touch) -> Tensor:
         xi, eta = touch.x - self._press.position[0], touch.y - self._press.position[1]

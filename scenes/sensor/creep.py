@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 
 from scenes.sensor.seeds import stream
-from scenes.sensor.validate import require_number
+from scenes.validate import require_number
 
 if TYPE_CHECKING:
     from scenes.sensor.sensor import Sensor

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from scipy import special
 from scipy.interpolate import CubicSpline
 
-from scenes.sensor.validate import require_count, require_number
+from scenes.validate import require_integer, require_number
 
 Array = NDArray[np.float64]
 
@@ -160,7 +160,7 @@ class Layer:
 
     def __post_init__(self) -> None:
         require_number("scene.sensor.layer.thickness", self.thickness, 0, strict=True)
-        require_count("scene.sensor.layer.levels", self.levels)
+        require_integer("scene.sensor.layer.levels", self.levels, 1)
 
     @cached_property
     def heights(self) -> Array:

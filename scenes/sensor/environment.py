@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from scenes.sensor.validate import require, require_number
+from scenes.validate import require, require_number
 
 Array = NDArray[np.float64]
 

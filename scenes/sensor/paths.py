@@ -21,7 +21,7 @@ import torch
 from torch import Tensor
 
 from scenes.sensor.elastomer import Layer, RadialTable
-from scenes.sensor.validate import require, require_count, require_number
+from scenes.validate import require, require_integer, require_number
 
 KEY = "scene.sensor.paths"
 
@@ -60,7 +60,7 @@ class Paths:
     def __post_init__(self) -> None:
         for name in ("wavelength", "index", "reach", "length", "width", "spread"):
             require_number(f"{KEY}.{name}", getattr(self, name), 0, strict=True)
-        require_count(f"{KEY}.vertices", self.vertices)
+        require_integer(f"{KEY}.vertices", self.vertices, 1)
         require_number(f"{KEY}.forward", self.forward, 0)
         require_number(f"{KEY}.surface", self.surface, 0, 1)
         for name in ("fibre", "camera"):

@@ -15,7 +15,7 @@ from scenes.sensor.elastomer import Layer
 from scenes.sensor.environment import Thermal
 from scenes.sensor.paths import Paths, PathSet, Table
 from scenes.sensor.seeds import stream
-from scenes.sensor.validate import require, require_count
+from scenes.validate import require, require_integer
 
 Part = TypeVar("Part")
 
@@ -40,7 +40,7 @@ class Sensor:
     camera: Camera = field(default_factory=Camera)
 
     def __post_init__(self) -> None:
-        require_count("seed.sensor", self.seed, 0)
+        require_integer("seed.sensor", self.seed, 0)
         for name, kind in (
             ("layer", Layer),
             ("paths", Paths),

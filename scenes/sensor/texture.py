@@ -30,7 +30,7 @@ from torch import Tensor
 from scenes.sensor.contact import BoundContact, Press, Touch
 from scenes.sensor.elastomer import hertz_transform, layer_response
 from scenes.sensor.sensor import Sensor
-from scenes.sensor.validate import require, require_count, require_number
+from scenes.validate import require, require_integer, require_number
 
 KEY = "scene.contact"
 
@@ -65,7 +65,7 @@ class TexturedPress(Press):
         require_number(f"{KEY}.variance", self.variance, 0)
         require_number(f"{KEY}.offset", self.offset, -self.depth)
         require_number(f"{KEY}.cell", self.cell, 0, strict=True)
-        require_count(f"{KEY}.side", self.side, 16)
+        require_integer(f"{KEY}.side", self.side, 16)
         power = self.side & (self.side - 1) == 0
         require(power, f"{KEY}.side", self.side, "a power of two")
         box = self.side * self.cell
@@ -237,7 +237,8 @@ class Patch:
         for n, response in self._groups:
             part = torch.from_numpy(_coarsen(delta[None], n).astype(np.complex64))
             spectra = response * part.to(response.device)
-            fields.append(torch.fft.irfft2(spectra, s=(n, n)).flatten())
+            # One by one: with several threads a batch of small transforms has other last digits.
+            fields += [torch.fft.irfft2(one, s=(n, n)).flatten() for one in spectra]
         scale = self._sensor.paths.wavenumber * touch.depth
         return (self._read @ torch.cat(fields)).to(torch.float64).mul_(scale)
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-import pathlib
+import datetime
 import subprocess
 import sys
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from hydra.utils import instantiate
-from omegaconf import OmegaConf
 from sklearn.base import clone
 from sklearn.linear_model import RidgeClassifier
+from sklearn.model_selection import cross_val_score
 from torch import Tensor
 
 from baselines.base import Classifier
@@ -27,7 +27,6 @@ from baselines.sklearn_classifier import SklearnClassifier
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
 
-CONFIGS = pathlib.Path(__file__).parents[2] / "configs" / "model"
 MAKERS: dict[str, Callable[[], Classifier]] = {
     "softmax": lambda: SoftmaxRegression(lr=1e-2, max_epochs=10),
     "softmax_bfloat16": lambda: SoftmaxRegression(lr=1e-2, max_epochs=10, dtype="bfloat16"),
@@ -71,13 +70,6 @@ def test_training_starts_anew(model, small, speckle):
     assert same_state(model.fit(*small), again)
 
 
-def test_lazy_frames_give_the_model_of_the_tensor(model, small, lazy):
-    frames, labels = small
-    made_lazily = clone(model).fit(lazy(frames), labels)
-    assert same_state(model.fit(frames, labels), made_lazily)
-    assert (model.predict(frames) == made_lazily.predict(lazy(frames))).all()
-
-
 def test_predictions_do_not_depend_on_the_batch(model, small, monkeypatch):
     frames, labels = small
     whole = model.fit(frames, labels).predict(frames)
@@ -87,12 +79,132 @@ def test_predictions_do_not_depend_on_the_batch(model, small, monkeypatch):
     assert model.predict(frames[:0]).shape == (0,)
 
 
-def test_learns_labels_as_they_are_and_no_absent_class(model, speckle):
+# Three labels of each kind, not in sorted order.
+KINDS: dict[str, list[Any]] = {
+    "int": [5, 2, 11],
+    "text": ["left", "right", "far away"],
+    "float": [0.5, -1.0, 2.5],
+    "mixed": [True, "a", 3],
+    "tuple": [(0, 1), (0, 0), (1, 0)],
+    "date": [datetime.date(2024, 1, 2), datetime.date(2024, 1, 1), datetime.date(2025, 1, 1)],
+}
+
+
+def named(kind: str, labels: np.ndarray) -> list[Any]:
+    return [KINDS[kind][k] for k in labels]
+
+
+@pytest.mark.parametrize("kind", ["int", "text"])
+def test_learns_labels_as_they_are_and_no_absent_class(model, speckle, kind):
     frames, labels = speckle(30, (16, 16), 3)
-    names = np.array([2, 5, 11])  # classes 0, 1, 3, ... never occur
-    model.fit(frames, names[labels])
-    assert (model.predict(frames) == names[labels]).mean() > 0.9
-    assert set(model.predict(speckle(30, (16, 16), 3, seed=1)[0])) <= set(names)
+    names = named(kind, labels)
+    right = np.array(model.fit(frames, names).predict(frames)) == np.array(names)
+    assert right.mean() > 0.9
+    assert model.score(frames, names) == right.mean()
+    assert set(model.predict(speckle(30, (16, 16), 3, seed=1)[0]).tolist()) <= set(names)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_labels_of_any_kind(small, kind):
+    frames, labels = small[0], small[1] % 3
+    names = named(kind, labels)
+    model = CorrelationClassifier().fit(frames, names)
+    by_number = CorrelationClassifier().fit(frames, labels)
+    found = model.predict(frames).tolist()
+    assert found == named(kind, by_number.predict(frames))
+    assert set(map(type, found)) == set(map(type, names))
+    assert model.score(frames, names) == by_number.score(frames, labels) > 0.5
+
+
+def test_labels_keep_their_type(small):
+    frames, labels = small
+    days = np.datetime64("2024-01-01", "ns") + labels.astype("m8[D]")
+    for given, dtype in (
+        (labels, "int64"),
+        (labels.astype(np.uint8), "uint8"),
+        (torch.from_numpy(labels), "int64"),
+        (labels.tolist(), "int64"),
+        ((labels == 1).tolist(), "bool"),
+        ([f"class {k}" for k in labels], "<U7"),
+        (np.array([f"class {k}" for k in labels], object), "<U7"),
+        (["a\0" if k else "a" for k in labels], "O"),  # NumPy's own texts lose the null
+        (days, days.dtype),
+    ):
+        model = CorrelationClassifier().fit(frames, given)
+        assert model.predict(frames).dtype == np.dtype(dtype)
+        assert model.predict(frames[:0]).dtype == np.dtype(dtype)
+        assert model.score(frames, given) > 0.9
+
+
+def read_only(frames: Tensor) -> np.ndarray:
+    array = frames.numpy().copy()
+    array.flags.writeable = False
+    return array
+
+
+FORMS: dict[str, Callable[[Tensor], Any]] = {
+    "array": lambda frames: frames.numpy(),
+    "list_of_tensors": list,
+    "list_of_arrays": lambda frames: list(frames.numpy()),
+    "read_only": read_only,
+    "backwards": lambda frames: frames.numpy()[::-1].copy()[::-1],
+    "fortran": lambda frames: np.asfortranarray(frames.numpy()),
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("form", [*FORMS, "lazy"])
+def test_frames_of_any_form_give_the_model_of_the_tensor(model, small, form, lazy):
+    frames, labels = small
+    given = lazy(frames) if form == "lazy" else FORMS[form](frames)
+    other = clone(model).fit(given, labels)
+    assert same_state(model.fit(frames, labels), other)
+    assert (model.predict(frames) == other.predict(given)).all()
+
+
+def test_flat_frames_are_frames_of_one_row(model, small):
+    frames, labels = small
+    flat = frames.flatten(1)
+    if isinstance(model, CNN):
+        with pytest.raises(ValueError, match=r"pooling layers need .* pixels, found 1×120"):
+            model.fit(flat, labels)
+        return
+    model.fit(flat, labels)
+    assert (model.predict(flat) == clone(model).fit(frames, labels).predict(frames)).mean() > 0.9
+    assert (model.predict(flat[:, None]) == model.predict(flat)).all()
+    with pytest.raises(ValueError, match=r"shape \[Q, 120\] as in training, found \[40, 12, 10\]"):
+        model.predict(frames)
+
+
+def test_scikit_learn_validates_it(model, speckle):
+    frames, labels = speckle(30, (16, 16), 3)
+    names = np.array(["left", "right", "far"])[labels]
+    scores = cross_val_score(model, frames.numpy(), names, cv=3, error_score="raise")
+    assert scores.shape == (3,)
+    assert scores.mean() > 0.7
+
+
+def test_a_saved_model_is_the_model(model, speckle, tmp_path):
+    frames, labels = speckle(30, (16, 16), 3)
+    path = tmp_path / "model.safetensors"
+    model.fit(frames, named("text", labels))
+    if isinstance(model, SklearnClassifier):
+        with pytest.raises(TypeError, match=r"SklearnClassifier: .* of class RidgeClassifier"):
+            model.save(path)
+        assert not any(tmp_path.iterdir())
+        return
+    model.save(path)
+    assert [file.name for file in tmp_path.iterdir()] == ["model.safetensors"]
+    loaded = type(model).load(path)
+    assert loaded.get_params() == model.get_params()
+    assert vars(loaded).keys() == vars(model).keys()
+    assert same_state(model, loaded)
+    batch = model.read(frames, slice(0, 7))
+    assert torch.equal(model.scores(batch), loaded.scores(batch))
+    assert (loaded.predict(frames) == model.predict(frames)).all()
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(ValueError, match=r"model\.safetensors: expected a saved .*, found"):
+        type(model).load(path)
 
 
 def test_can_be_asked_after_every_yield(model, small):
@@ -108,14 +220,14 @@ def test_can_be_asked_after_every_yield(model, small):
 
 def test_state_is_the_model_itself(model, small):
     frames, labels = small
-    before = model.fit(frames, labels).scores(model.load(frames, slice(0, 40)))
+    before = model.fit(frames, labels).scores(model.read(frames, slice(0, 40)))
     for tensor in model.state_tensors().values():
         flat = tensor.view(-1)  # no copy: what is changed here is changed in the model
         if tensor.is_floating_point():
             flat.mul_(-1)
         elif tensor.dtype == torch.uint8:
             flat[::2] ^= 255
-    after = model.scores(model.load(frames, slice(0, 40)))
+    after = model.scores(model.read(frames, slice(0, 40)))
     assert not torch.equal(before, after)
 
 
@@ -133,15 +245,24 @@ def test_sixteen_bit_frames(model, speckle):
         (torch.zeros(4, 6, 6), [0, 1, 0, 1], "expected uint8 or uint16, found torch.float32"),
         (torch.full((4, 6, 6), torch.nan), [0, 1, 0, 1], "with NaN or infinite pixels"),
         (torch.zeros(0, 6, 6, dtype=torch.uint8), [], "at least one, found none"),
-        (torch.zeros(4, 36, dtype=torch.uint8), [0, 1, 0, 1], r"shape \[N, H, W\]"),
+        (torch.zeros(4, dtype=torch.uint8), [0, 1, 0, 1], r"shape \[N, H, W\] or \[N, D\]"),
+        (np.zeros((4, 6, 6)), [0, 1, 0, 1], "expected uint8 or uint16, found torch.float64"),
+        (np.zeros((4, 6, 6), complex), [0, 1, 0, 1], "expected uint8 or uint16, found complex128"),
+        (
+            [np.zeros((6, 6), np.uint8), np.zeros((6, 5), np.uint8)],
+            [0, 1],
+            r"frames\[1\]: .* \[6, 6\] as frames\[0\], found torch.uint8 \[6, 5\]",
+        ),
+        ([], [], "at least one, found none"),
         (torch.zeros(4, 6, 6, dtype=torch.uint8), [0, 1], r"expected 4 \(one a frame\)"),
         (torch.zeros(4, 6, 6, dtype=torch.uint8), [1, 1, 1, 1], "two classes, found only 1"),
-        (torch.zeros(4, 6, 6, dtype=torch.uint8), [0.0, 1, 0, 1], "integers, found float64"),
+        (torch.zeros(3, 6, 6, dtype=torch.uint8), [0.0, np.nan, 1], r"labels\[1\]: .* found nan"),
+        (torch.zeros(2, 6, 6, dtype=torch.uint8), [["a"], ["b"]], "labels: expected hashable"),
     ],
 )
 def test_bad_input_is_named(model, frames, labels, message):
     with pytest.raises(ValueError, match=message):
-        model.fit(frames, np.asarray(labels))
+        model.fit(frames, labels)
 
 
 def test_queries_are_checked(model, small):
@@ -150,6 +271,10 @@ def test_queries_are_checked(model, small):
     model.fit(*small)
     with pytest.raises(ValueError, match=r"expected shape \[Q, 12, 10\].*found \[40, 10, 12\]"):
         model.predict(small[0].transpose(1, 2))
+    with pytest.raises(ValueError, match=r"found \[12, 10\]; one frame is frame\[None\]"):
+        model.predict(small[0][0])
+    with pytest.raises(RuntimeError, match="save needs train or fit first"):
+        clone(model).save("nowhere")
 
 
 def test_constructor_only_assigns(model):
@@ -165,17 +290,6 @@ def test_other_random_numbers_are_left_alone(model, small):
     torch.manual_seed(1)
     model.fit(*small)
     assert torch.equal(torch.rand(3), expected)
-
-
-@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
-def test_configuration_builds_a_model(path):
-    config = OmegaConf.create({"seed": {"init": 5}, "device": "cpu", "model": OmegaConf.load(path)})
-    if not config.model._target_.startswith("baselines."):
-        pytest.skip("another package's model")
-    model = instantiate(config.model, _convert_="all")
-    assert isinstance(model, Classifier)
-    assert model.device == "cpu"
-    assert model.get_params().get("seed", 5) == 5
 
 
 def loaded_by(module: str) -> list[str]:
@@ -204,11 +318,15 @@ def test_imports_only_what_it_uses(module):
 
 
 def test_satisfies_the_protocol_of_the_runner(model: Classifier):
-    from experiments.protocol import Model
+    from experiments.protocol.model import Model
 
     assert isinstance(model, Model)
 
 
-def test_frames_may_be_a_slice_or_a_tensor(small, lazy):
-    frames: Tensor = small[0]
-    assert torch.equal(lazy(frames)[2:4], lazy(frames)[torch.tensor([2, 3])])
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [("lr", "abc", "float or int"), ("seed", 1.5, "int"), ("batch_size", True, "int or NoneType")],
+)
+def test_a_value_of_another_type_is_refused_when_the_model_is_made(key, value, expected):
+    with pytest.raises(ValueError, match=f"{key}: expected {expected}, found {value!r}"):
+        SoftmaxRegression(**{key: value})

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from sklearn.base import BaseEstimator
+from sklearn.ensemble import RandomForestClassifier
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.preprocessing import LabelEncoder, StandardScaler
 from sklearn.tree import DecisionTreeClassifier
 
 from baselines import record_hdc
@@ -150,10 +152,27 @@ def test_any_estimator_is_left_unfitted_and_its_state_found(speckle):
     assert any(name.endswith("scale_") for name in names)
 
 
-def test_an_estimator_without_arrays_says_so(speckle):
-    model = SklearnClassifier(estimator=DecisionTreeClassifier()).fit(*speckle(30, (9, 8), 3))
-    with pytest.raises(TypeError, match="DecisionTreeClassifier: expected learnt parameters"):
-        model.state_tensors()
+class Boosted(BaseEstimator):
+    """What it learnt is in an object of a compiled library; its labels alone are an array."""
+
+    def fit(self, x, y):
+        self._encoder = LabelEncoder().fit(y)
+        self._counts = np.bincount(y)
+        self._owner, self._library = self, object()
+        return self
+
+    def predict(self, x):
+        return np.zeros(len(x), dtype=int)
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [DecisionTreeClassifier(), RandomForestClassifier(2), Boosted()],
+    ids=lambda estimator: type(estimator).__name__,
+)
+def test_what_is_not_all_in_arrays_has_no_known_size(estimator, speckle):
+    model = SklearnClassifier(estimator=estimator).fit(*speckle(30, (9, 8), 3))
+    assert model.state_tensors() is None
 
 
 def test_the_seed_reaches_the_estimator(speckle):

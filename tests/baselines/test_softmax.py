@@ -49,7 +49,7 @@ def test_a_nearly_constant_pixel_is_standardised_to_float32s_last_digits():
     frames[0, 0, 1] = 65_534
     model = SoftmaxRegression()
     model.start(frames, np.arange(400) % 2)
-    scaled = fit_scaling("standard", model, frames)(model.load(frames, slice(0, 400)))
+    scaled = fit_scaling("standard", model, frames)(model.read(frames, slice(0, 400)))
     assert np.allclose(scaled.flatten(1), features(frames, "standard"), rtol=1e-6, atol=0)
 
 
@@ -63,7 +63,7 @@ def test_dual_reaches_the_optimum_of_scikit_learn(pixels, speckle):
     raw = features(frames, "raw")
     scale = x.std(axis=0) / raw.std(axis=0)
     weight = model.weight_.double().numpy() / scale
-    logits = model.scores(model.load(frames, slice(0, 60))).double().numpy()
+    logits = model.scores(model.read(frames, slice(0, 60))).double().numpy()
     bias = (logits - x @ weight.T).mean(axis=0)
     best = reference(x, labels)
     assert model.objective_ == pytest.approx(best, rel=1e-6)
@@ -123,7 +123,7 @@ def test_dual_at_the_limits_stays_finite(case, speckle):
     assert model.bias_.isfinite().all()
     assert set(model.predict(frames)) <= set(labels)
     if case == "constant":  # nothing to see but how often each class occurs
-        share = model.scores(model.load(frames, slice(0, 1))).softmax(dim=1)
+        share = model.scores(model.read(frames, slice(0, 1))).softmax(dim=1)
         torch.testing.assert_close(share, torch.full((1, 3), 1 / 3), atol=1e-4, rtol=0)
 
 
@@ -178,7 +178,7 @@ def test_a_diverging_run_yields_a_loss_that_is_not_finite(small):
 def test_logits_of_ten_thousand_are_harmless(small):
     model = SoftmaxRegression(optimizer="SGD", pixels="raw", lr=1.0, max_epochs=5)
     losses = [row["loss"] for row in model.train(*small)]
-    assert model.scores(model.load(small[0], slice(0, 40))).abs().max() > 1e4
+    assert model.scores(model.read(small[0], slice(0, 40))).abs().max() > 1e4
     assert np.isfinite(losses).all()
 
 
@@ -206,11 +206,59 @@ def test_reports_come_as_often_as_asked(speckle):
         ({"pixels": "log"}, "pixels: expected one of unit, unit_centred, raw, standard"),
         ({"dtype": "float16"}, "dtype: expected one of float32, bfloat16"),
         ({"memory_format": "nhwc"}, "memory_format: expected one of contiguous, channels_last"),
+        ({"init": "ones"}, "init: expected one of linear, normal, zeros, found 'ones'"),
+        ({"init": "normal", "init_std": -1}, "init_std: expected a number from zero, found -1"),
+        ({"init": "normal", "init_std": float("nan")}, "init_std: .* found nan"),
     ],
 )
 def test_unknown_choices_list_the_valid_ones(small, given, message):
     with pytest.raises(ValueError, match=message):
         SoftmaxRegression(**given).fit(*small)
+
+
+def starting_weights(model, small) -> tuple[Tensor, Tensor]:
+    """Weight and bias before the first step (a rate of zero moves nothing)."""
+    model.set_params(lr=0.0, optimizer="SGD", max_epochs=1).fit(*small)
+    weight, bias = (p.detach() for p in list(model.network_.parameters())[-2:])
+    return weight, bias
+
+
+def test_initial_weights_are_those_named(speckle):
+    frames = speckle(8, (100, 100), 4)
+    for model in (SoftmaxRegression(), SoftmaxRegression(init="zeros")):
+        assert not any(part.any() for part in starting_weights(model, frames))
+    weight, bias = starting_weights(SoftmaxRegression(init="linear", seed=3), frames)
+    torch.manual_seed(3)
+    torch.testing.assert_close(weight, torch.nn.Linear(10_000, 4).weight.detach(), rtol=0, atol=0)
+    assert weight.std().item() == pytest.approx(1 / np.sqrt(3 * 10_000), rel=0.05)
+    assert bias.any()
+    weight, bias = starting_weights(SoftmaxRegression(init="normal", init_std=0.02), frames)
+    assert weight.std().item() == pytest.approx(0.02, rel=0.05)
+    assert not bias.any()
+    other, _ = starting_weights(SoftmaxRegression(init="normal", init_std=0.02, seed=1), frames)
+    assert not torch.equal(weight, other)
+
+
+def test_gradient_descent_changes_nothing_outside_the_span_of_the_frames(speckle):
+    """Why the initial weights decide the accuracy of a training that ends early."""
+    frames, labels = speckle(12, (10, 10), 3)
+    model = SoftmaxRegression(init="normal", init_std=0.02, optimizer="SGD", max_epochs=50)
+    first, _ = starting_weights(model, (frames, labels))
+    model.set_params(lr=1e-2, max_epochs=50).fit(frames, labels)
+    last = model.state_tensors()["1.weight"]
+    x = features(frames)
+    outside = np.eye(100) - np.linalg.pinv(x) @ x
+    change = (last - first).double().numpy()
+    assert np.abs(change).max() > 1e-3
+    assert np.abs(change @ outside).max() < 1e-6
+
+
+def test_a_cnn_starts_where_pytorch_does_or_at_normal_weights(speckle):
+    frames = speckle(8, (12, 10), 4)
+    assert starting_weights(CNN(filters=[2]), frames)[1].any()
+    assert not starting_weights(CNN(filters=[2], init="normal"), frames)[1].any()
+    with pytest.raises(ValueError, match="init: expected linear or normal for a CNN, found 'zer"):
+        CNN(filters=[2], init="zeros").fit(*frames)
 
 
 def test_too_small_a_frame_for_the_pooling(speckle):

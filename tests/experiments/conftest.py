@@ -9,25 +9,21 @@ import os
 import sys
 import tempfile
 
+import hydra
 import numpy as np
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
+from rich.console import Console
 
-from experiments import (
-    comparison,
-    evaluate,
-    page,
-    page_tables,
-    record,
-    run,
-    sources,
-    table_text,
-    tables,
-)
-from experiments.measurement import to_csv
-from experiments.selection import CONFIGS, Records
+import hdc
+from experiments import run
+from experiments.protocol import job
+from experiments.records import record, sources
+from experiments.records.configs import CONFIGS
+from experiments.records.environment import environment
+from experiments.records.files import write_atomically
 
 
 @pytest.fixture(autouse=True)
@@ -46,7 +42,7 @@ def start(tmp_path):
     Keyword arguments: ``environment``, set for it; ``before``, called in it first.
     """
     begun = []
-    record.environment("cpu", 1, {"model": {"_target_": "hdc.HDCClassifier"}})  # is remembered
+    environment("cpu", 1, {"model": {"_target_": "hdc.HDCClassifier"}})  # is remembered
 
     def launch(*overrides, environment=None, before=None):
         out = tmp_path / f"output-{len(begun)}"
@@ -119,23 +115,26 @@ def write_run(tmp_path, composed):
             OmegaConf.update(cfg, key, value)
         config = OmegaConf.to_container(cfg, resolve=True)
         for key in record.NOT_IDENTITY:
-            config.pop(key)
+            config.pop(key, None)
         config["threads"] = 2
-        identity = record.run_id("touch", model, config, "f" * 64)
+        names = {"scene": "touch", "model": model, "stop": stop, **(choices or {})}
+        seen = results.get("scene", {}).get("fingerprint", "f" * 64)
+        identity = record.run_id(names["scene"], names["model"], config, seen)
         entry = {
             "schema": record.SCHEMA,
             "id": identity,
             "status": status,
-            "choices": {"scene": "touch", "model": model, "stop": stop, **(choices or {})},
+            "choices": names,
             "experiment": None,
             "config": config,
             "environment": {"cpu": "A CPU", "threads": 2, **made_by(config)},
             "scene": {
-                "name": "touch",
+                "name": names["scene"],
                 "origin": "simulated",
                 "classes": ["L1", "L2", "R1", "R2", "None"],
                 "shape": [500, 500],
                 "n": 500,
+                "fingerprint": seen,
             },
         }
         folder = tmp_path / "runs" / identity
@@ -166,7 +165,6 @@ def write_run(tmp_path, composed):
             "n_test": 100,
             "test_labels": truth,
             "predicted": predicted,
-            "confusion": evaluate.confusion(predicted, truth, 5),
             "predict_single_s": 1e-3,
             "predict_batch_s_per_frame": 1e-4,
             "data_sha256": {"train": "a", "test": f"test of seed {seed}"},
@@ -192,33 +190,12 @@ def write_measurement(tmp_path):
             "seconds": 1.5,
             "peak_bytes": 10**6,
             "command": f"python -m experiments.run experiment={name}",
-            "environment": {"cpu": "A CPU", **made_by({})},
+            "environment": {"cpu": "A CPU", "threads": 2, **made_by({})},
             **entry,
         }
         record.write_record(folder, entry)
-        record.write_atomically(folder / "rows.csv", to_csv(rows))
+        write_atomically(folder / "rows.csv", record.to_csv(rows))
         return entry
-
-    return write
-
-
-@pytest.fixture
-def write_page(tmp_path):
-    """write_page() → the page of tmp_path, its rows of the comparison and of Table I."""
-
-    def write():
-        records = Records(tmp_path)
-        rows, compared = tables.table1(records), comparison.compare(records, tmp_path)
-        texts = {
-            "table1": table_text.to_markdown(rows, table_text.TABLE1_COLUMNS, "Table I"),
-            "comparison": comparison.to_markdown(compared),
-        }
-        shown = {
-            name: page_tables.of_markdown(name, name, text, "a command")
-            for name, text in texts.items()
-        }
-        (path,) = page.write(tmp_path, records, compared, shown)
-        return path, compared, rows
 
     return write
 
@@ -284,3 +261,95 @@ def small_scene():
         },
         "classes": {"L1": {"position": [28e-3, -8e-3]}, "None": None},
     }  # fmt: skip
+
+
+# Runs of small recordings -------------------------------------------------------------------------
+
+
+@pytest.fixture
+def results(tmp_path, monkeypatch):
+    """A folder of own results that no other test has."""
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "results"))
+    return tmp_path / "results"
+
+
+@pytest.fixture
+def recording(tmp_path, frames_and_labels):
+    """recording(n, classes, side) → an .npz of so many frames."""
+
+    def make(*shape, **keywords):
+        frames, labels = frames_and_labels(*shape, **keywords)
+        np.savez(tmp_path / "frames.npz", frames=frames, labels=labels)
+        return tmp_path / "frames.npz"
+
+    return make
+
+
+@pytest.fixture
+def composed_run(recording):
+    """composed_run(*overrides, scene=None) → the config of a run on a small recording."""
+
+    def make(*overrides, scene=None):
+        with hydra.initialize_config_dir(str(CONFIGS), version_base="1.3"):
+            return hydra.compose(
+                "config",
+                ["scene=recorded", f"scene.path={scene or recording()}", "threads=1", *overrides],
+            )
+
+    return make
+
+
+@pytest.fixture
+def carry_out(results, one_thread, composed_run):
+    """carry_out(*overrides, scene=None) → the record of that run, carried out in this process, or
+    found.
+
+    What is at carry_out.last tells of the last one: its folder, and whether it was there before.
+    """
+
+    def do(*overrides, scene=None):
+        names = dict(
+            word.split("=") for word in overrides if word.split("=")[0] in ("model", "stop")
+        )
+        entry, *do.last = job.run(
+            composed_run(*overrides, scene=scene),
+            {"scene": "recorded", "model": "hdc", "stop": "paper", **names},
+            list(overrides),
+            Console(quiet=True),
+        )
+        return entry
+
+    return do
+
+
+class FakeModel:
+    """Yields the reports of its class, whatever it is shown; an error among them is raised."""
+
+    reports = ()
+
+    def __init__(self, **_):
+        pass
+
+    def train(self, frames, labels):
+        for report in self.reports:
+            if isinstance(report, BaseException):
+                raise report
+            yield report
+
+    def predict(self, frames):
+        return np.zeros(len(frames), np.int64)
+
+    def state_tensors(self):
+        return {"w": torch.zeros(3)}
+
+
+@pytest.fixture
+def fake(monkeypatch):
+    """fake(*reports, **methods): in the place of HDC, a model that makes these reports."""
+
+    def put(*reports, **methods):
+        made = type("Fake", (FakeModel,), {"reports": reports, **methods})
+        monkeypatch.setattr(hdc, "HDCClassifier", made)
+        return made
+
+    return put

@@ -1,27 +1,23 @@
-"""The reproduction goes on after failures, knows what is finished and writes down what it cost."""
+"""The reproduction goes on after failures and interruptions and writes down what each step took."""
 
 import io
-import json
 import os
+import shlex
+import signal
 import subprocess
 import sys
-import time
 
 import pytest
 from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 from rich.console import Console
 
-from experiments import reproduce, steps
-from experiments.record import ROOT
-from experiments.selection import CONFIGS
-from experiments.steps import STEPS, Step
+from experiments import reproduce
+from experiments.records.configs import CONFIGS
+from experiments.records.files import ROOT
+from experiments.reproduce import Step, steps
 
-NOTHING = "json.tool --help"
-FAILING = "json.tool /nowhere"
-
-
-def step(name, full, stage="a", minutes=(1, 1), **more):
-    return Step(name, stage, full, full, minutes, **more)
+NOTHING, FAILING = ("json.tool", "--help"), ("json.tool", "/nowhere")
 
 
 @pytest.fixture
@@ -29,10 +25,9 @@ def commands(monkeypatch):
     """The commands that were run; each is run in a moment, those on /nowhere fail."""
     made = []
 
-    def run(command):
-        made.append(" ".join(command))
-        status = "failed with 1" if "/nowhere" in command else "finished"
-        return {"seconds": 3.0, "peak_bytes": 1000, "status": status}
+    def run(step, mode, results):
+        made.append(step.name)
+        return "failed with 1" if "/nowhere" in step.words else "finished"
 
     monkeypatch.setattr(reproduce, "measured", run)
     return made
@@ -42,161 +37,199 @@ def console():
     return Console(file=io.StringIO(), width=120, highlight=False)
 
 
-def test_it_goes_on_after_a_failure_and_reports_after_each_stage(tmp_path, commands):
+# The list -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_every_step_names_something_that_exists(quick):
+    found = steps(quick)
+    assert len({step.name for step in found}) == len(found) > 10
+    for step in found:
+        assert step.minutes > 0, step.name
+        path = ROOT.joinpath(*step.words[0].split("."))
+        assert step.words[0] == "pytest" or path.with_suffix(".py").is_file()
+        for word in step.words[1:]:
+            key, _, value = word.partition("=")
+            for name in value.split(",") if key in ("experiment", "model", "stop", "scene") else ():
+                assert (CONFIGS / key / f"{name}.yaml").is_file(), (step.name, word)
+    assert sum(step.minutes for step in found) <= (30 if quick else 4 * 60)
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_every_step_composes(quick):
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        for step in steps(quick):
+            if step.words[0] == "experiments.run":
+                # A sweep takes several values of a key, a config one of them.
+                words = (w if "[" in w else w.partition(",")[0] for w in step.words[1:])
+                assert "model" in compose("config", overrides=list(words)), step.name
+
+
+def test_every_experiment_is_reproduced():
+    there = {path.stem for path in (CONFIGS / "experiment").glob("*.yaml")} - {"fuzz"}  # a test
+    words = {word for step in steps(quick=False) for word in step.words}
+    assert {f"experiment={name}" for name in there} <= words
+
+
+def test_every_step_has_a_full_form_and_a_time_of_each_form():
+    for step in OmegaConf.to_container(OmegaConf.load(CONFIGS / "reproduce.yaml")):
+        assert {"name", "full", "minutes"} <= set(step) <= {"name", "full", "quick", "minutes"}
+        full, quick = step["minutes"]
+        assert full >= quick
+        assert (quick > 0) == ("quick" in step)
+
+
+def test_the_list_runs_nothing(monkeypatch, capsys, commands, tmp_path):
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "mine"))
+    monkeypatch.setenv("COLUMNS", "200")
+    assert reproduce.main(["--list", "--quick"]) == 0
+    assert not commands
+    assert not (tmp_path / "mine").exists()
+    shown = capsys.readouterr().out
+    assert "Quick reproduction: about" in shown
+    for step in steps(quick=True):
+        assert step.name in shown
+        assert shlex.join(step.words[1:2]) in shown
+    assert "benchmark" not in shown
+
+
+# Running it ---------------------------------------------------------------------------------------
+
+
+def test_it_goes_on_after_a_failure_and_tells_of_it_at_the_end(tmp_path, commands):
     out = console()
-    chosen = [step("one", NOTHING), step("two", FAILING), step("three", NOTHING, "b")]
-    assert reproduce.run(chosen, False, tmp_path, out) == 1
-    report = reproduce.REPORT
-    assert commands == [NOTHING, FAILING, report, NOTHING, report]
-    last = out.file.getvalue().splitlines()[-1]
-    assert last == "failed: two: failed with 1"
-    rows = reproduce.read(tmp_path)
-    assert [row["status"] for row in rows.values()] == ["finished", "failed with 1", "finished"]
-    assert reproduce.run(chosen[:1], False, tmp_path, console()) == 0
+    chosen = [Step("one", NOTHING, 1), Step("two", FAILING, 90), Step("three", NOTHING, 1)]
+    assert reproduce.run(chosen, "full", tmp_path, out) == 1
+    assert commands == ["one", "two", "three"]
+    lines = out.file.getvalue().splitlines()
+    assert "1 of 3: one, about 60 s; with all that follows about 1.5 h" in lines[0]
+    assert lines[-1] == "failed: two: failed with 1"
+    assert reproduce.run(chosen[:1], "full", tmp_path, console()) == 0
 
 
-def test_an_interruption_ends_it_and_what_it_took_is_added_to_the_rest(tmp_path, monkeypatch):
-    def interrupted(command):
-        time.sleep(0.01)
+def test_an_interruption_ends_it(tmp_path, monkeypatch):
+    def interrupted(*_):
         raise KeyboardInterrupt
 
-    one = [step("one", NOTHING)]
-    for times in (1, 2):
-        with monkeypatch.context() as patch:
-            patch.setattr(reproduce, "measured", interrupted)
-            assert reproduce.run(one, True, tmp_path, console()) == 130
-        (row,) = reproduce.read(tmp_path).values()
-        assert row["status"] == "interrupted"
-        taken = float(row["seconds"])
-        assert taken >= times * 0.01
-    rest = {"seconds": 3.0, "peak_bytes": 1000, "status": "finished"}
-    monkeypatch.setattr(reproduce, "measured", lambda command: dict(rest))
-    assert reproduce.run(one, True, tmp_path, console()) == 0
-    row = reproduce.read(tmp_path)["one", "quick"]
-    assert (row["status"], row["peak_bytes"]) == ("finished", "1000")
-    assert float(row["seconds"]) == pytest.approx(3 + taken, rel=1e-4)
+    monkeypatch.setattr(reproduce, "measured", interrupted)
+    out = console()
+    assert reproduce.run([Step("one", NOTHING, 1)] * 2, "full", tmp_path, out) == 130
+    assert out.file.getvalue().splitlines()[-1] == "interrupted; the same command goes on"
 
 
 def test_seconds_memory_and_status_of_commands(tmp_path):
     (tmp_path / "large.py").write_text("held = bytearray(b'x' * 200_000_000)")
     code = (
-        "import json; from experiments.reproduce import measured; "
-        "print(json.dumps([measured([name]) for name in ('large', 'this', 'nowhere')]))"
+        "from pathlib import Path; from experiments.reproduce import Step, measured\n"
+        "for name in ('large', 'this', 'nowhere'):\n"
+        f"    measured(Step(name, (name,), 1), 'full', Path({str(tmp_path)!r}))"
     )
     # In a process of its own: a child's peak counts from what its parent holds.
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True,
+    subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=True,
         env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"},
     )  # fmt: skip
-    large, small, failed = json.loads(done.stdout.splitlines()[-1])
+    large, small, failed = (reproduce.read(tmp_path)[name, "full"]
+                            for name in ("large", "this", "nowhere"))  # fmt: skip
     assert [row["status"] for row in (large, small, failed)] == [
         "finished", "finished", "failed with 1",
     ]  # fmt: skip
-    assert large["peak_bytes"] > 2e8 > 2 * small["peak_bytes"] > 1e7
-    assert 0 < small["seconds"] < 60
+    assert int(large["peak_bytes"]) > 2e8 > 2 * int(small["peak_bytes"]) > 1e7
+    assert 0 < float(small["seconds"]) < 60
+    assert large["command"] == "python -m large"
 
 
-def test_a_resumed_step_keeps_the_time_of_the_whole(tmp_path):
-    row = {"step": "hdc", "mode": "full", "command": "c", "status": "finished", "code": ""}
+def test_a_step_that_is_interrupted_is_noted_with_what_it_took(tmp_path):
+    (tmp_path / "waits.py").write_text("import time; print('begun', flush=True); time.sleep(60)")
+    code = (
+        "from pathlib import Path; from experiments.reproduce import Step, measured\n"
+        f"measured(Step('waits', ('waits',), 1), 'full', Path({str(tmp_path)!r}))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}, start_new_session=True,
+    )  # fmt: skip
+    with process:
+        assert process.stdout.readline() == b"begun\n"
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        process.wait(30)
+    row = reproduce.read(tmp_path)["waits", "full"]
+    assert row["status"] == "interrupted"
+    assert 0 < float(row["seconds"]) < 60
+
+
+# What it took -------------------------------------------------------------------------------------
+
+ROW = {"step": "hdc", "mode": "full", "command": "c"}
+
+
+def test_the_rest_of_an_interrupted_step_adds_up(tmp_path):
+    for seconds, status in ((40.0, "interrupted"), (30.0, "interrupted"), (5.0, "finished")):
+        reproduce.note(tmp_path, {**ROW, "seconds": seconds, "peak_bytes": 7, "status": status})
+    (row,) = reproduce.read(tmp_path).values()
+    assert (float(row["seconds"]), row["status"]) == (75, "finished")
+
+
+def test_a_step_found_finished_keeps_the_time_of_the_whole(tmp_path):
+    row = {**ROW, "status": "finished"}
     for seconds, peak in ((100.0, 10), (2.0, 20)):
-        reproduce.write(tmp_path, {**row, "seconds": seconds, "peak_bytes": peak})
+        reproduce.note(tmp_path, {**row, "seconds": seconds, "peak_bytes": peak})
     (found,) = reproduce.read(tmp_path).values()
     assert (float(found["seconds"]), int(found["peak_bytes"])) == (100, 20)
-    for peak, changed in enumerate([{"command": "other"}, {"command": "other", "code": "new"}]):
-        reproduce.write(tmp_path, {**row, **changed, "seconds": 2.0, "peak_bytes": 5 - peak})
-        (found,) = reproduce.read(tmp_path).values()
-        assert (float(found["seconds"]), int(found["peak_bytes"])) == (2, 5 - peak)
+    reproduce.note(tmp_path, {**row, "command": "other", "seconds": 2.0, "peak_bytes": 5})
+    (found,) = reproduce.read(tmp_path).values()
+    assert (float(found["seconds"]), int(found["peak_bytes"])) == (2, 5)
 
 
-def test_runs_of_a_sweep_are_counted_by_what_they_computed(tmp_path, write_run):
-    sweep = step("n", "experiments.run experiment=table1 stop=paper model=hdc,softmax seed.run=0,1",
-                 minutes=(4, 1))  # fmt: skip
-    write_run("hdc", curve=[{"training_s": 10.0}])
-    write_run("hdc", seed=1, n_train=20)
-    write_run("hdc", seed=1, pixels=100)
-    write_run("softmax", stop="quick")
-    write_run("softmax", seed=1, status="failed")
-    found = steps.progress(sweep, False, steps.read_records(tmp_path))
-    assert (found.runs, found.finished) == (4, 1)
-    assert found.left_s == 3 * 60
-    assert found.total_s - found.left_s == pytest.approx(16)
+def test_quick_and_full_are_told_apart(tmp_path):
+    for mode in ("full", "quick"):
+        reproduce.note(tmp_path, {**ROW, "mode": mode, "seconds": 1.0, "peak_bytes": 1,
+                                  "status": "finished"})  # fmt: skip
+    assert list(reproduce.read(tmp_path)) == [("hdc", "full"), ("hdc", "quick")]
 
 
-def test_a_measurement_counts_while_its_code_stands(tmp_path, monkeypatch, write_measurement):
-    monkeypatch.setattr(steps, "CONFIGS", tmp_path)
-    (tmp_path / "experiment").mkdir()
-    (tmp_path / "experiment" / "stability.yaml").write_text("task: {_target_: a.b}")
-    command = "experiments.run experiment=stability"
-    one = step("stability", command)
-    assert steps.progress(one, False, []).left_s == 60
-    entry = write_measurement("stability", [{"a": 1}], seconds=7.0, command=f"python -m {command}")
-    found = steps.progress(one, False, steps.read_records(tmp_path))
-    assert (found.finished, found.total_s, found.left_s) == (1, 7, 0)
-    quick = {**entry, "command": f"python -m {command} task.small=true"}
-    assert steps.progress(one, False, [quick]).left_s == 7
-    assert steps.progress(one, True, [quick]).left_s == 0
-    entry["environment"]["sources"] = {"hdc/bits.py": "0" * 12}
-    found = steps.progress(one, False, [entry])
-    assert (found.finished, found.left_s) == (0, 7)
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(0.4, "0 s"), (89, "89 s"), (90, "2 min"), (5399, "90 min"),
+                          (5400, "1.5 h")],
+)  # fmt: skip
+def test_spans(seconds, text):
+    assert reproduce.span(seconds) == text
 
 
-def test_a_step_without_records_is_finished_when_the_same_code_made_its_file(
-    tmp_path, commands, monkeypatch
-):
-    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
-    one = step("check", "scenes.sensor.check", makes="made.csv")
-    for _ in range(2):
-        reproduce.run([one], False, tmp_path, console())
-    assert commands.count("scenes.sensor.check") == 2  # there is no file
-    (tmp_path / "made.csv").write_text("")
-    reproduce.run([one], False, tmp_path, console())
-    assert commands.count("scenes.sensor.check") == 2
-    monkeypatch.setattr(steps, "code", lambda _: "changed since")
-    reproduce.run([one], False, tmp_path, console())
-    assert commands.count("scenes.sensor.check") == 3
+# From the command line ----------------------------------------------------------------------------
 
 
-def test_every_step_names_something_that_exists_and_a_quick_form_of_minutes():
-    assert len({one.name for one in STEPS}) == len(STEPS)
-    for one in STEPS:
-        for quick in (False, True):
-            words = one.command(quick)
-            assert one.minutes[quick] > 0 or not words
-            if not words:
-                continue
-            assert steps.progress(one, quick, []).runs > 0
-            path = ROOT.joinpath(*words[0].split("."))
-            assert words[0] == "pytest" or path.with_suffix(".py").is_file()
-            for word in words[1:]:
-                key, _, value = word.partition("=")
-                if key == "experiment":
-                    assert (CONFIGS / "experiment" / f"{value}.yaml").is_file()
-                elif key in ("model", "stop", "scene"):
-                    for name in value.split(","):
-                        assert (CONFIGS / key / f"{name}.yaml").is_file()
-    full, quick = (sum(one.minutes[k] for one in STEPS) for k in (False, True))
-    assert full <= 4 * 60
-    assert quick < 30
+@pytest.mark.parametrize("module", ["report", "reproduce", "reference", "run"])
+def test_help_changes_nothing(tmp_path, module):
+    """``--help`` of a command that wrote README.md did, once."""
+
+    def tree():
+        done = subprocess.run(["git", "status", "--porcelain"], cwd=ROOT, capture_output=True,
+                              text=True, check=False)  # fmt: skip
+        readme = (ROOT / "README.md").stat()
+        return done.stdout, readme.st_mtime_ns, readme.st_size
+
+    before = tree()
+    done = subprocess.run(
+        [sys.executable, "-m", f"experiments.{module}", "--help"], cwd=ROOT, capture_output=True,
+        text=True, check=False,
+        env={"PATH": os.environ["PATH"], "RESULTS_DIR": str(tmp_path / "none")},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+    assert tree() == before
+    assert not (tmp_path / "none").exists()
 
 
-def test_every_command_composes():
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        for one in STEPS:
-            for quick in (False, True):
-                words = one.command(quick)
-                if (
-                    words[:1] == ["experiments.run"] and len(words) > 2
-                ):  # there is more than the name of an experiment
-                    # A sweep takes several values of a key, a config one of them.
-                    firsts = [w if "[" in w else w.partition(",")[0] for w in words[1:]]
-                    assert "model" in compose("config", overrides=firsts)
+def test_results_go_to_ones_own_folder(monkeypatch, tmp_path):
+    from experiments.records.files import REFERENCE, results_dir
 
-
-def test_the_list_runs_nothing(monkeypatch, capsys, commands, tmp_path):
-    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
-    assert reproduce.main(["--list", "--quick"]) == 0
-    assert not commands
-    shown = capsys.readouterr().out
-    assert "Quick reproduction: about" in shown
-    assert all(one.name in shown for one in STEPS if one.quick)
-    assert "benchmark" not in shown
+    monkeypatch.delenv("RESULTS_DIR", raising=False)
+    monkeypatch.chdir(tmp_path)
+    assert results_dir() == ROOT / "results" / "mine" != REFERENCE
+    taken = {}
+    monkeypatch.setattr(reproduce, "run", lambda found, mode, results, _: taken.update(
+        mode=mode, results=results) or 0)  # fmt: skip
+    monkeypatch.setattr(reproduce.signal, "signal", lambda *_: None)
+    assert reproduce.main(["--quick"]) == 0
+    assert taken == {"mode": "quick", "results": ROOT / "results" / "mine"}

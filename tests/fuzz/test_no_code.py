@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.sources import PACKAGES, ROOT
+from experiments.records.sources import PACKAGES, ROOT
 
 FORBIDDEN_IMPORTS = {"pickle", "dill", "cloudpickle", "shelve", "marshal", "joblib"}
 FORBIDDEN_CALLS = {"eval", "exec", "torch.load", "yaml.load", "yaml.unsafe_load", "pd.read_pickle"}

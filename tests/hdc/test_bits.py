@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from hdc import bits
+from hdc import bits, planes
 
 
 def mask_of(shape: tuple[int, ...], seed: int = 0) -> Tensor:
@@ -76,9 +76,13 @@ def test_hamming_of_any_shape_on_every_route(q: int, n: int, d: int, seed: int) 
 def test_hamming_by_numkong_where_installed() -> None:
     pytest.importorskip("numkong")
     a, b = bits.pack(mask_of((33, 999))), bits.pack(mask_of((51, 999), 1))
+    for n in range(5):  # one query and a few are compared without packing the prototypes
+        assert torch.equal(bits.hamming_numkong(a[:n], b), bits.hamming_numpy(a[:n], b))
     assert torch.equal(bits.hamming_numkong(a, b), bits.hamming_numpy(a, b))
     extremes = torch.stack((torch.zeros(4000), -torch.ones(4000))).long()
-    assert bits.hamming_numkong(extremes, extremes).tolist() == [[0, 256_000], [256_000, 0]]
+    for queries in (extremes, extremes.repeat(3, 1)):
+        found = bits.hamming_numkong(queries, extremes)[:2]
+        assert found.tolist() == [[0, 256_000], [256_000, 0]]
 
 
 def test_distances_satisfy_the_triangle_inequality() -> None:
@@ -116,6 +120,16 @@ def test_bits_beyond_the_last_stay_zero(d: int) -> None:
                 assert not (bundle & ~ones[0]).any()
 
 
+@pytest.mark.parametrize("p", [0, 0.001, 0.25, 0.5, 1])
+def test_random_bits_are_one_with_probability_p(p: float) -> None:
+    words = bits.random_hypervector(1_000_001, 3, p)
+    share = bits.count_ones(words).item() / 1_000_001
+    assert abs(share - p) <= 5 * (p * (1 - p) / 1_000_001) ** 0.5
+    assert torch.equal(words, bits.random_hypervector(1_000_001, 3, p))
+    fewer = bits.random_hypervector(1_000_001, 3, 0.5 * p)
+    assert not (fewer & ~words).any()
+
+
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
 def test_same_bits_on_cuda() -> None:
     mask = mask_of((70, 1000))
@@ -140,3 +154,44 @@ def test_many_queries_are_shared_by_two_threads_with_the_same_distances(threads:
     finally:
         torch.set_num_threads(before)
     assert torch.equal(found, bits.hamming_numpy(queries, queries[:7]))
+
+
+def test_hamming_agrees_with_torchhd() -> None:
+    torchhd = pytest.importorskip("torchhd")
+    bsc = torchhd.tensors.bsc.BSCTensor
+    queries, prototypes = mask_of((6, 1000)), mask_of((5, 1000), 1)
+    theirs = torchhd.hamming_similarity(queries.as_subclass(bsc), prototypes.as_subclass(bsc))
+    ours = bits.hamming(bits.pack(queries), bits.pack(prototypes))
+    torch.testing.assert_close(1000 - ours.double(), torch.as_tensor(theirs).double())
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 80, 255, 256, 65_537])
+@pytest.mark.parametrize("ties", bits.TIES)
+def test_majority_is_the_count_compared_with_half(n: int, ties: str) -> None:
+    d = 65 if n > 1000 else 1000
+    vectors, breaker = mask_of((n, d)), mask_of((1, d), 9)[0]
+    counts = vectors.sum(0)
+    tied = {"zero": torch.zeros(d), "one": torch.ones(d), "random": breaker}[ties].bool()
+    expected = (2 * counts > n) | ((2 * counts == n) & tied)
+    words = bits.pack(vectors)
+    assert torch.equal(bits.unpack(bits.majority(words, ties, bits.pack(breaker)), d), expected)
+    torch_route = bits.majority_of_counts(
+        planes.vertical_sum_torch(words), n, ties, bits.pack(breaker)
+    )
+    assert torch.equal(bits.unpack(torch_route, d), expected)
+
+
+def test_majority_agrees_with_torchhd_where_nothing_ties() -> None:
+    torchhd = pytest.importorskip("torchhd")
+    vectors = mask_of((81, 1000))
+    theirs = torchhd.multiset(vectors.as_subclass(torchhd.tensors.bsc.BSCTensor))
+    assert torch.equal(bits.unpack(bits.majority(bits.pack(vectors)), 1000), theirs.bool())
+
+
+def test_distance_between_random_hypervectors_spreads_as_one_over_root_d() -> None:
+    spread = {}
+    for d in (256, 4096, 65_536):
+        words = bits.pack(mask_of((60, d), d))
+        distances = bits.hamming(words, words).double() / d
+        spread[d] = distances[~torch.eye(60, dtype=torch.bool)].std().item() * d**0.5
+    assert all(abs(s - 0.5) < 0.05 for s in spread.values()), spread

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import tracemalloc
 
 import numpy as np
@@ -9,9 +10,12 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from torch import Tensor
 
-from hdc import HDCClassifier, bits, classifier
+from hdc import HDCClassifier, bits, classifier, memory, prototypes, recalibration
 from hdc.encode import encode
+from hdc.online import OnlineHDCClassifier
+from hdc.prototypes import Counters
 
 
 def touches(n: int = 60, classes: int = 3, side: int = 12) -> tuple[np.ndarray, np.ndarray]:
@@ -36,41 +40,17 @@ def test_labels_of_any_hashable_type_come_back(names: list, batch: int) -> None:
     model = HDCClassifier().fit(frames, names)
     assert model.predict(frames).tolist() == names
     assert model.score(frames, names) == 1
-    parts = HDCClassifier()
-    for start in range(0, len(names), batch):
-        parts.partial_fit(frames[start : start + batch], names[start : start + batch])
+    starts = range(0, len(names), batch)
+    parts = HDCClassifier().partial_fit(
+        (frames[start : start + batch], names[start : start + batch]) for start in starts
+    )
     assert parts.predict(frames).tolist() == names
     if not any(isinstance(name, frozenset) for name in names):  # sets are ordered in part only
         assert parts.classes_.tolist() == model.classes_.tolist()
         assert torch.equal(parts.prototypes_, model.prototypes_)
 
 
-@pytest.mark.parametrize("kind", ["array", "tensor", "scalars", "tensors", "series", "objects"])
-def test_integer_labels_in_any_container(kind: str) -> None:
-    frames, labels = touches()
-    if kind == "series":
-        given = pytest.importorskip("pandas").Series(labels)
-    else:
-        given = {
-            "array": labels.astype(np.uint8), "tensor": torch.from_numpy(labels),
-            "scalars": list(labels), "tensors": list(torch.from_numpy(labels)),
-            "objects": labels.astype(object),
-        }[kind]  # fmt: skip
-    model = HDCClassifier().fit(frames, given)
-    assert model.classes_.tolist() == [0, 1, 2]
-    assert type(model.classes_.tolist()[0]) is int
-    assert model.score(frames, given) == 1
-
-
-def test_labels_in_a_column_and_hidden_nan_are_refused() -> None:
-    frames, labels = touches()
-    with pytest.raises(ValueError, match=r"labels: expected one dimension, found shape \(60, 1\)"):
-        HDCClassifier().fit(frames, labels[:, None])
-    with pytest.raises(ValueError, match=r"labels\[1\]: found NaN"):
-        HDCClassifier().fit(frames[:3], ["a", float("nan"), "b"])
-
-
-@pytest.mark.parametrize("prototype", classifier.PROTOTYPES)
+@pytest.mark.parametrize("prototype", memory.PROTOTYPES)
 def test_a_bad_batch_leaves_a_model_in_step(prototype: str) -> None:
     """A class that arrives before the error shifts the places of the others."""
     frames, labels = touches()
@@ -86,16 +66,14 @@ def test_a_bad_batch_leaves_a_model_in_step(prototype: str) -> None:
 
 def test_a_refused_first_batch_changes_nothing() -> None:
     frames, labels = touches()
-    model = HDCClassifier().fit(frames, labels).recalibrate(255 - frames, labels, p=0.5)
+    model = HDCClassifier().fit(frames, labels)
     before = model.prototypes_.clone()
     with pytest.raises(ValueError, match="expected D = 144 pixels"):
         model.partial_fit(frames[:, :5], labels)
-    with pytest.raises(ValueError, match="p: expected"):
-        model.recalibrate(frames, labels, p=-1)
+    for method in recalibration.METHODS:
+        with pytest.raises(ValueError, match="p: expected"):
+            model.recalibrate(frames, labels, p=-1, method=method)
     assert torch.equal(model.prototypes_, before)
-    model.partial_fit(frames[:3], labels[:3])  # counting starts from before the recalibration
-    again = HDCClassifier().fit(frames, labels).partial_fit(frames[:3], labels[:3])
-    assert torch.equal(model.prototypes_, again.prototypes_)
 
 
 def test_errors_and_warnings_number_frames_from_the_first_of_all() -> None:
@@ -109,20 +87,6 @@ def test_errors_and_warnings_number_frames_from_the_first_of_all() -> None:
     frames[290] = 7
     with pytest.warns(UserWarning, match="at index 290:"):
         model.predict(frames)
-
-
-def test_arrays_as_files_give_them() -> None:
-    """Foreign byte order, read-only, reversed, Fortran order, lists and memory maps."""
-    frames, labels = touches()
-    wide = frames.astype(np.uint16) * 3
-    expected = HDCClassifier().fit(wide, labels).prototypes_
-    frozen = wide.copy()
-    frozen.flags.writeable = False
-    backwards = wide[:, ::-1].copy()[:, ::-1]
-    for same in (wide.astype(">u2"), frozen, backwards, np.asfortranarray(wide), list(wide)):
-        assert torch.equal(HDCClassifier().fit(same, labels).prototypes_, expected)
-    with pytest.raises(TypeError, match="frames: expected real or integer pixels, found dtype"):
-        HDCClassifier().fit(np.full((60, 2, 2), "a"), labels)
 
 
 def test_training_yields_once_all_classes_have_been_seen() -> None:
@@ -163,34 +127,10 @@ def test_memory_does_not_grow_with_the_number_of_frames() -> None:
 
 def test_no_frames_to_predict_give_no_labels() -> None:
     frames, labels = touches()
-    for prototype in classifier.PROTOTYPES:
+    for prototype in memory.PROTOTYPES:
         model = HDCClassifier(prototype=prototype).fit(frames, labels)
         assert model.predict(frames[:0]).shape == (0,)
         assert model.distances(frames[:0]).shape == (0, 3)
-
-
-def test_parameters_as_scikit_learn_sets_them() -> None:
-    from sklearn.base import clone
-    from sklearn.model_selection import GridSearchCV, learning_curve
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import FunctionTransformer
-
-    frames, labels = touches()
-    model = HDCClassifier().set_params(ties="one", seed=3)
-    assert repr(clone(model)) == (
-        "HDCClassifier(ties='one', prototype='binary', seed=3, device='cpu', backend='numpy')"
-    )
-    assert not hasattr(clone(model.fit(frames, labels)), "prototypes_")
-    with pytest.raises(ValueError, match=r"set_params: expected one of ties, .*found 'tie'"):
-        model.set_params(tie="one")
-    grid = GridSearchCV(model, {"ties": list(bits.TIES)}, cv=3).fit(frames, labels)
-    assert grid.best_score_ > 0.9
-    _, _, scores = learning_curve(
-        model, frames, labels, cv=3, train_sizes=[0.5, 1.0], exploit_incremental_learning=True
-    )
-    assert scores[-1].min() > 0.9
-    flat = frames.reshape(60, -1)
-    assert make_pipeline(FunctionTransformer(), model).fit(flat, labels).score(flat, labels) == 1
 
 
 def test_torchhd_measures_alike() -> None:
@@ -216,3 +156,257 @@ def test_integer_prototypes_against_floats(n: int, d: int, seed: int) -> None:
     c = torch.stack([v[torch.from_numpy(labels == k)].sum(0) for k in range(2)])
     expected = -(v @ c.T) / c.norm(dim=1).clamp(min=1)
     torch.testing.assert_close(model._scores(frames), expected)
+
+
+class Source:
+    """Frames made when asked for; remembers how many were asked for at once."""
+
+    def __init__(self, frames: np.ndarray):
+        self.frames, self.shape, self.largest = frames, frames.shape, 0
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def __getitem__(self, index: slice) -> Tensor:
+        batch = torch.from_numpy(self.frames[index])
+        self.largest = max(self.largest, len(batch))
+        return batch
+
+
+def test_frames_are_asked_for_a_chunk_at_a_time() -> None:
+    frames, labels = touches(300)
+    source = Source(frames)
+    model = HDCClassifier().fit(source, labels)
+    assert source.largest == classifier.CHUNK < 300
+    assert torch.equal(model.prototypes_, HDCClassifier().fit(frames, labels).prototypes_)
+    assert [r["samples_seen"] for r in HDCClassifier().train(frames, labels)][-1] == 300
+
+
+def test_equal_distances_go_to_the_first_class() -> None:
+    frames = np.array([[9, 0, 0, 9], [0, 9, 9, 0]], np.uint8)
+    model = HDCClassifier().fit(frames, ["b", "a"])
+    query = np.array([[9, 9, 0, 0]], np.uint8)
+    assert model.distances(query).tolist() == [[2, 2]]
+    assert model.predict(query).tolist() == ["a"]
+
+
+def test_a_bit_flipped_in_the_state_is_flipped_in_the_model() -> None:
+    frames, labels = touches()
+    model = HDCClassifier().fit(frames, labels)
+    before = model.distances(frames)
+    model.state_tensors()["prototypes"][0, 0] ^= 1
+    assert np.abs(model.distances(frames) - before)[:, 0].tolist() == [1] * 60
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+def test_same_bits_on_an_accelerator() -> None:
+    frames, labels = touches()
+    here = HDCClassifier().fit(frames, labels)
+    there = HDCClassifier(device="cuda").fit(frames, labels)
+    assert torch.equal(here.prototypes_, there.prototypes_.cpu())
+    assert np.array_equal(here.distances(frames), there.distances(frames))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda f, y, _: HDCClassifier().fit(f[:0], y[:0]), "expected at least one frame"),
+        (lambda f, y, _: HDCClassifier("x").fit(f, y), "ties: expected one of zero, one, random"),
+        (lambda f, y, _: HDCClassifier(prototype="x").fit(f, y), "prototype: expected one of bin"),
+        (lambda f, y, _: HDCClassifier().partial_fit([]), "expected at least one frame"),
+        (
+            lambda f, y, _: HDCClassifier().partial_fit(f),
+            "labels: expected 60, one a .* found None",
+        ),
+        (lambda f, y, _: HDCClassifier().predict(f), "HDCClassifier: expected a trained model"),
+        (lambda f, y, _: HDCClassifier().partial_fit(f[:1], y[:1]).predict(f), "one class, 0"),
+        (lambda f, y, model: model.predict(f[:, :5]), "expected D = 144 pixels"),
+    ],
+)
+def test_bad_input_gets_one_clear_error(call, message: str) -> None:
+    frames, labels = touches()
+    with pytest.raises(ValueError, match=message):
+        call(frames, labels, HDCClassifier().fit(frames, labels))
+
+
+# Made when asked for ------------------------------------------------------------------------------
+
+
+def test_prototypes_are_made_when_asked_for_of_what_has_changed(monkeypatch) -> None:
+    made = []
+    original = Counters.prototype
+    monkeypatch.setattr(
+        Counters, "prototype", lambda self, c, *a: made.append(c) or original(self, c, *a)
+    )
+    frames, labels = touches()
+    model = HDCClassifier()
+    for i in range(30):
+        model.partial_fit(frames[i : i + 1], labels[i : i + 1])
+    assert made == []
+    model.predict(frames)
+    assert sorted(made) == [0, 1, 2]
+    model.predict(frames)
+    model.partial_fit(frames[31:32], [1])
+    model.predict(frames)
+    assert sorted(made) == [0, 1, 1, 2]
+    held = model.prototypes_
+    before = held.clone()
+    model.partial_fit(255 - frames, labels)
+    assert not torch.equal(model.prototypes_, before)
+    assert torch.equal(held, before)  # what was handed out is not written to
+    next(HDCClassifier().train(frames, labels))
+    assert len(made) == 4 + 3 + 3  # training ends with its prototypes
+
+
+@pytest.mark.parametrize("prototype", memory.PROTOTYPES)
+def test_what_is_written_into_the_state_counts_until_it_is_learnt_again(prototype: str) -> None:
+    frames, labels = touches()
+    model = HDCClassifier(prototype=prototype).fit(frames, labels)
+    before = model._scores(frames)
+    state = next(iter(model.state_tensors().values()))
+    kept = state.clone()
+    for _ in range(2):
+        state.numpy()[:] = 0
+        assert not torch.equal(model._scores(frames), before)
+        state.numpy()[:] = kept.numpy()
+        assert torch.equal(model._scores(frames), before)
+
+
+@pytest.mark.parametrize("order", ["rising", "falling", "shuffled"])
+@pytest.mark.parametrize("ties", bits.TIES)
+def test_classes_one_by_one_are_the_classes_at_once(order: str, ties: str) -> None:
+    frames, labels = touches(120, 40)
+    places = {"rising": np.arange(120), "falling": np.arange(120)[::-1],
+              "shuffled": np.random.default_rng(0).permutation(120)}[order]  # fmt: skip
+    model = HDCClassifier(ties=ties)
+    for k, i in enumerate(places):
+        model.partial_fit(frames[i : i + 1], labels[i : i + 1])
+        if k > 1 and k % 7 == 0:
+            model.predict(frames[:2])
+    whole = HDCClassifier(ties=ties).fit(frames, labels)
+    assert model.classes_.tolist() == whole.classes_.tolist()
+    assert torch.equal(model.counters_.counts(), whole.counters_.counts())
+    assert torch.equal(model.prototypes_, whole.prototypes_)
+    again = pickle.loads(pickle.dumps(model))
+    assert torch.equal(again.partial_fit(frames, labels).prototypes_, model.prototypes_)
+
+
+def test_room_for_new_classes_is_made_ahead(monkeypatch) -> None:
+    """Growing by one class at a time copies each class about once, not once for each new one."""
+    copied = 0
+    original = prototypes._copy
+
+    def copy(into, source) -> None:
+        nonlocal copied
+        copied += source.shape[0]
+        original(into, source)
+
+    monkeypatch.setattr(prototypes, "_copy", copy)
+    model = HDCClassifier()
+    frames, _ = touches(1)
+    for c in range(130):  # room is made for 256
+        model.partial_fit(frames, [c])
+    assert copied < 2 * 130
+    assert len(pickle.dumps(model.counters_)) < 130 * (3 + 1) * 8 + 1000
+
+
+# Classes that are told -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("prototype", memory.PROTOTYPES)
+def test_told_classes_are_known_and_never_predicted_without_samples(
+    prototype: str, tmp_path
+) -> None:
+    frames, labels = touches()
+    model = HDCClassifier(prototype=prototype)
+    model.partial_fit(frames[labels == 1], labels[labels == 1], classes=[3, 0, 1, 2])
+    assert model.classes_.tolist() == [0, 1, 2, 3]
+    assert model.counts_.tolist() == [0, 20, 0, 0]
+    queries = np.concatenate([frames, 255 - frames])
+    assert (model.predict(queries) == 1).all()
+    assert (model.distances(queries)[:, [0, 2, 3]] == 145).all()
+    model.partial_fit(frames[labels != 1], labels[labels != 1], classes=[0, 1, 2, 3])
+    assert model.score(frames, labels) == 1
+    assert (model.predict_proba(queries)[:, 3] == 0).all()
+    pytest.importorskip("safetensors")
+    model.save(tmp_path / "m")
+    assert (HDCClassifier.load(tmp_path / "m").predict(queries) == model.predict(queries)).all()
+    whole = HDCClassifier(prototype=prototype).fit(frames, labels)
+    assert torch.equal(model.prototypes_[:3], whole.prototypes_)
+    with pytest.raises(ValueError, match=r"labels: expected classes among \[0, 1\], found 2"):
+        model.partial_fit(frames, labels, classes=[0, 1])
+    assert model.counts_.tolist() == [20, 20, 20, 0]
+
+
+# Parts --------------------------------------------------------------------------------------------
+
+
+@given(st.lists(st.sampled_from("abcde"), min_size=4, max_size=60), st.integers(0, 60), st.data())
+@settings(max_examples=60, deadline=None)
+def test_merged_models_are_the_model_of_all_frames(names: list[str], cut: int, data) -> None:
+    names = ["a", "b", *names]
+    ties = data.draw(st.sampled_from(bits.TIES))
+    rng = np.random.default_rng(len(names))
+    frames = rng.integers(0, 255, (len(names), 9, 13), dtype=np.uint8)
+    cut = max(1, min(cut, len(names) - 1))
+    parts = [
+        HDCClassifier(ties=ties).partial_fit(frames[part], names[part])
+        for part in (slice(cut), slice(cut, None))
+    ]
+    whole = HDCClassifier(ties=ties).fit(frames, names)
+    for merged in (parts[0].merge(parts[1]), HDCClassifier(ties=ties).merge(whole)):
+        assert merged.classes_.tolist() == whole.classes_.tolist()
+        assert merged.counts_.tolist() == whole.counts_.tolist()
+        assert torch.equal(merged.prototypes_, whole.prototypes_)
+        merged.predict_proba(frames) if max(whole.counts_) > 1 else None
+
+
+def test_what_cannot_be_merged_is_named() -> None:
+    frames, labels = touches()
+    model = HDCClassifier().fit(frames, labels)
+    others = {
+        "expected a trained model": HDCClassifier(),
+        "expected a HDCClassifier, found OnlineHDCClassifier": OnlineHDCClassifier(),
+        r"expected shape \(12, 12\) as in training, found \(16, 9\)": HDCClassifier().fit(
+            frames.reshape(60, 16, 9), labels
+        ),
+        "expected D = 144 pixels": HDCClassifier().fit(frames[:, :5], labels),
+    }
+    for message, other in others.items():
+        with pytest.raises(ValueError, match=message):
+            model.merge(other)
+    assert model.counts_.tolist() == [20, 20, 20]
+
+
+def test_a_model_of_counters_is_the_model_of_their_frames() -> None:
+    frames, labels = touches()
+    names = np.array(["c", "a", "b"])[labels]
+    whole = HDCClassifier(ties="random", seed=2).fit(frames, names)
+    counts, n = whole.counters_.counts(), whole.counters_.n
+    shuffled = [2, 0, 1]  # classes in any order
+    model = HDCClassifier.from_counters(
+        Counters.from_counts(counts[shuffled].int(), n[shuffled]),
+        ["c", "a", "b"],
+        (12, 12),
+        ties="random",
+        seed=2,
+    )
+    assert model.classes_.tolist() == ["a", "b", "c"]
+    assert torch.equal(model.prototypes_, whole.prototypes_)
+    assert (model.distances(frames) == whole.distances(frames)).all()
+    model.partial_fit(frames, names)
+    assert torch.equal(model.prototypes_, whole.partial_fit(frames, names).prototypes_)
+
+
+@pytest.mark.parametrize(
+    ("classes", "shape", "message"),
+    [
+        ([0, 1], (12, 12), "labels: expected 3, one a frame, found 2"),
+        ([0, 1, 1], (12, 12), r"classes: expected different ones, found \[0, 1, 1\]"),
+        ([0, 1, 2], (12, 11), r"frame_shape: expected 144 pixels, found \(12, 11\)"),
+    ],
+)
+def test_counters_that_do_not_fit_are_refused(classes, shape, message: str) -> None:
+    counters = HDCClassifier().fit(*touches()).counters_
+    with pytest.raises(ValueError, match=message):
+        HDCClassifier.from_counters(counters, classes, shape)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import subprocess
 import sys
 from itertools import product
 
@@ -24,7 +25,9 @@ NEAR = "ignore:.*constant frame"
 
 @pytest.fixture(scope="module")
 def numba():
-    return pytest.importorskip("numba", reason="numba is not installed: pip install .[compiled]")
+    return pytest.importorskip(
+        "numba", reason="numba is not installed: pip install 'hdc[compiled]'"
+    )
 
 
 @pytest.fixture(params=[1, 2])
@@ -43,6 +46,30 @@ def frames_of(n: int, d: int, spread: float = 20.0) -> torch.Tensor:
     starts = rng.integers(0, d + 1, n)
     rows = [noise[start : start + d] + shift for start, shift in zip(starts, shifts, strict=True)]
     return torch.from_numpy(np.stack(rows))
+
+
+@needs_numba
+def test_any_sample_gives_the_same(kinds_of_frames, upper_half) -> None:
+    """The sample says where to look first, and nothing else: it may be as wrong as can be."""
+    from hdc import compiled
+
+    for d in (2, 63, 64, 65, 127, 128, 4161, 70_001):
+        frames = kinds_of_frames(d)
+        expected = np.flatnonzero((frames == frames[:, :1]).all(1)).tolist()
+        for places in ([0], [d - 1], [0, 0, 1], range(d)):
+            words = np.zeros((len(frames), bits.words_for(d)), np.int64)
+            assert (
+                compiled.encode_uint8(frames, words, np.array(places), np.array(places)) == expected
+            )
+            found = bits.unpack(torch.from_numpy(words), d).numpy()
+            assert np.array_equal(found, upper_half(frames))
+
+
+@needs_numba
+def test_frames_of_a_camera(camera_frames, upper_half, threads: int) -> None:
+    frames = torch.from_numpy(camera_frames(24))
+    words = encode(frames, backend="compiled")
+    assert np.array_equal(bits.unpack(words, 250_000).numpy(), upper_half(frames.numpy()))
 
 
 def both(frames: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -147,7 +174,8 @@ def test_nothing_beyond_a_frame_is_read_or_written() -> None:
             words = np.full((7, bits.words_for(d)), -1, np.int64)
             from hdc import compiled
 
-            assert compiled.encode_uint8(frames, words[1:6]) == []
+            places = np.arange(0, d, 3)
+            assert compiled.encode_uint8(frames, words[1:6], places, places) == []
             assert np.array_equal(words[1:6], encode(inner).numpy())
             assert (words[[0, 6]] == -1).all()
 
@@ -217,7 +245,7 @@ def test_a_file_does_not_remember_the_backend(tmp_path) -> None:
         HDCClassifier(backend=path.name).fit(frames, labels).save(path)
     assert files[0].read_bytes() == files[1].read_bytes()
     loaded = HDCClassifier.load(files[1])
-    assert loaded.backend == "numpy"
+    assert loaded.backend == "auto"
     loaded.set_params(backend="compiled").partial_fit(frames, labels)
 
 
@@ -242,21 +270,76 @@ def test_without_numba_the_parameter_is_named(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "numba", None)
     monkeypatch.delitem(sys.modules, "hdc.compiled", raising=False)
     monkeypatch.delattr(hdc, "compiled", raising=False)
-    message = r"backend: 'compiled' expects numba \(pip install \.\[compiled\]\), found"
+    message = r"backend: 'compiled' expects numba \(pip install 'hdc\[compiled\]'\), found"
     frames = frames_of(4, 100)
     with pytest.raises(ValueError, match=message):
         HDCClassifier(backend="compiled").fit(frames, [0, 1, 0, 1])
     with pytest.raises(ValueError, match=message):
         encode(frames, backend="compiled")
-    HDCClassifier().fit(frames, [0, 1, 0, 1])
+    for worth in (0, 1):  # nothing at all, and any work
+        monkeypatch.setattr(bits, "_SAVED_S", worth)
+        assert HDCClassifier().fit(frames, [0, 1, 0, 1]).backend_ == "numpy"
+    elsewhere = HDCClassifier().fit(frames, [0, 1, 0, 1])
+    elsewhere.backend_ = "compiled"  # trained where there is numba, and pickled
+    assert elsewhere.predict(frames).shape == (4,)
+    assert elsewhere.partial_fit(frames, [0, 1, 0, 1]).backend_ == "numpy"
 
 
 def test_other_backends_and_devices_are_refused() -> None:
     frames = frames_of(4, 100)
-    with pytest.raises(ValueError, match="backend: expected one of numpy, compiled, found 'cuda'"):
+    with pytest.raises(ValueError, match="expected one of auto, numpy, compiled, found 'cuda'"):
         HDCClassifier(backend="cuda").fit(frames, [0, 1, 0, 1])
     message = "backend: 'compiled' expects device 'cpu', found 'meta'"
     with pytest.raises(ValueError, match=message):
         HDCClassifier(backend="compiled", device="meta").fit(frames, [0, 1, 0, 1])
     with pytest.raises(ValueError, match=message):
         encode(frames.to("meta"), backend="compiled")
+
+
+def test_few_frames_load_nothing_in_the_midst_of_them() -> None:
+    code = """
+import sys, numpy as np
+from hdc import HDCClassifier
+frames = np.random.default_rng(0).integers(0, 256, (4, 50, 50), np.uint8)
+model = HDCClassifier().fit(frames, [0, 1, 0, 1])
+stream = HDCClassifier()
+for frame, label in zip(frames, [0, 1, 0, 1]):
+    stream.partial_fit(frame[None], [label])
+stream.predict(frames)
+assert model.backend == stream.backend == "auto"
+print(model.backend_, stream.backend_, "numba" in sys.modules, "llvmlite" in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["numpy", "numpy", "False", "False"]
+
+
+@needs_numba
+def test_auto_is_compiled_where_the_work_is_worth_it(monkeypatch) -> None:
+    frames, labels = frames_of(6, 300), [0, 1, 2] * 2
+    by_numpy = HDCClassifier(backend="numpy").fit(frames, labels)
+    load_s = bits._NUMBA_S + bits._KERNELS_S
+    for name in ("numba", "hdc.compiled"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setattr(bits, "_SAVED_S", 0.9 * load_s / frames.numel())
+    streamed = HDCClassifier().partial_fit(frames, labels)
+    assert (by_numpy.backend_, streamed.backend_) == ("numpy", "numpy")
+    loaded = []
+    monkeypatch.setattr(bits, "kernels", lambda *backend: loaded.append(backend))
+    assert bits.choose_backend("auto", "cpu", 1.2 * frames.numel()) == "compiled"
+    assert loaded == [("compiled", "cpu")]
+
+
+@needs_numba
+def test_auto_is_compiled_once_the_kernels_are_loaded_and_stays_what_it_was() -> None:
+    frames, labels = frames_of(6, 300), [0, 1, 2] * 2
+    streamed = HDCClassifier().partial_fit(frames, labels)
+    streamed.backend_ = "numpy"  # as where nothing was loaded yet
+    bits.kernels("compiled", "cpu")
+    assert streamed.partial_fit(frames, labels).backend_ == "numpy"
+    assert streamed.set_params(backend="compiled").partial_fit(frames, labels).backend_ == (
+        "compiled"
+    )
+    fitted = HDCClassifier().fit(frames, labels)
+    assert fitted.backend_ == "compiled"
+    assert torch.equal(fitted.prototypes_, streamed.prototypes_)
+    assert HDCClassifier(device="meta")._backend(frames) == "numpy"

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier
+from hdc import HDCClassifier, files
+from hdc.online import OnlineHDCClassifier
 
 safetensors = pytest.importorskip("safetensors.torch")
 
@@ -103,28 +104,64 @@ def test_flipped_bits_are_refused_or_harmless(tmp_path: Path) -> None:
         model.set_params(prototype="integer").predict(QUERIES)
 
 
+def content(model: HDCClassifier) -> tuple[dict, dict]:
+    """Header and tensors of a model's file."""
+    header = {
+        "format": "hdc-classifier-2",
+        "kind": "HDCClassifier",
+        "parameters": {k: v for k, v in model.get_params().items() if k != "backend"},
+        "classes": [0, 1, 2],
+        "frame_shape": [5, 7],
+        "recalibrated": False,
+        "calibration": vars(model._calibrated()),
+        "metadata": {},
+    }
+    tensors = {
+        "planes": model.counters_.planes,
+        "n": model.counters_.n,
+        "prototypes": model.prototypes_,
+    }
+    return header, tensors
+
+
 def write(path: Path, tensors: dict | None = None, **changes) -> None:
     """The file of a trained model with some of its header or tensors replaced."""
-    model = trained()
-    header = {
-        "format": "hdc-classifier-1", "parameters": model.get_params(),
-        "classes": [0, 1, 2], "frame_shape": [5, 7],
-    } | changes  # fmt: skip
-    content = {
-        "planes": model.counters_.planes, "n": model.counters_.n, "prototypes": model.prototypes_,
-    } | (tensors or {})  # fmt: skip
-    path.write_bytes(safetensors.save(content, {"model": json.dumps(header)}))
+    header, content_ = content(trained())
+    header |= changes
+    text = json.dumps(header)
+    path.write_bytes(safetensors.save(content_ | (tensors or {}), {"model": text}))
 
 
 def test_the_file_written_here_is_the_one_saved(tmp_path: Path) -> None:
     write(tmp_path / "m")
-    assert np.array_equal(
-        HDCClassifier.load(tmp_path / "m").distances(QUERIES), trained().distances(QUERIES)
-    )
+    trained().save(tmp_path / "n")
+    assert (tmp_path / "m").read_bytes() == (tmp_path / "n").read_bytes()
+
+
+def test_files_of_the_first_format_are_read(tmp_path: Path) -> None:
+    """They have no kind, calibration or metadata; whether they were recalibrated is found out."""
+    model = trained()
+    header, tensors = content(model)
+    for key in ("kind", "recalibrated", "calibration", "metadata"):
+        del header[key]
+    header = json.dumps(header | {"format": "hdc-classifier-1"})
+    (tmp_path / "m").write_bytes(safetensors.save(tensors, {"model": header}))
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert np.array_equal(loaded.distances(QUERIES), model.distances(QUERIES))
+    assert loaded.metadata_ == {}
+    with pytest.raises(ValueError, match="call calibrate"):
+        loaded.is_known(QUERIES)
+    loaded.partial_fit(QUERIES[:2], [0, 1])
+    tensors["prototypes"] = model.prototypes_ ^ 1
+    (tmp_path / "m").write_bytes(safetensors.save(tensors, {"model": header}))
+    with pytest.raises(ValueError, match="found one that was recalibrated"):
+        HDCClassifier.load(tmp_path / "m").partial_fit(QUERIES[:2], [0, 1])
 
 
 BAD_HEADERS = [
-    {"format": "other"}, {"classes": [0, 1]}, {"classes": [0, 1, 1]}, {"classes": 3},
+    {"format": "other"}, {"format": "hdc-classifier-3"}, {"kind": None}, {"recalibrated": 3},
+    {"metadata": []}, {"calibration": 1}, {"calibration": {}}, {"classes": [2, 1, 0]},
+    {"classes": [0, 1]}, {"classes": [0, 1, 1]}, {"classes": 3},
     {"classes": [[0], [1], [2]]}, {"classes": [0.0, 1.0, float("nan")]}, {"classes": None},
     {"frame_shape": [5, 13]}, {"frame_shape": [5, -7]}, {"frame_shape": [10**30, 10**30]},
     {"frame_shape": []}, {"frame_shape": "57"}, {"frame_shape": [5.0, 7.0]}, {"parameters": None},
@@ -139,6 +176,20 @@ BAD_HEADERS = [
 def test_headers_that_do_not_fit_are_refused(tmp_path: Path, changes: dict) -> None:
     write(tmp_path / "m", **changes)
     with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
+        HDCClassifier.load(tmp_path / "m")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"means": [1.0, 1.0]}, {"means": [1.0, 1.0, float("nan")]}, {"numbers": [1, 2.5, 3]},
+        {"spread": -1.0}, {"spread": "1"}, {"freedom": 0}, {"temperature": 0}, {"extra": 1},
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_calibrations_that_do_not_fit_are_refused(tmp_path: Path, changes: dict) -> None:
+    write(tmp_path / "m", calibration=vars(trained()._calibrated()) | changes)
+    with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found calibration"):
         HDCClassifier.load(tmp_path / "m")
 
 
@@ -208,26 +259,20 @@ def test_a_layout_that_does_not_fit_is_refused(tmp_path: Path, what: str) -> Non
 
 def test_of_a_parameter_twice_one_counts_or_it_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "m"
-    model = trained()
-    header = json.dumps({"format": "hdc-classifier-1", "parameters": model.get_params(),
-                         "classes": [0, 1, 2], "frame_shape": [5, 7]})  # fmt: skip
-    content = {
-        "planes": model.counters_.planes, "n": model.counters_.n, "prototypes": model.prototypes_,
-    }  # fmt: skip
-    twice = header.replace('"frame_shape": [5, 7]', '"frame_shape": "x", "frame_shape": [7, 5]')
-    path.write_bytes(safetensors.save(content, {"model": twice}))
+    header, tensors = content(trained())
+    text = json.dumps(header)
+    twice = text.replace('"frame_shape": [5, 7]', '"frame_shape": "x", "frame_shape": [7, 5]')
+    assert twice != text
+    path.write_bytes(safetensors.save(tensors, {"model": twice}))
     assert HDCClassifier.load(path).frame_shape_ == (7, 5)
-    path.write_bytes(safetensors.save(content, {"model": twice.replace('"x"', '"y"')[:-1]}))
+    path.write_bytes(safetensors.save(tensors, {"model": twice[:-1]}))
     with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
         HDCClassifier.load(path)
 
 
 def test_deeply_nested_metadata_is_refused(tmp_path: Path) -> None:
-    model = trained()
-    content = {
-        "planes": model.counters_.planes, "n": model.counters_.n, "prototypes": model.prototypes_,
-    }  # fmt: skip
-    (tmp_path / "m").write_bytes(safetensors.save(content, {"model": "[" * 200_000}))
+    _, tensors = content(trained())
+    (tmp_path / "m").write_bytes(safetensors.save(tensors, {"model": "[" * 200_000}))
     with pytest.raises(ValueError, match="expected a saved HDCClassifier"):
         HDCClassifier.load(tmp_path / "m")
 
@@ -266,3 +311,76 @@ def test_a_loaded_model_is_apart_from_its_file(tmp_path: Path) -> None:
     model.state_tensors()["prototypes"][0, 0] ^= 1
     assert path.read_bytes() == before
     assert np.abs(model.distances(QUERIES) - trained().distances(QUERIES)).sum() == 9
+
+
+def test_a_recalibrated_model_comes_back(tmp_path: Path) -> None:
+    model = trained(seed=5).recalibrate(QUERIES, np.arange(9) % 3, p=0.5)
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert loaded.get_params() == model.get_params()
+    assert np.array_equal(loaded.distances(QUERIES), model.distances(QUERIES))
+    assert torch.equal(loaded.counters_.counts(), model.counters_.counts())
+    assert loaded._calibrated() == model._calibrated()
+
+
+def test_what_is_known_comes_back_and_stays_until_there_is_a_new_class(tmp_path: Path) -> None:
+    model = trained()
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert np.array_equal(loaded.is_known(QUERIES, 0.1), model.is_known(QUERIES, 0.1))
+    assert np.array_equal(loaded.predict_proba(QUERIES), model.predict_proba(QUERIES))
+    loaded.partial_fit(QUERIES[:3], [0, 1, 2]).is_known(QUERIES)
+    with pytest.raises(ValueError, match="call calibrate"):
+        loaded.partial_fit(QUERIES[:1], [7]).is_known(QUERIES)
+
+
+def test_metadata_are_kept_with_the_model(tmp_path: Path) -> None:
+    metadata = {"crop": [10, 20, 500, 500], "subsample": 2, "camera": {"name": "µEye", "gain": 0.5}}
+    trained().save(tmp_path / "m", metadata)
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert loaded.metadata_ == metadata
+    loaded.save(tmp_path / "n")
+    assert HDCClassifier.load(tmp_path / "n").metadata_ == metadata
+    loaded.save(tmp_path / "n", {})
+    assert HDCClassifier.load(tmp_path / "n").metadata_ == {}
+    for bad in ({"crop": np.arange(4)}, {"gain": float("nan")}):
+        with pytest.raises(TypeError, match="n: metadata: expected values that JSON has, found"):
+            loaded.save(tmp_path / "n", bad)
+    assert loaded.metadata_ == {}
+
+
+def test_a_model_of_another_class_is_named(tmp_path: Path) -> None:
+    frames, labels = QUERIES, np.arange(9) % 3
+    OnlineHDCClassifier().fit(frames, labels).save(tmp_path / "online")
+    trained().save(tmp_path / "plain")
+    message = "expected a saved HDCClassifier, found a saved OnlineHDCClassifier; load it with"
+    with pytest.raises(ValueError, match=message):
+        HDCClassifier.load(tmp_path / "online")
+    message = "expected a saved OnlineHDCClassifier, found a saved HDCClassifier; load it with"
+    with pytest.raises(ValueError, match=message):
+        OnlineHDCClassifier.load(tmp_path / "plain")
+
+
+def test_a_missing_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"missing: expected a folder to save m\.st in$"):
+        trained().save(tmp_path / "missing" / "m.st")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
+@pytest.mark.parametrize("umask", [0o022, 0o077, 0o002])
+def test_permissions_are_those_of_any_new_file(tmp_path: Path, umask: int) -> None:
+    before = os.umask(umask)
+    try:
+        trained().save(tmp_path / "m")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "m").stat().st_mode & 0o777 == 0o666 & ~umask
+
+
+def test_reading_and_writing_know_no_classifier(tmp_path: Path) -> None:
+    header, tensors = {"a": [1, "µ"]}, {"x": torch.arange(6).reshape(2, 3).T}
+    files.write(tmp_path / "f", header, tensors)
+    again, found = files.read(tmp_path / "f")
+    assert again == header
+    assert list(found) == ["x"]
+    assert torch.equal(found["x"], tensors["x"])

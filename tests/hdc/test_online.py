@@ -12,7 +12,7 @@ from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from sklearn.base import clone
 
-from experiments.protocol import Model
+from experiments.protocol.model import Model
 from hdc import HDCClassifier, bits, classifier
 from hdc.encode import encode
 from hdc.online import OnlineHDCClassifier
@@ -133,7 +133,7 @@ def test_contract_of_a_model(monkeypatch):
 
 def test_the_config_builds_it():
     config = OmegaConf.create(
-        {"seed": {"init": 5}, "device": "cpu", "model": OmegaConf.load(CONFIG)}
+        {"seed": {"init": 5}, "device": "cpu", "model": OmegaConf.load(CONFIG).model}
     )
     model = instantiate(config.model, _convert_="all")
     assert isinstance(model, OnlineHDCClassifier)
@@ -165,3 +165,18 @@ def test_memory_does_not_grow_with_the_number_of_frames(monkeypatch):
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < peaks[0] + 10 * 1250 + 50_000  # a few planes more for larger counts
+
+
+def test_what_is_no_sum_is_not_merged():
+    frames, labels = touches()
+    model = OnlineHDCClassifier().fit(frames, labels)
+    with pytest.raises(ValueError, match="merge: expected models whose training is a sum"):
+        model.merge(OnlineHDCClassifier().fit(frames, labels))
+
+
+def test_told_classes_are_not_what_a_sample_is_taken_for():
+    frames, labels = touches()
+    told = OnlineHDCClassifier().partial_fit(frames, labels, classes=range(9))
+    plain = OnlineHDCClassifier().fit(frames, labels)
+    assert torch.equal(told.prototypes_[:4], plain.prototypes_)
+    assert (told.predict(frames) == plain.predict(frames)).all()

@@ -35,9 +35,10 @@ def test_sixteen_bits_survive(tmp_path):
     assert (read.frames([0, 1]).to(torch.int32) == images).all()
 
 
-def test_command(tmp_path, capsys):
+def test_command(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
     out = tmp_path / "touch"
-    main(["scene=touch", f"out={out}", "seed.sensor=3", *SMALL])
+    main(["scene=touch", "out=~/touch", "seed.sensor=3", *SMALL])
     assert "15 frames of 5 classes" in capsys.readouterr().out
     with (out / "manifest.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -63,5 +64,5 @@ def test_a_class_name_stays_inside_the_folder(tmp_path):
 
 @pytest.mark.parametrize("arguments", [["scene=touch"], ["out=a", "out=b"], ["out="]])
 def test_one_folder_has_to_be_named(arguments):
-    with pytest.raises(SystemExit, match="expected one, out=FOLDER"):
+    with pytest.raises(SystemExit, match="expected one folder, out=FOLDER"):
         main(arguments)

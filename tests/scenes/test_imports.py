@@ -5,12 +5,12 @@ import sys
 
 import pytest
 
-HEAVY = ("cv2", "sklearn", "pandas", "matplotlib", "hydra", "rich", "scipy")
+HEAVY = ("cv2", "sklearn", "pandas", "matplotlib", "hydra", "rich", "scipy", "PIL")
 
 
 @pytest.mark.parametrize(
     "modules",
-    ["scenes", "scenes.frames, scenes.split, scenes.fibre", "scenes.recorded.archive"],
+    ["scenes", "scenes.frames, scenes.split, scenes.fibre", "scenes.recorded, hdc.readers.archive"],
 )
 def test_heavy_packages_are_not_imported(modules):
     code = f"import sys, {modules}; print(*[m for m in {HEAVY} if m in sys.modules])"

@@ -127,7 +127,7 @@ def test_heights_stand_for_a_uniform_distribution():
 
 
 def test_bad_thickness_is_named():
-    with pytest.raises(ValueError, match=r"scene\.sensor\.layer\.thickness: found 0"):
+    with pytest.raises(ValueError, match=r"scene\.sensor\.layer\.thickness: expected .*, found 0"):
         Layer(thickness=0)
 
 

@@ -45,11 +45,11 @@ def test_creep_has_its_spread(small):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Room(slow=-1), r"scene\.sessions\.slow: found -1"),
-        (lambda: Room(slow_time=0), r"scene\.sessions\.slow_time: found 0"),
-        (lambda: Room(creep=0.3), r"scene\.sessions\.creep: found 0\.3"),
-        (lambda: Creep(-1), r"scene\.sessions\.creep\.spread: found -1"),
-        (lambda: Thermal(limit=0), r"scene\.sensor\.thermal\.limit: found 0"),
+        (lambda: Room(slow=-1), r"scene\.sessions\.slow: expected .*, found -1"),
+        (lambda: Room(slow_time=0), r"scene\.sessions\.slow_time: expected .*, found 0"),
+        (lambda: Room(creep=0.3), r"scene\.sessions\.creep: expected .*, found 0\.3"),
+        (lambda: Creep(-1), r"scene\.sessions\.creep\.spread: expected .*, found -1"),
+        (lambda: Thermal(limit=0), r"scene\.sensor\.thermal\.limit: expected .*, found 0"),
     ],
 )
 def test_bad_values_are_named(make, message):

@@ -65,6 +65,16 @@ def test_expansion_about_the_target_is_exact_enough(small):
     assert (centred - exact).square().mean().sqrt() > 1  # the miss itself matters
 
 
+def test_what_the_expansion_neglects_grows_with_the_third_power_of_the_miss(small):
+    def error(spread):
+        press = Press((28e-3, 8e-3), 2.45e-3, 1.8e-3, 0.0, spread)
+        touch = Touch(1.8e-3, 28e-3 + 1.5 * spread, 8e-3 + spread)
+        difference = ExpandedPress(press, small)(touch) - ExactPress(press, small)(touch)
+        return difference.square().mean().sqrt().item()
+
+    assert error(0.04e-3) / error(0.02e-3) == pytest.approx(8, rel=0.1)
+
+
 def test_a_finger_looks_its_displacement_up(small):
     assert isinstance(Press((34e-3, 0.0), 5e-3, 0.8e-3, 0.12, 0.4e-3).bind(small), ExactPress)
 
@@ -85,15 +95,18 @@ def test_line_of_positions():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Paths(vertices=0), r"scene\.sensor\.paths\.vertices: found 0"),
-        (lambda: Paths(surface=1.5), r"scene\.sensor\.paths\.surface: found 1\.5"),
-        (lambda: Paths(wavelength=float("nan")), r"scene\.sensor\.paths\.wavelength: found nan"),
+        (lambda: Paths(vertices=0), r"scene\.sensor\.paths\.vertices: expected .*, found 0"),
+        (lambda: Paths(surface=1.5), r"scene\.sensor\.paths\.surface: expected .*, found 1\.5"),
+        (
+            lambda: Paths(wavelength=float("nan")),
+            r"scene\.sensor\.paths\.wavelength: expected .*, found nan",
+        ),
         (lambda: Paths(fibre=(0.0, 0.5)), r"scene\.sensor\.paths\.fibre.*sensor's surface"),
         (lambda: Press((0.01,), 1e-3, 1e-3), r"two coordinates"),
-        (lambda: Press((0.01, 0.0), 0.0, 1e-3), r"scene\.contact\.radius: found 0"),
-        (lambda: Sensor(seed=-1), r"seed\.sensor: found -1"),
+        (lambda: Press((0.01, 0.0), 0.0, 1e-3), r"scene\.contact\.radius: expected .*, found 0"),
+        (lambda: Sensor(seed=-1), r"seed\.sensor: expected .*, found -1"),
         (lambda: Sensor(paths={"vertexes": 3}), r"scene\.sensor\.paths\.vertexes: .* one of"),
-        (lambda: Sensor(camera=3), r"scene\.sensor\.camera: found 3"),
+        (lambda: Sensor(camera=3), r"scene\.sensor\.camera: expected .*, found 3"),
     ],
 )
 def test_bad_values_are_named(make, message):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
+from scenes.export import compose
 from scenes.frames import Scene
-from scenes.sensor.configured import scene
 from scenes.sensor.contact import Press
 from scenes.sensor.environment import Room
 from scenes.sensor.scene import SpeckleScene
@@ -17,6 +17,11 @@ from scenes.sensor.sensor import Sensor
 
 TINY = ("sensor.camera.grid=64", "sensor.camera.crop=60", "sensor.camera.pupil=24")
 ALL = ("touch", "finger", "spatial", "drift", "tactile")
+
+
+def scene(name, sensor, samples, overrides=()):
+    changed = (f"++scene.{override}" for override in overrides)
+    return compose([f"scene={name}", f"seed.sensor={sensor}", f"seed.samples={samples}", *changed])
 
 
 def tiny(name, *overrides, sensor=3, samples=5):
@@ -62,13 +67,13 @@ def test_a_sample_is_the_same_however_it_is_asked_for(name):
 def test_full_size_frames_do_not_depend_on_threads_or_batch():
     before = torch.get_num_threads()
     try:
-        for name in ("touch", "finger"):
+        for name in ("touch", "finger", "tactile"):
             torch.set_num_threads(1)
             made = scene(name, 1, 1)
             one = made.frames([0, 1, 2])
             assert tuple(one.shape) == (3, 500, 500)
             torch.set_num_threads(2)
-            assert (made.frames([2])[0] == one[2]).all()
+            assert (made.frames([2, 0, 1]) == one[[2, 0, 1]]).all()
     finally:
         torch.set_num_threads(before)
 
@@ -138,20 +143,48 @@ def test_counts_may_differ_between_classes():
 @pytest.mark.parametrize(
     ("name", "override", "message"),
     [
-        ("touch", "contact.depth=6e-3", r"scene\.contact\.depth: found 0\.006.* layer's thickness"),
-        ("finger", "contact.depth=4e-3", r"scene\.contact\.depth: found 0\.00.* in every touch"),
+        (
+            "touch",
+            "contact.depth=6e-3",
+            r"scene\.contact\.depth: expected .*layer's thickness.*, found 0\.006",
+        ),
+        (
+            "finger",
+            "contact.depth=4e-3",
+            r"scene\.contact\.depth: expected .*in every touch.*, found 0\.00",
+        ),
         ("touch", "classes.L1.position=[0.2, 0.0]", r"scene\.classes\.L1\.position: .*surface"),
-        ("touch", "classes.L1.position=[0.02]", r"position: found \[0\.02\], expected two"),
-        ("touch", "sensor.camera.pupil=700", r"scene\.sensor\.camera\.pupil: found 700"),
-        ("touch", "sensor.camera.photons=-5", r"scene\.sensor\.camera\.photons: found -5"),
-        ("touch", "sensor.paths.vertices=0", r"scene\.sensor\.paths\.vertices: found 0"),
-        ("touch", "samples_per_class={L9: 3}", r"samples_per_class: found 'L9', .* L1, L2"),
-        ("touch", "samples_per_class=0", r"scene\.samples_per_class: found 0"),
-        ("touch", "contact=null", r"scene\.contact: found None.* 'L1' is touched"),
+        ("touch", "classes.L1.position=[0.02]", r"position: expected two.*, found \[0\.02\]"),
+        (
+            "touch",
+            "sensor.camera.pupil=700",
+            r"scene\.sensor\.camera\.pupil: expected .*, found 700",
+        ),
+        (
+            "touch",
+            "sensor.camera.photons=-5",
+            r"scene\.sensor\.camera\.photons: expected .*, found -5",
+        ),
+        (
+            "touch",
+            "sensor.paths.vertices=0",
+            r"scene\.sensor\.paths\.vertices: expected .*, found 0",
+        ),
+        (
+            "touch",
+            "samples_per_class={L9: 3}",
+            r"samples_per_class: expected .*L1, L2.*, found 'L9'",
+        ),
+        ("touch", "samples_per_class=0", r"scene\.samples_per_class: expected .*, found 0"),
+        ("touch", "contact=null", r"scene\.contact: expected .*'L1' is touched.*, found None"),
         ("touch", "sensor.camera.pixels=3", r"scene\.sensor\.camera\.pixels: .*one of grid, crop"),
-        ("tactile", "contact.side=100", r"scene\.contact\.side: found 100, expected a power"),
-        ("tactile", "contact.radius=12e-3", r"scene\.contact\.side: found 256.*2\.5 contact radii"),
-        ("tactile", "classes.P40.spacing=0", r"scene\.contact\.spacing: found 0"),
+        ("tactile", "contact.side=100", r"scene\.contact\.side: expected a power.*, found 100"),
+        (
+            "tactile",
+            "contact.radius=12e-3",
+            r"scene\.contact\.side: expected .*2\.5 contact radii.*, found 256",
+        ),
+        ("tactile", "classes.P40.spacing=0", r"scene\.contact\.spacing: expected .*, found 0"),
     ],
 )
 def test_bad_values_are_named_before_any_frame(name, override, message):
@@ -190,9 +223,10 @@ def test_rooms_and_contacts_from_python():
 )
 def test_absent_parts_are_not_imported(name, absent):
     everywhere = ["hdc", "baselines", "experiments", "pandas", "cv2", "sklearn", "matplotlib"]
+    words = [f"scene={name}", *(f"++scene.{override}" for override in TINY)]
     program = (
-        "import sys; from scenes.sensor.configured import scene;"
-        f"scene({name!r}, 0, 0, {TINY!r}).frames([0, 1, 2, 3]);"
+        "import sys; from scenes.export import compose;"
+        f"compose({words!r}).frames([0, 1, 2, 3]);"
         f"print([m for m in {absent + everywhere!r} if m in sys.modules])"
     )
     done = subprocess.run(

@@ -1,0 +1,261 @@
+"""From a scene to the frames a run trains and tests on: split, memory, disk cache."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import platform
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from experiments.protocol.clock import Clock
+from experiments.records import locks, sources
+from scenes.frames import Scene
+from scenes.split import KINDS, by_session, learning_curve_subsets, neighbours_leak, split
+
+IN_MEMORY_BYTES = 512 * 2**20  # more frames than this are read while the model asks for them
+_BATCH = 16
+_LEAK = 0.5  # share of test frames beside a training frame, above which a user is warned
+
+
+class LazyFrames:
+    """Frames of a scene that are made, or read, when a model asks; the clock is held meanwhile.
+
+    Args:
+        scene: where they come from.
+        indices: which samples, int64 [N].
+        clock: held while frames are acquired.
+    """
+
+    def __init__(self, scene: Scene, indices: np.ndarray, clock: Clock):
+        self.scene, self.indices, self.clock = scene, indices, clock
+        self.shape = (len(indices), *scene.shape)
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    def __getitem__(self, index: Any) -> Tensor:
+        with self.clock.held():
+            chosen = self.indices[index.numpy(force=True) if isinstance(index, Tensor) else index]
+            frames = self.scene.frames(np.atleast_1d(chosen))
+            return frames if np.ndim(chosen) else frames[0]
+
+
+class CachedScene:
+    """A scene whose frames lie in one file on disk.
+
+    Args:
+        scene: the scene they were made from.
+        path: uint8 or uint16 .npy [N, H, W].
+
+    Raises:
+        ValueError: naming the file, if it is not that.
+    """
+
+    def __init__(self, scene: Scene, path: Path):
+        self.classes, self.labels, self.shape = scene.classes, scene.labels, scene.shape
+        self.samples, self.origin, self._scene = scene.samples, scene.origin, scene
+        expected = f"{path}: expected {len(self)} frames {self.shape} (remove it to make it anew)"
+        try:
+            header = np.load(path, mmap_mode="r", allow_pickle=False)
+        except (ValueError, EOFError) as error:
+            raise ValueError(f"{expected}, found: {error}") from error
+        if header.shape != (len(self), *self.shape):
+            raise ValueError(f"{expected}, found shape {header.shape}")
+        self._path, self._dtype, self._start = path, header.dtype, header.offset
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def fingerprint(self) -> str:
+        return self._scene.fingerprint()
+
+    def frames(self, indices: Any) -> Tensor:
+        """Read, not mapped: the pages of a map count as memory of the process once seen."""
+        wanted = np.arange(len(self))[np.asarray(indices)]
+        frames = np.empty((len(wanted), *self.shape), self._dtype)
+        with self._path.open("rb") as file:
+            for frame, index in zip(frames, wanted.tolist(), strict=True):
+                file.seek(self._start + index * frame.nbytes)
+                if file.readinto(frame.data) != frame.nbytes:
+                    raise ValueError(f"{self._path}: expected {len(self)} frames, found it cut off")
+        return torch.from_numpy(frames)
+
+
+def cached(scene: Scene, folder: Path, progress: Callable[[int, int], None]) -> Scene:
+    """The scene with its frames on disk, made there first if need be, whole or not at all.
+
+    Recorded scenes stay as they are: their frames lie on disk already.
+
+    Args:
+        scene: any scene.
+        folder: folder of the cache; a file is named after the scene's fingerprint and what drew
+            from it: the scene's code, the libraries and the kind of processor.
+        progress: called with (frames made, frames in all).
+
+    Raises:
+        OSError: naming the file, if it cannot be written.
+    """
+    if scene.origin == "recorded":
+        return scene
+    path = folder / f"{_drawn_by(scene)}.npy"
+    with locks.held(path.with_suffix(".lock"), timeout_s=-1):  # made by one process, not by all
+        if not path.exists():
+            try:
+                _make(scene, path, progress)
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(path)) from error
+    return CachedScene(scene, path)
+
+
+def _drawn_by(scene: Scene) -> str:
+    """Digest of everything that the pixels of a scene depend on, to the last digit."""
+    kind = f"{type(scene).__module__}.{type(scene).__qualname__}"
+    versions = [torch.__version__, np.__version__, platform.machine()]
+    parts = [scene.fingerprint(), sources.code_hash(sources.closure(kind)), versions]
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
+
+
+def _make(scene: Scene, path: Path, progress: Callable[[int, int], None]) -> None:
+    """Write all frames; what a killed process left of them is overwritten."""
+    n, partial = len(scene.labels), path.with_suffix(".partial")
+    try:
+        # Written, not mapped: a full disk is then an error and not a signal.
+        with partial.open("wb") as file:
+            for start in range(0, n, _BATCH):
+                stop = min(n, start + _BATCH)
+                frames = scene.frames(np.arange(start, stop)).numpy(force=True)
+                if start == 0:
+                    header = np.lib.format.header_data_from_array_1_0(frames)
+                    header |= {"shape": (n, *scene.shape), "fortran_order": False}
+                    np.lib.format.write_array_header_1_0(file, header)
+                file.write(np.ascontiguousarray(frames).data)
+                progress(stop, n)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+class PixelSubset:
+    """A scene of which D pixels are seen, in one row; a smaller D sees some of a larger one's.
+
+    Args:
+        scene: any scene.
+        pixels: D.
+        seed: of the choice.
+
+    Raises:
+        ValueError: if the frames have fewer pixels.
+    """
+
+    def __init__(self, scene: Scene, pixels: int, seed: int):
+        all_pixels = math.prod(scene.shape)
+        if isinstance(pixels, bool) or not isinstance(pixels, int) or not 2 <= pixels <= all_pixels:
+            raise ValueError(
+                f"data.pixels: expected an integer in [2, {all_pixels}], found {pixels!r}"
+            )
+        self.classes, self.labels, self.samples = scene.classes, scene.labels, scene.samples
+        self.origin, self.shape, self._scene = scene.origin, (1, pixels), scene
+        self._chosen = np.sort(np.random.default_rng(seed).permutation(all_pixels)[:pixels])
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def fingerprint(self) -> str:
+        digest = hashlib.sha256(self._scene.fingerprint().encode() + self._chosen.tobytes())
+        return digest.hexdigest()
+
+    def frames(self, indices: Any) -> Tensor:
+        pixels = self._scene.frames(indices).flatten(1)
+        return pixels[:, torch.from_numpy(self._chosen)].unsqueeze(1)
+
+
+def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Training and test indices as the ``split`` part of the config says.
+
+    Warns:
+        UserWarning: if most test frames of a recording stand next to a training frame of their
+            class, of which they are nearly copies.
+
+    Raises:
+        ValueError: naming the key of a value that does not fit.
+    """
+    # A scene of several sessions trains and tests within the first, unless the split crosses them.
+    session = scene.samples.get("session", np.zeros(len(scene.labels), np.int64))
+    kinds, kind = (*KINDS, "grouped", "session"), cfg["kind"]
+    if kind not in kinds:
+        raise ValueError(f"split.kind: expected one of {', '.join(kinds)}, found {kind!r}")
+    if kind == "session":
+        first, test = by_session(session, *np.unique(session)[[0, -1]].tolist())
+        train, _ = split(scene.labels[first], test_fraction=cfg["test_fraction"], seed=seed)
+        train = first[train]
+    else:
+        first = np.flatnonzero(session == session.min())
+        train, test = (
+            first[part]
+            for part in split(
+                scene.labels[first],
+                test_fraction=cfg["test_fraction"],
+                kind=kind,
+                seed=seed,
+                order=scene.samples["order"][first],
+                groups=_groups(scene, cfg.get("group"))[first] if kind == "grouped" else None,
+            )
+        )
+    if scene.origin == "recorded" and kind == "random":
+        leak = neighbours_leak(scene.labels, scene.samples["order"], train, test)
+        if leak > _LEAK:
+            warnings.warn(
+                f"split.kind=random: {leak:.0%} of the test frames stand next to a training frame "
+                "of their class in time, of which they may be copies; split.kind=ordered tests on "
+                "later ones",
+                stacklevel=2,
+            )
+    if cfg["n_train"] is not None:
+        n = cfg["n_train"]
+        try:
+            train = learning_curve_subsets(train, scene.labels, [n], seed)[n]
+        except ValueError as error:
+            raise ValueError(str(error).replace("split.sizes", "split.n_train")) from error
+    return train, test
+
+
+def _groups(scene: Scene, name: Any) -> np.ndarray:
+    if name not in scene.samples:
+        expected = ", ".join(scene.samples)
+        raise ValueError(f"split.group: expected one of {expected}, found {name!r}")
+    return scene.samples[name]
+
+
+def take(scene: Scene, indices: np.ndarray, clock: Clock) -> Tensor | LazyFrames:
+    """The frames of these samples: in memory if they fit, else made when asked for."""
+    one = scene.frames(indices[:1])
+    if one.nbytes * len(indices) > IN_MEMORY_BYTES:
+        return LazyFrames(scene, indices, clock)
+    frames = torch.empty(len(indices), *scene.shape, dtype=one.dtype)
+    for start in range(0, len(indices), _BATCH):
+        frames[start : start + _BATCH] = scene.frames(indices[start : start + _BATCH]).cpu()
+    return frames
+
+
+def fitting(frames: Tensor | LazyFrames) -> int:
+    """How many of these frames are held in memory at most."""
+    return max(1, IN_MEMORY_BYTES // max(1, frames[:1].nbytes))
+
+
+def digest(frames: Tensor | LazyFrames, labels: np.ndarray) -> str:
+    """SHA-256 of frames and labels in their order."""
+    state = hashlib.sha256(np.ascontiguousarray(labels, dtype="<i8").data)
+    for start in range(0, len(frames), _BATCH):
+        state.update(frames[start : start + _BATCH].contiguous().numpy(force=True).data)
+    return state.hexdigest()

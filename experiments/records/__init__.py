@@ -1,0 +1,1 @@
+"""What is left of a run, written whole and read with care: decides no number."""

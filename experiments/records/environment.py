@@ -1,0 +1,91 @@
+"""What a reader of a time wants to know of the machine and the code."""
+
+from __future__ import annotations
+
+import functools
+import importlib.metadata
+import os
+import platform
+import shlex
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from experiments.records import sources
+
+_PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "hydra-core", "numkong", "numba")
+
+
+def environment(
+    device: str, threads: int, config: Mapping[str, Any], *modules: str
+) -> dict[str, Any]:
+    """Machine, versions, commit, and digests of the code that computes what the config asks for.
+
+    Args:
+        device: as torch names it.
+        threads: number of torch's threads.
+        config: resolved; its targets say which code counts.
+        modules: dotted names of modules whose code counts, too.
+    """
+    files = sources.sources(config, *modules)
+    return {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "cpu": _cpu_model(),
+        "cores": os.cpu_count(),
+        "threads": threads,
+        "device": _device_name(device),
+        "packages": {name: _version(name) for name in _PACKAGES},
+        "code": sources.code_hash(files),
+        "sources": files,
+        **_git(),
+    }
+
+
+def command() -> str:
+    """The command line that started this process, as a user would type it."""
+    start = ["python"]
+    if "TORCHELASTIC_RUN_ID" in os.environ:
+        start = ["torchrun", f"--nproc-per-node={os.environ.get('LOCAL_WORLD_SIZE')}"]
+    return shlex.join([*start, "-m", "experiments.run", *sys.argv[1:]])
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+@functools.cache
+def _cpu_model() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
+def _device_name(device: str) -> str:
+    if device.startswith("cuda"):
+        import torch
+
+        return f"{device}: {torch.cuda.get_device_name(device)}"
+    return device
+
+
+@functools.cache
+def _git() -> dict[str, Any]:
+    def ask(*words: str) -> str | None:
+        command = ["git", "-C", str(sources.ROOT), *words]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)
+            return done.stdout.strip()
+        except (OSError, subprocess.SubprocessError):
+            return None
+
+    # Results are written while runs go on; only code and configs make a tree dirty.
+    changed = ask("status", "--porcelain", "--", *sources.PACKAGES, "configs")
+    return {"commit": ask("rev-parse", "HEAD"), "dirty": None if changed is None else bool(changed)}

@@ -1,0 +1,66 @@
+"""Where results lie, and files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import stat
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+REFERENCE = ROOT / "results" / "reference"
+"""The committed results; only ``make reference`` writes them."""
+
+
+def results_dir() -> Path:
+    """Folder of own results: $RESULTS_DIR, or results/mine of the checkout.
+
+    Never the current directory, unless the variable says so.
+    """
+    own = os.environ.get("RESULTS_DIR")
+    return Path(own).expanduser().resolve() if own else ROOT / "results" / "mine"
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a file whole or not at all: temporary file beside it, flush to disk, rename.
+
+    Raises:
+        OSError: naming the file; what was there before is untouched.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}")
+    try:
+        with temporary.open("x", encoding="utf-8", newline="") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except BaseException as error:
+        temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename is None:  # a full disk
+            raise OSError(error.errno, error.strerror, str(path)) from error
+        raise
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove temporary files that a kill left here; for whoever has the folder to itself."""
+    for path in folder.glob(".*.*.*"):
+        path.unlink(missing_ok=True)
+
+
+def read_text(path: Path, most_bytes: int) -> str:
+    """The text of a regular file of at most so many bytes; a pipe would be waited for.
+
+    Raises:
+        FileNotFoundError: there is none.
+        ValueError: it is no regular file, is larger or is not UTF-8.
+    """
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode) or status.st_size > most_bytes:
+        raise ValueError(
+            f"expected a file of at most {most_bytes} bytes, found none or a larger one"
+        )
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"expected a text in UTF-8, found {error.reason}") from error

@@ -1,0 +1,57 @@
+"""Locks that the kernel frees when their holder ends, however it ends.
+
+They hold among the processes of one machine on every local file system, and among machines where a
+network file system is mounted with locks: NFS by default since Linux 2.6.12, Lustre with ``flock``.
+Mounted with ``nolock`` or ``local_lock``, a lock holds on its own machine only; without any locks,
+taking one is an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+FILE = ".lock"  # in the folder that it guards
+
+
+class Held(Exception):
+    """Another process has the lock.
+
+    Args:
+        what: what it guards.
+    """
+
+    def __init__(self, what: str):
+        super().__init__(f"{what}: being run by another process")
+        self.what = what
+
+
+@contextmanager
+def held(path: Path, what: str | None = None, timeout_s: float = 0) -> Iterator[None]:
+    """Have a lock file to oneself; the file stays, and is harmless.
+
+    Args:
+        path: lock file; its folder is made.
+        what: what it guards, for the message; the name of its folder if not given.
+        timeout_s: how long to wait for another process; -1 for as long as it takes.
+
+    Raises:
+        Held: if another process has it.
+        OSError: naming the file, if it cannot be made, or the file system keeps no locks.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(path, timeout=timeout_s, fallback_to_soft=False)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise Held(what or path.parent.name) from None
+    except OSError as error:
+        text = f"{path}: expected a file system with locks, found {error.strerror}"
+        raise error if error.filename else OSError(error.errno, text) from error
+    try:
+        yield
+    finally:
+        lock.release()

@@ -1,0 +1,351 @@
+"""Everything in a results folder, loaded once, and which of its runs may stand in one row.
+
+Two rules decide what is averaged: the runs have the same configuration but for their seeds, and the
+same code made them. The rest of a row's choice is a preference among such groups.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hydra.errors import HydraException
+from omegaconf.errors import OmegaConfBaseException
+
+from experiments.records import archive, configs, measurement
+from experiments.records.measurement import Measured
+from experiments.records.record import Curve, Finished, Record, read_curve, read_record
+from experiments.records.sources import outdated
+
+# Of several groups for one row, the stopping rule that stands first here; others come last.
+STOPS = ("paper", "quick", "reached")
+# What a row asks for by number; and where a recording lies, which is known by its content.
+_COORDINATES = ("split.n_train", "data.pixels", "scene.path")
+_OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run.
+
+    Attributes:
+        record: what record.json says.
+        curve: one dict a report of the model.
+        overrides: what its scene, split and model have that ``configs/`` has not, by key.
+    """
+
+    record: Finished
+    curve: Curve
+    overrides: Mapping[str, str]
+
+    @property
+    def seeds(self) -> str:
+        """Its seeds, as text: runs of several models with equal ones saw the same samples."""
+        return json.dumps(self.record.config["seed"], sort_keys=True)
+
+    @property
+    def iterative(self) -> bool:
+        """Whether the model learns by steps that report a loss, or in one pass."""
+        return _iterative(self.curve)
+
+    @property
+    def outdated(self) -> list[str]:
+        """The files of code that have changed since."""
+        return outdated(self.record.environment.sources)
+
+    @cached_property
+    def scene(self) -> str:
+        """Which scene it saw: the name of its config, and what was changed of it.
+
+        A recording is told apart by its content, a scene or a split of one's own by its config.
+        """
+        changed = {k: v for k, v in self.overrides.items() if not k.startswith(_OF_MODEL)}
+        name = self.record.scene.name
+        if self.record.scene.origin == "recorded":
+            path = Path(str(self.record.config["scene"].get("path", "")))
+            name += f" {path.name} ({self.record.scene.fingerprint[:6]})"
+        return _labelled(name, changed)
+
+    @cached_property
+    def model(self) -> str:
+        """Which model it is: the name of its config, and what was changed of it and of its end."""
+        changed = {k: v for k, v in self.overrides.items() if k.startswith(_OF_MODEL)}
+        return _labelled(self.record.choices.model, changed)
+
+    @cached_property
+    def configuration(self) -> str:
+        """All of the config that runs of one row have in common, as text."""
+        config = _core(self.record.config)
+        if not self.iterative:  # what learns in one pass ends by itself, whatever the rule
+            config.pop("stop")
+        for group, key in (name.split(".") for name in _COORDINATES):
+            config[group].pop(key, None)
+        return json.dumps(config, sort_keys=True)
+
+
+@dataclass(frozen=True)
+class Group:
+    """The runs behind one row.
+
+    Attributes:
+        scene, model: as :class:`Run` names them.
+        n_train: training samples; None for all.
+        pixels: pixels seen; None for all.
+        runs: finished runs, one for each set of seeds, in their order.
+        failed: records of runs that did not finish and have no finished one of their seeds.
+        others: finished runs of this row left out because their code, or their stopping rule or
+            number of threads, is another.
+    """
+
+    scene: str
+    model: str
+    n_train: int | None = None
+    pixels: int | None = None
+    runs: list[Run] = field(default_factory=list)
+    failed: list[Record] = field(default_factory=list)
+    others: list[Run] = field(default_factory=list)
+
+    @property
+    def status(self) -> str:
+        """``ok``, ``missing``, or what went wrong."""
+        if not self.runs and not self.failed:
+            return "missing"
+        if self.failed:
+            worst = self.failed[0]
+            text = f"{worst.status}: {worst.error or 'no error recorded'}"
+            return text if not self.runs else f"{len(self.failed)} more {text}"
+        notes = []
+        if self.others:
+            notes.append(f"{len(self.others)} more left out: of other code or settings")
+        if beside := sum(not run.record.environment.exclusive for run in self.runs):
+            notes.append(f"{beside} timed beside other runs")
+        return "; ".join(notes) or "ok"
+
+    @property
+    def outdated(self) -> list[str]:
+        """The files of code that have changed since these runs."""
+        return self.runs[0].outdated if self.runs else []
+
+    @property
+    def right(self) -> np.ndarray:
+        """Which test samples are right, of all runs one after another, bool [Q]."""
+        return np.concatenate([run.record.right for run in self.runs])
+
+    @property
+    def classes(self) -> list[str]:
+        """Class names, by label."""
+        return self.runs[0].record.scene.classes
+
+    def confusion(self) -> np.ndarray:
+        """Test samples of all runs by true (row) and predicted class, int64 [L, L]."""
+        total = np.zeros((len(self.classes),) * 2, np.int64)
+        for run in self.runs:
+            np.add.at(total, (run.record.test_labels, run.record.predicted), 1)
+        return total
+
+
+class Results:
+    """A results folder: runs, measurements, and what was wrong with a file.
+
+    Args:
+        folder: holds ``runs/`` or an archive of runs, and ``measured/``.
+        device: runs of other devices are left out; their times would not compare.
+
+    Attributes:
+        runs: finished runs.
+        unfinished: records of the others.
+        problems: files that are no records, and why.
+    """
+
+    def __init__(self, folder: Path, device: str = "cpu"):
+        self.folder, self.device = folder, device
+        self.problems: list[str] = []
+        self.runs: list[Run] = []
+        self.unfinished: list[Record] = []
+        for record, curve in self._read():
+            if record.config["device"] != device:
+                continue
+            if record.display and configs.of_model(record.choices.model) is None:
+                configs.show_as(record.choices.model, record.display)
+            try:
+                if isinstance(record, Finished):
+                    record.check_curve(curve)
+                    self.runs.append(Run(record, curve, _overrides(record, curve)))
+                else:
+                    self.unfinished.append(record)
+            except (ValueError, HydraException, OmegaConfBaseException) as error:
+                self.problems.append(f"{record.id}: {error}")
+        self._groups: dict[tuple[Any, ...], list[Run]] = {}
+        for run in self.runs:
+            self._groups.setdefault(self._row(run), []).append(run)
+
+    def __bool__(self) -> bool:
+        """Whether there is anything in it."""
+        return bool(self.runs or self.unfinished or self.measurements)
+
+    def group(
+        self, scene: str, model: str, n_train: int | None = None, pixels: int | None = None
+    ) -> Group:
+        """The runs of one row: of its groups, one of today's code, then by stopping rule, then the
+        largest.
+
+        Args:
+            scene, model: as :class:`Run` names them: the name of a config for what was not changed.
+            n_train, pixels: as :class:`Group` has them.
+        """
+        wanted = (scene, model, self._all_as_none(scene, n_train), pixels)
+        found: dict[tuple[str, str], list[Run]] = {}
+        for run in self._groups.get(wanted, []):
+            key = run.configuration, run.record.environment.code
+            found.setdefault(key, []).append(run)
+        group = Group(scene, model, n_train, pixels)
+        if found:
+            best = min(found.values(), key=_preference)
+            by_seeds = {json.dumps(_seeds(run.record.config)): run for run in best}
+            group.runs.extend(sorted(by_seeds.values(), key=lambda run: run.record.seed))
+            others = (run for same in found.values() if same is not best for run in same)
+            group.others.extend(sorted(others, key=lambda run: run.record.seed))
+        done = {run.seeds for run in self._groups.get(wanted, [])}
+        for record in self.unfinished:
+            lost = Run(record, [], _overrides(record, []))  # type: ignore[arg-type]
+            if self._row(lost) == wanted and lost.seeds not in done:
+                group.failed.append(record)
+        return group
+
+    def groups(self) -> list[Group]:
+        """Every row there is, by scene, model, number of samples and pixels."""
+        rows = sorted(self._groups, key=lambda row: tuple((x is not None, x) for x in row))
+        return [self.group(*row) for row in rows]
+
+    def extra_models(self, scene: str) -> list[str]:
+        """Models on a scene that no experiment of ``configs/`` sweeps over: one's own, and those
+        of which something was changed."""
+        found = sorted({run.model for run in self.runs if run.scene == scene})
+        return [model for model in found if model not in configs.swept_models()]
+
+    @property
+    def scenes(self) -> list[str]:
+        """Every scene that runs saw, as :class:`Run` names them."""
+        return sorted({run.scene for run in self.runs})
+
+    @cached_property
+    def measurements(self) -> list[Measured]:
+        """Every measurement, those on the frames of its experiment's config first."""
+        found = []
+        for path in sorted((self.folder / "measured").glob("*/record.json")):
+            try:
+                one = measurement.read(path.parent)
+                if one is not None and one.record.status == "finished":
+                    changed = configs.differences(one.record.config, _task(one))
+                    found.append(replace(one, overrides=changed))
+            except (ValueError, HydraException, OmegaConfBaseException) as error:
+                self.problems.append(str(error))
+        return sorted(found, key=lambda one: (one.of_other_frames, len(one.overrides)))
+
+    def measured(self, name: str) -> Measured | None:
+        """The measurement of an experiment on its own scene, whole before quick; None if there is
+        none."""
+        fitting = (m for m in self.measurements if m.record.name == name)
+        return next((m for m in fitting if not m.of_other_frames), None)
+
+    def measured_elsewhere(self, name: str) -> Iterable[Measured]:
+        """Those of the same experiment on other frames."""
+        return (m for m in self.measurements if m.record.name == name and m.of_other_frames)
+
+    def _read(self) -> Iterator[tuple[Record, Curve]]:
+        for path in sorted((self.folder / "runs").glob("*")):
+            try:
+                if (record := read_record(path)) is not None:
+                    yield record, read_curve(path / "curve.csv")
+            except ValueError as error:
+                self.problems.append(f"{path.name}: {error}")
+        try:
+            for name, found, *curve in archive.read(self.folder):
+                if isinstance(found, ValueError):
+                    self.problems.append(f"{name}: {found}")
+                else:
+                    yield found, curve[0]  # type: ignore[misc]
+        except ValueError as error:
+            self.problems.append(str(error))
+
+    def _row(self, run: Run) -> tuple[Any, ...]:
+        config = run.record.config
+        n_train = self._all_as_none(run.scene, config["split"]["n_train"])
+        return run.scene, run.model, n_train, config["data"]["pixels"]
+
+    def _all_as_none(self, scene: str, n_train: int | None) -> int | None:
+        """None for a number of training samples that is all that the scene has."""
+        return None if n_train == self._all.get(scene) else n_train
+
+    @cached_property
+    def _all(self) -> dict[str, int]:
+        whole = (run for run in self.runs if run.record.config["split"]["n_train"] is None)
+        return {run.scene: run.record.n_train for run in whole}
+
+
+def _preference(runs: list[Run]) -> tuple[bool, int, int, str]:
+    stop = runs[0].record.choices.stop
+    rank = STOPS.index(stop) if stop in STOPS else len(STOPS)
+    return bool(runs[0].outdated), rank, -len(runs), runs[0].record.environment.code
+
+
+def _overrides(record: Record, curve: Curve) -> dict[str, str]:
+    """What the config of a run has that ``configs/`` has not, by key.
+
+    Of a scene or a model that ``configs/`` does not have, it is what the command line said. What
+    learns in one pass ends by itself, whatever the stopping rule.
+    """
+    known = {
+        ("scene", "split"): configs.of_scene(record.choices.scene),
+        ("model",): configs.of_model(record.choices.model),
+    }
+    if not curve or _iterative(curve):
+        known["stop",] = configs.of_stop(record.choices.stop or "")
+    found: dict[str, str] = {}
+    for keys, reference in known.items():
+        if reference is None:
+            typed = (text.lstrip("+").partition("=") for text in record.overrides)
+            found |= {k: v for k, _, v in typed if k.split(".")[0] in keys and "." in k}
+        else:
+            ours = {key: record.config.get(key) for key in keys}
+            found |= configs.differences(_core(ours), _core(reference))
+    return {key: value for key, value in found.items() if key not in _COORDINATES}
+
+
+def _iterative(curve: Curve) -> bool:
+    return any("loss" in row for row in curve)
+
+
+def _task(measured: Measured) -> dict[str, Any]:
+    task = configs.task(measured.record.name)
+    return {key: task.get(key) for key in measured.record.config}
+
+
+def _core(config: Any) -> Any:
+    """A config without what differs from seed to seed, or from device to device."""
+    if isinstance(config, Mapping):
+        kept = (key for key in config if key not in ("seed", "device"))
+        return {key: _core(config[key]) for key in kept}
+    return [_core(part) for part in config] if isinstance(config, list | tuple) else config
+
+
+def _seeds(config: Any) -> list[Any]:
+    """Every seed in a config, in the order of its sorted keys."""
+    if isinstance(config, Mapping):
+        return [
+            config[key] if key == "seed" else _seeds(config[key])
+            for key in sorted(config)
+            if key == "seed" or isinstance(config[key], Mapping | list | tuple)
+        ]
+    return [_seeds(part) for part in config] if isinstance(config, list | tuple) else []
+
+
+def _labelled(name: str, changed: Mapping[str, str]) -> str:
+    """A name, and in brackets what was changed."""
+    text = ", ".join(f"{key.partition('.')[2]}={value}" for key, value in changed.items())
+    return f"{name} ({text})" if text else name

@@ -1,0 +1,132 @@
+"""For maintainers: own results become the committed reference: ``python -m experiments.reference``.
+
+The finished runs and measurements of the folder of own results replace those of the same studies in
+``results/reference``, its tables and figures are made again, and the marked tables of README.md are
+filled from them. At the end every committed record has to be of today's code, or the file that has
+changed stands in ``results/reference/stands.yaml`` with the reason why the record may stand.
+``--check`` does the last alone and writes nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from omegaconf import OmegaConf
+from rich.console import Console
+
+from experiments import report, reproduce
+from experiments.records import archive
+from experiments.records.files import REFERENCE, ROOT, results_dir, write_atomically
+from experiments.records.results import Results
+
+STANDS = REFERENCE / "stands.yaml"
+README = ROOT / "README.md"
+_BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Carry it out; 1 if a record is of other code and no reason is given."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.reference", description=__doc__)
+    parser.add_argument("--check", action="store_true", help="only check the committed records")
+    parser.add_argument("--tables", action="store_true", help="only tables, figures and README")
+    chosen = parser.parse_args(arguments)
+    console = Console(highlight=False)
+    if not chosen.check:
+        if not chosen.tables:
+            adopt(results_dir(), REFERENCE)
+        report.main(["--reference"])
+        text = README.read_text(encoding="utf-8")
+        write_atomically(README, fill(text, blocks()))
+        console.print(f"tables of {os.path.relpath(README)}")
+    wrong = outdated(Results(REFERENCE))
+    for file, names in sorted(wrong.items()):
+        console.print(
+            f"{file} has changed since {len(names)} records, such as {names[0]}", soft_wrap=True
+        )
+    return 1 if wrong else 0
+
+
+def adopt(own: Path, reference: Path) -> None:
+    """Take over runs and measurements of configs as they are; what else the reference has stays.
+
+    Recordings and whatever was changed of a config are nobody's reference.
+
+    Raises:
+        ValueError: naming a file that is no record.
+    """
+    results = Results(own)
+    ours = (run.record for run in results.runs if not run.overrides)
+    archive.pack(own / "runs", reference, {r.id for r in ours if r.scene.origin != "recorded"})
+    for name in sorted({one.record.name for one in results.measurements}):
+        if (found := results.measured(name)) is not None:
+            target = reference / "measured" / name
+            shutil.rmtree(target, ignore_errors=True)
+            shutil.copytree(found.folder, target, ignore=shutil.ignore_patterns(".*"))
+    if (own / reproduce.FILE).is_file():
+        shutil.copy(own / reproduce.FILE, reference / reproduce.FILE)
+
+
+def outdated(results: Results) -> dict[str, list[str]]:
+    """Files that have changed without a reason to stand → names of the records they made."""
+    reasons: Any = OmegaConf.load(STANDS) if STANDS.is_file() else {}
+    found: dict[str, list[str]] = {}
+    made = [(run.record.id, run.outdated) for run in results.runs]
+    made += [(one.record.name, one.outdated) for one in results.measurements]
+    for name, files in made:
+        for file in files:
+            if file not in reasons:
+                found.setdefault(file, []).append(name)
+    return found
+
+
+def fill(text: str, contents: dict[str, Callable[[], str]]) -> str:
+    """Replace the content of every marked block.
+
+    Raises:
+        ValueError: for a block that has no source.
+    """
+
+    def content(match: re.Match[str]) -> str:
+        begin, name, end = match.groups()
+        if name not in contents:
+            raise ValueError(f"README.md: expected a block among {list(contents)}, found {name!r}")
+        return f"{begin}{contents[name]()}\n{end}"
+
+    return _BLOCK.sub(content, text)
+
+
+def blocks() -> dict[str, Callable[[], str]]:
+    """What each marked block of README.md is made from."""
+    return {"table1": lambda: _table("table1"), "reproduction": _reproduction}
+
+
+def _table(name: str) -> str:
+    path = REFERENCE / "tables" / f"{name}.md"
+    if not path.exists():
+        return f"*missing: {path.parent.name}/{path.name} has not been made*"
+    return path.read_text(encoding="utf-8").strip()
+
+
+def _reproduction() -> str:
+    """What the steps took, added up, and the two that needed most memory."""
+    rows = list(reproduce.read(REFERENCE).values())
+    lines = ["| command | steps | time | most memory |", "|---|---:|---:|---|"]
+    for mode, command in (("full", "make reproduce"), ("quick", "make reproduce QUICK=1")):
+        done = [row for row in rows if row["mode"] == mode and row["status"] == "finished"]
+        if done:
+            most = sorted(done, key=lambda row: -int(row["peak_bytes"]))[:2]
+            memory = ", ".join(f"{int(x['peak_bytes']) / 1e9:.2f} GB ({x['step']})" for x in most)
+            time = reproduce.span(sum(float(row["seconds"]) for row in done))
+            lines.append(f"| `{command}` | {len(done)} | {time} | {memory} |")
+    return "\n".join(lines) if len(lines) > 2 else "*missing: no whole reproduction was timed*"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

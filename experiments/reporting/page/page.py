@@ -1,0 +1,122 @@
+"""The page: the answer of every study in one file that needs no network, report.html.
+
+The template escapes every text that is put into it.
+"""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import jinja2
+
+from experiments.reporting.study import Plot
+from experiments.reporting.table import Table
+
+TEMPLATES = Path(__file__).parent / "templates"
+# A number, its unit of size if it has one, and what stands in brackets behind it.
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?( k?M?B)?( [\[(].*)?", re.IGNORECASE)
+_LONG = 30  # rows of a table that is folded away until asked for
+_MIME = {"svg": "svg+xml", "webp": "webp"}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure as drawn.
+
+    Attributes:
+        plot: what it is.
+        data: the file.
+    """
+
+    plot: Plot
+    data: bytes
+
+    @property
+    def source(self) -> str:
+        """A data URI."""
+        code = base64.b64encode(self.data).decode()
+        return f"data:image/{_MIME[self.plot.kind]};base64,{code}"
+
+
+@dataclass(frozen=True)
+class Block:
+    """What one set of results says to a question.
+
+    Attributes:
+        name: ``mine``, ``reference``, or nothing where there is one set only.
+    """
+
+    name: str = ""
+    tables: Sequence[Table] = ()
+    pictures: Sequence[Picture] = ()
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page, with its anchor."""
+
+    name: str
+    title: str
+    text: str = ""
+    blocks: Sequence[Block] = field(default_factory=list)
+
+
+def render(
+    sections: Sequence[Section],
+    verdicts: Sequence[str],
+    problems: Sequence[str],
+    about: Mapping[str, str],
+) -> str:
+    """The page's HTML.
+
+    Args:
+        sections: in their order.
+        verdicts: one a published number, counted at the top.
+        problems: what was left out, and why.
+        about: name of a set of results → where it comes from.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["tone"] = _tone
+    environment.filters["kinds"] = _kinds
+    return environment.get_template("report.html").render(
+        sections=sections,
+        verdicts=Counter(verdicts).most_common(),
+        problems=problems,
+        about=about,
+        long=_LONG,
+    )
+
+
+def _kinds(table: Table) -> list[str]:
+    """What each column holds: number, code, long text or text."""
+    cells = table.cells()
+    columns = zip(*cells, strict=True) if cells else ([] for _ in table.heads)
+    return [_kind([text for text in column if text not in ("", "–")]) for column in columns]
+
+
+def _kind(texts: Sequence[str]) -> str:
+    if texts and all(map(_NUMBER.fullmatch, texts)):
+        return "number"
+    if any(text.startswith("python ") for text in texts):
+        return "code"
+    return "long" if any(len(text) > 30 for text in texts) else "text"
+
+
+def _tone(verdict: str) -> str:
+    """How a verdict is coloured: good, bad, plain or none."""
+    if "differs" in verdict or verdict == "no":
+        return "bad"
+    if "matches" in verdict or verdict in ("holds", "yes", "setting, same"):
+        return "good"
+    return "plain" if verdict == "fitted" else "none"

@@ -1,0 +1,304 @@
+"""How figures look: one column wide (3.4 in), the same file every time, a head that says what a
+reader has to know.
+
+An accuracy on n test samples cannot tell an error below 1/n from none: errors of zero are drawn in
+a grey strip of their own below 1/n, labelled 0. Intervals are those of the tables.
+"""
+
+from __future__ import annotations
+
+import io
+import textwrap
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.colorbar import Colorbar
+from matplotlib.colors import PowerNorm
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from numpy.typing import NDArray
+
+from experiments.records import configs
+from experiments.reporting.estimates import Estimate
+from experiments.reporting.rows import Row, display_name, origin
+from experiments.reporting.table import printable
+
+WIDTH = 3.4  # in, one column
+STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 7,
+    "axes.titlesize": 7,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 3.5,
+    "legend.fontsize": 6,
+    "legend.frameon": False,
+    "legend.handlelength": 3.0,
+    "svg.hashsalt": "optical-hdc",
+    "pdf.fonttype": 42,
+}
+# Light to dark in any colour vision, and in grey.
+CORRELATION_MAP, CONFUSION_MAP = "cividis", "Blues"
+PAPER: dict[str, Any] = {
+    "ls": "",
+    "marker": "*",
+    "mfc": "white",
+    "mec": "black",
+    "ms": 7,
+    "mew": 0.7,
+}
+PRINTED = 12  # classes up to which every one is named, and its cells have room for numbers
+_LINE = 66  # characters of a head's line
+
+
+def save(figure: Figure, kind: str) -> bytes:
+    """The figure as ``svg``, ``png`` or ``webp``, free of dates and random names; it is closed."""
+    with plt.rc_context(STYLE):
+        stream = io.BytesIO()
+        options: dict[str, Any] = {"metadata": {"Date": None}} if kind == "svg" else {}
+        figure.savefig(stream, format=kind, dpi=300, **options)
+    plt.close(figure)
+    return stream.getvalue()
+
+
+# Models -------------------------------------------------------------------------------------------
+
+
+def style_of(model: str) -> tuple[str, str, str]:
+    """Colour, marker and line of a model, the same in every figure, as its config has them."""
+    shown = configs.display(model.partition(" (")[0])
+    return shown["colour"], shown["marker"], shown["line"]
+
+
+def fill_of(model: str) -> str:
+    """Colour inside markers: none for a dashed line, so that lone markers differ too."""
+    colour, _, line = style_of(model)
+    return "white" if line == "--" else colour
+
+
+def handle(model: str) -> Line2D:
+    """The legend's entry of a model."""
+    colour, marker, line = style_of(model)
+    label = literal(display_name(model))
+    return Line2D([], [], color=colour, marker=marker, ls=line, mfc=fill_of(model), label=label)
+
+
+def star(label: str) -> Line2D:
+    """The legend's entry of the paper's values."""
+    return Line2D([], [], label=label, **PAPER)
+
+
+def measured_models(rows: Sequence[Row], models: Iterable[str]) -> list[str]:
+    """Which of these models have a row with runs."""
+    found = {line["model"] for line in rows if line["seeds"]}
+    return [model for model in dict.fromkeys(models) if model in found]
+
+
+# Heads --------------------------------------------------------------------------------------------
+
+
+def head(figure: Figure, title: str, details: Iterable[str]) -> None:
+    """A title and, below it, what it is of; wrapped to the width of a column."""
+    lines = [line for text in (title, *details) for line in textwrap.wrap(text, _LINE)]
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=7)
+
+
+def literal(text: str) -> str:
+    """A name of the user's, in which matplotlib must not look for mathematics."""
+    return printable(text).replace("$", r"\$")
+
+
+def seeds_of(n: int) -> str:
+    """``5 seeds``."""
+    return f"{n} seed{'s' * (n != 1)}"
+
+
+def title(
+    figure: Figure,
+    axes: Axes,
+    text: str,
+    rows: Sequence[Row],
+    shown: Sequence[str],
+    wanted: Sequence[str],
+    handles: Sequence[Line2D] = (),
+) -> None:
+    """Title with the origin of the frames and what has no record; a legend below the axes."""
+    seeds = sorted({line["seeds"] for line in rows if line["seeds"]})
+    count = f", {seeds[0]}–{seeds[-1]} seeds" if len(seeds) > 1 else ""
+    count = f", {seeds[0]} seed{'s' * (seeds[0] > 1)}" if len(seeds) == 1 else count
+    strip = ", grey: no error" if axes.get_yscale() == "log" else ""
+    lines = textwrap.wrap(text, _LINE)
+    if seeds:
+        lines += [f"{origin(rows)} frames{count}, 95 % intervals{strip}"]
+    # Lines break between names, not within one.
+    missing = [literal(display_name(m)) for m in dict.fromkeys(wanted) if m not in shown]
+    if missing:
+        names = "; ".join(name.replace(" ", "\xa0") for name in missing)
+        lines += textwrap.wrap(f"no records: {names}", 64)
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=7)
+    if handles:
+        figure.legend(handles=handles, loc="outside lower center", ncols=2)
+    figure.set_layout_engine("constrained")
+
+
+def panel(axes: Axes, letter: str, title: str) -> None:
+    """``(a) title`` above the axes, from their left."""
+    axes.set_title(f"({letter}) {title}", loc="left", fontsize=6.5, pad=3)
+
+
+# Axes ---------------------------------------------------------------------------------------------
+
+
+def matrix(
+    axes: Axes,
+    values: NDArray[np.float64],
+    names: Sequence[str],
+    cells: Sequence[Sequence[str]] | None = None,
+    colours: str = CORRELATION_MAP,
+    limits: tuple[float | None, float | None] = (None, None),
+    gamma: float = 1.0,
+    label: str = "",
+) -> Colorbar:
+    """A square matrix in colour, with a bar of it (returned); `cells` are written into it.
+
+    Args:
+        axes: where.
+        values: [L, L]; rows from top to bottom.
+        names: of rows and columns.
+        cells: texts [L][L].
+        colours: a map.
+        limits: ends of the colour scale.
+        gamma: colour goes as value**gamma: below 1 small values are told apart.
+        label: of the bar, with its unit.
+    """
+    axes.spines[:].set(visible=True, color="0.7", linewidth=0.4)
+    norm = PowerNorm(gamma, *limits)
+    image = axes.imshow(values, cmap=colours, norm=norm, interpolation="nearest")
+    step = 1 if len(names) <= PRINTED else 10
+    ticks = range(0, len(names), step)
+    shown = [literal(names[i]) for i in ticks]
+    axes.set_xticks(ticks, shown, fontsize=6)
+    axes.set_yticks(ticks, shown, fontsize=6)
+    axes.tick_params(length=0 if step == 1 else 2, pad=2)
+    for (i, j), text in np.ndenumerate(np.array(cells, object)) if cells else ():
+        light = np.dot(image.to_rgba(values[i, j])[:3], (0.3, 0.6, 0.1)) > 0.5
+        axes.text(
+            j, i, text, ha="center", va="center", fontsize=5.5, color="black" if light else "white"
+        )
+    place, aspect = ("right", 20) if step == 1 else ("bottom", 25)
+    bar = axes.figure.colorbar(  # type: ignore[union-attr]
+        image, ax=axes, location=place, fraction=0.05, pad=0.03, aspect=aspect
+    )
+    bar.outline.set_visible(False)  # type: ignore[operator]
+    bar.ax.tick_params(labelsize=5.5, length=2, pad=1)
+    bar.set_label(label, fontsize=6, labelpad=2)
+    return bar
+
+
+def errors(found: Sequence[Estimate], scale: float = 1.0) -> tuple[NDArray, NDArray]:
+    """Values, and distances of the bounds from them [2, n] for ``errorbar``; zero if unknown."""
+    value, low, high = scale * np.array(found, float).reshape(-1, 3).T
+    return value, np.nan_to_num(np.array([value - low, high - value]))
+
+
+def error_bars(
+    axes: Axes,
+    model: str,
+    x: Iterable[float],
+    lines: Sequence[Row],
+    floor: float,
+    marker: bool = True,
+) -> None:
+    if not lines:
+        return
+    colour, symbol, style = style_of(model)
+    errors = np.array([1 - line["test_accuracy_final"] for line in lines])
+    high = np.array([1 - line["test_ci_low"] for line in lines])
+    low = np.array([1 - line["test_ci_high"] for line in lines])
+    y = np.maximum(errors, floor)
+    axes.errorbar(
+        list(x),
+        y,
+        yerr=[y - np.maximum(low, floor), high - y],
+        color=colour,
+        ls=style,
+        marker=symbol if marker else None,
+        mfc=fill_of(model),
+        elinewidth=0.7,
+        capsize=1.5,
+        lw=0.9,
+        zorder=3,
+    )
+
+
+def error_axis(axes: Axes, rows: Sequence[Row]) -> float:
+    """A logarithmic axis of errors in percent, with a strip for no error at all; where that is."""
+    # Half an error among all the test samples that a row pools.
+    n_test = max((line["n_test"] for line in rows if line["seeds"]), default=100)
+    floor = 0.5 / n_test
+    axes.set_yscale("log")
+    axes.set_ylim(floor * 0.8, 1.1)
+    decades = (0.001, 0.01, 0.1)
+    ticks = [t * k for t in decades for k in (1, 2, 5) if t * k >= 0.99 / n_test]
+    axes.yaxis.set_major_locator(FixedLocator([floor, *ticks, 1.0]))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter(
+        FuncFormatter(lambda y, _: "0" if y < 0.9 / n_test else f"{100 * y:g} %")
+    )
+    axes.axhspan(floor * 0.8, 0.72 / n_test, color="0.92", lw=0, zorder=0)
+    return floor
+
+
+def plain_decades(axes: Axes) -> None:
+    """Decades of the x axis written out where they are short."""
+    axes.xaxis.set_major_formatter(
+        FuncFormatter(lambda x, _: f"{x:,g}" if 1e-3 <= x <= 1e5 else f"{x:.0e}")
+    )
+
+
+def accuracy_curves(
+    axes: Axes, rows: Sequence[Row], models: Sequence[str], key: str, also: Iterable[float] = ()
+) -> None:
+    """Accuracy in percent over a logarithmic axis; models are set apart by a few percent of x.
+
+    The axis spans what the rows ask for, measured or not, and the places in `also`.
+    """
+    axes.set_xscale("log")
+    places = [*also, *(r[key] for r in rows if r[key])]
+    if places:
+        axes.set_xlim(min(places) / 1.35, max(places) * 1.35)
+    lowest = 100 * min((r["test_ci_low"] for r in rows if r["seeds"]), default=1.0)
+    for k, model in enumerate(models):
+        lines = [r for r in rows if r["model"] == model and r["seeds"]]
+        lines.sort(key=lambda r: r[key])
+        if not lines:
+            continue
+        colour, marker, style = style_of(model)
+        x = np.array([r[key] for r in lines]) * 1.02 ** (k - len(models) // 2)
+        y, low, high = (
+            100 * np.array([r[name] for r in lines])
+            for name in ("test_accuracy_final", "test_ci_low", "test_ci_high")
+        )
+        axes.errorbar(
+            x,
+            y,
+            yerr=[y - low, high - y],
+            color=colour,
+            marker=marker,
+            mfc=fill_of(model),
+            ls=style,
+            elinewidth=0.6,
+            capsize=1.2,
+            lw=0.9,
+        )
+    axes.set_ylim(min(15, lowest - 2), 102)
+    axes.set_ylabel("test accuracy (%)")

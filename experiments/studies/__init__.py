@@ -1,0 +1,1 @@
+"""One folder a question: measure makes rows, view shows them."""

@@ -1,0 +1,137 @@
+"""Our routes beside the peers', on the same bytes in one run: times and memory.
+
+Every operation is measured at small sizes first, which foretell what the large ones need
+(:mod:`experiments.studies.benchmark.bench`); a line a size tells on the terminal what was found.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import torch
+from rich.console import Console
+
+from experiments.records.measurement import Row, measure
+from experiments.studies.benchmark.bench import Bench
+from experiments.studies.benchmark.cases import Case
+from experiments.studies.benchmark.names import OURS
+from experiments.studies.benchmark.routes import ROUTES
+from hdc import bits
+
+
+def run(
+    n: Sequence[int],
+    d: Sequence[int],
+    l: Sequence[int],  # noqa: E741
+    frames: Sequence[str],
+    queries: int,
+    limit_s: float,
+    limit_bytes: float,
+    budget_s: float,
+    seed: int,
+    device: str = "cpu",
+    force: bool = False,
+) -> Path:
+    """Measure all routes at all sizes, and write ``measured/benchmark/``.
+
+    Args:
+        n, d, l: numbers of frames, pixels, classes.
+        frames: kinds of frames (:data:`experiments.studies.benchmark.cases.FRAMES`) that are
+            encoded, at the middle one of `n`, besides speckle.
+        queries: number of queries of the Hamming distances.
+        limit_s, limit_bytes: a call that is expected to need more, with its frames, is skipped.
+        budget_s: about how long a route is timed (three times at least; once if it takes seconds).
+        seed: seed of the frames.
+        device: where torch routes run; of an accelerator, it is ``measured/benchmark_gpu/``.
+        force: measure again.
+
+    Returns:
+        Path: the folder. The columns of its rows: ``operation``, ``frames`` (kind), ``route`` and
+        the ``package`` behind it; ``n`` frames (``hamming`` and ``predict``: queries), ``d``,
+        ``l``; ``median_s`` and ``min_s`` of so many ``samples``; ``ratio_to_ours`` of times
+        (``store``: of bytes); ``peak_bytes`` that one call takes beyond its inputs (``store``:
+        those of the hypervectors); ``equal_result``; ``status``.
+
+    Raises:
+        RuntimeError: at the end, if a route gave another result or failed.
+    """
+    console = Console(highlight=False)
+    bench = Bench(limit_s, limit_bytes, budget_s)
+    config = {
+        "_target_": f"{__name__}.run",
+        "n": n,
+        "d": d,
+        "l": l,
+        "frames": frames,
+        "queries": queries,
+        "limit_s": limit_s,
+        "limit_bytes": limit_bytes,
+        "budget_s": budget_s,
+        "seed": seed,
+    }
+
+    def compute() -> Iterator[Row]:
+        for operation, size, kind in sizes(sorted(n), sorted(d), sorted(l), frames, queries):
+            chosen = [route for route in ROUTES if route.operation == operation]
+            rows = bench.measure(chosen, Case(*size, device=device, seed=seed, kind=kind))
+            yield from rows
+            console.print(_line(rows), soft_wrap=True)
+        for dimension in d:
+            yield from storage(dimension)
+        bench.check()
+
+    name = "benchmark" if device == "cpu" else "benchmark_gpu"
+    return measure(name, config, compute, device=device, force=force, console=console)
+
+
+def sizes(
+    n: Sequence[int],
+    d: Sequence[int],
+    l: Sequence[int],  # noqa: E741
+    frames: Sequence[str],
+    queries: int,
+) -> Iterator[tuple[str, tuple[int, int, int], str]]:
+    """Operations, their N, D and L, and the kind of frames; small ones first: they predict what
+    the large ones need."""
+    for dimension in d:
+        for count in n:
+            yield "encode", (count, dimension, l[0]), "speckle"
+        for kind in frames:
+            yield "encode", (n[len(n) // 2], dimension, l[0]), kind
+        for operation in ("bundle", "train"):
+            for classes in l:
+                for count in n:
+                    yield operation, (count, dimension, classes), "speckle"
+        for operation, count in (("hamming", queries), ("predict", 1)):
+            for classes in l:
+                yield operation, (count, dimension, classes), "speckle"
+
+
+def storage(dimension: int) -> list[Row]:
+    """Bytes of one hypervector, packed and as torchhd keeps it."""
+    size: Row = {"operation": "store", "n": 1, "d": dimension}
+    packed = bits.pack(torch.zeros(1, dimension, dtype=torch.bool)).nbytes
+    ours = {**size, "route": OURS, "ratio_to_ours": 1.0, "peak_bytes": packed, "status": "ok"}
+    peer = {**size, "route": "torchhd.BSCTensor", "status": "not installed"}
+    if importlib.util.find_spec("torchhd") is not None:
+        import torchhd
+
+        each = torchhd.random(1, dimension, "BSC").nbytes
+        peer |= {"ratio_to_ours": each / packed, "peak_bytes": each, "status": "ok"}
+    return [ours, peer]
+
+
+def _line(rows: Sequence[Row]) -> str:
+    """What was found at one size, for the terminal."""
+    first = rows[0]
+    kind = "" if first["frames"] == "speckle" else f" of {first['frames']}"
+    size = f"N={first['n']} D={first['d']} L={first['l']}"
+    cells = []
+    for row in rows:
+        ratio = "" if row["ratio_to_ours"] is None else f" ({row['ratio_to_ours']:.3g} ×)"
+        missing = row["median_s"] is None
+        found = row["status"] if missing else f"{1e3 * row['median_s']:.3g} ms{ratio}"
+        cells.append(f"{row['route']} {found}")
+    return f"{first['operation']}{kind} {size}: {'; '.join(cells)}"

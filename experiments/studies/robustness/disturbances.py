@@ -1,0 +1,129 @@
+"""What may go wrong after training: with the frames a model sees, and with its stored bits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+import torch
+from torch import Tensor
+
+_BLOCK = 2**18  # bytes of a tensor whose flips are drawn at a time
+
+
+def power(frames: np.ndarray, level: float, random: np.random.Generator) -> np.ndarray:
+    """Laser power that differs from frame to frame: factors uniform in 1 ± level, clipped.
+
+    Args:
+        frames: unsigned integers [N, H, W].
+        level: in [0, 1].
+        random: generator of the factors.
+    """
+    _check("power", level)
+    brightest = np.iinfo(frames.dtype).max
+    result = np.empty_like(frames)
+    for frame, out in zip(frames, result, strict=True):
+        factor = random.uniform(1 - level, 1 + level)
+        out[:] = np.minimum(np.rint(frame * factor), brightest)
+    return result
+
+
+def dead_pixels(frames: np.ndarray, level: float, random: np.random.Generator) -> np.ndarray:
+    """A fraction `level` of the pixels, the same ones in all frames [N, H, W], reads zero."""
+    _check("dead_pixels", level)
+    result = frames.copy()
+    flat = result.reshape(len(frames), -1)
+    dead = random.choice(flat.shape[1], round(level * flat.shape[1]), replace=False, shuffle=False)
+    flat[:, dead] = 0
+    return result
+
+
+def shift(frames: np.ndarray, level: int, random: np.random.Generator) -> np.ndarray:
+    """The camera moved by `level` columns; what comes into sight repeats the column at the edge."""
+    width = frames.shape[2]
+    if level != int(level) or not 0 <= level < width:
+        raise ValueError(f"shift: expected whole pixels in [0, {width}), found {level}")
+    columns = np.maximum(np.arange(width) - int(level), 0)
+    return frames[:, :, columns]
+
+
+OF_FRAMES: dict[str, Callable[[np.ndarray, float, np.random.Generator], np.ndarray]] = {
+    "power": power,
+    "dead_pixels": dead_pixels,
+    "shift": shift,  # type: ignore[dict-item]
+}
+
+
+@contextmanager
+def flipped_bits(tensors: Iterable[Tensor], rate: float, seed: Sequence[int]) -> Iterator[None]:
+    """Every stored bit of these tensors flipped with probability `rate`, and back at the end.
+
+    Args:
+        tensors: contiguous, on the CPU, of any type; changed in place.
+        rate: bit error rate in [0, 1].
+        seed: seed of the choice of bits; the same one flips the same bits, which undoes it.
+    """
+    _check("bit_flips", rate)
+    memory = [tensor.detach().view(-1).view(torch.uint8).numpy() for tensor in tensors]
+    _flip(memory, rate, seed)
+    try:
+        yield
+    finally:
+        _flip(memory, rate, seed)
+
+
+@contextmanager
+def flipped_bits_of_int8(
+    tensors: Iterable[Tensor], rate: float, seed: Sequence[int]
+) -> Iterator[None]:
+    """:func:`flipped_bits` of a model whose floating-point tensors are stored in 8 bits a number.
+
+    x = q·s with q in −127…127 and a step s = max|x| / 127 for each tensor, which no flip reaches.
+    A flipped bit of q is then worth 128 steps at most, where one of an exponent may be worth 2^128.
+    """
+    tensors = [tensor.detach() for tensor in tensors]
+    steps = [t.abs().max() / 127 if t.is_floating_point() else None for t in tensors]
+    stored = [
+        t if s is None else torch.round(t / s.clamp(min=1e-30)).to(torch.int8)
+        for t, s in zip(tensors, steps, strict=True)
+    ]
+    exact = [t.clone() for t in tensors]
+    with flipped_bits(stored, rate, seed):
+        try:
+            for tensor, step, q in zip(tensors, steps, stored, strict=True):
+                if step is not None:
+                    tensor.copy_(q * step)
+            yield
+        finally:
+            for tensor, step, values in zip(tensors, steps, exact, strict=True):
+                if step is not None:
+                    tensor.copy_(values)
+
+
+def _flip(memory: Sequence[np.ndarray], rate: float, seed: Sequence[int]) -> None:
+    random = np.random.default_rng(list(seed))
+    for stored in memory:
+        for start in range(0, len(stored), _BLOCK):
+            block = stored[start : start + _BLOCK]
+            block ^= np.packbits(_chosen(8 * len(block), rate, random))
+
+
+def _chosen(n: int, rate: float, random: np.random.Generator) -> np.ndarray:
+    """n independent choices of probability `rate`, bool [n]."""
+    if rate > 0.01:
+        # Multiples of 2^-24: the rate is met to a millionth of itself.
+        return random.random(n, np.float32) < rate
+    chosen = np.zeros(n, np.bool_)
+    last = -1
+    while rate > 0 and last < n:  # at the cost of those chosen alone: the gaps are geometric
+        gaps = random.geometric(rate, int(n * rate) + 16)
+        places = last + np.minimum(gaps, n + 1).cumsum()
+        chosen[places[places < n]] = True
+        last = int(places[-1])
+    return chosen
+
+
+def _check(name: str, level: float) -> None:
+    if not 0 <= level <= 1:
+        raise ValueError(f"{name}: expected a level in [0, 1], found {level}")

@@ -1,0 +1,77 @@
+"""The command ``hdc``: train, evaluate, ask and adapt a model without writing Python.
+
+    hdc train touches/ -o touch.safetensors --crop 70 0 500 500 --test-fraction 0.2
+    hdc predict touch.safetensors frame1.png frame2.png --reject
+    hdc evaluate touch.safetensors tomorrow/
+    hdc recalibrate touch.safetensors tomorrow/ -o tomorrow.safetensors --method merge
+    hdc info touch.safetensors
+
+:mod:`hdc.readers` describes what ``touches/`` may be: a folder of images, an .npz, or a video with
+a table of intervals. Crop and subsampling are kept in the model's file, and what is read for that
+model later is cropped and subsampled alike. Nothing is written but the file named by ``-o``.
+
+It exits with 0; with 1 after an error in what was read, which is one line and names the file, what
+was expected and what was found; or with 2 if the command line is not as ``--help`` says.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+_NEEDED = ("click", "cv2", "PIL", "rich")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Carry out a command line and exit.
+
+    Args:
+        arguments: words after the command's name; default: those of this process.
+    """
+    with warnings.catch_warnings():
+        warnings.showwarning = _warn
+        sys.exit(_status(arguments))
+
+
+def _status(arguments: Sequence[str] | None) -> int:
+    try:
+        import click
+
+        from hdc.command.cli import cli
+
+        try:
+            return cli.main(arguments, prog_name="hdc", standalone_mode=False) or 0
+        except click.exceptions.NoArgsIsHelpError as error:
+            error.show()
+            return error.exit_code
+        except click.Abort:
+            return _say("interrupted", 128 + signal.SIGINT)
+        except click.ClickException as error:
+            return _say(f"error: {error.format_message()}", error.exit_code)
+    except ModuleNotFoundError as error:
+        if error.name not in _NEEDED:
+            raise
+        return _say(
+            f"error: expected the package {error.name}, found none; pip install 'hdc[command]'", 1
+        )
+    except BrokenPipeError:  # whoever read the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except (ValueError, OSError) as error:
+        return _say(f"error: {error}", 1)
+
+
+def _say(text: str, status: int) -> int:
+    """Writes one line, whatever control characters a file's name or content brought into it."""
+    line = " ".join(text.split("\n"))
+    plain = (c if c.isprintable() else ascii(c)[1:-1] for c in line)
+    print("".join(plain), file=sys.stderr)
+    return status
+
+
+def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
+    _say(f"warning: {message}", 0)

@@ -1,0 +1,60 @@
+"""The files of configs/model: each makes a model, and says how it is shown."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hydra import compose, initialize_config_dir
+from hydra.utils import instantiate
+from matplotlib.lines import Line2D
+from omegaconf import DictConfig, OmegaConf
+
+from baselines.base import Classifier
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+NAMES = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
+# Okabe and Ito's colours, told apart by people with any kind of colour vision.
+COLOURS = {"#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7"}
+FAMILIES = {"hdc", "published", "fast", "competitor"}
+
+
+def composed(*overrides: str) -> DictConfig:
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        return compose("config", overrides=list(overrides))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_makes_a_model_and_says_how_it_is_shown(name):
+    cfg = composed(f"model={name}", "seed.init=5")
+    display = cfg.display
+    assert set(display) == {"name", "colour", "marker", "line", "family"}
+    assert display.colour in COLOURS
+    assert display.family in FAMILIES
+    Line2D([], [], marker=display.marker, linestyle=display.line)  # raises for unknown ones
+    model = instantiate(cfg.model, _convert_="all")
+    assert model.device == "cpu"
+    assert model.get_params().get("seed", 5) == 5
+    assert isinstance(model, Classifier) == cfg.model._target_.startswith("baselines.")
+
+
+def test_no_two_models_look_or_are_called_alike():
+    shown = [OmegaConf.load(CONFIGS / "model" / f"{name}.yaml").display for name in NAMES]
+    assert len({display.name for display in shown}) == len(NAMES)
+    assert len({(display.colour, display.marker, display.line) for display in shown}) == len(NAMES)
+
+
+def test_keys_of_a_model_are_set_by_words_and_one_model_leaves_none_to_another():
+    cfg = composed("model=softmax", "model.init=normal", "model.init_std=0.02")
+    assert instantiate(cfg.model, _convert_="all").init_std == 0.02
+    assert cfg.display.name == "Softmax"
+    keys = {"_target_", "ties", "prototype", "seed", "device", "backend"}
+    assert set(composed("model=hdc").model) == keys
+
+
+@pytest.mark.parametrize("name", ["softmax", "cnn1"])
+def test_the_published_recipe_is_what_the_class_does_by_itself(name):
+    """So that a record from before a field was named is a record of the same recipe."""
+    model = instantiate(composed(f"model={name}").model, _convert_="all")
+    for field in ("pixels", "optimizer", "lr", "batch_size", "init", "init_std"):
+        assert getattr(model, field) == getattr(type(model)(), field)

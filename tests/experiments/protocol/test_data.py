@@ -1,0 +1,309 @@
+"""Frames reach a model unchanged, whether they lie in memory, on disk, or are made when asked."""
+
+import multiprocessing
+import time
+
+import numpy as np
+import pytest
+import torch
+
+from experiments.protocol import data
+from experiments.protocol.clock import Clock
+from hdc import HDCClassifier
+from scenes.frames import Frames
+
+
+def make_scene(n=60, classes=3, shape=(5, 7), dtype=np.uint8, origin="simulated", sessions=1):
+    rng = np.random.default_rng(0)
+    labels = np.tile(np.arange(classes), n // classes)
+    base = rng.integers(0, np.iinfo(dtype).max // 2, (classes, *shape))
+    noise = rng.integers(0, np.iinfo(dtype).max // 2, (n, *shape))
+    return Frames(
+        torch.from_numpy((base[labels] + noise).astype(dtype)),
+        labels,
+        tuple("abc"[:classes]),
+        {"session": np.repeat(np.arange(sessions), n // sessions)},
+        origin=origin,
+    )
+
+
+def no_progress(done, total):
+    pass
+
+
+# Lazy frames ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "index",
+    [
+        slice(None),
+        slice(2, 9),
+        slice(8, 200),
+        slice(3, 3),
+        [4, 0, 4],
+        np.array([1, 2]),
+        torch.tensor([5, 3]),
+        -1,
+        7,
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_lazy_frames_index_as_a_tensor_does(index, dtype):
+    scene = make_scene(dtype=dtype)
+    chosen = np.random.default_rng(1).permutation(60)[:12]
+    lazy = data.LazyFrames(scene, chosen, Clock())
+    whole = scene.frames(chosen)
+    assert lazy.shape == tuple(whole.shape)
+    assert len(lazy) == 12
+    expected = whole.numpy()[index.numpy() if isinstance(index, torch.Tensor) else index]
+    assert lazy[index].dtype == whole.dtype
+    np.testing.assert_array_equal(lazy[index].numpy(), expected)
+
+
+def test_take_reads_lazily_above_the_limit_and_gives_the_same(monkeypatch):
+    scene = make_scene(dtype=np.uint16)
+    indices = np.arange(40)[::-1].copy()
+    in_memory = data.take(scene, indices, Clock())
+    assert isinstance(in_memory, torch.Tensor)
+    monkeypatch.setattr(data, "IN_MEMORY_BYTES", in_memory.nbytes)
+    assert isinstance(data.take(scene, indices, Clock()), torch.Tensor)
+    monkeypatch.setattr(data, "IN_MEMORY_BYTES", in_memory.nbytes - 1)
+    lazy = data.take(scene, indices, Clock())
+    assert isinstance(lazy, data.LazyFrames)
+    assert torch.equal(lazy[:], in_memory)
+    labels = scene.labels[indices]
+    assert data.digest(lazy, labels) == data.digest(in_memory, labels)
+
+
+def test_a_model_learns_the_same_from_lazy_frames():
+    scene = make_scene()
+    train, test = np.arange(45), np.arange(45, 60)
+    models, predictions = [], []
+    for frames in (scene.frames(train), data.LazyFrames(scene, train, Clock())):
+        model = HDCClassifier()
+        for _ in model.train(frames, scene.labels[train]):
+            pass
+        models.append(model.prototypes_)
+        predictions.append(model.predict(scene.frames(test)))
+    assert torch.equal(*models)
+    np.testing.assert_array_equal(*predictions)
+
+
+def test_the_digest_sees_every_pixel_label_and_place():
+    frames, labels = torch.zeros(3, 2, 2, dtype=torch.uint8), np.array([0, 1, 1])
+    frames[0] = 7
+    seen = {data.digest(frames, labels), data.digest(frames, np.array([0, 1, 0]))}
+    for k in range(3):
+        changed = frames.clone()
+        changed[k, 1, 0] += 1
+        seen.add(data.digest(changed, labels))
+    seen.add(data.digest(frames.flip(0), labels))
+    assert len(seen) == 6
+
+
+# The cache -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_cached_frames_are_the_scenes(tmp_path, dtype):
+    scene = make_scene(dtype=dtype)
+    seen = []
+    cached = data.cached(scene, tmp_path, lambda done, total: seen.append((done, total)))
+    assert seen == [(16, 60), (32, 60), (48, 60), (60, 60)]
+    indices = [59, 0, 17]
+    assert cached.frames(indices).dtype == scene.images.dtype
+    assert torch.equal(cached.frames(indices), scene.frames(indices))
+    assert cached.fingerprint() == scene.fingerprint()
+    assert (cached.classes, cached.shape, cached.origin) == (scene.classes, (5, 7), "simulated")
+    assert len(cached) == 60
+    assert {f.suffix for f in tmp_path.iterdir()} == {".npy", ".lock"}
+
+
+def test_frames_are_made_once(tmp_path, monkeypatch):
+    scene = make_scene()
+    data.cached(scene, tmp_path, no_progress)
+    monkeypatch.setattr(Frames, "frames", lambda *_: pytest.fail("made again"))
+    again = data.cached(scene, tmp_path, no_progress)
+    assert torch.equal(again.frames([3]), scene.images[[3]])
+
+
+def test_writing_to_frames_does_not_reach_the_file(tmp_path):
+    scene = make_scene()
+    cached = data.cached(scene, tmp_path, no_progress)
+    cached.frames(np.arange(4)).zero_()
+    assert torch.equal(cached.frames(np.arange(4)), scene.images[:4])
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, SystemExit])
+def test_frames_that_break_off_leave_no_file(tmp_path, error):
+    def stop_half_way(done, total):
+        if done > 30:
+            raise error
+
+    with pytest.raises(error):
+        data.cached(make_scene(), tmp_path, stop_half_way)
+    (lock,) = tmp_path.iterdir()
+    # What a kill left is overwritten.
+    lock.with_suffix(".partial").write_bytes(b"half")
+    scene = make_scene()
+    assert torch.equal(data.cached(scene, tmp_path, no_progress).frames([59]), scene.images[[59]])
+    assert {f.suffix for f in tmp_path.iterdir()} == {".npy", ".lock"}
+
+
+def make_slowly(folder, made):
+    def progress(done, total):
+        if done == total:
+            with made.get_lock():
+                made.value += 1
+        time.sleep(0.02)
+
+    data.cached(make_scene(), folder, progress)
+
+
+def test_frames_wanted_by_several_processes_are_made_by_one(tmp_path):
+    fork = multiprocessing.get_context("fork")
+    made = fork.Value("i", 0)
+    processes = [fork.Process(target=make_slowly, args=(tmp_path, made)) for _ in range(3)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join(30)
+    assert ([process.exitcode for process in processes], made.value) == ([0, 0, 0], 1)
+
+
+def test_a_cache_that_cannot_be_written_is_named(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(27, "File too large")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match=rf"File too large: '{tmp_path}/\w+\.npy'"):
+        data.cached(make_scene(), tmp_path, no_progress)
+
+
+def test_cached_frames_are_indexed_as_an_array_is(tmp_path):
+    scene = make_scene()
+    cached = data.cached(scene, tmp_path, no_progress)
+    assert torch.equal(cached.frames(np.array([-1, -60])), scene.images[[59, 0]])
+    with pytest.raises(IndexError, match="60"):
+        cached.frames([60])
+
+
+def test_a_cache_file_cut_off_while_in_use_is_named(tmp_path):
+    cached = data.cached(make_scene(), tmp_path, no_progress)
+    (path,) = tmp_path.glob("*.npy")
+    path.write_bytes(path.read_bytes()[:500])
+    with pytest.raises(ValueError, match=f"{path.name}: expected 60 frames"):
+        cached.frames([59])
+
+
+def test_recorded_frames_are_not_copied(tmp_path):
+    scene = make_scene(origin="recorded")
+    assert data.cached(scene, tmp_path / "cache", no_progress) is scene
+    assert not (tmp_path / "cache").exists()
+
+
+@pytest.mark.parametrize("damage", ["truncated", "empty", "other", "pickle"])
+def test_a_damaged_cache_file_is_named(tmp_path, damage):
+    scene = make_scene()
+    data.cached(scene, tmp_path, no_progress)
+    (path,) = tmp_path.glob("*.npy")
+    if damage == "other":
+        np.save(path, np.zeros((60, 5, 8), np.uint8))
+    elif damage == "pickle":
+        np.save(path, np.array([{}], dtype=object), allow_pickle=True)
+    else:
+        path.write_bytes(path.read_bytes()[: 500 if damage == "truncated" else 0])
+    with pytest.raises(ValueError, match="expected 60 frames") as caught:
+        data.cached(scene, tmp_path, no_progress)
+    assert str(path) in str(caught.value)
+
+
+# Which pixels and which samples --------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_fewer_pixels_are_some_of_more(dtype):
+    scene = make_scene(dtype=dtype)
+    few, more = data.PixelSubset(scene, 6, 1), data.PixelSubset(scene, 20, 1)
+    assert few.shape == (1, 6)
+    assert few.frames([0, 5]).shape == (2, 1, 6)
+    assert set(few._chosen) < set(more._chosen)
+    every = data.PixelSubset(scene, 35, 1)
+    assert torch.equal(every.frames([2])[0, 0], scene.frames([2]).flatten())
+    names = {s.fingerprint() for s in (scene, few, more, every, data.PixelSubset(scene, 6, 2))}
+    assert len(names) == 5
+
+
+@pytest.mark.parametrize("pixels", [1, 36, 2.5, True, "all"])
+def test_a_number_of_pixels_out_of_range_is_named(pixels):
+    with pytest.raises(ValueError, match=r"^data\.pixels: expected an integer in \[2, 35\], found"):
+        data.PixelSubset(make_scene(), pixels, 0)
+
+
+def split(kind="random", n_train=None, test_fraction=0.2):
+    return {"kind": kind, "test_fraction": test_fraction, "n_train": n_train}
+
+
+@pytest.mark.parametrize("kind", ["random", "ordered"])
+def test_training_and_test_samples_share_none_and_leave_none(kind):
+    scene = make_scene()
+    train, test = data.choose(scene, split(kind), 0)
+    assert sorted([*train, *test]) == list(range(60))
+    assert np.bincount(scene.labels[test]).tolist() == [4, 4, 4]
+
+
+def test_an_ordered_split_tests_on_what_came_last():
+    train, test = data.choose(make_scene(), split("ordered"), 0)
+    assert train.max() < test.min()
+
+
+def test_the_seed_decides_a_random_split():
+    scene = make_scene()
+    a, b, c = (data.choose(scene, split(), seed) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(a[1], b[1])
+    assert (a[1] != c[1]).any()
+
+
+def test_two_sessions():
+    scene = make_scene(sessions=2)
+    for kind in ("random", "ordered"):
+        train, test = data.choose(scene, split(kind), 0)
+        assert max(train.max(), test.max()) < 30  # within the first
+    train, test = data.choose(scene, split("session"), 0)
+    assert train.max() < 30
+    assert test.tolist() == list(range(30, 60))
+    # The same training samples as without the second session: the two accuracies compare.
+    np.testing.assert_array_equal(train, data.choose(scene, split("random"), 0)[0])
+
+
+def test_learning_curve_subsets_are_nested_and_balanced():
+    scene = make_scene()
+    whole, test = data.choose(scene, split(), 0)
+    larger = whole
+    for n in (48, 24, 9, 3):
+        train, same_test = data.choose(scene, split(n_train=n), 0)
+        assert len(train) == n
+        assert set(train) <= set(larger)
+        assert np.ptp(np.bincount(scene.labels[train], minlength=3)) <= 1
+        np.testing.assert_array_equal(same_test, test)
+        larger = train
+
+
+@pytest.mark.parametrize(
+    ("cfg", "message"),
+    [
+        (
+            split("sorted"),
+            r"split\.kind: expected one of random, ordered, grouped, session, found 'sorted'",
+        ),
+        (split("session"), r"split\.test: expected a session other than 0"),
+        (split(test_fraction=1.5), r"split\.test_fraction: expected"),
+        (split(n_train=2), r"split\.n_train: expected integers from 3 .* found 2"),
+        (split(n_train=49), r"split\.n_train: expected .* 48 .* found 49"),
+    ],
+)
+def test_a_split_that_does_not_fit_names_its_key(cfg, message):
+    with pytest.raises(ValueError, match=message):
+        data.choose(make_scene(), cfg, 0)

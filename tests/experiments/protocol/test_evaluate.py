@@ -1,0 +1,63 @@
+"""Accuracy, interval, test and confusion against closed forms and independent libraries."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binomtest
+from sklearn.metrics import confusion_matrix
+
+from experiments.protocol import evaluate
+
+counts = st.integers(1, 5000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
+
+
+@given(counts)
+def test_wilson_bounds_are_where_the_score_statistic_is_critical(drawn):
+    n_right, n = drawn
+    low, high = evaluate.wilson(n_right, n)
+    assert 0 <= low <= n_right / n <= high <= 1
+    for bound in (low, high):
+        if 0 < bound < 1:  # |p̂ − p| = z·√(p(1 − p)/n) defines the interval
+            z = abs(n_right / n - bound) / math.sqrt(bound * (1 - bound) / n)
+            assert z == pytest.approx(1.959963984540054, rel=1e-6)
+
+
+@given(counts)
+def test_wilson_agrees_with_scipy(drawn):
+    expected = binomtest(*drawn).proportion_ci(0.95, method="wilson")
+    assert evaluate.wilson(*drawn) == pytest.approx((expected.low, expected.high), abs=1e-12)
+
+
+def test_ninety_and_ninety_three_of_a_hundred_are_the_same_number():
+    assert evaluate.wilson(90, 100)[1] > 0.93
+    assert evaluate.wilson(93, 100)[0] < 0.90
+
+
+@given(st.integers(0, 60), st.integers(0, 60), st.integers(0, 20), st.integers(0, 20))
+def test_mcnemar_is_the_exact_binomial_test_of_the_discordant_pairs(only_a, only_b, both, none):
+    a = np.repeat([True, False, True, False], [only_a, only_b, both, none])
+    b = np.repeat([False, True, True, False], [only_a, only_b, both, none])
+    n = only_a + only_b
+    expected = binomtest(only_a, n).pvalue if n else 1.0
+    assert evaluate.mcnemar(a, b) == pytest.approx(expected, rel=1e-9)
+    assert evaluate.mcnemar(b, a) == evaluate.mcnemar(a, b)
+
+
+def test_mcnemar_by_hand():
+    # Six samples that only one model has right: two-sided p = 2·2⁻⁶.
+    a, b = np.ones(6, bool), np.zeros(6, bool)
+    assert evaluate.mcnemar(a, b) == 2 / 2**6
+    assert (
+        evaluate.mcnemar(a.astype(int), b.astype(int)) == 2 / 2**6
+    )  # 0 and 1 as records have them
+
+
+def test_confusion_agrees_with_scikit_learn():
+    rng = np.random.default_rng(0)
+    labels, predicted = rng.integers(0, 4, 300), rng.integers(0, 5, 300)  # nothing is of class 4
+    ours = evaluate.confusion(predicted, labels, 5)
+    np.testing.assert_array_equal(ours, confusion_matrix(labels, predicted, labels=range(5)))
+    assert evaluate.accuracy(predicted, labels) == np.trace(ours) / 300

@@ -1,0 +1,128 @@
+"""Cores are shared out and never shared; each worker has its share of the threads."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+
+import pytest
+
+from experiments.protocol import machine
+
+
+@pytest.fixture
+def four_cores(monkeypatch):
+    monkeypatch.setattr(machine, "available", lambda: [0, 1, 2, 3])
+
+
+def use(n, log, ends, device="cpu"):
+    """A run on n cores in a thread; ends when told."""
+
+    def run():
+        with machine.held(n, device, lambda: log.append(f"{n} waits")):
+            log.append(f"{n} runs")
+            ends.wait(20)
+            log.append(f"{n} ends")
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    return thread
+
+
+def until(condition):
+    limit = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < limit
+        time.sleep(0.005)
+
+
+def test_runs_that_fit_run_side_by_side_and_others_wait(four_cores):
+    log, first, last = [], threading.Event(), threading.Event()
+    threads = [use(2, log, first), use(1, log, first)]
+    until(lambda: len(log) == 2)
+    threads.append(use(3, log, last))  # one core is free
+    until(lambda: "3 waits" in log)
+    threads.append(use(1, log, first))
+    until(lambda: log.count("1 runs") == 2)
+    assert "3 runs" not in log
+    first.set()
+    until(lambda: "3 runs" in log)
+    assert log.index("3 runs") > log.index("2 ends")
+    last.set()
+    for thread in threads:
+        thread.join(20)
+    assert log.count("3 waits") == 1
+
+
+def test_more_threads_than_cores_are_all_cores(four_cores):
+    log, end = [], threading.Event()
+    thread = use(9, log, end)
+    until(lambda: log == ["9 runs"])
+    other = use(1, log, end)
+    until(lambda: "1 waits" in log)
+    end.set()
+    thread.join(20)
+    other.join(20)
+    assert log == ["9 runs", "1 waits", "9 ends", "1 runs", "1 ends"]
+
+
+def test_a_gpu_has_one_run_at_a_time(four_cores, monkeypatch):
+    monkeypatch.setattr(machine, "_gpu", lambda device: f"gpu-{device}")
+    log, end = [], threading.Event()
+    threads = [use(1, log, end, "cuda:0")]
+    until(lambda: log == ["1 runs"])
+    threads.append(use(2, log, end, "cuda:0"))
+    until(lambda: "2 waits" in log)
+    threads.append(use(2, log, end, "cuda:1"))
+    until(lambda: "2 runs" in log)
+    end.set()
+    for thread in threads:
+        thread.join(20)
+
+
+@pytest.mark.parametrize(
+    ("launcher", "ranks", "threads"),
+    [
+        ({"_target_": "basic"}, 1, 8),
+        ({"n_jobs": -1}, 1, 1),
+        ({"n_jobs": 4}, 1, 2),
+        ({"n_jobs": 100}, 1, 1),
+        ({"cpus_per_task": 3}, 1, 3),
+        ({"cpus_per_task": 99}, 1, 8),
+        ({"cpus_per_task": None}, 1, 8),
+        ({}, 3, 2),
+    ],
+)
+def test_a_worker_has_its_share_of_the_cores(monkeypatch, launcher, ranks, threads):
+    monkeypatch.setattr(machine, "available", lambda: list(range(8)))
+    assert machine.threads(None, launcher, ranks) == threads
+    assert machine.threads(5, launcher, ranks) == 5
+
+
+@pytest.mark.parametrize("wanted", [0, -1, 5, 100_000, 10**20, True, 1.5, "two"])
+def test_a_wrong_number_of_threads_is_named(four_cores, wanted):
+    """100,000 threads ended in a segmentation fault, and took all that the machine has."""
+    with pytest.raises(ValueError, match=r"^threads: expected an integer from 1 to .* 4 cores, or"):
+        machine.threads(wanted, {}, 1)
+
+
+def test_the_cores_are_those_this_process_may_use():
+    assert 1 <= len(machine.available()) <= os.cpu_count()
+    if hasattr(os, "sched_getaffinity"):
+        assert set(machine.available()) == os.sched_getaffinity(0)
+
+
+def test_scikit_learn_gets_the_threads_of_the_run_and_others_need_not(monkeypatch):
+    from threadpoolctl import threadpool_info, threadpool_limits
+
+    estimator = {"estimator": {"_target_": "sklearn.linear_model.RidgeClassifier"}}
+    with threadpool_limits(2, "blas"):
+        with machine.libraries(estimator, 1) as told:
+            assert {library["num_threads"] for library in threadpool_info()} == {1}
+        blas = [library for library in threadpool_info() if library["user_api"] == "blas"]
+        assert {library["num_threads"] for library in blas} == {2}
+    assert {library["threads"] for library in told} == {1}
+    assert any("openblas" in library["library"] for library in told)
+    with machine.libraries({"_target_": "hdc.HDCClassifier"}, 1) as told:
+        assert told == []

@@ -1,0 +1,170 @@
+"""Training under the clock: what is counted, when it is evaluated, and why it ends."""
+
+import re
+import types
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import hdc
+from experiments.protocol import data, trial
+from experiments.records.record import read_curve
+
+
+def curve_of(carry_out):
+    return read_curve(carry_out.last[0] / "curve.csv")
+
+
+def test_the_curve_holds_what_was_evaluated(carry_out):
+    entry = carry_out()
+    rows = curve_of(carry_out)
+    assert list(rows[0]) == ["training_s", "samples_seen", "train_accuracy", "test_accuracy"]
+    assert rows[-1]["samples_seen"] == 40
+    assert rows[-1]["training_s"] <= entry.training_s
+    assert rows[-1]["test_accuracy"] == entry.test_accuracy_final == entry.test_accuracy_max
+
+
+def test_a_model_that_diverges_keeps_its_curve(carry_out, fake):
+    fake(
+        {"samples_seen": 20, "loss": 2.0},
+        {"samples_seen": 40, "loss": float("nan")},
+        {"samples_seen": 60, "loss": 1.0},
+    )
+    entry = carry_out()
+    assert (entry.status, entry.stop) == ("finished", "diverged")
+    header, first, last = (carry_out.last[0] / "curve.csv").read_text().splitlines()
+    assert header == "training_s,samples_seen,loss,train_accuracy,test_accuracy"
+    assert re.fullmatch(r"[\d.e-]+,20,2\.0,0\.2,0\.2", first)
+    assert re.fullmatch(r"[\d.e-]+,40,nan,,", last)
+
+
+def test_softmax_with_an_absurd_step_diverges(carry_out):
+    overrides = ("model=softmax", "model.optimizer=SGD", "model.lr=1e38")
+    assert carry_out(*overrides).stop == "diverged"
+
+
+def test_a_model_that_diverges_at_once_has_no_accuracy_and_can_be_read(carry_out, fake):
+    fake({"samples_seen": 1, "loss": float("nan")})
+    entry = carry_out()
+    assert (entry.stop, entry.train_accuracy_max, entry.test_accuracy_max) == (
+        "diverged",
+        None,
+        None,
+    )
+
+
+@pytest.mark.parametrize(
+    ("overrides", "stop", "reports"),
+    [
+        (["stop.patience=2", "stop.patience_below=2"], "plateau", 3),
+        (["stop=reached", "stop.target=0.1"], "reached", 1),
+        (["stop.budget_s=1e-9"], "budget", 1),
+        (["stop.patience=100"], "finished", 9),
+    ],
+)
+def test_the_stop_is_in_the_record(carry_out, fake, overrides, stop, reports):
+    fake(*({"samples_seen": k, "loss": 1.0} for k in range(9)))
+    assert carry_out(*overrides).stop == stop
+    assert len(curve_of(carry_out)) == reports
+
+
+def test_a_model_that_reports_nothing_fails(carry_out, fake):
+    fake()
+    with pytest.raises(ValueError, match="expected at least one report"):
+        carry_out()
+
+
+def test_only_training_counts(carry_out, fake, monkeypatch):
+    now = types.SimpleNamespace(t=0.0)
+    monkeypatch.setattr("experiments.protocol.clock.time.perf_counter", lambda: now.t)
+
+    def train(self, frames, labels):
+        now.t += 1  # what a model does before its iterator counts as well
+
+        def reports():
+            for k in range(3):
+                now.t += 10
+                yield {"samples_seen": k, "loss": 1.0}
+
+        return reports()
+
+    def predict(self, frames):
+        now.t += 1000
+        return np.zeros(len(frames), np.int64)
+
+    fake(train=train, predict=predict)
+    entry = carry_out("exclusive=false")
+    assert entry.training_s == 31
+    assert entry.predict_single_s == 1000
+    assert entry.predict_batch_s_per_frame == 100
+
+
+def test_the_trained_model_is_not_the_one_that_was_warmed_up(carry_out, fake):
+    trained = []
+
+    def train(self, frames, labels):
+        trained.append((id(self), tuple(frames.shape)))
+        yield {"samples_seen": 1}
+
+    fake(train=train)
+    carry_out()
+    (warm, warm_shape), (real, shape) = trained
+    assert warm != real
+    assert warm_shape == shape == (40, 16, 16)
+
+
+# Many frames --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [500, 4000])
+def test_a_model_that_learns_in_one_pass_is_evaluated_a_few_times(
+    carry_out, recording, monkeypatch, n
+):
+    """After every 128 frames, evaluation took N²/128 predictions: hours for a minute's training."""
+    predicted = []
+    real = hdc.HDCClassifier.predict
+    monkeypatch.setattr(
+        hdc.HDCClassifier,
+        "predict",
+        lambda self, X: predicted.append(len(X)) or real(self, X),
+    )
+    carry_out("exclusive=false", scene=recording(n, 2, 4))
+    seen = [row["samples_seen"] for row in curve_of(carry_out)]
+    assert seen[-1] == 0.8 * n
+    assert all(b >= min(2 * a, 0.8 * n) for a, b in pairwise(seen))
+    assert len(seen) <= 2 + np.log2(n / 128)
+    evaluations = len(seen) + 1  # and the final one
+    assert sum(predicted) <= evaluations * n + 3 * 0.2 * n + 22
+
+
+def test_lazily_read_frames_give_the_same_record(carry_out, monkeypatch):
+    whole = carry_out()
+    monkeypatch.setattr(data, "IN_MEMORY_BYTES", 0)
+    lazy = carry_out("force=true")
+    for key in ("predicted", "test_accuracy_final", "data_sha256", "train_accuracy_max"):
+        assert getattr(lazy, key) == getattr(whole, key)
+
+
+@pytest.mark.parametrize("model", ["hdc", "correlation", "softmax"])
+def test_frames_are_never_all_in_memory_where_there_are_too_many(
+    carry_out, recording, monkeypatch, model
+):
+    """All test frames were read at once, of however many gigabytes."""
+    path = recording(3000, 5, 8)
+    most = 400
+    monkeypatch.setattr(data, "IN_MEMORY_BYTES", most * 64)
+    asked = []
+    real = data.LazyFrames.__getitem__
+    monkeypatch.setattr(
+        data.LazyFrames,
+        "__getitem__",
+        lambda self, index: (frames := real(self, index), asked.append(frames.numel() / 64))[0],
+    )
+    carry_out(f"model={model}", "split.test_fraction=0.5", "exclusive=false", scene=path)
+    assert max(asked) <= most
+
+
+def test_the_size_of_a_model_is_that_of_its_tensors():
+    model = hdc.HDCClassifier().fit(np.arange(36, dtype=np.uint8).reshape(4, 3, 3), [0, 1, 0, 1])
+    assert trial.model_bytes(model) == sum(t.nbytes for t in model.state_tensors().values())

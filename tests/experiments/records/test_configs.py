@@ -1,0 +1,54 @@
+"""What configs/ says, and in what another config differs."""
+
+import pytest
+
+from experiments.records import configs
+
+
+def test_parts_of_configs_are_resolved_or_none():
+    touch = configs.of_scene("touch")
+    assert set(touch) == {"scene", "split"}
+    assert touch["scene"]["seed"] == 0
+    assert configs.of_scene("recorded")["scene"]["path"] == "???"
+    assert configs.of_model("hdc")["model"]["_target_"] == "hdc.HDCClassifier"
+    assert configs.of_stop("paper")["stop"]["until"] == "plateau"
+    for of in (configs.of_scene, configs.of_model, configs.of_stop):
+        assert of("nowhere") is None
+
+
+def test_every_model_says_how_it_is_shown():
+    shown = {
+        path.stem: configs.display(path.stem)
+        for path in sorted((configs.CONFIGS / "model").glob("*.yaml"))
+    }
+    assert shown["hdc"]["name"] == "HDC"
+    for name, parts in shown.items():
+        assert set(parts) == {"name", "colour", "marker", "line", "family"}, name
+        assert parts["family"] != "own", name
+    looks = [(parts["colour"], parts["marker"], parts["line"]) for parts in shown.values()]
+    assert len(set(looks)) == len(looks)
+    assert configs.display("mine")["name"] == "mine"
+
+
+def test_an_experiment_has_a_task_or_a_sweep():
+    assert configs.task("drift")["_target_"] == "experiments.studies.drift.measure.run"
+    assert configs.task("table1") == configs.task("nowhere") == {}
+    assert "hdc" in configs.sweep("table1")["model"]
+    assert configs.numbers(["5", "null"]) == [5, None]
+
+
+@pytest.mark.parametrize(
+    ("config", "reference", "expected"),
+    [
+        ({"a": {"b": 1}}, {"a": {"b": 1}}, {}),
+        ({"a": {"b": 2}}, {"a": {"b": 1}}, {"a.b": "2"}),
+        ({"a": {}}, {"a": {"b": 1}}, {"a.b": "null"}),
+        ({"a": {"c": "x"}}, {"a": {}}, {"a.c": '"x"'}),
+        ({"a": 1}, {"a": {"b": 1}}, {"a": "1"}),
+        ({"a": [1, 2]}, {"a": [1]}, {"a": "[1, 2]"}),
+        ({"path": "x"}, {"path": "???"}, {}),
+        ({"a": 1}, {"a": 1.0}, {}),
+    ],
+)
+def test_differences_are_named_by_key(config, reference, expected):
+    assert configs.differences(config, reference) == expected

@@ -1,0 +1,77 @@
+"""Where results lie, and files that are whole on disk or absent."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from experiments.records import files
+
+
+def test_results_lie_in_the_checkout_or_where_the_variable_says(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    checkout = Path(__file__).resolve().parents[3]
+    for own, expected in (
+        (None, checkout / "results" / "mine"),
+        ("", checkout / "results" / "mine"),
+        ("~/x", tmp_path / "x"),  # made a folder named ~ once
+        ("elsewhere", tmp_path / "elsewhere"),
+    ):
+        monkeypatch.delenv("RESULTS_DIR", raising=False)
+        if own is not None:
+            monkeypatch.setenv("RESULTS_DIR", own)
+        assert files.results_dir() == expected
+
+
+@pytest.mark.parametrize("call", ["fsync", "replace"])
+def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch, call):
+    path = tmp_path / "record.json"
+    files.write_atomically(path, "old")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, call, full)
+    with pytest.raises(OSError, match="No space") as caught:
+        files.write_atomically(path, "new")
+    assert str(path) in str(caught.value)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_text_is_on_disk_before_it_has_the_name(tmp_path, monkeypatch):
+    steps = []
+    fsync, replace = os.fsync, os.replace
+    monkeypatch.setattr(os, "fsync", lambda h: (steps.append("fsync"), fsync(h)))
+    monkeypatch.setattr(os, "replace", lambda a, b: (steps.append("name"), replace(a, b)))
+    files.write_atomically(tmp_path / "deep" / "file", "µ\n")
+    assert steps == ["fsync", "name"]
+    assert (tmp_path / "deep" / "file").read_bytes() == "µ\n".encode()
+
+
+@pytest.mark.parametrize(("umask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
+def test_files_are_readable_for_whom_the_user_says(tmp_path, umask, mode):
+    before = os.umask(umask)
+    try:
+        files.write_atomically(tmp_path / "file", "")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "file").stat().st_mode & 0o777 == mode
+
+
+def test_what_a_kill_left_is_removed_and_nothing_else(tmp_path):
+    for name in (".record.json.123.0a1b", ".lock", "record.json"):
+        (tmp_path / name).touch()
+    files.remove_leftovers(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {".lock", "record.json"}
+
+
+def test_only_files_of_a_size_are_read(tmp_path):
+    (tmp_path / "file").write_text("12345")
+    assert files.read_text(tmp_path / "file", 5) == "12345"
+    os.mkfifo(tmp_path / "pipe")  # would be waited for
+    (tmp_path / "latin").write_bytes(b"\xe9")
+    for name, most in (("file", 4), ("pipe", 5), (".", 10**6), ("latin", 5)):
+        with pytest.raises(ValueError, match="expected a"):
+            files.read_text(tmp_path / name, most)

@@ -1,0 +1,77 @@
+"""Locks: one holder, freed by any end of it."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import multiprocessing
+import os
+import signal
+import time
+
+import pytest
+
+from experiments.records import locks
+
+FORK = multiprocessing.get_context("fork")
+
+
+def test_a_lock_has_one_holder(tmp_path):
+    path = tmp_path / "run-1" / locks.FILE
+    with (
+        locks.held(path),
+        pytest.raises(locks.Held, match="run-1: being run by another process") as caught,
+    ):
+        locks.held(path).__enter__()
+    assert caught.value.what == "run-1"
+    with locks.held(path), pytest.raises(locks.Held, match="frames: being run"):
+        locks.held(path, "frames").__enter__()
+    with locks.held(path):
+        pass
+
+
+def hold_and_die(path, seconds):
+    with locks.held(path):
+        (path.parent / "held").touch()
+        time.sleep(seconds)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.parametrize("seconds", [0, 0.5])
+def test_a_killed_holder_holds_no_more_and_who_waits_has_it_then(tmp_path, seconds):
+    path = tmp_path / locks.FILE
+    process = FORK.Process(target=hold_and_die, args=(path, seconds))
+    process.start()
+    while not (tmp_path / "held").exists():
+        time.sleep(0.01)
+    with locks.held(path, timeout_s=30):
+        process.join(30)
+    assert process.exitcode == -signal.SIGKILL
+
+
+def come_and_go(folder, n):
+    """Take the lock n times; whoever finds another's mark inside fails."""
+    for _ in range(n):
+        with locks.held(folder / locks.FILE, timeout_s=-1):
+            os.close(os.open(folder / "inside", os.O_CREAT | os.O_EXCL))
+            (folder / "inside").unlink()
+
+
+def test_never_two_at_once(tmp_path):
+    processes = [FORK.Process(target=come_and_go, args=(tmp_path, 20)) for _ in range(3)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join(60)
+    assert [process.exitcode for process in processes] == [0] * 3
+
+
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP])
+def test_without_locks_on_the_file_system_nothing_goes_on(tmp_path, monkeypatch, number):
+    def none(*_):
+        raise OSError(number, "No locks")
+
+    monkeypatch.setattr(fcntl, "flock", none)
+    with pytest.raises(OSError, match="expected a file system with locks, found") as caught:
+        locks.held(tmp_path / locks.FILE).__enter__()
+    assert str(tmp_path / locks.FILE) in str(caught.value)

@@ -1,0 +1,215 @@
+"""What may stand in one row, and that every run is seen somewhere."""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from experiments.records import sources
+from experiments.records.files import write_atomically
+from experiments.records.results import Results
+from experiments.reporting.runs import runs_table
+
+
+@pytest.fixture
+def other_code(monkeypatch):
+    """with_other_code(): what is written from here on is of other code, and outdated."""
+    real = sources.sources
+
+    def switch():
+        monkeypatch.setattr(sources, "sources", lambda *a: {**real(*a), "hdc/bits.py": "0" * 12})
+
+    return switch
+
+
+def rows(found):
+    """What groups there are, by name, with the seeds of their runs."""
+    return {
+        (g.scene, g.model, g.n_train, g.pixels): [run.record.seed for run in g.runs]
+        for g in found.groups()
+    }
+
+
+def test_runs_of_one_config_and_code_stand_in_one_row_by_seed(tmp_path, write_run):
+    for seed in (2, 0, 1):
+        write_run("hdc", seed=seed, wrong=range(seed))
+    found = Results(tmp_path)
+    assert rows(found) == {("touch", "hdc", None, None): [0, 1, 2]}
+    group = found.group("touch", "hdc")
+    assert group.status == "ok"
+    assert group.right.tolist().count(False) == 3
+    assert np.trace(group.confusion()) == 297
+    assert (group.failed, group.others, group.outdated) == ([], [], [])
+
+
+def test_runs_of_other_code_are_not_averaged_and_todays_come_first(tmp_path, write_run, other_code):
+    write_run("hdc", seed=0)
+    other_code()
+    for seed in (1, 2, 3):
+        write_run("hdc", seed=seed)
+    group = Results(tmp_path).group("touch", "hdc")
+    assert [run.record.seed for run in group.runs] == [0]
+    assert [run.record.seed for run in group.others] == [1, 2, 3]
+    assert group.outdated == []
+    assert group.status == "3 more left out: of other code or settings"
+    assert group.others[0].outdated == ["hdc/bits.py"]
+
+
+def test_the_stopping_rule_of_the_paper_comes_first_then_the_larger_group(tmp_path, write_run):
+    for seed in range(3):
+        write_run("softmax", seed=seed, stop="quick", curve=[{"training_s": 1.0, "loss": 1.0}])
+    write_run("softmax", stop="paper", curve=[{"training_s": 1.0, "loss": 1.0}])
+    group = Results(tmp_path).group("touch", "softmax")
+    assert [run.record.choices.stop for run in group.runs] == ["paper"]
+    assert len(group.others) == 3
+
+
+def test_what_learns_in_one_pass_ends_by_itself_whatever_the_rule(tmp_path, write_run):
+    write_run("hdc", seed=0, stop="quick")
+    write_run("hdc", seed=1, stop="paper")
+    assert rows(Results(tmp_path)) == {("touch", "hdc", None, None): [0, 1]}
+
+
+CHANGED = {
+    "model.ties": ("one", ("touch", 'hdc (ties="one")')),
+    "scene.sensor.seed": (9, None),  # a seed: another repetition
+    "scene.samples_per_class": (20, ("touch (samples_per_class=20)", "hdc")),
+    "split.kind": ("ordered", ('touch (kind="ordered")', "hdc")),
+    "split.test_fraction": (0.4, ("touch (test_fraction=0.4)", "hdc")),
+}
+
+
+@pytest.mark.parametrize("key", CHANGED)
+def test_a_run_with_another_value_has_a_row_of_its_own(tmp_path, write_run, key):
+    value, name = CHANGED[key]
+    write_run("hdc", seed=0)
+    for seed in (1, 2):
+        write_run("hdc", seed=seed, change={key: value})
+    found = Results(tmp_path)
+    if name is None:
+        assert rows(found) == {("touch", "hdc", None, None): [0, 1, 2]}
+        return
+    assert rows(found) == {("touch", "hdc", None, None): [0], (*name, None, None): [1, 2]}
+    overrides = [row["overrides"] for row in runs_table(found).data.to_dict("records")]
+    assert sorted(text.partition("=")[0] for text in overrides) == ["", key, key]
+
+
+def test_another_learning_rate_or_another_end_is_no_canonical_run(tmp_path, write_run):
+    curve = [{"training_s": 1.0, "loss": 1.0}]
+    write_run("softmax", seed=0, curve=curve)
+    for seed in range(1, 4):  # more of them, so that they would be preferred
+        write_run("softmax", seed=seed, curve=curve, change={"model.lr": 0.5})
+        write_run("softmax", seed=seed, curve=curve, change={"stop.budget_s": 7})
+    found = Results(tmp_path)
+    assert rows(found) == {
+        ("touch", "softmax", None, None): [0],
+        ("touch", "softmax (lr=0.5)", None, None): [1, 2, 3],
+        ("touch", "softmax (budget_s=7)", None, None): [1, 2, 3],
+    }
+    assert len(runs_table(found).data) == 7
+
+
+def test_a_failed_run_counts_until_one_of_its_seeds_is_finished(tmp_path, write_run):
+    write_run("hdc", seed=0)
+    write_run("hdc", seed=1, status="failed", error="ValueError: no")
+    write_run("softmax", seed=1, status="failed", change={"stop.budget_s": 7})
+    found = Results(tmp_path)
+    assert found.group("touch", "hdc").status == "1 more failed: ValueError: no"
+    assert found.group("touch", "softmax").status == "missing"
+    assert found.group("touch", "softmax (budget_s=7)").status.startswith("failed: ")
+    write_run("hdc", seed=1)
+    assert Results(tmp_path).group("touch", "hdc").status == "ok"
+
+
+def test_runs_merely_timed_beside_others_are_no_failures(tmp_path, write_run):
+    write_run("hdc", seed=0)
+    path = next((tmp_path / "runs").glob("*/record.json"))
+    path.write_text(path.read_text().replace('"cpu":"A CPU"', '"cpu":"A CPU","exclusive":false'))
+    group = Results(tmp_path).group("touch", "hdc")
+    assert (group.failed, group.status) == ([], "1 timed beside other runs")
+
+
+def test_all_training_samples_are_one_row_however_they_were_asked_for(tmp_path, write_run):
+    write_run("hdc", seed=0)
+    write_run("hdc", seed=1, n_train=400)
+    write_run("hdc", seed=1, n_train=20)
+    assert rows(Results(tmp_path)) == {
+        ("touch", "hdc", None, None): [0, 1],
+        ("touch", "hdc", 20, None): [1],
+    }
+
+
+def test_other_devices_are_left_out(tmp_path, write_run):
+    write_run("hdc", change={"device": "cuda"})
+    assert not Results(tmp_path)
+    assert Results(tmp_path, "cuda")
+
+
+def test_what_is_no_run_costs_itself_only(tmp_path, write_run):
+    good = write_run("hdc")
+    for name in ("empty", "folder", "nonsense"):
+        (tmp_path / "runs" / name).mkdir()
+    (tmp_path / "runs" / "folder" / "record.json").mkdir()
+    (tmp_path / "runs" / "nonsense" / "record.json").write_text('{"schema": 3}')
+    (tmp_path / "runs" / "a file").touch()
+    write_atomically(tmp_path / "measured" / "x" / "record.json", "[]")
+    write_atomically(tmp_path / "code.json", "{}")
+    write_atomically(tmp_path / "runs.jsonl", "no\n")
+    found = Results(tmp_path)
+    assert [run.record.id for run in found.runs] == [good]
+    assert found.measurements == []
+    for what in ("folder", "nonsense", "a file", "measured/x/record.json", "runs.jsonl, line 1"):
+        assert sum(what in problem for problem in found.problems) >= 1, what
+
+
+# Runs of one's own, carried out -------------------------------------------------------------------
+
+MINE = {
+    "model/mine.yaml": """
+# @package _global_
+model: {_target_: hdc.HDCClassifier, ties: one, device: '${device}', seed: '${seed.init}'}
+""",
+    "scene/bench.yaml": """
+_target_: scenes.recorded.open_recording
+path: ???
+subsample: 2
+""",
+}
+
+
+def test_every_own_run_is_a_group_of_its_own_and_in_the_table_of_runs(
+    results, recording, start, tmp_path, one_thread
+):
+    for name, text in MINE.items():
+        write_atomically(tmp_path / "own" / name, text)
+    path = recording()
+    shutil.copy(path, tmp_path / "other.npz")
+    own = ("--config-dir", str(tmp_path / "own"), "exclusive=false")
+    for overrides in (
+        ("scene=recorded", f"scene.path={path}"),
+        ("scene=recorded", f"scene.path={tmp_path / 'other.npz'}", "seed.run=1"),
+        ("scene=recorded", f"scene.path={path}", "model=softmax", "model.lr=0.5"),
+        ("scene=recorded", f"scene.path={path}", "model=mine"),
+        ("scene=recorded", f"scene.path={path}", "model=mine", "model.ties=zero"),
+        ("scene=bench", f"scene.path={path}"),
+        ("scene=bench", f"scene.path={path}", "scene.subsample=4"),
+    ):
+        process = start(*own, *overrides)
+        process.join(60)
+        assert process.exitcode == 0, process.out.read_text()
+    found = Results(results)
+    assert found.problems == []
+    name = re.compile(r"\([0-9a-f]{6}\)")
+    groups = {(name.sub("(HASH)", g.scene), g.model, len(g.runs)) for g in found.groups()}
+    assert groups == {
+        ("recorded frames.npz (HASH)", "hdc", 1),
+        ("recorded other.npz (HASH)", "hdc", 1),
+        ("recorded frames.npz (HASH)", "softmax (lr=0.5)", 1),
+        ("recorded frames.npz (HASH)", "mine", 1),
+        ("recorded frames.npz (HASH)", "mine (ties=zero)", 1),
+        ("bench frames.npz (HASH)", "hdc", 1),
+        ("bench frames.npz (HASH) (subsample=4)", "hdc", 1),
+    }
+    assert found.group("touch", "hdc").status == "missing"
+    assert len(runs_table(found).data) == len(found.runs) == 7

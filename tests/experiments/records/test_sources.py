@@ -1,0 +1,146 @@
+"""Which files make a record, and what changes their digest."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from experiments.records import sources
+
+HDC = {"model": {"_target_": "hdc.HDCClassifier"}}
+CNN = {"model": {"_target_": "baselines.cnn.CNN"}}
+
+
+def test_a_run_is_made_by_what_it_imports_and_by_the_trial():
+    files = sources.sources(HDC)
+    assert {
+        "hdc/bits.py",
+        "hdc/encode.py",
+        "experiments/protocol/trial.py",
+        "experiments/protocol/clock.py",
+    } <= set(files)
+    assert not any(name.startswith("baselines/") for name in files)
+    assert {"experiments/run.py", "experiments/reporting/rows.py"}.isdisjoint(files)
+    drift = sources.sources({"_target_": "experiments.studies.drift.measure.run"})
+    assert "experiments/studies/drift/measure.py" in drift
+    assert {"experiments/records/measurement.py", "experiments/records/record.py"}.isdisjoint(drift)
+    assert "baselines/training.py" in sources.sources(CNN)
+    assert not any(name.startswith("hdc/") for name in sources.sources(CNN))
+
+
+def test_targets_are_found_anywhere_in_a_configuration():
+    nested = {"scene": {"sessions": [{"_target_": "scenes.sensor.environment.Room"}]}}
+    assert "scenes/sensor/environment.py" in sources.sources(nested)
+    assert set(sources.sources({"a": {"_target_": "torch.nn.Linear"}})) == set(sources.sources({}))
+
+
+def test_every_module_that_a_run_loads_is_among_its_sources():
+    script = (
+        "import sys, hdc.classifier\n"
+        "print(*(m.__file__ for name, m in sys.modules.items() if name.startswith('hdc')))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=sources.ROOT
+    )
+    loaded = {path.removeprefix(f"{sources.ROOT}/") for path in done.stdout.split()}
+    assert "hdc/bits.py" in loaded
+    assert loaded <= set(sources.sources(HDC))
+
+
+# Digests ------------------------------------------------------------------------------------------
+
+# Made once, and the same on Python 3.10 to 3.13: what they are made of changed from one to another.
+STORED = {
+    "x = 1": "2c22a1156320",
+    '''
+"""Words."""
+import numpy as np
+
+
+class A(object):
+    """More."""
+
+    b: int = 2  # why
+
+    def c(self, *d, e=None, **f) -> "A":
+        return f"{self.b!r:>{e}} {d} {{}}" "µ" u"u"
+''': "efd4bd26ca6b",
+    """
+from hdc.bits import pack, unpack
+from torch import Tensor
+
+def f(x: Tensor, /) -> Tensor:
+    if (n := len(x)) > 0:
+        return x[..., :n:2]
+    raise ValueError(n) from None
+""": "4ced29f313d4",
+    """
+async def g():
+    async with a as b:
+        yield [i async for i in b if i]
+
+match x:
+    case {"a": [1, *_], **rest} if rest:
+        pass
+    case None | -1j:
+        lambda: ...
+""": "1d9937464163",
+    """
+@a
+def h():
+    global b
+    try:
+        del b
+    except (OSError, KeyError) as error:
+        pass
+    else:
+        assert b, "c"
+    finally:
+        while not b:
+            break
+""": "92e9bef620a9",
+}
+
+
+@pytest.mark.parametrize("text", STORED)
+def test_digests_hold_on_every_python_and_at_every_address(tmp_path, text):
+    for path in (tmp_path / "a.py", tmp_path / "moved" / "b.py"):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+        assert sources.digest(path) == STORED[text]
+
+
+WRITTEN = '"""Words."""\nfrom hdc.bits import a\ndef f(x):\n    """More."""\n    return x + 1\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [
+        ('"""Other."""\n\nfrom hdc.bits import a\ndef f( x ):\n    return x  + 1 # why\n', True),
+        ("from hdc.packed import a\ndef f(x):\n    return x + 1\n", True),  # has its own digest
+        ("from hdc.bits import b\ndef f(x):\n    return x + 1\n", False),
+        ("from numpy import a\ndef f(x):\n    return x + 1\n", False),
+        ("from hdc.bits import a\ndef f(x):\n    return x + 2\n", False),
+        ("from hdc.bits import a\ndef f(y):\n    return y + 1\n", False),
+        ("from hdc.bits import a\ndef f(x):\n    return x + 1.0\n", False),
+        ("from hdc.bits import a\ndef f(x, *, y=None):\n    return x + 1\n", False),
+        ("from hdc.bits import a\nasync def f(x):\n    return x + 1\n", False),
+    ],
+)
+def test_what_computes_the_same_has_the_same_digest(tmp_path, text, same):
+    (tmp_path / "a.py").write_text(WRITTEN)
+    (tmp_path / "b.py").write_text(text)
+    assert (sources.digest(tmp_path / "a.py") == sources.digest(tmp_path / "b.py")) == same
+
+
+def test_outdated_files():
+    now = sources.sources(HDC)
+    assert sources.outdated(now) == []
+    old = {**now, "hdc/bits.py": "0" * 12, "hdc/gone.py": "1" * 12}
+    assert sources.outdated(old) == ["hdc/bits.py", "hdc/gone.py"]
+    assert sources.code_hash(now) != sources.code_hash(old)
+    moved = {f"hdc/moved/{k}": digest for k, digest in enumerate(now.values())}
+    assert sources.outdated(moved) == []
+    assert sources.code_hash(moved) == sources.code_hash(now)

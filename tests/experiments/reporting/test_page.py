@@ -1,0 +1,169 @@
+"""The page stands alone, escapes what it is given, and has the numbers of the tables."""
+
+import base64
+import io
+import re
+import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+
+import pytest
+from PIL import Image
+
+from experiments.reporting.page import page
+from experiments.reporting.page.page import Block, Picture, Section
+from experiments.reporting.study import Plot
+from experiments.reporting.table import Table, frame
+
+HOSTILE = '</script><script>alert("1")</script>&<img src=x onerror=alert(2)>\\ `|` \x1b[31m'
+SVG = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
+
+
+class Page(HTMLParser):
+    """Elements with their attributes, tables by the id of what they stand in, all text."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.elements, self.tables, self.text = [], {}, ""
+        self._item = self._cell = None
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        attrs = dict(attrs)
+        self.elements.append((tag, attrs))
+        if attrs.get("class") == "item":
+            self._item = attrs.get("id")
+        elif tag == "tr":
+            self.tables.setdefault(self._item, []).append([])
+        elif tag in ("td", "th"):
+            self._cell = ""
+
+    def handle_endtag(self, tag):
+        if tag in ("td", "th"):
+            self.tables[self._item][-1].append(self._cell.strip())
+            self._cell = None
+
+    def handle_data(self, data):
+        if self._cell is not None:
+            self._cell += data
+        self.text += data
+
+    def all(self, key):
+        return [attrs[key] for _, attrs in self.elements if key in attrs]
+
+
+def a_table(name="some", rows=2, **values):
+    data = [{"name": "a name", "error": 1.23456789e-7 * k, **values} for k in range(1, rows + 1)]
+    return Table(name, "A title", frame(data), note="How to read it.", commands=["make it"])
+
+
+def picture(name="a_figure", data=SVG, kind="svg", caption="What it shows."):
+    return Picture(Plot(name, caption, lambda: None, ["draw it"], kind), data)
+
+
+def built(*blocks, problems=(), verdicts=("matches", "differs", "differs"), about=None, **section):
+    made = Section("question", "A question", "What it asks.", blocks, **section)
+    about = {"reference": "5 runs"} if about is None else about
+    return Page(page.render([made], verdicts, problems, about))
+
+
+def webp(colour):
+    stream = io.BytesIO()
+    Image.new("RGB", (3, 2), colour).save(stream, "webp", lossless=True)
+    return stream.getvalue()
+
+
+def test_numbers_are_those_of_the_tables():
+    made = a_table(verdict="differs")
+    found = built(Block("", [made]))
+    assert found.tables["some"] == [made.heads, *made.cells()]
+    for text in ("How to read it.", "make it", "What it asks.", "5 runs"):
+        assert text in found.text
+
+
+def test_it_needs_no_network_and_every_picture_is_whole():
+    pictures = [picture(), picture("photograph", webp("red"), "webp")]
+    found = built(Block("", [a_table()], pictures))
+    sources = [value for key in ("src", "href", "srcset", "action", "data", "poster")
+               for value in found.all(key)]  # fmt: skip
+    assert {value.partition(":")[0] for value in sources if not value.startswith("#")} == {"data"}
+    assert not re.search(r"url\(|@import", (page.TEMPLATES / "report.css").read_text())
+    images = [attrs for tag, attrs in found.elements if tag == "img"]
+    assert len(images) == 2
+    for attrs, shown in zip(images, pictures, strict=True):
+        kind, code = re.fullmatch(r"data:image/([\w+]+);base64,(.*)", attrs["src"]).groups()
+        data = base64.b64decode(code, validate=True)
+        assert data == shown.data
+        if kind == "svg+xml":
+            assert ET.fromstring(data).tag.endswith("svg")
+        else:
+            assert Image.open(io.BytesIO(data)).size == (3, 2)
+        assert attrs["alt"] == shown.plot.caption
+
+
+def test_anchors_exist_and_none_is_twice():
+    blocks = [Block(name, [a_table()], [picture()]) for name in ("mine", "reference")]
+    found = built(*blocks)
+    anchors = found.all("id")
+    assert len(set(anchors)) == len(anchors)
+    links = {value[1:] for value in found.all("href") if value.startswith("#")}
+    assert links
+    assert links <= set(anchors)
+    assert {"question", "mine-some", "reference-figure-a_figure"} <= set(anchors)
+
+
+def test_what_comes_from_outside_is_escaped():
+    made = a_table(HOSTILE, error=HOSTILE, verdict=HOSTILE)
+    hostile = Table(HOSTILE, HOSTILE, made.data, note=HOSTILE, commands=[HOSTILE])
+    shown = picture('x" onload="alert(3)', caption=HOSTILE)
+    plain = built(Block("", [a_table("t", error="e", verdict="v")], [picture()]), problems=["p"])
+    found = built(
+        Block(HOSTILE, [hostile], [shown]),
+        problems=[HOSTILE], verdicts=[HOSTILE], about={HOSTILE: HOSTILE},
+    )  # fmt: skip
+    tags = [[tag for tag, _ in one.elements if tag != "h3"] for one in (found, plain)]
+    assert tags[0].count("script") == tags[1].count("script") == 1
+    assert set(tags[0]) == set(tags[1])
+    assert not [key for _, attrs in found.elements for key in attrs if key.startswith("on")]
+    (rows,) = found.tables.values()
+    assert rows[1][1] == HOSTILE.strip()
+    # Shown as it is, escaped once: "<" reads "<".
+    assert found.text.count(HOSTILE) >= 8
+    assert "&lt;" not in found.text
+    (image,) = (attrs for tag, attrs in found.elements if tag == "img")
+    assert image["alt"] == HOSTILE
+
+
+def test_what_was_left_out_is_said():
+    assert "Left out" not in built().text
+    found = built(problems=["a record: broken"])
+    assert "a record: broken" in found.text
+
+
+@pytest.mark.parametrize(("rows", "folded"), [(30, 0), (31, 1)])
+def test_long_tables_are_folded_away_whole(rows, folded):
+    found = built(Block("", [a_table(rows=rows)]))
+    assert sum(tag == "details" for tag, _ in found.elements) == folded
+    assert len(found.tables["some"]) == 1 + rows
+
+
+@pytest.mark.parametrize(
+    ("verdict", "tone"),
+    [("matches", "good"), ("watched, matches", "good"), ("setting, same", "good"),
+     ("differs", "bad"), ("fitted, differs", "bad"), ("fitted", "plain"), ("missing", "none"),
+     ("no interval", "none"), ("not reached", "none"), ("setting, another", "none")],
+)  # fmt: skip
+def test_verdicts_are_coloured_by_what_they_say(verdict, tone):
+    found = built(Block("", [a_table(verdict=verdict)]), verdicts=[verdict])
+    marks = [c.split()[1] for c in found.all("class") if c.startswith("verdict ")]
+    assert marks == [tone] * 3  # at the top, and in two rows
+
+
+@pytest.mark.parametrize(
+    ("cells", "kind"),
+    [(["1.24", "2.0e-05", "–"], "number"), (["100 [96.3, 100]"], "number"), (["80 B"], "number"),
+     (["0.0401 (0.0332…0.0431)", "5"], "number"), (["1 timed beside other runs"], "text"),
+     (["python -m experiments.run"], "code"), (["a text " * 9], "long"), (["–", ""], "text")],
+)  # fmt: skip
+def test_columns_are_set_by_what_they_hold(cells, kind):
+    found = built(Block("", [Table("some", "T", frame([{"a": cell} for cell in cells]))]))
+    assert [attrs["class"] for tag, attrs in found.elements if tag == "th"] == [kind]

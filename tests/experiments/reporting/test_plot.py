@@ -1,0 +1,136 @@
+"""How figures look: every model is told apart, heads fit, bytes stay, no error has its strip."""
+
+import html
+import re
+
+import numpy as np
+import pytest
+from matplotlib import pyplot as plt
+
+from experiments.records import configs
+from experiments.reporting import plot
+from experiments.reporting.estimates import Estimate
+
+MODELS = sorted(path.stem for path in (configs.CONFIGS / "model").glob("*.yaml"))
+
+
+def text_of(svg):
+    """The words of an SVG: matplotlib keeps those it draws as paths in comments."""
+    words = "\n".join(re.findall(r"<!--(.*?)-->", svg.decode(), re.DOTALL))
+    return html.unescape(words).replace("\xa0", " ")
+
+
+@pytest.fixture
+def figure():
+    with plt.rc_context(plot.STYLE):
+        made, axes = plt.subplots(figsize=(plot.WIDTH, 3))
+        axes.plot([1, 2], [1, 2])
+        yield made
+    plt.close(made)
+
+
+def test_no_two_models_look_alike_without_their_lines():
+    assert len(MODELS) > 10
+    looks = [(*plot.style_of(model)[:2], plot.fill_of(model)) for model in MODELS]
+    assert len(set(looks)) == len(looks)
+    assert len({configs.display(model)["name"] for model in MODELS}) == len(MODELS)
+
+
+def test_markers_and_lines_are_those_that_can_be_drawn():
+    for model in [*MODELS, "of_my_own", "cnn1 (lr=0.01)"]:
+        colour, marker, line = plot.style_of(model)
+        (drawn,) = plt.plot([1], [1], color=colour, marker=marker, ls=line)
+        assert drawn.get_marker() == plot.handle(model).get_marker()
+    plt.close("all")
+
+
+def test_a_changed_model_looks_like_its_kind_and_says_what_was_changed():
+    assert plot.style_of("cnn1 (lr=0.01)") == plot.style_of("cnn1")
+    assert plot.handle("cnn1 (lr=0.01)").get_label() == "CNN, 1 layer (lr=0.01)"
+
+
+@pytest.mark.parametrize("kind", ["svg", "png", "webp"])
+def test_bytes_do_not_change(kind):
+    def drawn():
+        with plt.rc_context(plot.STYLE):
+            figure, axes = plt.subplots(figsize=(plot.WIDTH, 2))
+            axes.errorbar([1, 2], [1, 2], yerr=0.1, label="some")
+            axes.legend()
+            axes.fill_between([1, 2], [0, 1], [1, 2], clip_path=None)
+        return plot.save(figure, kind)
+
+    first, second = drawn(), drawn()
+    assert first == second
+    assert len(first) > 1000
+    assert b"dc:date" not in first
+    assert not plt.get_fignums()
+
+
+def test_a_head_is_wrapped_to_the_width_of_a_column(figure):
+    plot.head(figure, "A title", ["as seen by all of the test samples; " * 9])
+    figure.set_layout_engine("constrained")
+    figure.draw_without_rendering()
+    text = figure._suptitle  # matplotlib has no other name for it
+    assert len(text.get_text().splitlines()) > 4
+    assert text.get_window_extent().x1 <= figure.bbox.x1
+
+
+def test_a_title_says_what_is_missing_and_where_frames_are_from(figure):
+    lines = [
+        {"model": "hdc", "seeds": 5, "origin": "simulated"},
+        {"model": "cnn1", "seeds": 2, "origin": "simulated"},
+        {"model": "cnn3", "seeds": 0},
+    ]
+    plot.title(figure, figure.axes[0], "A title", lines, ["hdc", "cnn1"], ["hdc", "cnn1", "cnn3"])
+    words = text_of(plot.save(figure, "svg"))
+    assert "simulated frames, 2–5 seeds, 95 % intervals" in words
+    assert "no records: CNN, 3 layers" in words
+
+
+def test_without_any_run_a_title_claims_nothing(figure):
+    plot.title(figure, figure.axes[0], "A title", [{"model": "hdc", "seeds": 0}], [], ["hdc"])
+    words = text_of(plot.save(figure, "svg"))
+    assert "no records: HDC" in words
+    assert "frames" not in words
+    assert "95 %" not in words
+
+
+def test_no_error_lies_below_one_error_of_all_samples(figure):
+    lines = [
+        {"seeds": 5, "n_test": 500, "test_accuracy_final": value, "test_ci_low": value - 0.01,
+         "test_ci_high": min(value + 0.01, 1)}
+        for value in (1.0, 499 / 500)
+    ]  # fmt: skip
+    axes = figure.axes[0]
+    floor = plot.error_axis(axes, lines)
+    assert axes.get_ylim()[0] < floor == 0.5 / 500 < 1 / 500
+    assert axes.yaxis.get_major_formatter()(floor) == "0"
+    assert axes.yaxis.get_major_formatter()(1 / 500) == "0.2 %"
+    plot.error_bars(axes, "hdc", [1.0, 2.0], lines, floor)
+    drawn = np.concatenate([np.asarray(x.get_ydata(), float) for x in axes.lines[1:]])
+    assert np.min(drawn) == pytest.approx(floor)
+    assert 1 / 500 in np.round(drawn, 12)  # a single error is drawn where it is
+
+
+def test_bounds_that_are_not_known_have_no_length():
+    value, spread = plot.errors([Estimate(0.5, 0.4, 0.7), Estimate(0.2)], 100)
+    assert value.tolist() == [50, 20]
+    assert spread.tolist() == [pytest.approx([10, 0]), pytest.approx([20, 0])]
+
+
+def test_names_of_a_matrix_are_all_there_while_there_is_room(figure):
+    axes = figure.axes[0]
+    plot.matrix(axes, np.eye(3), ["a", "b", "c"], [["1", "", ""]] * 3)
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["a", "b", "c"]
+    assert [text.get_text() for text in axes.texts][:3] == ["1", "", ""]
+    # Black on light cells, white on dark ones.
+    assert axes.texts[0].get_color() != axes.texts[1].get_color()
+    plot.matrix(axes, np.eye(51), [str(k) for k in range(51)])
+    assert [label.get_text() for label in axes.get_yticklabels()] == [
+        "0",
+        "10",
+        "20",
+        "30",
+        "40",
+        "50",
+    ]

@@ -1,0 +1,96 @@
+"""Runs of every scene and drawn figures, for the views of the studies."""
+
+import html
+import json
+import re
+
+import numpy as np
+import pytest
+from matplotlib import pyplot as plt
+
+from experiments.records import configs, record
+from experiments.records.results import Results
+
+CLASSES = {
+    "finger": ["L1", "L2", "L3", "R1", "R2", "R3", "None"],
+    "spatial": [str(i) for i in range(51)],
+    "tactile": ["paper", "P40", "P120"],
+    "touch": ["L1", "L2", "R1", "R2", "None"],
+}
+
+
+@pytest.fixture
+def write_scene(tmp_path, write_run):
+    """write_scene(scene, wrong, …): a run of HDC with two test samples a class; {class: taken for}
+    says which class has one of its two samples wrong. Other arguments are those of write_run."""
+
+    def write(scene, wrong, model="hdc", **more):
+        classes = CLASSES[scene]
+        truth = np.repeat(np.arange(len(classes)), 2)
+        predicted = truth.copy()
+        for label, taken_for in wrong.items():
+            predicted[2 * label] = taken_for
+        identity = write_run(
+            model,
+            choices={"scene": scene},
+            scene={"name": scene, "origin": "simulated", "classes": classes, "n": 10_000,
+                   "shape": [500, 500], "fingerprint": "f" * 64},
+            n_test=len(truth), test_labels=truth, predicted=predicted,
+            test_accuracy_final=float((predicted == truth).mean()),
+            change={"scene.samples_per_class": 200 + list(CLASSES).index(scene)},  # another name
+            **more,
+        )  # fmt: skip
+        # What write_run has of touch.
+        path = tmp_path / "runs" / identity / "record.json"
+        entry = json.loads(path.read_text())
+        entry["config"] |= configs.of_scene(scene)
+        entry["config"]["split"] = {**entry["config"]["split"], "n_train": more.get("n_train")}
+        entry["n_train"] = more.get("n_train") or 8 * len(classes)
+        entry["id"] = record.run_id(scene, model, entry["config"], entry["scene"]["fingerprint"])
+        path.unlink()
+        path.parent.rename(tmp_path / "runs" / entry["id"])
+        record.write_record(tmp_path / "runs" / entry["id"], entry)
+        return entry["id"]
+
+    return write
+
+
+def words_of(svg):
+    """The words of an SVG: matplotlib keeps those it draws as paths in comments."""
+    words = " ".join(re.findall(r"<!--(.*?)-->", svg.decode(), re.DOTALL))
+    return " ".join(html.unescape(words).split())
+
+
+@pytest.fixture
+def drawn(tmp_path):
+    """drawn(study) → the words of each of its figures by name; all of it lies within the figure."""
+    from experiments.reporting.plot import WIDTH, save
+
+    def draw(study):
+        found = {}
+        for plot in study.plots(Results(tmp_path)):
+            figure = plot.draw()
+            assert figure.get_figwidth() == pytest.approx(WIDTH)
+            figure.draw_without_rendering()
+            box = figure.get_tightbbox(figure.canvas.get_renderer())  # in inches
+            assert box.x0 >= 0, plot.name
+            assert box.x1 <= figure.get_figwidth(), plot.name
+            assert box.y0 >= 0, plot.name
+            assert box.y1 <= figure.get_figheight(), plot.name
+            found[plot.name] = words_of(save(figure, "svg"))
+        return found
+
+    yield draw
+    plt.close("all")
+
+
+@pytest.fixture
+def number(tmp_path):
+    """number(study, name, condition) → that Quantity, of the records in tmp_path."""
+
+    def find(study, name, condition=""):
+        found = study.quantities(Results(tmp_path))
+        (one,) = (q for q in found if (q.name, q.condition) == (name, condition))
+        return one
+
+    return find

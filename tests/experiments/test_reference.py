@@ -1,0 +1,162 @@
+"""Own results become the reference: what is adopted, what is filled in, what may stand."""
+
+import re
+
+import pytest
+from omegaconf import OmegaConf
+
+from experiments import reference, reproduce
+from experiments.records.files import ROOT
+from experiments.records.results import Results
+
+OLD = {"cpu": "A CPU", "threads": 2, "code": "0", "sources": {"hdc/bits.py": "0" * 12}}
+
+
+@pytest.fixture
+def target(tmp_path, monkeypatch):
+    """A reference of its own, and a README; own results lie in tmp_path."""
+    folder = tmp_path / "reference"
+    folder.mkdir()
+    monkeypatch.setattr(reference, "REFERENCE", folder)
+    monkeypatch.setattr(reference, "STANDS", folder / "stands.yaml")
+    monkeypatch.setattr(reference, "README", tmp_path / "README.md")
+    monkeypatch.setattr(reference.report, "REFERENCE", folder)
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    return folder
+
+
+# What is adopted ----------------------------------------------------------------------------------
+
+
+def test_finished_runs_are_adopted_and_what_was_there_stays(tmp_path, target, write_run):
+    write_run("hdc", wrong=[0])
+    write_run("cnn1", status="failed")
+    reference.adopt(tmp_path, target)
+    lines = (target / "runs.jsonl").read_text().splitlines()
+    assert len(lines) == 1
+    for path in (tmp_path / "runs").glob("*/*"):
+        path.unlink()
+    write_run("softmax")
+    reference.adopt(tmp_path, target)
+    assert (target / "runs.jsonl").read_text().splitlines()[0] == lines[0]
+    found = Results(target)
+    assert found.problems == []
+    assert sorted(run.model for run in found.runs) == ["hdc", "softmax"]
+    assert found.group("touch", "hdc").right.sum() == 99
+    # The same run measured again takes the place of the one before.
+    write_run("hdc", wrong=range(5))
+    reference.adopt(tmp_path, target)
+    assert Results(target).group("touch", "hdc").right.sum() == 95
+
+
+def test_measurements_of_the_experiments_own_scene_are_adopted(tmp_path, target, write_measurement):
+    write_measurement("drift", [{"a": 1}])
+    write_measurement("correlation", [{"a": 1}], config={"scene": {"path": "mine.npz"}})
+    (tmp_path / "measured" / "drift" / ".lock").write_text("")
+    old = target / "measured" / "drift"
+    old.mkdir(parents=True)
+    (old / "left over.png").write_text("")
+    reference.adopt(tmp_path, target)
+    files = {path.relative_to(target / "measured").as_posix()
+             for path in (target / "measured").rglob("*") if path.is_file()}  # fmt: skip
+    assert files == {"drift/record.json", "drift/rows.csv"}
+    assert Results(target).measured("drift").rows == [{"a": "1"}]
+
+
+def test_what_the_steps_took_goes_along(tmp_path, target):
+    row = {"step": "hdc", "mode": "full", "command": "c", "seconds": 1.0, "peak_bytes": 1,
+           "status": "finished"}  # fmt: skip
+    reproduce.note(tmp_path, row)
+    reference.adopt(tmp_path, target)
+    assert reproduce.read(target) == reproduce.read(tmp_path) != {}
+
+
+def test_a_file_that_is_no_record_is_named_and_nothing_is_adopted(tmp_path, target, write_run):
+    write_run("hdc")
+    (tmp_path / "runs" / "broken").mkdir()
+    (tmp_path / "runs" / "broken" / "record.json").write_text("{")
+    with pytest.raises(ValueError, match=r"broken.record\.json: expected"):
+        reference.adopt(tmp_path, target)
+    assert not list(target.iterdir())
+
+
+# What may stand -----------------------------------------------------------------------------------
+
+
+def test_records_of_other_code_are_named_with_the_file(target, tmp_path, write_run):
+    write_run("hdc")
+    identity = write_run("softmax", environment=OLD)
+    assert reference.outdated(Results(tmp_path)) == {"hdc/bits.py": [identity]}
+
+
+def test_a_reason_lets_them_stand(target, tmp_path, write_run, write_measurement):
+    write_run("hdc", environment=OLD)
+    write_measurement("drift", [{"a": 1}], environment={**OLD, "sources": {"hdc/encode.py": "0"}})
+    results = Results(tmp_path)
+    assert set(reference.outdated(results)) == {"hdc/bits.py", "hdc/encode.py"}
+    reference.STANDS.write_text("hdc/bits.py: only what an error says\n")
+    assert reference.outdated(results) == {"hdc/encode.py": ["drift"]}
+
+
+def test_reasons_are_given_for_files_that_are_there():
+    if not reference.STANDS.is_file():
+        pytest.skip("every committed record is of today's code: there is no stands.yaml")
+    for path, reason in OmegaConf.load(reference.STANDS).items():
+        assert (ROOT / path).is_file()
+        assert len(str(reason)) > 10
+
+
+@pytest.mark.parametrize(("sources", "status"), [({}, 0), ({"hdc/bits.py": "0" * 12}, 1)])
+def test_the_check_writes_nothing(target, tmp_path, write_run, capsys, sources, status):
+    write_run("hdc", environment={**OLD, "sources": sources})
+    reference.adopt(tmp_path, target)
+    before = {path: path.read_bytes() for path in target.rglob("*")}
+    assert reference.main(["--check"]) == status
+    assert {path: path.read_bytes() for path in target.rglob("*")} == before
+    assert ("hdc/bits.py has changed since 1 records, such as touch-hdc-"
+            in capsys.readouterr().out) == bool(status)  # fmt: skip
+
+
+def test_it_adopts_writes_the_tables_and_fills_the_readme(target, tmp_path, write_run):
+    reference.README.write_text("# A title\n<!-- begin table1 -->\nold\n<!-- end table1 -->\nend\n")
+    write_run("hdc", wrong=range(2))
+    assert reference.main([]) == 0
+    table = (target / "tables" / "table1.md").read_text().strip()
+    assert "98 [93" in table
+    assert reference.README.read_text() == (
+        f"# A title\n<!-- begin table1 -->\n{table}\n<!-- end table1 -->\nend\n"
+    )
+    assert (target / "figures" / "fig5_confusion.svg").is_file()
+    before = {path: path.read_bytes() for path in target.rglob("*") if path.is_file()}
+    assert reference.main(["--tables"]) == 0
+    assert {path: path.read_bytes() for path in target.rglob("*") if path.is_file()} == before
+
+
+# README.md ----------------------------------------------------------------------------------------
+
+
+def test_every_block_of_the_readme_has_a_source_and_says_what_is_missing(target):
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    filled = reference.fill(text, reference.blocks())
+    blocks = re.findall(r"<!-- begin (\w+) -->\n(.*)\n<!-- end \1 -->", filled)
+    assert {name for name, _ in blocks} == set(re.findall(r"<!-- begin (\w+) -->", text))
+    assert blocks
+    assert all(line.startswith("*missing: ") for _, line in blocks)
+
+
+def test_a_block_without_a_source_is_named():
+    with pytest.raises(ValueError, match="found 'nowhere'"):
+        reference.fill("<!-- begin nowhere -->\nold\n<!-- end nowhere -->", {})
+
+
+def test_the_steps_of_a_reproduction_are_added_up(target):
+    row = {"command": "experiments.run", "status": "finished"}
+    steps = [("hdc", "full", 60, 5e8), ("cnn3", "full", 7200, 15e8), ("hdc", "quick", 30, 4e8)]
+    for step, mode, seconds, memory in steps:
+        cells = {"step": step, "mode": mode, "seconds": float(seconds), "peak_bytes": int(memory)}
+        reproduce.note(target, row | cells)
+    cells = {"step": "drift", "mode": "full", "seconds": 9e9, "peak_bytes": 1}
+    reproduce.note(target, row | cells | {"status": "failed with 1"})
+    table = reference.blocks()["reproduction"]()
+    assert "| `make reproduce` | 2 | 2.0 h | 1.50 GB (cnn3), 0.50 GB (hdc) |" in table
+    assert "| `make reproduce QUICK=1` | 1 | 30 s | 0.40 GB (hdc) |" in table

@@ -1,0 +1,346 @@
+"""Every command end to end, and what can be wrong with what it is given: one line each."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from hdc import HDCClassifier
+from hdc.command import main
+from hdc.command.accuracy import confusions, wilson
+
+SIDE = 24
+
+
+@pytest.fixture
+def frames():
+    """uint8 [3, 12, 24, 24]: twelve noisy frames of each of three patterns."""
+    rng = np.random.default_rng(0)
+    base = rng.integers(0, 150, (3, 1, SIDE, SIDE))
+    return (base + rng.integers(0, 90, (3, 12, SIDE, SIDE))).astype(np.uint8)
+
+
+def write(root, frames, classes="abc"):
+    for name, images in zip(classes, frames, strict=True):
+        (root / name).mkdir(parents=True, exist_ok=True)
+        for i, image in enumerate(images):
+            assert cv2.imwrite(str(root / name / f"{i}.png"), image)
+    return root
+
+
+@pytest.fixture
+def folder(tmp_path, frames):
+    return write(tmp_path / "my frames [1]", frames)
+
+
+@pytest.fixture
+def hdc(capsys):
+    """Runs a command line: exit status, lines of the output, lines of the errors."""
+
+    def run(*words):
+        with pytest.raises(SystemExit) as caught:
+            main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        return caught.value.code, out.splitlines(), err.splitlines()
+
+    return run
+
+
+@pytest.fixture
+def model(hdc, folder, tmp_path):
+    path = tmp_path / "m.safetensors"
+    assert hdc("train", folder, "-o", path)[0] == 0
+    return path
+
+
+def contents(root):
+    return {str(p): p.read_bytes() for p in root.rglob("*") if p.is_file()}
+
+
+# What they do ------------------------------------------------------------------------------------
+
+
+def test_a_model_is_that_of_all_frames(hdc, folder, frames, tmp_path):
+    before = contents(tmp_path)
+    path = tmp_path / "m.safetensors"
+    status, out, err = hdc("train", folder, "-o", path)
+    assert (status, err) == (0, [])
+    assert out[0].startswith(f"{path}: 36 frames of 3 classes, 24 × 24 pixels, in ")
+    model = HDCClassifier.load(path)
+    whole = HDCClassifier().fit(frames.reshape(-1, SIDE, SIDE), np.repeat(list("abc"), 12))
+    assert model.classes_.tolist() == ["a", "b", "c"]
+    assert (model.prototypes_ == whole.prototypes_).all()
+    assert model.counts_.tolist() == [12, 12, 12]
+    assert model.metadata_ == {"crop": None, "subsample": 1}
+    after = contents(tmp_path)
+    assert after.pop(str(path))
+    assert after == before
+
+
+def test_archives_and_videos_are_learnt_as_folders_are(hdc, frames, tmp_path):
+    np.savez(tmp_path / "x.npz", frames=frames.reshape(-1, SIDE, SIDE), labels=np.arange(36) // 12)
+    assert hdc("train", tmp_path / "x.npz", "-o", tmp_path / "n.safetensors")[0] == 0
+    whole = HDCClassifier().fit(frames.reshape(-1, SIDE, SIDE), np.arange(36) // 12)
+    found = HDCClassifier.load(tmp_path / "n.safetensors")
+    assert (found.prototypes_ == whole.prototypes_).all()
+
+    size = (32, 32)
+    film = cv2.VideoWriter(
+        str(tmp_path / "v.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 10, size, isColor=False
+    )
+    images = [cv2.resize(image, size) for image in frames.reshape(-1, SIDE, SIDE)]
+    for image in images:
+        film.write(image)
+    film.release()
+    (tmp_path / "t.csv").write_text("start_s,end_s,label\n0,1.2,a\n1.2,2.4,b\n2.4,3.6,c\n")
+    words = ("train", tmp_path / "v.avi", "-o", tmp_path / "v.safetensors")
+    status, out, err = hdc(*words, "--intervals", tmp_path / "t.csv")
+    assert (status, err) == (0, [])
+    assert "36 frames of 3 classes" in out[0]
+    assert hdc(*words)[2] == [
+        f"error: {tmp_path}/v.csv: expected a CSV table in UTF-8 with columns start_s, end_s, "
+        "label, found: No such file or directory"
+    ]
+
+
+def test_held_out_frames_are_not_learnt(hdc, folder, tmp_path):
+    path = tmp_path / "m.safetensors"
+    words = ("train", folder, "-o", path, "--test-fraction", "0.25", "--seed")
+    status, out, _ = hdc(*words, 1)
+    assert status == 0
+    assert out[1] == "held out: accuracy 100.0% (95 % interval 70.1% to 100.0%), 9 of 9 frames"
+    first = HDCClassifier.load(path)
+    assert first.counts_.tolist() == [9, 9, 9]
+    hdc(*words, 1)
+    assert (HDCClassifier.load(path).prototypes_ == first.prototypes_).all()
+    hdc(*words, 2)
+    assert (HDCClassifier.load(path).prototypes_ != first.prototypes_).any()
+
+
+def test_crop_and_subsampling_go_with_the_model(hdc, folder, frames, tmp_path):
+    path = tmp_path / "m.safetensors"
+    hdc("train", folder, "-o", path, "--crop", 2, 4, 20, 16, "--subsample", 2)
+    model = HDCClassifier.load(path)
+    assert model.frame_shape_ == (8, 10)
+    assert model.metadata_ == {"crop": [2, 4, 20, 16], "subsample": 2}
+    status, out, _ = hdc("predict", path, folder / "b" / "3.png", "--json")
+    answer = json.loads(out[0])
+    seen = frames[1, 3, 4:20:2, 2:22:2]
+    (distances,) = model.distances(seen)
+    assert answer["distances"] == dict(zip("abc", distances / 80, strict=True))
+    new = tmp_path / "new.safetensors"
+    assert hdc("recalibrate", path, folder, "-o", new, "--p", "0")[0] == 0
+    assert HDCClassifier.load(new).metadata_ == model.metadata_
+    assert (status, hdc("evaluate", new, folder)[1][0].split(",")[1]) == (0, " 36 of 36 frames")
+
+
+def test_predictions_as_a_table_and_as_json(hdc, model, folder, frames, tmp_path):
+    noise = tmp_path / "noise.png"
+    cv2.imwrite(str(noise), np.random.default_rng(9).integers(0, 256, (SIDE, SIDE), np.uint8))
+    status, out, err = hdc("predict", model, folder, noise, "--reject", "0.001")
+    assert (status, err) == (0, [])
+    assert out[0].split("\t") == ["file", "label", "margin", "a", "b", "c"]
+    rows = [line.split("\t") for line in out[1:]]
+    assert [row[1] for row in rows] == [*np.repeat(list("abc"), 12), "(none of these)"]
+    assert [Path(row[0]).name for row in rows[:12]] == [f"{i}.png" for i in range(12)]
+    shares = HDCClassifier.load(model).distances(frames[2, :1])[0] / SIDE**2
+    assert rows[24][3:] == [f"{share:.4f}" for share in shares]
+    assert rows[24][2] == f"{np.diff(sorted(shares))[0]:.4f}"
+    # --reject takes a number if there is one, and no file for it.
+    for words in (["--reject", noise], [noise, "--reject"], ["--reject=0.001", noise]):
+        (line,) = hdc("predict", model, "--json", *words)[1]
+        assert json.loads(line)["label"] is None
+    assert json.loads(hdc("predict", model, "--json", noise)[1][0])["label"] in "abc"
+
+
+def test_an_evaluation_tells_accuracy_and_confusions(hdc, model, folder, frames, tmp_path):
+    (folder / "a" / "0.png").rename(folder / "c" / "wrong.png")
+    status, out, err = hdc("evaluate", model, folder)
+    assert (status, err) == (0, [])
+    assert out[0] == "accuracy 97.2% (95 % interval 85.8% to 99.5%), 35 of 36 frames"
+    assert [line.split() for line in out[2:]] == [
+        ["1", "2", "3"], ["1", "a", "11", "0", "0"], ["2", "b", "0", "12", "0"],
+        ["3", "c", "1", "0", "12"],
+    ]  # fmt: skip
+    only = write(tmp_path / "only", frames[1:2], "b")
+    assert hdc("evaluate", model, only)[1][0].endswith("12 of 12 frames")
+
+
+@pytest.mark.parametrize("method", ["replace", "merge"])
+def test_recalibration_is_that_of_the_classifier(hdc, model, frames, tmp_path, method):
+    changed = np.roll(frames, 5, axis=-1)
+    new, path = write(tmp_path / "new", changed), tmp_path / "new.safetensors"
+    before = model.read_bytes()
+    words = ("recalibrate", model, new, "-o", path, "--p", "0.7", "--method", method, "--seed", 3)
+    status, out, err = hdc(*words)
+    assert (status, err) == (0, [])
+    assert out == [f"{path}: 36 new frames of 3 classes, {method}, p = 0.7"]
+    expected = HDCClassifier.load(model).recalibrate(
+        changed.reshape(-1, SIDE, SIDE), np.repeat(list("abc"), 12), 0.7, 3, method
+    )
+    assert (HDCClassifier.load(path).prototypes_ == expected.prototypes_).all()
+    assert model.read_bytes() == before
+
+
+def test_models_made_in_python_are_taken_as_well(hdc, frames, tmp_path):
+    """Of other labels than strings, of flattened frames, and without a crop."""
+    flat = frames[:2].reshape(24, -1)
+    path = tmp_path / "m.safetensors"
+    HDCClassifier().fit(flat, np.repeat([7, 10], 12)).save(path)
+    folder = write(tmp_path / "f", frames[:2], ["7", "10"])
+    assert "24 of 24" in hdc("evaluate", path, folder)[1][0]
+    assert json.loads(hdc("predict", path, folder / "10" / "1.png", "--json")[1][0])["label"] == 10
+    assert hdc("recalibrate", path, folder, "-o", tmp_path / "n.safetensors")[0] == 0
+    out = hdc("info", path)[1]
+    assert f"frames      {SIDE**2} pixels" in out
+    assert "  10  12 frames" in out
+    HDCClassifier().fit(flat, np.repeat([7, 10], 12)).save(path, metadata={"crop": "all"})
+    assert hdc("info", path)[2] == [
+        f"error: {path}: in its metadata, crop: expected null or [x, y, width, height], "
+        "integers ≥ 0 and sizes ≥ 1, found 'all'"
+    ]
+
+
+def test_what_a_model_was_trained_on_is_told(hdc, folder, tmp_path):
+    path = tmp_path / "m.safetensors"
+    hdc("train", folder, "-o", path, "--crop", 0, 0, 24, 12)
+    status, out, _ = hdc("info", path)
+    assert status == 0
+    assert out[0] == f"{path}: {path.stat().st_size} bytes"
+    assert out[1:4] == ["frames      24 × 12 pixels", "crop        0 0 24 12", "subsample   1"]
+    assert out[-3:] == ["  a  12 frames", "  b  12 frames", "  c  12 frames"]
+
+
+def test_a_home_folder_is_found(hdc, model, folder, monkeypatch):
+    monkeypatch.setenv("HOME", str(folder.parent))
+    assert hdc("evaluate", f"~/{model.name}", f"~/{folder.name}")[0] == 0
+
+
+def test_wilson_and_large_tables():
+    for right, n in [(0, 10), (3, 7), (95, 100), (36, 36)]:
+        expected = binomtest(right, n).proportion_ci(method="wilson")
+        assert wilson(right, n) == pytest.approx((expected.low, expected.high), abs=1e-12)
+    counts = np.diag([5] * 30)
+    counts[2, 3], counts[4, 1] = 1, 2
+    assert confusions([f"c{k}" for k in range(30)], counts) == ["c4 → c1: 2", "c2 → c3: 1"]
+
+
+# What can be wrong -------------------------------------------------------------------------------
+
+
+def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, tmp_path):
+    out = tmp_path / "out.safetensors"
+    before = contents(tmp_path)
+
+    def error(*words):
+        status, shown, (line,) = hdc(*words)
+        assert (status, shown) == (1, [])
+        return line.removeprefix("error: ")
+
+    assert error("train", tmp_path / "no", "-o", out) == (
+        f"path: expected a folder, an .npz or a video, found nothing: {tmp_path}/no"
+    )
+    assert error("train", folder / "a", "-o", out).startswith(f"{folder}/a/0.png: expected images")
+    assert error("predict", tmp_path / "no", "x.png") == (
+        f"{tmp_path}/no: expected a saved model, found no such file"
+    )
+    assert error("predict", model, "no\n.png") == (
+        r"no\n.png: expected a readable file, found: No such file or directory"
+    )
+    assert error("info", folder / "a" / "0.png").startswith(
+        f"{folder}/a/0.png: expected a saved HDCClassifier, found "
+    )
+    (tmp_path / "empty").mkdir()
+    assert error("predict", model, tmp_path / "empty").startswith(
+        f"{tmp_path}/empty: expected images (.png"
+    )
+    assert error("train", folder, "-o", tmp_path / "no" / "m.safetensors") == (
+        f"{tmp_path}/no/m.safetensors: expected a folder to write into, found none"
+    )
+    assert error("train", folder, "-o", folder) == f"{folder}: expected a file name, found a folder"
+    assert contents(tmp_path) == before
+
+
+def test_bad_frames_are_named_in_one_line(hdc, model, folder, frames, tmp_path):
+    out = tmp_path / "out.safetensors"
+
+    def error(*words):
+        status, _, (line,) = hdc(*words)
+        assert status == 1
+        assert not out.exists()
+        return line.removeprefix("error: ")
+
+    one = write(tmp_path / "one", frames[:1], "a")
+    assert error("train", one, "-o", out) == f"{one}: expected two classes or more, found only 'a'"
+    other = write(tmp_path / "other", frames[:1], "x")
+    assert error("evaluate", model, other) == (
+        f"{other}: expected classes among a, b, c, found 'x'"
+    )
+    wide = write(tmp_path / "wide", np.pad(frames, [(0, 0)] * 3 + [(0, 2)]))
+    for command in (["evaluate"], ["recalibrate", "-o", out]):
+        assert error(command[0], model, wide, *command[1:]) == (
+            f"{wide}/a/0.png: expected 24 × 24 pixels as in training, found 26 × 24 pixels"
+        )
+    assert error("train", wide, "-o", out, "--crop", 20, 0, 20, 20) == (
+        f"{wide}/a/0.png: crop: expected a window inside frames 26 px wide and 24 px high, "
+        "found [20, 0, 20, 20]"
+    )
+    cv2.imwrite(str(folder / "b" / "3.png"), frames[0, 0, :20])
+    assert error("train", folder, "-o", out) == (
+        f"{folder}/b/3.png: expected 24 × 24 pixels uint8 as of {folder}/a/0.png, "
+        "found 24 × 20 uint8"
+    )
+    broken = folder / "a" / "7.png"
+    broken.write_bytes(broken.read_bytes()[:-20])
+    assert error("train", folder, "-o", out).startswith(f"{broken}: expected a complete file")
+    (one / "b").mkdir()
+    (folder / "c" / "1.png").rename(one / "b" / "1.png")
+    assert error("train", one, "-o", out, "--test-fraction", "0.5") == (
+        "class 'b': expected two frames or more to hold out, found one"
+    )
+
+
+def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
+    for words, said in [
+        (["trian"], "Did you mean 'train'?"),
+        (["train", folder], "Missing option '-o'"),
+        (["train", folder, "-o", "m", "--crop", 1, 2, 0, 4], "--crop: expected null or [x, y, wid"),
+        (["train", folder, "-o", "m", "--subsample", 0], "'--subsample': 0 is not in the range"),
+        (["train", folder, "-o", "m", "--test-fraction", 1], "'--test-fraction': 1.0 is not in"),
+        (["predict", "m"], "Missing argument 'IMAGES...'"),
+        (["predict", "m", "x", "--reject", "0.9"], "'--reject': 0.9 is not in the range"),
+        (["recalibrate", "m", folder, "-o", "n", "--method", "add"], "'replace', 'merge'"),
+    ]:
+        status, out, (line,) = hdc(*words)
+        assert (status, out) == (2, [])
+        assert line.startswith("error: ")
+        assert said in line
+    assert hdc()[0] == 2
+    for words in ([], ["train"], ["predict"], ["evaluate"], ["recalibrate"], ["info"]):
+        status, out, err = hdc(*words, "--help")
+        assert (status, err) == (0, [])
+        assert out[0].startswith("Usage: hdc")
+
+
+def test_what_is_missing_can_be_installed(hdc, folder, monkeypatch):
+    monkeypatch.setitem(sys.modules, "click", None)
+    assert hdc("--help")[::2] == (
+        1, ["error: expected the package click, found none; pip install 'hdc[command]'"],
+    )  # fmt: skip
+
+
+def test_errors_are_found_before_torch_is_imported(tmp_path):
+    code = (
+        "import sys; from hdc.command import main\n"
+        "try: main(sys.argv[1:])\n"
+        "except SystemExit: print([m for m in ('torch', 'cv2', 'PIL', 'rich') if m in sys.modules])"
+    )
+    for words in (["--help"], ["train", "no", "-o", "m"], ["predict", "no", "x"], ["info", "no"]):
+        command = [sys.executable, "-c", code, *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        assert done.stdout.splitlines()[-1] == "[]"

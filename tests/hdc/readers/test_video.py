@@ -1,0 +1,243 @@
+"""Videos: the labelled frames, whichever are asked for first, and an end where there is one."""
+
+import re
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from hdc.readers import BadFrame, open_recording
+from hdc.readers import video as module
+
+RATE, N = 10, 60
+# What OpenCV cannot write: uniform frames of grey_of(k), 32 × 32 pixels, 25 Hz, written by FFmpeg
+# with -flags +ildct+ilme (the second half of the partly interlaced one), setpts, and -bf 2.
+VIDEOS = Path(__file__).parent / "videos"
+TABLE = "start_s,end_s,label\n0.3,1.0,press\n1.0,2.5,free\n5,6,press\n"
+NUMBERS = [*range(3, 25), *range(50, 60)]
+
+
+def grey_of(number):
+    return 10 + 4 * (23 * number % N)  # neighbours differ by more than the coding changes them
+
+
+@pytest.fixture(params=["x.avi", "x.mp4", "x.mkv"])
+def film(request, tmp_path):
+    """Frame k is uniformly grey_of(k), 48 × 32 pixels, 10 Hz."""
+    path = tmp_path / request.param
+    code = {".avi": "MJPG", ".mp4": "mp4v", ".mkv": "FFV1"}[path.suffix]
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*code), RATE, (48, 32))
+    if not writer.isOpened():
+        pytest.skip(f"this build of OpenCV cannot write {code} videos")
+    for k in range(N):
+        writer.write(np.full((32, 48, 3), grey_of(k), np.uint8))
+    writer.release()
+    path.with_suffix(".csv").write_text(TABLE)
+    return path
+
+
+@pytest.mark.parametrize("memory_bytes", [2**31, 0])
+def test_a_video_is_a_scene(film, memory_bytes):
+    scene = open_recording(film, memory_bytes=memory_bytes, crop=[8, 4, 16, 8], subsample=2)
+    assert scene.classes == ("free", "press")
+    assert scene.shape == (4, 8)
+    assert scene.samples["frame"].tolist() == NUMBERS
+    assert scene.samples["interval"].tolist() == [0] * 7 + [1] * 15 + [2] * 10
+    assert np.allclose(scene.samples["time"], np.array(NUMBERS) / RATE)
+    assert scene.labels.tolist() == [1] * 7 + [0] * 15 + [1] * 10
+    order = np.random.default_rng(0).permutation(len(scene))
+    for index in (np.arange(len(scene)), order, [31], [0, 0]):
+        made = scene.frames(index).astype(int)
+        expected = np.array([grey_of(NUMBERS[i]) for i in index])
+        assert np.abs(made - expected[:, None, None]).max() <= 5
+    assert scene.frames([]).shape == (0, 4, 8)
+
+
+def test_what_does_not_fit_in_memory_is_decoded_once_into_a_file(film, monkeypatch):
+    """Seeking would decode from a key frame for each frame asked for; nothing is decoded again."""
+    memory = open_recording(film)
+    grabbed = []
+
+    class Counted:  # a subclass of a type of OpenCV ends in a segmentation fault
+        def __init__(self, *arguments):
+            self.capture = capture(*arguments)
+
+        def __getattr__(self, name):
+            assert name != "set", "it seeks"
+            grabbed.extend([self] * (name == "grab"))
+            return getattr(self.capture, name)
+
+    capture = cv2.VideoCapture
+    monkeypatch.setattr(cv2, "VideoCapture", Counted)
+    stream = open_recording(film, memory_bytes=1000)
+    assert memory.fingerprint() == stream.fingerprint()
+    order = np.random.default_rng(0).permutation(len(stream))
+    for index in (order, order[:5], [3]):
+        assert np.array_equal(stream.frames(index), memory.frames(index))
+    assert len(grabbed) == N + 1  # and found the end
+    film.unlink()
+    assert np.array_equal(stream.frames([7]), memory.frames([7]))
+
+    monkeypatch.setattr(module, "_LEFT_FREE_BYTES", 2**62)
+    film.write_bytes(b"")
+    full = module._Frames(film, (1, 10), memory_bytes=15)
+    full.append(np.zeros((1, 10), np.uint8))
+    with pytest.raises(
+        ValueError, match=rf"{film.name}: expected room .*TMPDIR\), found \d+ bytes"
+    ):
+        full.append(np.zeros((1, 10), np.uint8))
+
+
+def with_table(tmp_path, name, *intervals):
+    """A copy of one of the videos beside this file, with a table of labelled intervals."""
+    shutil.copyfile(VIDEOS / name, tmp_path / name)
+    rows = ["start_s,end_s,label", *intervals]
+    (tmp_path / name).with_suffix(".csv").write_text("\n".join(rows) + "\n")
+    return tmp_path / name
+
+
+@pytest.mark.parametrize(("name", "end"), [("interlaced.mkv", 0.4), ("partly_interlaced.mkv", 0.8)])
+def test_interlaced_frames_are_refused_or_decoded(tmp_path, name, end):
+    """MPEG-2, 25 Hz, of which OpenCV 5 makes whatever its memory held; uniform frames."""
+    path = with_table(tmp_path, name, "0,0.2,a", f"0.2,{end},b")
+    try:
+        scene = open_recording(path)
+    except ValueError as error:
+        message = rf"{name}: expected progressive frames, found what OpenCV .* of interlaced ones"
+        assert re.search(message, str(error))  # noqa: PT017
+    else:  # another version converts them
+        greys = scene.frames(np.arange(len(scene))).mean((1, 2))
+        assert np.abs(greys - [grey_of(k) for k in range(len(scene))]).max() <= 5
+
+
+def test_frames_that_repeat_are_no_interlaced_ones(tmp_path):
+    """A still scene between two others, without a loss."""
+    path = tmp_path / "x.mkv"
+    code = cv2.VideoWriter_fourcc(*"FFV1")
+    writer = cv2.VideoWriter(str(path), code, RATE, (48, 32))
+    greys = [50, 50, 50, 80, 80, 90, 90, 90, 50, 50]
+    for value in greys:
+        writer.write(np.full((32, 48, 3), value, np.uint8))
+    writer.release()
+    path.with_suffix(".csv").write_text("start_s,end_s,label\n0,0.5,a\n0.5,1,b\n")
+    assert open_recording(path).frames(range(10))[:, 0, 0].tolist() == greys
+    path.with_suffix(".csv").write_text("start_s,end_s,label\n0,0.1,a\n0.2,0.3,b\n")
+    with pytest.raises(ValueError, match=r"x.mkv: .* the same image again and again"):
+        open_recording(path)
+
+
+def test_times_are_those_of_the_container(tmp_path):
+    """20 frames at 25 Hz, then 10 at 25/3 Hz: the mean rate would give other labels."""
+    path = with_table(tmp_path, "variable_rate.mp4", "0,0.8,a", "0.8,1.3,b", "1.5,2,a")
+    scene = open_recording(path)
+    times = np.array([*np.arange(20) * 0.04, *(0.8 + np.arange(10) * 0.12)])
+    numbers = [*range(25), *range(26, 30)]
+    assert scene.samples["frame"].tolist() == numbers
+    assert np.allclose(scene.samples["time"], times[numbers], atol=1e-3)
+    assert scene.labels.tolist() == [0] * 20 + [1] * 5 + [0] * 4
+    greys = scene.frames(np.arange(len(scene))).mean((1, 2))
+    assert np.abs(greys - [grey_of(k) for k in numbers]).max() <= 5
+    with_table(tmp_path, "variable_rate.mp4", "0,0.8,a", "0.85,0.9,b")
+    with pytest.raises(ValueError, match=r"at least one frame in each .* found none in 0.85–0.9 s"):
+        open_recording(path)
+
+
+def test_times_that_an_avi_states_late_or_not_at_all_are_those_of_its_rate(tmp_path):
+    """Its frames are stored in the order of decoding: the first is at 0.04 s, the last at none."""
+    path = with_table(tmp_path, "reordered.avi", "0,0.8,a", "0.8,1.2,b")
+    scene = open_recording(path)
+    assert np.allclose(scene.samples["time"], np.arange(30) / 25, atol=1e-9)
+    assert scene.labels.tolist() == [0] * 20 + [1] * 10
+    greys = scene.frames(np.arange(30)).mean((1, 2))
+    assert np.abs(greys - [grey_of(k) for k in range(30)]).max() <= 5
+
+
+def test_which_frames_are_labelled_is_part_of_the_fingerprint(film):
+    film.with_suffix(".csv").write_text("start_s,end_s,label\n0,1,a\n1,2,b\n")
+    first = open_recording(film)
+    film.with_suffix(".csv").write_text("start_s,end_s,label\n2,3,a\n3,4,b\n")
+    second = open_recording(film)
+    assert np.array_equal(first.labels, second.labels)
+    assert first.fingerprint() != second.fingerprint()
+
+
+def test_a_table_elsewhere(film, tmp_path):
+    table = tmp_path / "other.csv"
+    table.write_text("label,start_s,end_s,note\nb,1,2,\na,0,1,x\n")
+    scene = open_recording(film, intervals=table)
+    assert scene.classes == ("a", "b")
+    assert scene.labels.tolist() == [0] * 10 + [1] * 10
+    assert scene.fingerprint() != open_recording(film).fingerprint()
+
+
+def test_a_video_that_ends_early_is_named(tmp_path):
+    path = tmp_path / "x.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), RATE, (48, 32))
+    noise = np.random.default_rng(0).integers(0, 256, (N, 32, 48, 3), dtype=np.uint8)
+    for image in noise:
+        writer.write(image)
+    writer.release()
+    path.with_suffix(".csv").write_text("start_s,end_s,label\n0,1,a\n1,6,b\n")
+    whole = open_recording(path)
+    assert len(whole) == N
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(
+        BadFrame, match=r"x.avi: expected 60 frames as its header says, found it end"
+    ):
+        open_recording(path)
+    part = open_recording(path, on_bad_frame="skip")
+    path.with_suffix(".csv").write_text("start_s,end_s,label\n0,1,a\n1,5.9,b\n")
+    assert len(open_recording(path, on_bad_frame="skip")) == len(part)
+    assert open_recording(path, on_bad_frame="skip").fingerprint() != part.fingerprint()
+    assert 10 < len(part) < N
+    assert len(part) + len(part.skipped) == N
+    intact = np.arange(len(part) - 1)  # the last frame may be cut through
+    assert np.array_equal(part.frames(intact), whole.frames(intact))
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("start_s,end_s,label\n0,1,a\n5,6.2,b\n", r"within the 6 s of .*, found 5–6.2 s"),
+        ("start_s,end_s,label\n0,1,a\n1e30,2e30,b\n", "within the 6 s"),
+        ("start_s,end_s,label\n0,1,a\n0.9,2,b\n", "do not overlap, found 0–1 s and 0.9–2 s"),
+        ("start_s,end_s,label\n0,1,a\n1.01,1.02,b\n", "at least one frame in each interval"),
+        ("start_s,end_s,label\n0,1,a\n2,1,b\n", "line 3: expected 0 ≤ start_s < end_s"),
+        ("start_s,end_s,label\n0,1,a\nnan,1,b\n", "line 3: expected 0 ≤ start_s < end_s"),
+        ("start_s,end_s,label\n0,1,a\n1,inf,b\n", "line 3: expected 0 ≤ start_s < end_s"),
+        ("start_s,end_s,label\n-1,1,a\n", "line 2: expected 0 ≤ start_s < end_s"),
+        ("start_s,end_s,label\n0,one,a\n", "line 2: expected seconds"),
+        ("start_s,end_s,label\n0,1,\n", "line 2: expected a label"),
+        ("start_s,end_s,label\n0,1,a\n2,3,a\n", "expected two classes or more, found only 'a'"),
+        ("start,end,label\n0,1,a\n", "expected columns start_s, end_s, label"),
+    ],
+)
+def test_a_table_that_does_not_fit_is_named(film, table, message):
+    film.with_suffix(".csv").write_text(table)
+    with pytest.raises(ValueError, match=message):
+        open_recording(film)
+
+
+def test_what_is_no_video_is_named(film):
+    table = film.with_suffix(".csv")
+    with pytest.raises(ValueError, match=r"at most 1000 pixels a frame .*, found 48 × 32"):
+        open_recording(film, max_pixels=1000)
+    with pytest.raises(ValueError, match=r"crop: expected a window inside"):
+        open_recording(film, crop=[0, 0, 49, 1])
+    whole = film.read_bytes()
+    film.write_bytes(whole[:40])
+    with pytest.raises(ValueError, match=film.name):
+        open_recording(film)
+    for other in (b"", b"#EXTM3U\n#EXTINF:1,\nhttp://localhost/x.ts\n", b"not a video at all"):
+        film.write_bytes(other)
+        with pytest.raises(
+            ValueError, match=rf"{film.name}: expected an mp4, mov, avi, mkv or webm"
+        ):
+            open_recording(film)
+    table.unlink()
+    with pytest.raises(
+        ValueError, match=r"x.csv: .* with columns start_s, end_s, label, found: No such file"
+    ):
+        open_recording(film)

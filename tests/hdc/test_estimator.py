@@ -1,0 +1,99 @@
+"""scikit-learn's conventions, by scikit-learn's own checks."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sklearn.base import clone, is_classifier
+from sklearn.calibration import CalibratedClassifierCV
+from sklearn.ensemble import VotingClassifier
+from sklearn.model_selection import GridSearchCV, cross_val_score, learning_curve
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+from sklearn.utils.estimator_checks import check_estimator
+
+import hdc
+from hdc import HDCClassifier, bits
+
+NOT_MET = {
+    "check_classifiers_regression_target": "numbers of any kind are labels, such as depths in mm",
+    "check_estimators_nan_inf": "a pixel is named as Python spells it: nan, not NaN",
+}
+
+
+def touches(n: int = 60, classes: int = 3, side: int = 12) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(1)
+    labels = np.arange(n) % classes
+    base = rng.integers(0, 200, (classes, side, side))
+    return (base[labels] + rng.integers(0, 56, (n, side, side))).astype(np.uint8), labels
+
+
+@pytest.mark.parametrize("prototype", ["binary", "integer"])
+def test_all_checks_but_two_are_met(prototype: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        checks = check_estimator(
+            HDCClassifier(prototype=prototype), expected_failed_checks=NOT_MET, on_fail=None
+        )
+    assert len(checks) > 50
+    failed = {check["check_name"] for check in checks if check["status"] == "failed"}
+    assert not failed
+    expected = {check["check_name"] for check in checks if check["status"] == "xfail"}
+    assert expected <= set(NOT_MET)
+
+
+def test_parameters_are_set_and_searched() -> None:
+    frames, labels = touches()
+    model = HDCClassifier().set_params(ties="one", seed=3)
+    assert repr(clone(model)) == (
+        "HDCClassifier(ties='one', prototype='binary', seed=3, device='cpu', backend='auto')"
+    )
+    assert is_classifier(model)
+    assert not hasattr(clone(model.fit(frames, labels)), "prototypes_")
+    with pytest.raises(ValueError, match=r"set_params: expected one of ties, .*found 'tie'"):
+        model.set_params(tie="one")
+    grid = GridSearchCV(model, {"ties": list(bits.TIES)}, cv=3).fit(frames, labels)
+    assert grid.best_score_ > 0.9
+    _, _, scores = learning_curve(
+        model, frames, labels, cv=3, train_sizes=[0.5, 1.0], exploit_incremental_learning=True
+    )
+    assert scores[-1].min() > 0.9
+    flat = frames.reshape(60, -1)
+    assert make_pipeline(FunctionTransformer(), model).fit(flat, y=labels).score(flat, labels) == 1
+
+
+def test_probabilities_serve_scores_voting_and_calibration() -> None:
+    frames, labels = touches()
+    flat = frames.reshape(60, -1)
+    scores = cross_val_score(HDCClassifier(), frames, labels, cv=3, scoring="roc_auc_ovr")
+    assert scores.min() == 1
+    two = labels < 2
+    scores = cross_val_score(HDCClassifier(), frames[two], labels[two], cv=3, scoring="roc_auc")
+    assert scores.min() == 1
+    votes = VotingClassifier([("a", HDCClassifier()), ("b", HDCClassifier("one"))], voting="soft")
+    assert votes.fit(flat, labels).score(flat, labels) == 1
+    assert CalibratedClassifierCV(HDCClassifier(), cv=3).fit(flat, labels).score(flat, labels) == 1
+
+
+def test_importing_loads_neither_images_nor_tables() -> None:
+    code = (
+        "import sys; from hdc import HDCClassifier; "
+        "print([m for m in sys.argv[1:] if m in sys.modules])"
+    )
+    heavy = ["cv2", "sklearn", "pandas", "matplotlib", "hydra", "scipy", "safetensors", "numba"]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *heavy], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_the_version_is_that_of_the_project() -> None:
+    """pyproject.toml reads it from the package, without importing it."""
+    setuptools = pytest.importorskip("setuptools.config.pyprojecttoml")
+    found = setuptools.read_configuration(Path(hdc.__file__).parents[1] / "pyproject.toml")
+    assert found["project"]["version"] == hdc.__version__

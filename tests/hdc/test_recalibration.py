@@ -1,0 +1,153 @@
+"""Changed environments: bits replaced as published, or votes of old and new frames."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from hdc import HDCClassifier, bits
+from hdc.prototypes import Counters
+from hdc.recalibration import METHODS, merged
+
+
+def sessions(n: int = 60, classes: int = 3, side: int = 24, seed: int = 1):
+    """Frames of two sessions: half of the pixels of a class are others in the second."""
+    rng = np.random.default_rng(seed)
+    labels = np.arange(n) % classes
+    base = rng.integers(0, 200, (classes, side, side))
+    changed = np.where(rng.random(base.shape) < 0.5, rng.integers(0, 200, base.shape), base)
+    return [
+        (b[labels] + rng.integers(0, 156, (n, side, side))).clip(0, 255).astype(np.uint8)
+        for b in (base, changed)
+    ], labels
+
+
+@pytest.mark.parametrize(
+    ("p", "wins"),
+    [(0.0, [1, 1, 0, 0]), (0.5, [1, 1, 0, 0]), (0.6, [1, 0, 1, 0]), (1.0, [1, 0, 1, 0])],
+)
+def test_votes_have_their_shares_whatever_the_numbers(p: float, wins: list[int]) -> None:
+    """Bits: clear on both sides, clear old against clear new, the reverse, clear zeros."""
+    old = Counters.from_counts(torch.tensor([[80, 74, 6, 0]]), torch.tensor([80]))
+    new = Counters.from_counts(torch.tensor([[5, 1, 4, 0]]), torch.tensor([5]))
+    votes, weights = merged(old, new, p)
+    assert bits.unpack(votes.majority(), 4)[0].long().tolist() == wins
+    if 0 < p < 1:
+        assert weights[0] * 5 == pytest.approx(p * int(votes.n[0]))
+
+
+def test_equal_votes_are_those_of_exact_fractions() -> None:
+    rng = np.random.default_rng(3)
+    n_old, n_new = torch.tensor([41, 80, 7]), torch.tensor([13, 0, 21])
+    counts = [torch.from_numpy(rng.integers(0, n[:, None] + 1, (3, 500))) for n in (n_old, n_new)]
+    old, new = map(Counters.from_counts, counts, (n_old, n_new))
+    votes, _ = merged(old, new, 0.5)
+    signs = [2 * c - n[:, None] for c, n in zip(counts, (n_old, n_new), strict=True)]
+    expected = n_new[:, None] * signs[0] + n_old[:, None] * signs[1] > 0
+    expected[1] = signs[0][1] > 0  # no new frames: as it was
+    assert torch.equal(bits.unpack(votes.majority(), 500), expected)
+
+
+def test_votes_do_not_outgrow_their_bits() -> None:
+    rng = np.random.default_rng(0)
+    n_old = torch.tensor([101, 101])
+    votes = Counters.from_counts(torch.from_numpy(rng.integers(0, 102, (2, 90))), n_old)
+    for n in (103, 107, 109, 113, 127):
+        n_new = torch.tensor([n, n])
+        new = Counters.from_counts(torch.from_numpy(rng.integers(0, n + 1, (2, 90))), n_new)
+        exact = votes.counts().double() / votes.n[:, None] + new.counts().double() / n
+        votes, _ = merged(votes, new, 0.5)
+        assert (votes.n < 2**24).all()
+        share = votes.counts().double() / votes.n[:, None]
+        torch.testing.assert_close(share, exact / 2, atol=1e-5, rtol=0)
+    assert votes.planes.shape[1] <= 24
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_changed_environment_is_learnt_and_the_old_one_kept(method: str) -> None:
+    (old, new), labels = sessions()
+    model = HDCClassifier().fit(old, labels)
+    before = model.distances(new).min(1).mean()
+    few = slice(9)
+    model.recalibrate(new[few], labels[few], method=method)
+    assert model.distances(new).min(1).mean() < before
+    assert model.score(new, labels) == 1
+    assert model.score(old, labels) == 1
+    # What is known follows: new frames, as new as those.
+    assert model.is_known(new).mean() > 0.8
+    noise = np.random.default_rng(0).integers(0, 256, (40, 24, 24), dtype=np.uint8)
+    assert not model.is_known(noise).any()
+    model.recalibrate(new, labels, method=method)
+    assert model.is_known(new).mean() > 0.9
+
+
+def test_p_is_a_half_as_published_and_merging_is_surer() -> None:
+    (old, new), labels = sessions(300)
+    nearest = {}
+    for method in METHODS:
+        model = HDCClassifier().fit(old, labels)
+        again = HDCClassifier().fit(old, labels)
+        model.recalibrate(new[:60], labels[:60], method=method)
+        again.recalibrate(new[:60], labels[:60], 0.5, method=method)
+        assert torch.equal(model.prototypes_, again.prototypes_)
+        nearest[method] = model.distances(new[60:]).min(1).mean()
+    assert nearest["merge"] < nearest["replace"]
+
+
+def test_integer_prototypes_merge_and_refuse_replacement() -> None:
+    (old, new), labels = sessions()
+    model = HDCClassifier(prototype="integer").fit(old, labels)
+    with pytest.raises(ValueError, match="replacing bits expects 'binary', found 'integer'"):
+        model.recalibrate(new, labels)
+    before = model._scores(new).numpy().min(1).mean()
+    model.recalibrate(new[:9], labels[:9], method="merge")
+    assert model._scores(new).numpy().min(1).mean() < before
+    assert model.score(new, labels) == 1
+    assert model.predict_proba(new).argmax(1).tolist() == labels.tolist()
+
+
+def test_classes_without_new_frames_keep_their_prototypes() -> None:
+    (old, new), labels = sessions()
+    for method in METHODS:
+        model = HDCClassifier(ties="random").fit(old, labels)
+        before = model.prototypes_.clone()
+        model.recalibrate(new[labels == 1], labels[labels == 1], p=0.7, method=method)
+        changed = (model.prototypes_ != before).any(1)
+        assert changed.tolist() == [False, True, False]
+        means = HDCClassifier(ties="random").fit(old, labels)._calibrated().means
+        found = model._calibrated().means
+        assert (np.array(found) == means).tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_learning_on_is_refused_in_one_line(method: str, tmp_path) -> None:
+    (old, new), labels = sessions()
+    trained = HDCClassifier().fit(old, labels)
+    model = HDCClassifier().fit(old, labels).recalibrate(new, labels, method=method)
+    model.save(tmp_path / "m")
+    for again in (model, HDCClassifier.load(tmp_path / "m")):
+        for call in (
+            lambda m: m.partial_fit(new, labels),
+            lambda m: m.merge(trained),
+            lambda m: HDCClassifier().fit(old, labels).merge(m),
+        ):
+            with pytest.raises(ValueError, match="expected a model of counted frames, found one"):
+                call(again)
+        assert (again.predict(new) == model.predict(new)).all()
+        again.recalibrate(old, labels, method=method)
+    model.fit(old, labels)
+    assert torch.equal(model.prototypes_, trained.prototypes_)
+    model.partial_fit(new, labels)
+
+
+def test_what_cannot_be_recalibrated_is_named() -> None:
+    (old, new), labels = sessions()
+    model = HDCClassifier().fit(old, labels)
+    with pytest.raises(ValueError, match="method: expected one of replace, merge, found 'add'"):
+        model.recalibrate(new, labels, method="add")
+    with pytest.raises(ValueError, match=r"labels: expected classes among \[0, 1, 2\], found 9"):
+        model.recalibrate(new[:2], [9, 9])
+    for method in METHODS:
+        with pytest.raises(ValueError, match="p: expected a probability"):
+            model.recalibrate(new, labels, p=1.5, method=method)
