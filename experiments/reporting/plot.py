@@ -75,9 +75,7 @@ def save(figure: Figure, kind: str) -> bytes:
 def _smaller(svg: bytes) -> bytes:
     """Without comments and indentation, and coordinates to a hundredth of a point."""
     text = re.sub(r"<!--.*?-->", "", svg.decode(), flags=re.DOTALL)
-    text = re.sub(
-        r'\b(d|x|y|points)="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text
-    )
+    text = re.sub(r'\b(d|x|y|points)="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)
     return re.sub(r"\n\s*", "\n", text).encode()
 
 

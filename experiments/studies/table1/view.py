@@ -222,4 +222,5 @@ STUDY = Study(
     tables,
     plots,
     quantities,
+    front=True,
 )
