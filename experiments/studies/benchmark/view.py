@@ -33,7 +33,7 @@ NOTE = (
     "plain numpy: ties aside, but for bits that the median or the majority leaves open; same "
     "labels, those of frames that were not learnt. Frames: speckle in uint8, its medians near one "
     'another, unless another kind is named. “hdc, compiled” is HDCClassifier(backend="compiled"), '
-    'which backend="auto" is once its kernels are loaded.'
+    'which backend="auto" is once its kernels are loaded, as they are for “hdc train FOLDER”.'
 )
 Rows = Sequence[Mapping[str, Any]]
 
@@ -119,7 +119,7 @@ def by_kind(name: str, measured: Measured, rows: Rows) -> Table:
     routes = list(dict.fromkeys(row["route"] for row in encoded))
     cells: dict[tuple[Any, ...], dict[str, Any]] = {}
     for row in encoded:
-        key = (row["frames"], row["n"], row["d"])
+        key = (row.get("frames"), row["n"], row["d"])
         cells.setdefault(key, {})[row["route"]] = 1e6 * row["median_s"] / row["n"]
     shown = [
         {"Frames": kind, "N": n, "D": d} | {route: of.get(route) for route in routes}

@@ -48,7 +48,7 @@ def opencv_histogram(case: Case) -> Job:
 
     def threshold(pixels: np.ndarray) -> np.ndarray:
         counts = cv2.calcHist([pixels], [0], None, [levels], [0, levels])  # float32, exact to 2^24
-        below = counts[:, 0].astype(np.int64).cumsum()
+        below = counts.reshape(-1).astype(np.int64).cumsum()
         return pack_bits(pixels > np.searchsorted(below, (len(pixels) + 1) // 2))
 
     return lambda: np.stack([threshold(pixels) for pixels in frames]), lambda packed: packed

@@ -1,4 +1,8 @@
-"""Folder: files of images to a saved model, as ``hdc train`` does it."""
+"""Folder: files of images to a saved model, as ``hdc train`` does it once it has started.
+
+The compiled kernels are loaded here, so they are used; the command loads them for some thousand
+frames and more.
+"""
 
 from __future__ import annotations
 
