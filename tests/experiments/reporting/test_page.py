@@ -60,7 +60,7 @@ def picture(name="a_figure", data=SVG, kind="svg", caption="What it shows."):
     return Picture(Plot(name, caption, lambda: None, ["draw it"], kind), data)
 
 
-def built(*blocks, problems=(), verdicts=("matches", "differs", "differs"), about=None, **section):
+def built(*blocks, problems=(), verdicts=("agrees", "differs", "differs"), about=None, **section):
     made = Section("question", "A question", "What it asks.", blocks, **section)
     about = {"reference": "5 runs"} if about is None else about
     return Page(page.render([made], verdicts, problems, about))
@@ -148,7 +148,7 @@ def test_long_tables_are_folded_away_whole(rows, folded):
 
 @pytest.mark.parametrize(
     ("verdict", "tone"),
-    [("matches", "good"), ("watched, matches", "good"), ("setting, same", "good"),
+    [("agrees", "good"), ("watched, agrees", "good"), ("setting, same", "good"),
      ("differs", "bad"), ("fitted, differs", "bad"), ("fitted", "plain"), ("missing", "none"),
      ("no interval", "none"), ("not reached", "none"), ("setting, another", "none")],
 )  # fmt: skip
