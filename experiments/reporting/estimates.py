@@ -9,7 +9,7 @@ takes the place of theirs.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -39,13 +39,13 @@ class Difference(NamedTuple):
     Attributes:
         share: mean over seeds, with Student's interval.
         above, below: seeds in which it has more, and fewer.
-        seeds: seeds that both have.
+        each: the difference in each seed that both have.
     """
 
     share: Estimate
     above: int
     below: int
-    seeds: int
+    each: Mapping[str, float]
 
 
 def mean_interval(values: Sequence[float], least: float = 0.0) -> Estimate:
@@ -77,17 +77,25 @@ def least_variance(shares: Sequence[float], n: float) -> float:
     return p * (1 - p) / n
 
 
+def mean_share(right: Sequence[int], n: Sequence[int]) -> Estimate:
+    """Share of right samples, mean over seeds with Student's interval; of one seed Wilson's.
+
+    Args:
+        right, n: right and all samples of each seed.
+    """
+    if len(right) < 2:
+        return Estimate(right[0] / n[0], *evaluate.wilson(right[0], n[0]))
+    return mean_interval(*_shares(right, n)).within(0, 1)
+
+
 def share(group: Group) -> Estimate:
-    """Test accuracy, mean over seeds with Student's interval; of one seed Wilson's."""
-    if len(group.runs) < 2:
-        right = group.right
-        return Estimate(float(right.mean()), *evaluate.wilson(int(right.sum()), len(right)))
-    return mean_interval(*_shares(group)).within(0, 1)
+    """Test accuracy, as :func:`mean_share`."""
+    return mean_share(*_counts(group))
 
 
 def share_of_one_sensor(group: Group) -> Estimate:
     """Test accuracy, mean over seeds with the interval for one more sensor."""
-    return one_sensor(*_shares(group)).within(0, 1)
+    return one_sensor(*_shares(*_counts(group))).within(0, 1)
 
 
 def difference(runs: Sequence[Run], reference: Sequence[Run]) -> Difference | None:
@@ -98,19 +106,20 @@ def difference(runs: Sequence[Run], reference: Sequence[Run]) -> Difference | No
     them added (Agresti and Min, Stat. Med. 24, 729 (2005)).
     """
     theirs = {(run.seeds, run.record.data_sha256.test): run.record.right for run in reference}
-    pairs = [
-        (run.record.right, theirs[key])
+    pairs = {
+        run.seeds: (run.record.right, theirs[key])
         for run in runs
         if (key := (run.seeds, run.record.data_sha256.test)) in theirs
-    ]
+    }
     if not pairs:
         return None
-    each = [float(a.mean() - b.mean()) for a, b in pairs]
-    n = sum(len(a) for a, _ in pairs)
-    disagree = sum(int((a != b).sum()) for a, b in pairs)
+    each = {seeds: float(a.mean() - b.mean()) for seeds, (a, b) in pairs.items()}
+    n = sum(len(a) for a, _ in pairs.values())
+    disagree = sum(int((a != b).sum()) for a, b in pairs.values())
     least = (disagree + 1) / (n + 2) / (n / len(pairs))
-    above, below = (sum(sign * d > 0 for d in each) for sign in (1, -1))
-    return Difference(mean_interval(each, least).within(-1, 1), above, below, len(each))
+    above, below = (sum(sign * d > 0 for d in each.values()) for sign in (1, -1))
+    share = mean_interval(list(each.values()), least).within(-1, 1)
+    return Difference(share, above, below, each)
 
 
 def one_ratio(value: float, logarithms: Sequence[float]) -> Estimate:
@@ -171,7 +180,13 @@ def _student(values: Sequence[float], least: float, parts: float) -> Estimate:
     return Estimate(mean, mean - half, mean + half)
 
 
-def _shares(group: Group) -> tuple[list[float], float]:
-    """Test accuracy of each run, and the variance that it has at least."""
-    shares = [float(run.record.right.mean()) for run in group.runs]
-    return shares, least_variance(shares, len(group.right) / len(shares))
+def _counts(group: Group) -> tuple[list[int], list[int]]:
+    """Right and all test samples of each run."""
+    records = [run.record for run in group.runs]
+    return [int(record.right.sum()) for record in records], [record.n_test for record in records]
+
+
+def _shares(right: Sequence[int], n: Sequence[int]) -> tuple[list[float], float]:
+    """Share of each seed, and the variance that it has at least."""
+    shares = [one / of for one, of in zip(right, n, strict=True)]
+    return shares, least_variance(shares, float(np.mean(n)))

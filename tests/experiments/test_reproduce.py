@@ -233,3 +233,18 @@ def test_results_go_to_ones_own_folder(monkeypatch, tmp_path):
     monkeypatch.setattr(reproduce.signal, "signal", lambda *_: None)
     assert reproduce.main(["--quick"]) == 0
     assert taken == {"mode": "quick", "results": ROOT / "results" / "mine"}
+
+
+def test_a_step_with_a_disturbed_run_is_called_once_more(commands, monkeypatch, tmp_path):
+    monkeypatch.setattr(reproduce, "disturbed", lambda results: len(commands) in (1, 2))
+    found = [Step("a", NOTHING, 1), Step("b", NOTHING, 1)]
+    assert reproduce.run(found, "full", tmp_path, console()) == 0
+    assert commands == ["a", "a", "b"]
+
+
+def test_a_run_is_disturbed_until_it_was_made_again(write_run, tmp_path):
+    for seed, seconds in enumerate((1, 1, 4)):
+        write_run("hdc", seed=seed, curve=[{"training_s": seconds}])
+    assert reproduce.disturbed(tmp_path)
+    write_run("hdc", seed=2, curve=[{"training_s": 4}], timed_again=4.0)
+    assert not reproduce.disturbed(tmp_path)

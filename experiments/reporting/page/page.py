@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import base64
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from urllib.parse import quote
 
 import jinja2
@@ -67,21 +68,22 @@ class Section:
     title: str
     text: str = ""
     blocks: Sequence[Block] = field(default_factory=list)
+    open: bool = False  # not folded away at first
 
 
 def render(
     sections: Sequence[Section],
-    verdicts: Sequence[str],
     problems: Sequence[str],
     about: Mapping[str, str],
+    minutes: Mapping[str, float] = MappingProxyType({}),
 ) -> str:
     """The page's HTML.
 
     Args:
         sections: in their order.
-        verdicts: one a published number, counted at the top.
         problems: what was left out, and why.
         about: name of a set of results → where it comes from.
+        minutes: name of an experiment → what it takes on 2 cores, shown beside its command.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
@@ -92,13 +94,20 @@ def render(
     )
     environment.filters["tone"] = _tone
     environment.filters["kinds"] = _kinds
+    environment.filters["minutes"] = partial(_minutes, minutes)
     return environment.get_template("report.html").render(
         sections=sections,
-        verdicts=Counter(verdicts).most_common(),
         problems=problems,
         about=about,
         long=_LONG,
     )
+
+
+def _minutes(known: Mapping[str, float], command: str) -> str:
+    """How long a command takes, where it is known: `` (about 3 min)``."""
+    found = re.search(r"\bexperiment=(\w+)", command)
+    taken = known.get(found[1]) if found else None
+    return f" about {max(1, round(taken))} min on 2 cores" if taken else ""
 
 
 def _kinds(table: Table) -> list[str]:

@@ -265,4 +265,5 @@ STUDY = Study(
     tables,
     plots,
     quantities,
+    front=True,
 )

@@ -291,4 +291,5 @@ STUDY = Study(
     tables,
     plots,
     quantities,
+    front=True,
 )

@@ -115,12 +115,12 @@ def test_models_differ_seed_by_seed_on_the_same_samples(tmp_path, write_run):
     each = [-0.03, 0.08]
     half = 12.7062 * np.std(each, ddof=1) / math.sqrt(2)
     assert found().share == pytest.approx((0.025, 0.025 - half, 0.025 + half), abs=1e-4)
-    assert found()[1:] == (1, 1, 2)
+    assert (found().above, found().below, len(found().each)) == (1, 1, 2)
     write_run("hdc", seed=2)
     write_run(
         "softmax", seed=2, wrong=range(50), data_sha256={"train": "", "test": "of other frames"}
     )
-    assert found()[1:] == (1, 1, 2)
+    assert (found().above, found().below, len(found().each)) == (1, 1, 2)
 
 
 def test_models_that_agree_on_every_sample_may_differ_on_others(tmp_path, write_run):

@@ -61,10 +61,10 @@ def picture(name="a_figure", data=SVG, kind="svg", caption="What it shows."):
     return Picture(Plot(name, caption, lambda: None, ["draw it"], kind), data)
 
 
-def built(*blocks, problems=(), verdicts=("agrees", "differs", "differs"), about=None, **section):
+def built(*blocks, problems=(), about=None, **section):
     made = Section("question", "A question", "What it asks.", blocks, **section)
     about = {"reference": "5 runs"} if about is None else about
-    return Page(page.render([made], verdicts, problems, about))
+    return Page(page.render([made], problems, about))
 
 
 def webp(colour):
@@ -76,7 +76,7 @@ def webp(colour):
 def test_numbers_are_those_of_the_tables():
     made = a_table(verdict="differs")
     found = built(Block("", [made]))
-    assert found.tables["some"] == [made.heads, *made.cells()]
+    assert found.tables["table-some"] == [made.heads, *made.cells()]
     for text in ("How to read it.", "make it", "What it asks.", "5 runs"):
         assert text in found.text
 
@@ -113,7 +113,7 @@ def test_anchors_exist_and_none_is_twice():
     links = {value[1:] for value in found.all("href") if value.startswith("#")}
     assert links
     assert links <= set(anchors)
-    assert {"question", "mine-some", "reference-figure-a_figure"} <= set(anchors)
+    assert {"question", "mine-table-some", "reference-figure-a_figure"} <= set(anchors)
 
 
 def test_what_comes_from_outside_is_escaped():
@@ -123,7 +123,7 @@ def test_what_comes_from_outside_is_escaped():
     plain = built(Block("", [a_table("t", error="e", verdict="v")], [picture()]), problems=["p"])
     found = built(
         Block(HOSTILE, [hostile], [shown]),
-        problems=[HOSTILE], verdicts=[HOSTILE], about={HOSTILE: HOSTILE},
+        problems=[HOSTILE], about={HOSTILE: HOSTILE},
     )  # fmt: skip
     tags = [[tag for tag, _ in one.elements if tag != "h3"] for one in (found, plain)]
     assert tags[0].count("script") == tags[1].count("script") == 1
@@ -147,8 +147,8 @@ def test_what_was_left_out_is_said():
 @pytest.mark.parametrize(("rows", "folded"), [(30, 0), (31, 1)])
 def test_long_tables_are_folded_away_whole(rows, folded):
     found = built(Block("", [a_table(rows=rows)]))
-    assert sum(tag == "details" for tag, _ in found.elements) == folded
-    assert len(found.tables["some"]) == 1 + rows
+    assert sum(tag == "details" for tag, _ in found.elements) == 1 + folded  # the section, too
+    assert len(found.tables["table-some"]) == 1 + rows
 
 
 @pytest.mark.parametrize(
@@ -158,9 +158,9 @@ def test_long_tables_are_folded_away_whole(rows, folded):
      ("no interval", "none"), ("not reached", "none"), ("setting, another", "none")],
 )  # fmt: skip
 def test_verdicts_are_coloured_by_what_they_say(verdict, tone):
-    found = built(Block("", [a_table(verdict=verdict)]), verdicts=[verdict])
+    found = built(Block("", [a_table(verdict=verdict)]))
     marks = [c.split()[1] for c in found.all("class") if c.startswith("verdict ")]
-    assert marks == [tone] * 3  # at the top, and in two rows
+    assert marks == [tone] * 2
 
 
 @pytest.mark.parametrize(

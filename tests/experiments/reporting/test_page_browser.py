@@ -15,7 +15,7 @@ FOUND = """async () => {
     broken: [...document.images].filter((i) => !i.complete || !i.naturalWidth).map((i) => i.alt),
     images: document.images.length,
     needed: document.documentElement.scrollWidth,
-    cells: [...document.querySelectorAll("#comparison tbody tr")].map(
+    cells: [...document.querySelectorAll("#table-comparison tbody tr")].map(
       (row) => [...row.cells].map((cell) => cell.innerText.trim())),
     hidden: [...document.querySelectorAll("td, figcaption, p")].filter(
       (e) => e.innerText.trim() && !e.getBoundingClientRect().height).map((e) => e.innerText),
@@ -41,3 +41,22 @@ def test_it_works_on_a_phone_and_on_a_desk(browser, tmp_path, a_full_set):
         assert found["needed"] <= width
         assert len(found["cells"]) > 20
         assert all(all(cells) for cells in found["cells"])
+
+
+def test_what_is_folded_opens_for_a_link_and_figures_grow(browser, tmp_path, a_full_set):
+    made = report.write(tmp_path, "cpu", Console(file=io.StringIO())).as_uri()
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.goto(made)
+    comparison, table1 = (page.locator(f"#{name} > details") for name in ("comparison", "table1"))
+    assert table1.get_attribute("open") is not None
+    assert comparison.get_attribute("open") is None
+    page.click("nav a[href='#comparison']")
+    page.wait_for_selector("#comparison > details[open]")
+    page.goto(f"{made}#reference-figure-fig4_correlations")
+    page.reload()
+    page.wait_for_selector("#correlation > details[open]")
+    figure = page.locator("#reference-figure-fig4_correlations")
+    before = figure.bounding_box()["width"]
+    figure.locator("a").click()
+    assert figure.bounding_box()["width"] > 1.5 * before
+    page.close()
