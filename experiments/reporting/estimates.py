@@ -47,6 +47,11 @@ class Difference(NamedTuple):
     below: int
     each: Mapping[str, float]
 
+    @property
+    def seeds(self) -> int:
+        """How many both have."""
+        return len(self.each)
+
 
 def mean_interval(values: Sequence[float], least: float = 0.0) -> Estimate:
     """Mean of independent values and Student's interval of their expectation.

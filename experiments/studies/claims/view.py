@@ -64,13 +64,15 @@ class Claim(NamedTuple):
     """A row of the table.
 
     Attributes:
-        claim: what the paper says, and where.
+        claim: in short.
+        paper: its numbers, and where they stand.
         simulated, light: what simulated frames and measured light say.
         why: theory or mechanism.
         verdict: what holds.
     """
 
     claim: str
+    paper: str
     simulated: str
     light: str
     why: str
@@ -97,6 +99,7 @@ def tables(results: Results) -> Iterator[Table]:
         frame([make(results)._asdict() for make in makers]),
         {
             "Claim": lambda row: row["claim"],
+            "Paper": lambda row: row["paper"],
             "On simulated frames": lambda row: row["simulated"],
             "On measured light": lambda row: row["light"],
             "Theory or mechanism": lambda row: row["why"],
@@ -104,7 +107,7 @@ def tables(results: Results) -> Iterator[Table]:
         },
         RULES,
         key=("Claim",),
-        common=("Claim",),
+        common=("Claim", "Paper"),
     )
 
 
@@ -138,7 +141,8 @@ def recognition(results: Results) -> Claim:
             f"{math.prod(record.scene.shape):,} pixels"
         )
     return Claim(
-        f"HDC recognises slightly better: {paper} (Table I)",
+        "HDC recognises slightly better",
+        f"{paper} (Table I)",
         _accuracies(results, simulated),
         _accuracies(results, light, "scene.path=FOLDER "),
         "fewer frames than pixels are linearly separable: a softmax regression that is trained on "
@@ -224,7 +228,7 @@ def training_time(results: Results) -> Claim:
     paper = ", ".join(f"{display_name(model)} ×{number(r)}" for model, r in ratios.items())
     light = results.group(LIGHT, "hdc")
     return Claim(
-        "HDC trains in a small part of the others' time: "
+        "It trains in a small part of the time",
         f"{paper} of its {numbers['table1/hdc_training_time'].value:g} s (Table I)",
         "; ".join(said) or missing(f"{RUN}table1"),
         "the same operations, whatever the light" if light.runs else missing(_LIGHT_COMMAND),
@@ -280,7 +284,8 @@ def few_samples(results: Results) -> Claim:
         fitted = f", a {known.calibration} number" if known.calibration else ""
         suffice = f"as few {'may suffice' if inside else 'do not suffice'}{fitted}"
     return Claim(
-        f"with HDC few samples suffice: above 90 % for N > {known.value:g} (Fig. 5(b))",
+        "Few samples suffice",
+        f"above 90 % for N > {known.value:g} (Fig. 5(b))",
         "; ".join(said) or missing(f"{RUN}accuracy_vs_n"),
         f"over HDC, mean of all N: {_means(light)}"
         if light
@@ -367,8 +372,8 @@ def sharpening(results: Results) -> Claim:
     if found:
         why += f". ΔC by this from C^b alone: {_estimate(found[0].theory)}"
     return Claim(
-        "contrast is sharpened from speckle and hypervectors to prototypes: "
-        f"ΔC {paper} (Fig. 4(e))",
+        "Prototypes sharpen the contrast",
+        f"ΔC of speckle, hypervectors, prototypes: {paper} (Fig. 4(e))",
         "; ".join(map(_contrasts, simulated)) or missing(command),
         "; ".join(map(_contrasts, light))
         or missing(f"{command} scene=fibre scene.path=FOLDER task.crop=null"),
@@ -429,14 +434,17 @@ def recalibration(results: Results) -> Claim:
     before, after = (
         published.numbers()[f"drift/{name}_accuracy"].value for name in ("stored", "recovered")
     )
-    claim = f"recalibration restores accuracy after drift: {before:g} to {after:g} % (Fig. 8(b))"
+    claim = (
+        "Recalibration restores accuracy after drift",
+        f"{before:g} to {after:g} % with N_new = {N_NEW}, p = 0.5 or 0.75 (Fig. 8(b))",
+    )
     none = "not measured: the public data have one session (scene=recorded takes one's own of two)"
     measured = results.measured("drift")
     quantities = {one.name: one for one in of_drift(results)} if measured else {}
     if measured is None or not {"drift/stored_accuracy", "drift/recovered_accuracy"} <= set(
         quantities
     ):
-        return Claim(claim, missing(f"{RUN}drift"), none, "–", "not decided: not measured yet")
+        return Claim(*claim, missing(f"{RUN}drift"), none, "–", "not decided: not measured yet")
     found = recalibrated(measured)
     old = found["stored", None][0][:, 0]
     mixed = np.mean([found["replace", p][N_NEW][:, 0] for p in (0.5, 0.75)], axis=0)
@@ -447,10 +455,10 @@ def recalibration(results: Results) -> Claim:
         f"{percent(mixed.mean())} %: {_points(restored)} points"
     )
     if new is None:
-        return Claim(claim, said, none, missing(f"{RUN}drift"), _restores(restored, None))
+        return Claim(*claim, said, none, missing(f"{RUN}drift"), _restores(restored, None))
     gain = mean_interval(mixed - new[:, 0])
     return Claim(
-        claim,
+        *claim,
         said,
         none,
         f"the new samples alone (p = 1) give {percent(new[:, 0].mean())} %; the old prototypes add "
@@ -478,13 +486,13 @@ def _restores(restored: Estimate, gain: Estimate | None) -> str:
 
 def faults(results: Results) -> Claim:
     """HDC tolerates faults."""
-    claim = "HDC is fault-robust, as it has no error-prone bits (Introduction; not measured there)"
+    claim = "HDC tolerates faults", "no error-prone bits (Introduction; not measured there)"
     found = {one.rows[0]["origin"]: one for _, one in with_places(results, "robustness")}
     rates = {origin: _tolerated(measured) for origin, measured in found.items()}
     here = rates.get("simulated", {})
     command = f"{RUN}robustness"
     return Claim(
-        claim,
+        *claim,
         _rates(here) if here else missing(command),
         _rates(rates["measured"])
         if "measured" in rates
@@ -574,7 +582,8 @@ def texture(results: Results) -> Claim:
     if chance is not None:
         said.append(f"chance {percent(chance)} %")
     return Claim(
-        f"touched objects of different texture are recognised: {known.value:g} % (Fig. 9(d))",
+        "Touched objects are recognised",
+        f"{known.value:g} %: paper, sandpaper of grit 40 and 120 (Fig. 9(d))",
         "; ".join(said),
         "not measured: no speckle of touched textures is public (scene=recorded takes one's own)",
         "three sheets differ in thickness, so that the same approach presses them by different "
