@@ -12,8 +12,9 @@ from torch.nn import functional as F
 
 from experiments.records import measurement
 from experiments.records.configs import task
-from experiments.studies.conditions import linear, measure
+from experiments.studies.conditions import adam, linear, measure, seconds
 from experiments.studies.conditions.readings import Curve, Levels, read
+from hdc import HDCClassifier, bits
 from scenes.frames import Frames
 
 LEVELS = Levels(0.9, 0.992, (0.826, 0.9, 0.945), 2, 200, 0.01)
@@ -212,3 +213,60 @@ def test_a_start_that_is_none_is_named():
         linear.starts_of({"a": {"rule": "he"}}, "task.starts")
     with pytest.raises(ValueError, match=r"task\.starts\.b: std: expected a number above zero"):
         linear.starts_of({"b": {"rule": "normal", "of": "me"}}, "task.starts")
+
+
+@pytest.mark.parametrize("pixels", ["unit", "standard_global"])
+def test_adam_side_by_side_is_torchs_adam_alone(known, pixels):
+    frames, labels, _ = known
+    parts = [(frames[TRAIN], labels[TRAIN]), (frames[TEST], labels[TEST])]
+    starts = [linear.Start("linear"), linear.Start("normal", 0.05)]
+    how = {"rate": 1e-3, "batch": 5, "reports_per_epoch": 4, "epochs": 3}
+    found = adam.curves(parts, starts, pixels, LEVELS, 5, **how)
+    x, y = scaled(frames, pixels).float(), torch.from_numpy(labels)
+    for start, curve in zip(starts, found, strict=True):
+        drawn = linear.draw(5, 0, 3, x.shape[1])
+        layer = nn.Linear(x.shape[1], 3)
+        with torch.no_grad():
+            layer.weight.copy_(start.factor(x.shape[1], 3) * drawn.weights[start.family])
+            layer.bias.copy_(start.intercept(drawn.intercepts, x.shape[1]))
+        optimiser, losses = torch.optim.Adam(layer.parameters(), 1e-3), []
+        random = torch.Generator().manual_seed(5)
+        for _ in range(3):
+            for part in torch.randperm(20, generator=random).split(5):
+                optimiser.zero_grad()
+                F.cross_entropy(layer(x[TRAIN][part]), y[TRAIN][part]).backward()
+                optimiser.step()
+                losses.append(F.cross_entropy(layer(x[TRAIN]), y[TRAIN]).item())
+        assert curve.steps == [*range(1, 13)]
+        assert curve.loss == pytest.approx(losses, rel=1e-3)
+        assert curve.loss[-1] < curve.start
+
+
+@pytest.mark.parametrize("pipeline", seconds.PIPELINES)
+def test_every_pipeline_gives_the_same_frames_and_hdc_of_ordinary_routes_is_hdc(pipeline, tmp_path):
+    # No two pixels of a frame are equal: at the median there is nothing to choose.
+    random, labels = np.random.default_rng(0), np.arange(12) % 3
+    images = np.stack([random.permutation(256) for _ in labels]).astype(np.uint8)
+    frames, truth = torch.from_numpy(images.reshape(-1, 16, 16)), torch.from_numpy(labels)
+    source = seconds.SOURCES[pipeline](frames, truth, tmp_path)
+    (batch, found), _ = source.batches(torch.tensor([7, 2, 5]), 2)
+    torch.testing.assert_close(batch, frames[[7, 2]].float() / 255)
+    assert found.tolist() == labels[[7, 2]].tolist()
+    prototypes = seconds.majority(source, torch.arange(12), 3)
+    words = HDCClassifier().fit(frames, labels).state_tensors()["prototypes"]
+    assert torch.equal(bits.unpack(words, 256).bool(), prototypes)
+
+
+def test_seconds_are_told_of_every_model(config, tmp_path, monkeypatch):
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    monkeypatch.setattr(seconds, "scene_at", measure.scene_at)
+    wanted = task(seconds.NAME)
+    del wanted["_target_"]
+    found = measurement.read(seconds.run(**wanted))
+    assert [r["model"] for r in found.rows] == 3 * [*wanted["models"], "hdc"]
+    for row in found.rows:
+        key = "seconds" if row["model"] == "hdc" else "seconds_per_step"
+        assert float(row[key]) > 0 < float(row["seconds_per_evaluated_frame"])
+    assert {r["batch"] for r in found.rows if r["model"] == "softmax_gd"} == {"40"}
+    with pytest.raises(ValueError, match=r"task\.pipelines: expected some of memory, dataset"):
+        seconds.run(**{**wanted, "pipelines": ["disk"]})
