@@ -7,13 +7,16 @@ import re
 import numpy as np
 import pytest
 import torch
+from matplotlib import pyplot as plt
 from torch import nn
 from torch.nn import functional as F
 
 from experiments.records import measurement
 from experiments.records.configs import task
-from experiments.studies.conditions import adam, linear, measure, seconds
+from experiments.records.results import Results
+from experiments.studies.conditions import adam, linear, measure, seconds, verdict
 from experiments.studies.conditions.readings import Curve, Levels, read
+from experiments.studies.conditions.view import STUDY
 from hdc import HDCClassifier, bits
 from scenes.frames import Frames
 
@@ -270,3 +273,110 @@ def test_seconds_are_told_of_every_model(config, tmp_path, monkeypatch):
     assert {r["batch"] for r in found.rows if r["model"] == "softmax_gd"} == {"40"}
     with pytest.raises(ValueError, match=r"task\.pipelines: expected some of memory, dataset"):
         seconds.run(**{**wanted, "pipelines": ["disk"]})
+
+
+CRITERION = verdict.Criterion("report", 0.8, 0.99, 2)
+SECONDS = [
+    {"pipeline": "memory", "n_train": 400.0, "n_test": 100.0, "seconds_per_evaluated_frame": 0.01}
+    | more
+    for more in (
+        {"model": "softmax_gd", "batch": 400.0, "seconds_per_step": 1.0},
+        {"model": "hdc", "seconds": 2.0},
+    )
+]
+
+
+def replicate(test, projected=1.0, steps=150.0, hdc=1.0, train=0.9925, **more):
+    """A row as the measurement has it, whose training is read at the published maximum."""
+    row = {"role": "report", "seed": 0.0, "method": "GD", "pixels": "unit", "split": "random"}
+    row |= {"start": "linear", "intervention": "none", "sigma": 0.001, "steps": 4000.0}
+    row |= {"r1_steps": steps, "r1_train": 0.905, "r1_test": 0.8, "r1_projected": 0.9}
+    row |= {"r2_train": train, "r2_test": test, "r2_projected": projected}
+    return row | {"r4_train": 1.0, "r4_test": 1.0, "r4_projected": 1.0, "hdc": hdc} | more
+
+
+def judged(rows, seconds=SECONDS):
+    (line,) = verdict.conditions(rows, seconds, CRITERION)
+    return line
+
+
+def test_a_condition_explains_what_it_reaches():
+    line = judged([replicate(0.9) for _ in range(4)] + [replicate(0.97)])
+    assert (line["verdict"], line["rule"], line["inside"]) == ("explains", "R2", 0.8)
+    assert line["seconds_low"] == 150
+    assert line["seconds_high"] == 150 * (1 + 500 * 0.01)  # an epoch is a step
+    assert (line["nearest"], line["times_hdc"], line["in_time"]) == ("memory", 75, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        ([replicate(0.9, steps=3.0)] * 5, "explains accuracy only"),
+        ([replicate(0.9)] * 3 + [replicate(0.97)] * 2, "explains time only"),
+        ([replicate(0.99, steps=3.0)] * 5, "no"),
+        # HDC fails on the same frames; training has reached 100 %; the pattern stays.
+        ([replicate(0.9, hdc=0.95)] * 5, "explains time only"),
+        ([replicate(0.9, train=1.0)] * 5, "explains time only"),
+        ([replicate(0.9, projected=0.9)] * 5, "explains time only"),
+        ([replicate(None, steps=None)] * 5, "no"),
+    ],
+)
+def test_a_condition_that_misses_something_says_what_it_explains(rows, expected):
+    rows = [{k: v for k, v in row.items() if v is not None} for row in rows]
+    assert judged(rows)["verdict"] == expected
+
+
+def test_seconds_that_were_not_measured_explain_no_time():
+    assert judged([replicate(0.9)] * 5, [])["verdict"] == "explains accuracy, time not measured"
+    assert judged([replicate(0.99)] * 5, [])["verdict"] == "no"
+
+
+def test_sensors_that_chose_are_told_apart():
+    line = judged([replicate(0.9)] * 5 + [replicate(0.99, role="choose")] * 3)
+    assert (line["replicates"], line["inside"], line["inside_choosing"]) == (5, 1.0, 0.0)
+
+
+def test_several_that_pass_are_not_identifiable():
+    rows = [replicate(0.9, start=start) for start in ("linear", "normal_0.005") for _ in range(5)]
+    starts = {"linear": {"of": "PyTorch"}, "normal_0.005": {}}
+    lines = verdict.conditions(rows, SECONDS, CRITERION)
+    text = verdict.conclusion(lines, starts)
+    assert text.startswith("Not identifiable from the paper: 2 of 2 conditions explain")
+    assert "1 of them from initial weights" in text
+    assert "optimiser and batch" in text
+    none = verdict.conditions([replicate(0.99)] * 5, SECONDS, CRITERION)
+    assert verdict.conclusion(none, starts).startswith("No condition")
+    assert verdict.conclusion(lines[:1], starts).startswith("1 of 1 conditions explain")
+
+
+def test_a_criterion_out_of_range_is_named():
+    assert verdict.criterion().share == 0.8
+    with pytest.raises(ValueError, match=r"criterion\.share: expected a number from 0 to 1"):
+        verdict.Criterion("report", 80, 0.99, 2)
+    with pytest.raises(ValueError, match=r"criterion\.sensors: expected choose or report"):
+        verdict.Criterion("all", 0.8, 0.99, 2)
+
+
+def test_tables_and_figure_of_small_measurements(config, tmp_path, monkeypatch):
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    for module in (adam, seconds):
+        monkeypatch.setattr(module, "scene_at", measure.scene_at)
+    measure.run(**config)
+    main, extra = STUDY.tables(Results(tmp_path))
+    assert {row["verdict"] for row in main.data.to_dict("records")} <= {"no", verdict.UNTIMED}
+    assert "were not measured" in main.note
+    for module in (adam, seconds):
+        wanted = task(module.NAME)
+        del wanted["_target_"]
+        small = {"sensors": {"report": [1]}, "epochs": 1, "pixels": ["unit"]}
+        module.run(**wanted | {k: v for k, v in small.items() if k in wanted})
+    main, extra = STUDY.tables(Results(tmp_path))
+    assert {row["method"] for row in main.data.to_dict("records")} == {"GD", "Adam"}
+    assert "were not measured" not in main.note
+    assert len(extra.data) == 4
+    assert "nn.Linear" in main.markdown()
+    assert "Projected" in extra.latex()
+    (figure,) = STUDY.plots(Results(tmp_path))
+    drawn = figure.draw()
+    assert len(drawn.axes) == 4
+    plt.close(drawn)
