@@ -79,6 +79,27 @@ def test_one_rival_ahead_is_enough_and_all_must_be_behind(write_run, claims):
 
 
 @pytest.mark.parametrize(
+    ("test", "expected"),
+    [
+        (0.9, "1 of 1 conditions explain the accuracies of softmax regression"),
+        (1.0, "No condition explains the published accuracies of softmax regression"),
+    ],
+)
+def test_recognition_says_what_would_have_to_be_true(
+    write_measurement, write_run, claims, test, expected
+):
+    write_run("hdc")
+    rows = [
+        {"method": "GD", "pixels": "unit", "split": "random", "start": "linear", "role": "report",
+         "intervention": "none", "sigma": 0.01, "hdc": 1.0, "r1_steps": 100 + seed,
+         "r1_train": 0.99, "r1_test": test, "r1_projected": 1.0, "seed": seed}
+        for seed in range(3)
+    ]  # fmt: skip
+    write_measurement("table1_conditions", rows, config={"starts": {}})
+    assert expected in claims()["recognition"]["Theory or mechanism"]
+
+
+@pytest.mark.parametrize(
     ("ordinary", "expected"),
     [
         (1.0, "Softmax: holds"),
