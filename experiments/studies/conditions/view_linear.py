@@ -171,8 +171,9 @@ def _note(
         "conditions were chosen. Removed: those whose test accuracy "
         "is above its interval from the start projected on the span of the training frames (Adam: "
         f"from zero weights). Explains the accuracies: both from {percent(wanted.share)} %; the "
-        f"time: one implementation within a factor {number(wanted.time_factor)}. {how} Softmax "
-        "regression alone, in all splits; a condition must hold for the networks, too."
+        f"time: one implementation within a factor {number(wanted.time_factor)}. {how} "
+        "Conditions of all splits are counted. This is softmax regression alone: a condition must "
+        "hold for the networks, too."
     )
 
 
