@@ -359,7 +359,7 @@ def _mechanism(axes: Axes, rows: Sequence[Row]) -> None:
             else:
                 chosen, key = [r for r in here if r["intervention"] == what], "r2_test"
             _points(axes, chosen, key, "#000000", sign, label)
-    axes.set(xscale="log", ylim=(-2, 62))
+    axes.set(xscale="log", ylim=(-2, 70))
     axes.set_xlabel("σ·|x⊥|: logit noise that training never changes")
     level = number(published.numbers()["table1/softmax_training_accuracy"].value)
     axes.set_ylabel(f"test error where training\nreaches {level} % (%)")
