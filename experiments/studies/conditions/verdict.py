@@ -1,12 +1,13 @@
 """Whether a condition explains the published row of softmax regression.
 
-A condition is an optimiser, a scaling of the pixels, a split and a start. By one rule of reading,
-it explains the *accuracies* if in at least ``share`` of sensors and draws training and test
-accuracy lie in the published intervals while HDC has at least ``hdc_at_least`` on the same frames,
-and if the pattern goes where its cause is removed: in as many, the test accuracy lies above its
-interval for the same start projected on the span of the training frames (where that is not known,
-from zero weights). It explains the *time* if in as many, steps to 90 % times the seconds a step of
-one implementation lie within ``time_factor`` of the published time.
+A condition is an optimiser, a scaling of the pixels, a split and a start, read by the rule that
+fits the sensors best on which conditions are chosen. It explains the *accuracies* if in at least
+``share`` of sensors and draws training and test accuracy lie in the published intervals while HDC
+has at least ``hdc_at_least`` on the same frames, and if the pattern goes where its cause is
+removed: in as many, the test accuracy lies above its interval for the same start projected on the
+span of the training frames (where that is not known, from zero weights). It explains the *time* if
+in as many, steps to 90 % times the seconds a step of one implementation lie within ``time_factor``
+of the published time.
 """
 
 from __future__ import annotations
@@ -111,7 +112,9 @@ def conditions(
             continue
         others = [row for row in group if row["role"] != wanted.sensors]
         shares = {rule: _inside(told, rule, wanted) for rule in RULES}
-        rule = max(RULES, key=lambda rule: shares[rule])
+        chosen = {rule: _inside(others, rule, wanted) if others else None for rule in RULES}
+        # The rule is chosen where conditions are; what is told breaks ties.
+        rule = max(RULES, key=lambda rule: (chosen[rule] or 0.0, shares[rule]))
         zeros = groups.get((*key[:3], "zeros"), [])
         removed = _removed(told, [r for r in zeros if r["role"] == wanted.sensors], rule)
         times = _times(told, timed, key[0], wanted)
@@ -124,9 +127,9 @@ def conditions(
                 line[f"{name}_{part}"] = mean([row.get(f"{name}_{part}") for row in told])
         line |= {
             "hdc": mean([row["hdc"] for row in told]),
-            "rule": rule.upper() if shares[rule] else None,
+            "rule": rule.upper() if shares[rule] or chosen[rule] else None,
             "inside": shares[rule],
-            "inside_choosing": _inside(others, rule, wanted) if others else None,
+            "inside_choosing": chosen[rule],
             "removed": removed,
         }
         accuracy = shares[rule] >= wanted.share and (removed or 0.0) >= wanted.share

@@ -334,6 +334,11 @@ def test_seconds_that_were_not_measured_explain_no_time():
 def test_sensors_that_chose_are_told_apart():
     line = judged([replicate(0.9)] * 5 + [replicate(0.99, role="choose")] * 3)
     assert (line["replicates"], line["inside"], line["inside_choosing"]) == (5, 1.0, 0.0)
+    # The sensors that chose read at the crossing; the others are told by that rule.
+    crossing = {"r1_train": 0.985, "r1_test": 0.9}
+    choosing = [replicate(0.99, role="choose", **crossing)] * 3
+    line = judged([replicate(0.9)] * 5 + choosing)
+    assert (line["rule"], line["inside"], line["inside_choosing"]) == ("R1", 0.0, 1.0)
 
 
 def test_several_that_pass_are_not_identifiable():
