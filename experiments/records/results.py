@@ -23,7 +23,7 @@ from experiments.records.record import Curve, Finished, Record, read_curve, read
 from experiments.records.sources import outdated
 
 # Of several groups for one row, the stopping rule that stands first here; others come last.
-STOPS = ("paper", "quick", "reached")
+STOPS = ("paper", "long", "quick", "reached")
 # What a row asks for by number; and where a recording lies, which is known by its content.
 _COORDINATES = ("split.n_train", "data.pixels", "scene.path")
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene

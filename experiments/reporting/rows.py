@@ -6,6 +6,8 @@
   time until it is done (for HDC: until the prototypes are made).
 - Accuracies are means over the seeds. ``test_accuracy_final`` is that of the last model; its
   interval is Wilson's for the counts of all seeds together, as if they were independent samples.
+- ``*_accuracy_at_target`` are read where the training accuracy first exceeded 90 %, ``*_max`` are
+  the largest of the run.
 - ``mcnemar_p`` is the exact McNemar test against ``hdc`` on the same test samples, seeds together.
 """
 
@@ -33,6 +35,7 @@ VALUES = (
     "scene", "model", "n_train", "pixels", "seeds", "stop", "status",
     "training_time_s", "training_time_q25_s", "training_time_q75_s",
     "time_to_90_train_s", "time_to_90_test_s", "total_time_s", "training_time_over_hdc",
+    "train_accuracy_at_target", "test_accuracy_at_target",
     "train_accuracy_max", "train_accuracy_final", "test_accuracy_max", "test_accuracy_final",
     "test_ci_low", "test_ci_high", "mcnemar_p", "model_bytes",
     "predict_single_s", "predict_batch_s_per_frame", "origin", "cpu", "threads", "code",
@@ -91,6 +94,8 @@ def row(group: Group, hdc: Group) -> Row:
         "training_time_over_hdc": median / reference
         if reference and math.isfinite(median)
         else None,
+        "train_accuracy_at_target": mean(record.train_accuracy_at_target for record in records),
+        "test_accuracy_at_target": mean(record.test_accuracy_at_target for record in records),
         "train_accuracy_max": mean(record.train_accuracy_max for record in records),
         "train_accuracy_final": mean(record.train_accuracy_final for record in records),
         "test_accuracy_max": mean(record.test_accuracy_max for record in records),
