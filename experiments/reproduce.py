@@ -3,8 +3,10 @@
 The steps are those of ``configs/reproduce.yaml``; results go to the folder of own results. What is
 finished there is skipped by the commands themselves, so the same call goes on after an
 interruption; a step that fails is told at the end, and the others run all the same. ``--list``
-shows the steps and runs none. ``reproduce.csv`` has the time and the largest memory of each step:
-those of the call that had everything to do.
+shows the steps and runs none. A step after which a run has taken unlike as long as its siblings
+(:mod:`experiments.records.timing`) is called once more, which makes that run again.
+``reproduce.csv`` has the time and the largest memory of each step: those of the call that had
+everything to do.
 """
 
 from __future__ import annotations
@@ -30,6 +32,8 @@ from rich.table import Table
 from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT, results_dir, write_atomically
 from experiments.records.record import to_csv
+from experiments.records.results import Results
+from experiments.records.timing import unlike_siblings
 from experiments.reporting.terminal import in_any_encoding
 
 FILE = "reproduce.csv"
@@ -110,6 +114,9 @@ def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> in
                 align="left",
             )
             status = measured(step, mode, results)
+            if status == "finished" and disturbed(results):
+                console.print("a run took unlike as long as its siblings: once more")
+                status = measured(step, mode, results)
             left -= 60 * step.minutes
             failed += [f"{step.name}: {status}"] if status != "finished" else []
     except KeyboardInterrupt:
@@ -118,6 +125,12 @@ def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> in
     for line in failed:
         console.print(f"[red]failed:[/red] {line}")
     return 1 if failed else 0
+
+
+def disturbed(results: Path) -> bool:
+    """Whether a run took unlike as long as its siblings, and was not made again for that."""
+    found = unlike_siblings(Results(results).runs)
+    return any(run.record.timed_again is None and not run.outdated for run in found)
 
 
 def measured(step: Step, mode: str, results: Path) -> str:

@@ -138,6 +138,8 @@ class Record(msgspec.Struct, kw_only=True):
         display: how the model's config wants it shown.
         config: everything that determines it, resolved.
         training_s: seconds of training, as far as it came.
+        timed_again: seconds of training of the run in whose place it stands, which took unlike as
+            long as its siblings.
         relabelled: where it was known under another name: schema, commit and id of then.
     """
 
@@ -154,6 +156,7 @@ class Record(msgspec.Struct, kw_only=True):
     display: dict[str, Text] = {}
     training_s: Seconds | None = None
     error: Text | None = None
+    timed_again: Seconds | None = None
     relabelled: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:

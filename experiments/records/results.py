@@ -21,6 +21,7 @@ from experiments.records import archive, configs, measurement
 from experiments.records.measurement import Measured
 from experiments.records.record import Curve, Finished, Record, read_curve, read_record
 from experiments.records.sources import outdated
+from experiments.records.timing import unlike_siblings
 
 # Of several groups for one row, the stopping rule that stands first here; others come last.
 STOPS = ("paper", "long", "quick", "reached")
@@ -124,6 +125,8 @@ class Group:
             notes.append(f"{len(self.others)} more left out: of other code or settings")
         if beside := sum(not run.record.environment.exclusive for run in self.runs):
             notes.append(f"{beside} timed beside other runs")
+        if unlike := [str(run.record.seed) for run in unlike_siblings(self.runs)]:
+            notes.append(f"timing unlike its siblings': seed {', '.join(unlike)}")
         return "; ".join(notes) or "ok"
 
     @property

@@ -144,7 +144,7 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
         assert f"scene=recorded {place} {model} stop=paper seed.run=0" in page
 
     # Nothing of it is taken for the paper's, whose numbers the reference has.
-    assert "matches</span> " in page.partition("<main>")[0]
+    assert "agrees</span> " in page.partition("<main>")[0]
     assert {row["status"] for row in table(results, "table1")} == {"missing"}
     assert {row["verdict"] for row in table(results, "comparison")} == {"missing"}
 

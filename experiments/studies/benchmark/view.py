@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from experiments.records.measurement import Measured
-from experiments.records.results import Results
+from experiments.records.results import Group, Results
 from experiments.reporting.measured import machine
 from experiments.reporting.study import Study
 from experiments.reporting.table import Table, frame, number, size
 from experiments.studies.benchmark.names import OPERATIONS
 
+ORDINARY = "HDC by ordinary routes"
+_ORDINARY_ROUTE = "torch.median, torchhd.multiset"
+ORDINARY_NOTE = (
+    f"{ORDINARY}: prototypes of as many frames by {_ORDINARY_ROUTE}, timed on the same processor "
+    "and threads by experiment=benchmark; a dash where they were not."
+)
 HEADLINE = {"n": 400, "d": 250_000, "l": 5}  # hamming and predict: their own n
 _NUMBERS = {
     **dict.fromkeys(("n", "d", "l", "samples", "peak_bytes"), int),
@@ -41,6 +48,22 @@ def tables(results: Results) -> Iterator[Table]:
                 NOTE,
                 [measured.record.command],
             )
+
+
+def ordinary_training_s(results: Results, beside: Group) -> float | None:
+    """Seconds in which ordinary routines make prototypes of as many frames as a group's, on its
+    processor and as many threads; None where that was not measured."""
+    measured = results.measured("benchmark")
+    if measured is None or not beside.runs:
+        return None
+    made, record = measured.record.environment, beside.runs[0].record
+    if (made.cpu, made.threads) != (record.environment.cpu, record.environment.threads):
+        return None
+    size = {"n": record.n_train, "d": math.prod(record.scene.shape), "l": len(beside.classes)}
+    for row in map(_typed, measured.rows):
+        if (row["operation"], row["route"]) == ("train", _ORDINARY_ROUTE) and _is_at(row, size):
+            return row["median_s"] if row["status"] == "ok" else None
+    return None
 
 
 def headline(name: str, measured: Measured, rows: Sequence[Mapping[str, Any]]) -> Table:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -11,11 +11,18 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
+from numpy.typing import NDArray
 
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting import published
-from experiments.reporting.estimates import STUDENT, Estimate, mean_interval
+from experiments.reporting.estimates import (
+    ONE_SENSOR,
+    Estimate,
+    least_variance,
+    mean_interval,
+    one_sensor,
+)
 from experiments.reporting.measured import with_places
 from experiments.reporting.plot import (
     PAPER,
@@ -157,41 +164,46 @@ def quantities(results: Results) -> Iterator[Quantity]:
     measured = results.measured("drift")
     if measured is None:
         return
-    found = updates(measured)
+    found = accuracies(measured)
     stored = [row for row in measured.rows if row["method"] == "stored"]  # one of each seed
-    for key, names, condition, n in (
-        (("stored", None), ("stored_accuracy", "stored_accuracy_old"), "", 0),
-        (("replace", 0.5), ("recovered_accuracy", "remembered_accuracy"), "p = 0.5", N_NEW),
-        (("replace", 0.75), ("recovered_accuracy", "remembered_accuracy"), "p = 0.75", N_NEW),
+    replaced = [("replace", 0.5), ("replace", 0.75)]  # the paper has one number for both
+    for keys, names, condition, n in (
+        ([("stored", None)], ("stored_accuracy", "stored_accuracy_old"), "", 0),
+        (replaced, ("recovered_accuracy", "remembered_accuracy"), "", N_NEW),
         (
-            ("balance", 1.0),
+            [("balance", 1.0)],
             ("recovered_accuracy_balanced", "remembered_accuracy_balanced"),
             "counters of both, equal votes",
             N_NEW,
         ),
     ):
-        update = found.get(key, {}).get(n)
-        for session, name in zip(("new", "old"), names, strict=True) if update else ():
-            # Student's interval ends where fractions do.
-            found_here = Estimate(*(np.clip(part, 0, 1) for part in getattr(update, session)))
+        each = [found[key][n] for key in keys if n in found.get(key, {})]
+        if len(each) < len(keys):
+            continue
+        for k, (session, name) in enumerate(zip(("new", "old"), names, strict=True)):
+            of_seeds = np.mean(each, axis=0)[:, k]
+            tested = [int(row[f"n_test_{session}"]) for row in stored]
+            least = least_variance(of_seeds, float(np.mean(tested)))
+            means = [
+                f"{100 * one[:, k].mean():.3g} % at p = {key[1]}"
+                for key, one in zip(keys, each, strict=True)
+            ]
             yield Quantity.of(
                 f"drift/{name}",
-                found_here,
-                STUDENT,
+                one_sensor(of_seeds, least).within(0, 1),
+                ONE_SENSOR,
                 100,
                 condition=condition,
-                n=sum(int(row[f"n_test_{session}"]) for row in stored),
+                n=sum(tested),
                 seeds=len(stored),
                 made_by=measured.record.command,
+                note=f"mean of {' and '.join(means)}" if len(keys) > 1 else "",
             )
 
 
-def updates(measured: Measured) -> Updates:
-    """Accuracies by (method, parameter or None) and N_new.
-
-    Each estimate is over seeds, of the means over their draws: the samples of a seed share sensor
-    and prototypes.
-    """
+def accuracies(measured: Measured) -> dict[Key, dict[int, NDArray[np.float64]]]:
+    """Accuracy in the new and in the old environment of each seed, mean over its draws: [seeds, 2]
+    by (method, parameter or None) and N_new."""
     found: dict[Key, dict[int, dict[str, list[tuple[float, ...]]]]] = {}
     for row in measured.rows:
         parameter = row.get("parameter")
@@ -200,13 +212,27 @@ def updates(measured: Measured) -> Updates:
         pair = tuple(int(row[f"right_{s}"]) / int(row[f"n_test_{s}"]) for s in ("new", "old"))
         by_seed.setdefault(row["seed"], []).append(pair)
     return {
-        key: {n: _estimate(by_seed) for n, by_seed in sorted(by_n.items())}
+        key: {
+            n: np.array([np.mean(draws, axis=0) for draws in by_seed.values()])
+            for n, by_seed in sorted(by_n.items())
+        }
         for key, by_n in found.items()
     }
 
 
-def _estimate(by_seed: Mapping[str, Sequence[tuple[float, ...]]]) -> Update:
-    means = np.array([np.mean(draws, axis=0) for draws in by_seed.values()])
+def updates(measured: Measured) -> Updates:
+    """Accuracies by (method, parameter or None) and N_new.
+
+    Each estimate is over seeds, of the means over their draws: the samples of a seed share sensor
+    and prototypes.
+    """
+    return {
+        key: {n: _estimate(means) for n, means in by_n.items()}
+        for key, by_n in accuracies(measured).items()
+    }
+
+
+def _estimate(means: NDArray[np.float64]) -> Update:
     return Update(*(mean_interval(column) for column in (*means.T, means.mean(1))))
 
 

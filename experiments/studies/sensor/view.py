@@ -86,7 +86,7 @@ def calibration(results: Results) -> Iterator[Table]:
             "Quantity": lambda row: row["quantity"],
             "Paper": lambda row: number(row["paper"], 4),
             "Here [95 %]": lambda row: interval(
-                *(number(row[key], 4) for key in ("here", "ci_low", "ci_high"))
+                *(number(row[key], 4) for key in ("here", "low", "high"))
             ),
             "Expected": lambda row: row["expected"],
             "Met": lambda row: row["met"],
@@ -95,7 +95,7 @@ def calibration(results: Results) -> Iterator[Table]:
         },
         "Fitted: the number chose a parameter of the sensor, on seeds that are not among these; "
         "watched: the fit looked at it and it chose none. Met: the value here is in the range that "
-        "the fit accepted, whatever its interval.",
+        "the fit accepted, whatever its interval, which is that of one more sensor.",
         [f"{RUN}{name}" for name in ("table1", "accuracy_vs_n", "correlation", "scenes", "drift")],
         key=("Quantity",),
         common=("Paper", "Expected", "Status", "Note"),
@@ -105,13 +105,13 @@ def calibration(results: Results) -> Iterator[Table]:
 def _judged(known: Published, ours: Quantity) -> Row:
     assert known.expected is not None
     low, high = known.expected
-    inside = not isinstance(ours.value, str) and low <= ours.value <= high
+    inside = isinstance(ours.value, int | float) and low <= ours.value <= high
     return {
         "quantity": ", ".join(filter(None, [_named(known), ours.condition])),
         "paper": known.value,
         "here": ours.value,
-        "ci_low": ours.low,
-        "ci_high": ours.high,
+        "low": ours.low,
+        "high": ours.high,
         "expected": _range(known),
         "met": "yes" if inside else "no",
         "status": known.calibration,

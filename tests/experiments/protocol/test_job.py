@@ -97,6 +97,46 @@ def test_a_finished_run_is_not_repeated_unless_forced(carry_out, monkeypatch):
         carry_out("force=true")
 
 
+def slowed(folder, by=10):
+    """The record and curve in a folder as if the machine had done something else beside it."""
+    entry = json.loads((folder / "record.json").read_text())
+    rows = read_curve(folder / "curve.csv")
+    for row in rows:
+        row["training_s"] *= by
+    record.write_curve(folder, rows)
+    record.write_record(folder, entry | {"training_s": entry["training_s"] * by})
+
+
+def test_one_that_took_unlike_as_long_as_its_siblings_is_made_again_once(carry_out, monkeypatch):
+    monkeypatch.setattr("experiments.records.timing._SHORTEST", 0)
+    monkeypatch.setattr("experiments.records.timing.FACTOR", 100)  # of so short runs
+    for seed in range(3):
+        carry_out(f"seed.run={seed}")
+    assert carry_out("seed.run=2").timed_again is None
+    folder, found = carry_out.last
+    assert found
+    slowed(folder, 1e4)
+    disturbed = read_record(folder).training_s
+    made = carry_out("seed.run=2")
+    assert (carry_out.last[1], made.timed_again) == (False, disturbed)
+    assert made.training_s < disturbed / 100
+    # Where it is as before, it stays and is told: the machine is no better.
+    slowed(folder, 1e4)
+    assert carry_out("seed.run=2").timed_again == disturbed
+    assert carry_out.last[1]
+
+
+def test_one_of_another_machine_is_not_made_again(carry_out, monkeypatch):
+    monkeypatch.setattr("experiments.records.timing._SHORTEST", 0)
+    monkeypatch.setattr("experiments.records.timing.FACTOR", 100)
+    for seed in range(3):
+        carry_out(f"seed.run={seed}")
+    slowed(carry_out.last[0], 1e4)
+    monkeypatch.setattr(job, "cpu_model", lambda: "Another CPU")
+    carry_out("seed.run=2")
+    assert carry_out.last[1]
+
+
 @pytest.mark.parametrize(
     ("error", "status"),
     [
