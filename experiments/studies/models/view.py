@@ -174,16 +174,15 @@ def errors_by_scene(lines: list[Row]) -> Figure:
     seen = list(dict.fromkeys(line["scene"] for line in lines))
     with plt.rc_context(STYLE):
         height = -(-len(seen) // 2)
-        figure, panels = plt.subplots(
-            height, 2, figsize=(WIDTH, 1.7 + 1.3 * height), squeeze=False, sharex=True
-        )
+        figure, panels = plt.subplots(height, 2, figsize=(WIDTH, 1.4 + 1.6 * height), squeeze=False)
         for axes, scene in zip(panels.flat, seen, strict=False):
             _panel(axes, [line for line in lines if line["scene"] == scene])
         for axes in panels.flat[len(seen) :]:
             axes.set_axis_off()
         for k, scene in enumerate(seen):
             origin = next(line["origin"] for line in lines if line["scene"] == scene)
-            panel(panels.flat[k], "abcdefgh"[k], f"{name(scene)}: {origin}")
+            panels.flat[k].set(xlabel="training time (s)", ylabel="test error (%)")
+            panel(panels.flat[k], "abcdefgh"[k], f"{name(scene)}\n{origin}")
         shown = measured_models(lines, models())
         title(
             figure,
@@ -194,8 +193,6 @@ def errors_by_scene(lines: list[Row]) -> Figure:
             models(),
             [handle(model) for model in shown],
         )
-        figure.supxlabel("training time (s)", fontsize=7)
-        figure.supylabel("test error (%)", fontsize=7)
     return figure
 
 

@@ -63,7 +63,7 @@ def test_differences_are_of_common_seeds(tmp_path, runs):
 
 def test_the_figure_has_a_panel_a_scene(runs, drawn):
     words = drawn(STUDY)["all_scenes"]
-    for expected in ("fibre, other positions: measured", "touch: simulated", "finger: simulated",
+    for expected in ("fibre, other positions measured", "touch simulated", "finger simulated",
                      "training time (s)", "test error (%)", "measured and simulated frames",
                      "Ridge, HDC's bits"):  # fmt: skip
         assert expected in words
