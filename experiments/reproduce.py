@@ -47,16 +47,25 @@ class Step:
         name: unique.
         words: what stands after ``python -m``.
         minutes: about how long it takes from nothing on 2 cores.
+        needs: an environment variable that names data of others, without which it is skipped.
     """
 
     name: str
     words: tuple[str, ...]
     minutes: float
+    needs: str | None = None
 
     @property
     def command(self) -> str:
         """As it would be typed."""
         return shlex.join(["python", "-m", *self.words])
+
+    @property
+    def skipped(self) -> str:
+        """Why it cannot run here, in a sentence; empty if it can."""
+        if self.needs is None or os.environ.get(self.needs):
+            return ""
+        return f"skipped: the environment variable {self.needs} names no copy of public data"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -80,7 +89,9 @@ def steps(quick: bool) -> list[Step]:
     tree: Any = OmegaConf.to_container(OmegaConf.load(CONFIGS / "reproduce.yaml"))
     mode = "quick" if quick else "full"
     return [
-        Step(step["name"], tuple(shlex.split(step[mode])), step["minutes"][quick])
+        Step(
+            step["name"], tuple(shlex.split(step[mode])), step["minutes"][quick], step.get("needs")
+        )
         for step in tree
         if mode in step
     ]
@@ -98,7 +109,7 @@ def overview(found: Sequence[Step], quick: bool) -> Table:
     for head in ("step", "about", "command"):
         table.add_column(head, justify="right" if head == "about" else "left")
     for step in found:
-        table.add_row(step.name, span(60 * step.minutes), step.command)
+        table.add_row(step.name, span(60 * step.minutes), step.skipped or step.command)
     return table
 
 
@@ -113,11 +124,14 @@ def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> in
                 f"follows about {span(left)}",
                 align="left",
             )
+            left -= 60 * step.minutes
+            if step.skipped:
+                console.print(f"[yellow]{step.name}: {step.skipped}[/yellow]")
+                continue
             status = measured(step, mode, results)
             if status == "finished" and disturbed(results):
                 console.print("a run took unlike as long as its siblings: once more")
                 status = measured(step, mode, results)
-            left -= 60 * step.minutes
             failed += [f"{step.name}: {status}"] if status != "finished" else []
     except KeyboardInterrupt:
         console.print("interrupted; the same command goes on")

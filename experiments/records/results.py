@@ -24,9 +24,10 @@ from experiments.records.sources import outdated
 from experiments.records.timing import unlike_siblings
 
 # Of several groups for one row, the stopping rule that stands first here; others come last.
-STOPS = ("paper", "quick", "reached")
+STOPS = ("paper", "long", "quick", "reached")
 # What a row asks for by number; and where a recording lies, which is known by its content.
 _COORDINATES = ("split.n_train", "data.pixels", "scene.path")
+_SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to repetition
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
 
 
@@ -332,7 +333,7 @@ def _task(measured: Measured) -> dict[str, Any]:
 def _core(config: Any) -> Any:
     """A config without what differs from seed to seed, or from device to device."""
     if isinstance(config, Mapping):
-        kept = (key for key in config if key not in ("seed", "device"))
+        kept = (key for key in config if key not in (*_SEEDS, "device"))
         return {key: _core(config[key]) for key in kept}
     return [_core(part) for part in config] if isinstance(config, list | tuple) else config
 
@@ -341,9 +342,9 @@ def _seeds(config: Any) -> list[Any]:
     """Every seed in a config, in the order of its sorted keys."""
     if isinstance(config, Mapping):
         return [
-            config[key] if key == "seed" else _seeds(config[key])
+            config[key] if key in _SEEDS else _seeds(config[key])
             for key in sorted(config)
-            if key == "seed" or isinstance(config[key], Mapping | list | tuple)
+            if key in _SEEDS or isinstance(config[key], Mapping | list | tuple)
         ]
     return [_seeds(part) for part in config] if isinstance(config, list | tuple) else []
 

@@ -7,6 +7,8 @@
 - Accuracies are means over the seeds. ``test_accuracy_final`` is that of the last model; its
   interval is Student's over seeds. Maxima over a run and accuracies of training have none: the
   first are chosen among as many as the run made, the second are not of samples drawn anew.
+- ``*_accuracy_at_target`` are read where the training accuracy first exceeded 90 %, ``*_max`` are
+  the largest of the run.
 - ``over_hdc`` is the mean over seeds of the difference in ``test_accuracy_final`` from ``hdc`` on
   the same test samples, with Student's interval.
 """
@@ -36,6 +38,7 @@ VALUES = (
     "training_time_s", "training_time_q25_s", "training_time_q75_s",
     "time_to_90_train_s", "time_to_90_test_s", "total_time_s", "training_time_over_hdc",
     "training_time_over_ordinary_hdc",
+    "train_accuracy_at_target", "test_accuracy_at_target",
     "train_accuracy_max", "train_accuracy_final", "test_accuracy_max", "test_accuracy_final",
     "test_ci_low", "test_ci_high", "over_hdc", "over_hdc_low", "over_hdc_high",
     "seeds_above_hdc", "seeds_below_hdc", "model_bytes",
@@ -96,6 +99,8 @@ def row(group: Group, hdc: Group) -> Row:
         "training_time_over_hdc": median / reference
         if reference and math.isfinite(median)
         else None,
+        "train_accuracy_at_target": mean(record.train_accuracy_at_target for record in records),
+        "test_accuracy_at_target": mean(record.test_accuracy_at_target for record in records),
         "train_accuracy_max": mean(record.train_accuracy_max for record in records),
         "train_accuracy_final": mean(record.train_accuracy_final for record in records),
         "test_accuracy_max": mean(record.test_accuracy_max for record in records),

@@ -7,7 +7,9 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from experiments.records import configs
@@ -18,6 +20,7 @@ from experiments.reporting.plot import (
     STYLE,
     WIDTH,
     accuracy_curves,
+    apart,
     error_axis,
     error_bars,
     handle,
@@ -69,6 +72,7 @@ def tables(results: Results) -> Iterator[Table]:
                     "N",
                     "D",
                     "Seeds",
+                    "Test accuracy, %, maximum",
                     "Test accuracy, %, final [95 %]",
                     "Training time, s",
                     "Prediction, ms a frame",
@@ -161,10 +165,12 @@ def accuracy_vs_n(rows: Sequence[Row]) -> Figure:
         for axes, models in zip(panels, (paper, others), strict=True):
             accuracy_curves(axes, rows, models, "n_train", PUBLISHED_N.values())
             handles = [handle(m) for m in measured_models(rows, models)]
-            axes.legend(
-                handles=[*handles, *([star("paper, Table I")] if axes is panels[0] else [])],
-                loc="lower right",
-            )
+            if _maxima(axes, rows, models):
+                mark = {"ls": "", "marker": "_", "mec": "0.3", "ms": 5, "mew": 0.7}
+                handles.append(Line2D([], [], label="maximum of a run", **mark))
+            if axes is panels[0]:
+                handles.append(star("paper, Table I"))
+            axes.legend(handles=handles, loc="lower right")
         for model, n in PUBLISHED_N.items():
             panels[0].plot(
                 n,
@@ -203,6 +209,24 @@ def accuracy_vs_n(rows: Sequence[Row]) -> Figure:
             paper + others,
         )
     return figure
+
+
+def _maxima(axes: Axes, rows: Sequence[Row], models: Sequence[str]) -> bool:
+    """The largest accuracy of a run, the published reading, where it is above the final one: a thin
+    bar joined to the curve; whether there is any."""
+    found = False
+    for k, model in enumerate(models):
+        colour, _, _ = style_of(model)
+        for line in rows:
+            if line["model"] != model or not line["seeds"] or line["test_accuracy_max"] is None:
+                continue
+            final, largest = 100 * line["test_accuracy_final"], 100 * line["test_accuracy_max"]
+            if largest - final > 0.5:
+                x = apart(line["n_train"], k, len(models))
+                axes.plot([x, x], [final, largest], color=colour, lw=0.5, ls=":", zorder=1)
+                axes.plot(x, largest, "_", color=colour, ms=5, mew=0.9)
+                found = True
+    return found
 
 
 def accuracy_vs_d(rows: Sequence[Row]) -> Figure:

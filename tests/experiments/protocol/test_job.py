@@ -59,7 +59,7 @@ IDENTITY = [
     "split.n_train=20",
     "data.pixels=100",
     "model.ties=one",
-    "stop.patience=6",
+    "stop.most_steps=3000",
     "scene.subsample=2",
 ]
 
@@ -261,8 +261,8 @@ def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(carry_ou
         (["scene.subsample=0"], r"^scene\.subsample: expected"),
         (["+scene.colour=1"], r"^scene: .*unexpected keyword argument 'colour'"),
         (["+model.colour=1"], r"^model: .*unexpected keyword argument 'colour'"),
-        (["stop.patience=0"], r"^stop\.patience: expected at least 1, found 0"),
-        (["+stop.colour=0"], r"^stop\.colour: expected one of target, until, patience"),
+        (["stop.loss=-1"], r"^stop\.loss: expected at least 0, found -1"),
+        (["+stop.colour=0"], r"^stop\.colour: expected one of target, reached_after_s, loss"),
         (["split.kind=sorted"], r"^split\.kind: expected one of"),
         (["data.pixels=1"], r"^data\.pixels: expected"),
         (["exclusive=no"], r"^exclusive: expected true or false, found 'no'"),
@@ -284,7 +284,7 @@ def test_a_wrong_value_is_named_by_its_key(carry_out, results, overrides, messag
         carry_out(*overrides)
 
 
-@pytest.mark.parametrize("wrong", ["+model.colour=1", "stop.patience=0", "split.kind=sorted"])
+@pytest.mark.parametrize("wrong", ["+model.colour=1", "stop.loss=-1", "split.kind=sorted"])
 def test_what_is_wrong_is_found_before_frames_are_made(carry_out, monkeypatch, wrong):
     monkeypatch.setattr("experiments.protocol.data.cached", lambda *_: pytest.fail("too late"))
     monkeypatch.setattr("experiments.protocol.data.take", lambda *_: pytest.fail("too late"))
