@@ -273,7 +273,8 @@ def test_a_measurement_without_its_columns_costs_its_study_only(
 ):
     write_measurement("correlation", [{"a": 1}], config={"crop": None})
     none = {"n_test_new": 0, "n_test_old": 0, "right_new": 0, "right_old": 0, "n_new": 0}
-    write_measurement("drift", [{"method": "stored", "seed": 0, "origin": "simulated", **none}])
+    stored = {"method": "stored", "model": "hdc", "order": "time", "seed": 0}
+    write_measurement("drift", [{"origin": "simulated", **stored, **none}])
     text, files = written(tmp_path)
     for study in ("drift", "correlation", "fig8_drift", "fig4_correlations"):
         assert f"left out of mine: {study}: " in text
