@@ -24,7 +24,7 @@ from experiments.records.configs import CONFIGS
 from experiments.records.measurement import Measured
 from experiments.reporting import published
 from experiments.reporting.table import Row
-from experiments.studies.conditions.readings import RULES
+from experiments.studies.conditions.rules import RULES
 
 KEY = ("method", "pixels", "split", "start")
 EXPLAINS, ACCURACY, TIME, NO = (

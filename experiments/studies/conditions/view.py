@@ -33,4 +33,5 @@ STUDY = Study(
     1.5,
     tables,
     plots,
+    front=True,
 )

@@ -21,7 +21,7 @@ from experiments.reporting.plot import STYLE, WIDTH, head, literal, panel
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Columns, Row, Table, frame, number, percent
 from experiments.studies.conditions import verdict
-from experiments.studies.conditions.readings import RULES
+from experiments.studies.conditions.rules import RULES
 
 NAME, ADAM, SECONDS = "table1_conditions", "table1_conditions_adam", "table1_conditions_seconds"
 PIXELS = {

@@ -51,7 +51,9 @@ def test_what_is_missing_says_what_would_make_it(write_run, claims):
         assert all(cells)
         assert "not measured" in " ".join(cells[1:])
         assert "not decided" in cells[-1] or "not measured" in cells[-1]
-    assert "not measured yet (python -m experiments.run -m scene=fibre" in str(found["recognition"])
+    assert "not measured yet (python -m experiments.run experiment=all_scenes scene=fibre" in str(
+        found["recognition"]
+    )
     assert "python -m experiments.run experiment=robustness" in str(found["faults"])
 
 
@@ -68,7 +70,10 @@ def test_recognition_follows_the_records(write_run, claims, hdc, ridge, expected
     runs(write_run, "ridge", ridge)
     row = claims()["recognition"]
     assert row["What holds"] == expected
-    assert f"touch: HDC {100 - hdc} %; over it Ridge read-out" in row["On simulated frames"]
+    assert (
+        f"touch: HDC {100 - hdc} %; of 1 rivals the best have over it Ridge"
+        in row["On simulated frames"]
+    )
 
 
 def test_one_rival_ahead_is_enough_and_all_must_be_behind(write_run, claims):
@@ -192,13 +197,16 @@ def test_recalibration_is_asked_for_what_retraining_does_not_do(
 ):
     rows = []
     for seed in range(3):
-        of = {"origin": "simulated", "seed": seed, "n_test_new": 100, "n_test_old": 100,
+        of = {"origin": "simulated", "seed": seed, "order": "time", "model": "hdc",
+              "n_test_new": 100, "n_test_old": 100,
               "n_old": 400, "right_old": 50}  # fmt: skip
         rows.append({**of, "method": "stored", "n_new": 0, "right_new": stored + seed})
-        for p, right in ((0.5, mixed), (0.75, mixed), (1.0, alone)):
-            jitter = seed * (1 if p < 1 else -1)
-            rows.append({**of, "method": "replace", "parameter": p, "n_new": 50, "draw": 0,
-                         "right_new": right + jitter})  # fmt: skip
+        for way, right in (
+            ({"method": "replace", "parameter": 0.5}, mixed + seed),
+            ({"method": "replace", "parameter": 0.75}, mixed + seed),
+            ({"method": "new"}, alone - seed),
+        ):
+            rows.append({**of, **way, "n_new": 50, "draw": 0, "right_new": right})
     write_measurement("drift", rows)
     assert claims()["recalibration"]["What holds"] == expected
 
