@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -79,10 +80,11 @@ class IterativeClassifier(Classifier):
         """The untrained network: float32 [n, 1, H, W] → logits [n, L]."""
 
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
-        """Train from new initial weights; yields samples_seen, epoch and loss.
+        """Train from new initial weights; yields samples_seen, epoch, steps and loss.
 
-        ``samples_seen`` counts a frame every time it is used, ``epoch`` is samples_seen / N, and
-        ``loss`` is the mean of F over the steps since the last yield. A loss that is not finite is
+        ``samples_seen`` counts a frame every time it is used, ``epoch`` is samples_seen / N,
+        ``steps`` are the optimiser's, and ``loss`` is the mean of F over those of the last epoch
+        (a pass over the frames; of fewer in the first). A loss that is not finite is
         yielded like any other: it is the caller who stops. L-BFGS returns when the loss stands
         still.
         """
@@ -145,11 +147,11 @@ class IterativeClassifier(Classifier):
             for k in range(1, self.reports_per_epoch + 1)
         }
         order = torch.Generator().manual_seed(self.seed)
-        seen, mean, previous = 0, math.nan, math.inf
+        seen, taken, mean, previous = 0, 0, math.nan, math.inf
+        losses: deque[Tensor] = deque(maxlen=steps)
         while seen < self.max_epochs * n:
             # In a full batch the order is of no consequence, and a slice costs no copy.
             permutation = torch.randperm(n, generator=order) if size < n else None
-            losses: list[Tensor] = []
             for step in range(1, steps + 1):
                 first, last = (step - 1) * size, min(step * size, n)
                 evaluated: list[Tensor] = []
@@ -162,11 +164,11 @@ class IterativeClassifier(Classifier):
                 optimizer.step(closure)
                 # The first evaluation is at the weights before the step, for every optimiser.
                 losses.append(evaluated[0])
+                taken += 1
                 seen += len(evaluated) * (last - first)
                 if step in reports:
-                    mean = torch.stack(losses).mean().item()
-                    losses.clear()
-                    yield {"samples_seen": seen, "epoch": seen / n, "loss": mean}
+                    mean = torch.stack(list(losses)).mean().item()
+                    yield {"samples_seen": seen, "epoch": seen / n, "steps": taken, "loss": mean}
             if isinstance(optimizer, torch.optim.LBFGS):
                 if abs(previous - mean) <= LBFGS_TOLERANCE * abs(mean):
                     return

@@ -3,8 +3,10 @@
 The steps are those of ``configs/reproduce.yaml``; results go to the folder of own results. What is
 finished there is skipped by the commands themselves, so the same call goes on after an
 interruption; a step that fails is told at the end, and the others run all the same. ``--list``
-shows the steps and runs none. ``reproduce.csv`` has the time and the largest memory of each step:
-those of the call that had everything to do.
+shows the steps and runs none. A step after which a run has taken unlike as long as its siblings
+(:mod:`experiments.records.timing`) is called once more, which makes that run again.
+``reproduce.csv`` has the time and the largest memory of each step: those of the call that had
+everything to do.
 """
 
 from __future__ import annotations
@@ -30,6 +32,8 @@ from rich.table import Table
 from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT, results_dir, write_atomically
 from experiments.records.record import to_csv
+from experiments.records.results import Results
+from experiments.records.timing import unlike_siblings
 from experiments.reporting.terminal import in_any_encoding
 
 FILE = "reproduce.csv"
@@ -43,16 +47,25 @@ class Step:
         name: unique.
         words: what stands after ``python -m``.
         minutes: about how long it takes from nothing on 2 cores.
+        needs: an environment variable that names data of others, without which it is skipped.
     """
 
     name: str
     words: tuple[str, ...]
     minutes: float
+    needs: str | None = None
 
     @property
     def command(self) -> str:
         """As it would be typed."""
         return shlex.join(["python", "-m", *self.words])
+
+    @property
+    def skipped(self) -> str:
+        """Why it cannot run here, in a sentence; empty if it can."""
+        if self.needs is None or os.environ.get(self.needs):
+            return ""
+        return f"skipped: the environment variable {self.needs} names no copy of public data"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -76,7 +89,9 @@ def steps(quick: bool) -> list[Step]:
     tree: Any = OmegaConf.to_container(OmegaConf.load(CONFIGS / "reproduce.yaml"))
     mode = "quick" if quick else "full"
     return [
-        Step(step["name"], tuple(shlex.split(step[mode])), step["minutes"][quick])
+        Step(
+            step["name"], tuple(shlex.split(step[mode])), step["minutes"][quick], step.get("needs")
+        )
         for step in tree
         if mode in step
     ]
@@ -94,7 +109,7 @@ def overview(found: Sequence[Step], quick: bool) -> Table:
     for head in ("step", "about", "command"):
         table.add_column(head, justify="right" if head == "about" else "left")
     for step in found:
-        table.add_row(step.name, span(60 * step.minutes), step.command)
+        table.add_row(step.name, span(60 * step.minutes), step.skipped or step.command)
     return table
 
 
@@ -109,8 +124,14 @@ def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> in
                 f"follows about {span(left)}",
                 align="left",
             )
-            status = measured(step, mode, results)
             left -= 60 * step.minutes
+            if step.skipped:
+                console.print(f"[yellow]{step.name}: {step.skipped}[/yellow]")
+                continue
+            status = measured(step, mode, results)
+            if status == "finished" and disturbed(results):
+                console.print("a run took unlike as long as its siblings: once more")
+                status = measured(step, mode, results)
             failed += [f"{step.name}: {status}"] if status != "finished" else []
     except KeyboardInterrupt:
         console.print("interrupted; the same command goes on")
@@ -118,6 +139,12 @@ def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> in
     for line in failed:
         console.print(f"[red]failed:[/red] {line}")
     return 1 if failed else 0
+
+
+def disturbed(results: Path) -> bool:
+    """Whether a run took unlike as long as its siblings, and was not made again for that."""
+    found = unlike_siblings(Results(results).runs)
+    return any(run.record.timed_again is None and not run.outdated for run in found)
 
 
 def measured(step: Step, mode: str, results: Path) -> str:

@@ -3,7 +3,8 @@
 Frames are made or read, the model is warmed up on other frames of the same shape and made anew,
 and then trained under the clock; it is evaluated whenever it can predict, with the clock stopped.
 ``-m`` runs every combination of the values given; a finished run is not repeated, and one that
-another process is at is left to it.
+another process is at is left to it. One that took unlike as long as its siblings is made again,
+once (:mod:`experiments.records.timing`).
 """
 
 from __future__ import annotations

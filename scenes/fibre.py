@@ -13,6 +13,7 @@ noise is added here. Call them "measured transmission matrices", never camera fr
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -24,6 +25,8 @@ from torch import Tensor
 
 from scenes.validate import require_integer, require_number
 
+DATA = "FIBRE_DATA"
+"""Environment variable that names a copy of the repository."""
 REPOSITORY = "wavefrontshaping/article_MMF_disorder"
 CHECKOUT = Path(__file__).resolve().parents[1]
 CANDIDATES = (
@@ -47,7 +50,8 @@ class FibreScene:
     in any batch, order or number of samples.
 
     Args:
-        path: a copy of the public repository; default: the first of :data:`CANDIDATES` there is.
+        path: a copy of the public repository; default: what the environment variable
+            :data:`DATA` names, or the first of :data:`CANDIDATES` there is.
         depth_edges: upper press depths Δx (m) of the classes, increasing: the first class has
             Δx ≤ edges[0], the next edges[0] < Δx ≤ edges[1], ...
         samples_per_class: N / L.
@@ -170,7 +174,8 @@ class FibreScene:
 
 
 def _locate(path: str | Path | None) -> Path:
-    tried = CANDIDATES if path is None else (Path(path).expanduser(),)
+    named = [Path(folder) for folder in (path, os.environ.get(DATA)) if folder]
+    tried = [named[0].expanduser()] if named else CANDIDATES
     for folder in tried:
         if (folder / "Data").is_dir():
             return folder / "Data"

@@ -18,9 +18,12 @@ from experiments.protocol import data, machine, ranks
 from experiments.protocol.trial import instantiate, train_and_test
 from experiments.records import configs, locks
 from experiments.records import record as records
-from experiments.records.environment import command, environment
+from experiments.records.environment import command, cpu_model, environment
 from experiments.records.files import remove_leftovers, results_dir
 from experiments.records.record import Finished
+from experiments.records.results import Run
+from experiments.records.sources import outdated
+from experiments.records.timing import unlike_siblings
 from scenes.frames import Scene
 
 _SWITCHES = ("exclusive", "cache", "force")
@@ -120,11 +123,15 @@ def run(
             "skipped": [str(frame) for frame in getattr(scene, "skipped", ())],
         },
     }
-    if known := _finished(folder, cfg.force):
+    known = _finished(folder, cfg.force)
+    if known and not (again := _disturbed(folder, known)):
         return known, folder, True
     with locks.held(folder / locks.FILE):
-        if known := _finished(folder, cfg.force):  # by now
+        known = _finished(folder, cfg.force)  # by now
+        if known and not (again := _disturbed(folder, known)):
             return known, folder, True
+        if known and again:
+            entry["timed_again"] = known.training_s
         remove_leftovers(folder)
         with (
             exclusive(cfg, console),
@@ -215,6 +222,21 @@ def _finished(folder: Path, force: bool) -> Finished | None:
         with suppress(locks.Held), locks.held(folder / locks.FILE):
             remove_leftovers(folder)
     return known
+
+
+def _disturbed(folder: Path, known: Finished) -> bool:
+    """Whether a finished run took unlike as long as its siblings, here and by the code as it is,
+    and was not made again for that before."""
+    made = known.environment
+    if known.timed_again is not None or made.cpu != cpu_model() or outdated(made.sources):
+        return False
+    alike = []
+    for path in folder.parent.glob(f"{known.choices.scene}-{known.choices.model}-*"):
+        with suppress(ValueError):  # which costs that record, and the report names it
+            other = records.read_record(path)
+            if isinstance(other, Finished):
+                alike.append(Run(other, records.read_curve(path / "curve.csv"), {}))
+    return any(run.record.id == known.id for run in unlike_siblings(alike))
 
 
 def _carry_out(

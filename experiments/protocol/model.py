@@ -36,9 +36,9 @@ class Model(Protocol):
         """Start anew and yield whenever the model can predict.
 
         Each item becomes a row of curve.csv; its keys are its columns (``samples_seen`` always;
-        ``epoch`` and ``loss`` where they exist). The clock runs inside ``next()`` only, so the
-        caller may evaluate between two items at no cost to the model. The caller decides when to
-        stop; a model that has nothing left to do returns.
+        ``steps`` of an optimiser, ``epoch`` and ``loss`` where they exist). The clock runs inside
+        ``next()`` only, so the caller may evaluate between two items at no cost to the model. The
+        caller decides when to stop; a model that has nothing left to do returns.
         """
         ...
 

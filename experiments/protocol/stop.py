@@ -3,77 +3,78 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-UNTIL = ("reached", "plateau")
-NAMES = ("finished", "reached", "plateau", "budget", "diverged")
+NAMES = ("finished", "trained", "reached", "steps", "budget", "diverged")
 
 
-@dataclass
+@dataclass(frozen=True)
 class StopRule:
-    """Watch a run's progress and name the reason to stop it.
+    """Name the reason to stop a run at one of its reports; no report before it has a say.
 
     A model that has nothing left to do has ``finished``. A model that reports no loss learns in one
     pass and is left to finish. Of the others, one whose loss is not finite has ``diverged``; with
-    ``until="reached"`` one whose training accuracy exceeds the target after `at_least_s` has
-    ``reached`` it; one whose best training accuracy has not grown for `patience` reports is on a
-    ``plateau`` (the test accuracy never decides). One that used up its training time is out of
-    ``budget``.
+    `reached_after_s`, one whose training accuracy exceeds the target has ``reached`` it. One is
+    ``trained`` whose loss, the mean over its last epoch, is at most `loss` after `least_steps`; one
+    that got nowhere near it in `most_steps` is out of ``steps``, and one that used up its training
+    time out of ``budget``. Both numbers of steps are of the optimiser and the same for any number
+    of training samples. The test accuracy never decides.
 
     Args:
         target: accuracy in (0, 1) to exceed.
-        until: ``"reached"`` or ``"plateau"``.
-        patience: reports without a better training accuracy.
-        patience_below: the same while the target has never been exceeded, where learning that has
-            hardly begun looks like a plateau; None for `patience`.
+        reached_after_s: seconds of training from which exceeding it ends a run; None for never.
+        loss: mean training loss of an epoch, at least 0 and small where all is learnt.
+        least_steps: a small training set has a small loss after a few steps, long before the model
+            has settled.
+        most_steps: at least `least_steps`.
         budget_s: seconds of training time.
-        at_least_s: with ``"reached"``, train for this many seconds even so, unless nothing is
-            left to do: what is cheap is trained to its end.
     """
 
     target: float = 0.9
-    until: str = "plateau"
-    patience: int = 5
+    reached_after_s: float | None = None
+    loss: float = 0.01
+    least_steps: int = 200
+    most_steps: int = 2000
     budget_s: float = 1800.0
-    at_least_s: float = 0.0
-    patience_below: int | None = None
-    _best: float = field(default=-1.0, init=False, repr=False)
-    _stale: int = field(default=0, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if self.until not in UNTIL:
-            raise ValueError(
-                f"stop.until: expected one of {', '.join(UNTIL)}, found {self.until!r}"
-            )
         if not 0 < self.target < 1:
             raise ValueError(f"stop.target: expected a number in (0, 1), found {self.target}")
-        if self.patience < 1:
-            raise ValueError(f"stop.patience: expected at least 1, found {self.patience}")
-        if self.patience_below is not None and self.patience_below < 1:
+        if self.reached_after_s is not None and not self.reached_after_s >= 0:
             raise ValueError(
-                f"stop.patience_below: expected at least 1, found {self.patience_below}"
+                f"stop.reached_after_s: expected null or at least 0 s, found {self.reached_after_s}"
+            )
+        if not self.loss >= 0:
+            raise ValueError(f"stop.loss: expected at least 0, found {self.loss}")
+        if self.least_steps < 0:
+            raise ValueError(f"stop.least_steps: expected at least 0, found {self.least_steps}")
+        if self.most_steps < max(1, self.least_steps):
+            raise ValueError(
+                f"stop.most_steps: expected at least {max(1, self.least_steps)}, "
+                f"found {self.most_steps}"
             )
         if not self.budget_s > 0:
             raise ValueError(f"stop.budget_s: expected more than 0 s, found {self.budget_s}")
-        if not 0 <= self.at_least_s <= self.budget_s:
-            raise ValueError(
-                f"stop.at_least_s: expected 0 s to the budget of {self.budget_s} s, "
-                f"found {self.at_least_s}"
-            )
 
-    def check(self, training_s: float, loss: float | None, train_accuracy: float) -> str | None:
-        """The name of the reason to stop now, or None."""
-        out_of_time = "budget" if training_s >= self.budget_s else None
-        if loss is None:
-            return out_of_time
-        if not math.isfinite(loss):
-            return "diverged"
-        enough = training_s >= self.at_least_s
-        if self.until == "reached" and enough and train_accuracy > self.target:
-            return "reached"
-        self._stale = 0 if train_accuracy > self._best else self._stale + 1
-        self._best = max(self._best, train_accuracy)
-        patience = self.patience
-        if self._best <= self.target and self.patience_below is not None:
-            patience = self.patience_below
-        return "plateau" if self._stale >= patience else out_of_time
+    def check(
+        self, training_s: float, steps: float, loss: float | None, train_accuracy: float = 0.0
+    ) -> str | None:
+        """The name of the reason to stop now, or None.
+
+        Args:
+            training_s: seconds of training.
+            steps: of the optimiser; 0 for a model that has none.
+            loss: as the model reports it; None for one that learns in one pass.
+            train_accuracy: now, as far as it is known.
+        """
+        if loss is not None:
+            if not math.isfinite(loss):
+                return "diverged"
+            waited = self.reached_after_s is not None and training_s >= self.reached_after_s
+            if waited and train_accuracy > self.target:
+                return "reached"
+            if steps >= max(1, self.least_steps) and loss <= self.loss:
+                return "trained"
+            if steps >= self.most_steps:
+                return "steps"
+        return "budget" if training_s >= self.budget_s else None

@@ -33,7 +33,7 @@ def environment(
     return {
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "cpu": _cpu_model(),
+        "cpu": cpu_model(),
         "cores": os.cpu_count(),
         "threads": threads,
         "device": _device_name(device),
@@ -60,7 +60,8 @@ def _version(package: str) -> str | None:
 
 
 @functools.cache
-def _cpu_model() -> str:
+def cpu_model() -> str:
+    """What the system calls its processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         return next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)

@@ -41,7 +41,8 @@ Index = Annotated[int, Meta(ge=0, le=2**53)]
 Whole = Annotated[int, Meta(ge=-(2**53), le=2**53)]
 Seconds = Annotated[float, Meta(ge=0, le=1e9)]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
-Ending = Literal["finished", "reached", "plateau", "budget", "diverged"]
+# plateau: of records from before there was a criterion on the loss
+Ending = Literal["finished", "trained", "reached", "steps", "plateau", "budget", "diverged"]
 Curve = list[dict[str, float]]
 
 
@@ -137,6 +138,8 @@ class Record(msgspec.Struct, kw_only=True):
         display: how the model's config wants it shown.
         config: everything that determines it, resolved.
         training_s: seconds of training, as far as it came.
+        timed_again: seconds of training of the run in whose place it stands, which took unlike as
+            long as its siblings.
         relabelled: where it was known under another name: schema, commit and id of then.
     """
 
@@ -153,6 +156,7 @@ class Record(msgspec.Struct, kw_only=True):
     display: dict[str, Text] = {}
     training_s: Seconds | None = None
     error: Text | None = None
+    timed_again: Seconds | None = None
     relabelled: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
@@ -181,10 +185,12 @@ class Finished(Record, kw_only=True):
     """A run that has ended well.
 
     Attributes:
-        stop: why it ended: ``finished``, ``reached``, ``plateau``, ``budget`` or ``diverged``.
+        stop: why it ended, one of :data:`Ending`.
         training_s: seconds of training.
         time_to_target_train_s, time_to_target_test_s: seconds until an accuracy first exceeded
             ``config.stop.target``, if it did.
+        train_accuracy_at_target, test_accuracy_at_target: accuracies when that of training first
+            did; not in records from before they were noted.
         train_accuracy_max, test_accuracy_max: largest accuracies of the curve, if it has any.
         model_bytes: size of what was learnt; None where it is not known.
         test_labels, predicted: class of each test sample, true and predicted by the last model.
@@ -194,6 +200,8 @@ class Finished(Record, kw_only=True):
     training_s: Seconds
     time_to_target_train_s: Seconds | None = None
     time_to_target_test_s: Seconds | None = None
+    train_accuracy_at_target: Fraction | None = None
+    test_accuracy_at_target: Fraction | None = None
     train_accuracy_max: Fraction | None = None
     train_accuracy_final: Fraction
     test_accuracy_max: Fraction | None = None

@@ -21,11 +21,13 @@ from experiments.records import archive, configs, measurement
 from experiments.records.measurement import Measured
 from experiments.records.record import Curve, Finished, Record, read_curve, read_record
 from experiments.records.sources import outdated
+from experiments.records.timing import unlike_siblings
 
 # Of several groups for one row, the stopping rule that stands first here; others come last.
-STOPS = ("paper", "quick", "reached")
+STOPS = ("paper", "long", "quick", "reached")
 # What a row asks for by number; and where a recording lies, which is known by its content.
 _COORDINATES = ("split.n_train", "data.pixels", "scene.path")
+_SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to repetition
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
 
 
@@ -124,6 +126,8 @@ class Group:
             notes.append(f"{len(self.others)} more left out: of other code or settings")
         if beside := sum(not run.record.environment.exclusive for run in self.runs):
             notes.append(f"{beside} timed beside other runs")
+        if unlike := [str(run.record.seed) for run in unlike_siblings(self.runs)]:
+            notes.append(f"timing unlike its siblings': seed {', '.join(unlike)}")
         return "; ".join(notes) or "ok"
 
     @property
@@ -329,7 +333,7 @@ def _task(measured: Measured) -> dict[str, Any]:
 def _core(config: Any) -> Any:
     """A config without what differs from seed to seed, or from device to device."""
     if isinstance(config, Mapping):
-        kept = (key for key in config if key not in ("seed", "device"))
+        kept = (key for key in config if key not in (*_SEEDS, "device"))
         return {key: _core(config[key]) for key in kept}
     return [_core(part) for part in config] if isinstance(config, list | tuple) else config
 
@@ -338,9 +342,9 @@ def _seeds(config: Any) -> list[Any]:
     """Every seed in a config, in the order of its sorted keys."""
     if isinstance(config, Mapping):
         return [
-            config[key] if key == "seed" else _seeds(config[key])
+            config[key] if key in _SEEDS else _seeds(config[key])
             for key in sorted(config)
-            if key == "seed" or isinstance(config[key], Mapping | list | tuple)
+            if key in _SEEDS or isinstance(config[key], Mapping | list | tuple)
         ]
     return [_seeds(part) for part in config] if isinstance(config, list | tuple) else []
 

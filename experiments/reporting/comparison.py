@@ -1,21 +1,26 @@
 """Every published number beside ours.
 
-One row for each line of published.csv, or several where the paper leaves a condition open. The
-verdict, from the first of these that applies:
+One row for each line of published.csv. The paper has one sensor, so a number of it is judged by
+what one more sensor of ours would give: an interval over our sensors for one more of them
+(:func:`experiments.reporting.estimates.one_sensor`), measured on about as many test samples as the
+published one, so that it holds the sampling of that, too. The verdict, from the first of these that
+applies:
 
 - ``missing``: nothing was measured.
 - ``setting``: the paper's choice and not its result (learning rate, number of labels): the ``same``
   here, or ``another``.
 - ``not reached``: the median run never got where the number is taken.
-- ``no interval``: measured, but not often enough for an interval. Such a number never matches.
-- ``matches``: the published number lies within its interval: zero is in the 95 % interval of the
-  difference ours − paper, which the intervals of both make up (Newcombe, Statist. Med. 17, 873
-  (1998); Zou and Donner, ibid. 27, 1693 (2008)). A published number without one counts as exact.
-- ``differs``: it does not.
+- ``not comparable``: published.csv says why.
+- ``no interval``: measured, but not often enough for one.
+- ``differs``: the published number is outside the interval, and further off than the margin that
+  published.csv states for it.
+- ``uninformative``: an end of the interval is further off than the margin, so that a sensor of
+  another kind would not be noticed.
+- ``agrees``: the published number is within the margin, or the interval, which is narrower.
 
 Before it stands what the simulated sensor's calibration did with the number: ``fitted`` chose a
-parameter, so a fitted number that agrees is called ``fitted`` and never ``matches``; ``watched``
-was looked at in the fit and chose none.
+parameter, so a fitted number that agrees is called ``fitted`` and no more; ``watched`` was looked
+at in the fit and chose none. Neither was foretold.
 """
 
 from __future__ import annotations
@@ -29,11 +34,15 @@ from experiments.reporting.published import Published
 from experiments.reporting.study import RUN, Quantity
 from experiments.reporting.table import Table, frame, interval, number
 
-TITLE = "Published numbers and ours, with 95 % intervals"
+TITLE = "Published numbers and ours, with the 95 % interval of one sensor"
 HOW = (
-    "Intervals hold with 95 %. A number matches if the difference from the published one is within "
-    "the interval that both have, and never without an interval; fitted: it chose a parameter of "
-    "the simulated sensor; watched: the calibration looked at it and it chose none."
+    "The paper has one sensor. A number of it is judged by the interval in which the number of one "
+    "more sensor of ours lies with 95 %: Student's, over sensors. It differs if it is outside and "
+    "further off than the margin; where the interval reaches further than the margin, it is "
+    "uninformative. The margin, stated before, is half of the smallest difference from which the "
+    "paper concludes anything, for ratios of times a factor of 2. Not comparable: seconds of "
+    "another machine, and what depends on what the paper does not say. Fitted: it chose a "
+    "parameter of the simulated sensor; watched: the calibration looked at it and it chose none."
 )
 COLUMNS = (
     "experiment",
@@ -44,8 +53,9 @@ COLUMNS = (
     "published_low",
     "published_high",
     "measured",
-    "ci_low",
-    "ci_high",
+    "low",
+    "high",
+    "margin",
     "n",
     "seeds",
     "verdict",
@@ -75,7 +85,8 @@ def compare(quantities: Iterable[Quantity]) -> Table:
             "Quantity": _name,
             "Verdict": lambda row: row["verdict"],
             "Paper": lambda row: _value(row, "published", "published_low", "published_high"),
-            "Here": lambda row: _value(row, "measured", "ci_low", "ci_high"),
+            "Here": lambda row: _value(row, "measured", "low", "high"),
+            "Margin": _margin,
             "Unit": lambda row: row["unit"],
             "n": lambda row: number(row["n"]),
             "Seeds": lambda row: number(row["seeds"]),
@@ -83,24 +94,26 @@ def compare(quantities: Iterable[Quantity]) -> Table:
             "Made by": lambda row: row["made_by"],
         },
         key=("Quantity",),
-        common=("Paper", "Unit", "Note", "Made by"),
+        common=("Paper", "Margin", "Unit", "Note", "Made by"),
     )
 
 
 def verdict(known: Published, ours: Quantity | None) -> str:
     """What to think of a number: see the module's docstring."""
-    if ours is None:
+    if ours is None or ours.value is None:
         return "missing"
     if known.name in _SETTINGS:
         same = isinstance(ours.value, int | float) and math.isclose(ours.value, known.value)
         return f"setting, {'same' if same else 'another'}"
     if isinstance(ours.value, str):
         return "not reached"
-    if ours.low is None or ours.high is None:
+    if known.not_comparable:
+        return "not comparable"
+    if ours.low is None or ours.high is None or known.margin is None:
         agreement = "no interval"
     else:
-        agreement = "matches" if _agrees(known, ours.value, ours.low, ours.high) else "differs"
-    if known.calibration == "fitted" and agreement == "matches":
+        agreement = _judged(known, ours.value, ours.low, ours.high, known.margin)
+    if known.calibration == "fitted" and agreement == "agrees":
         return "fitted"
     return f"{known.calibration}, {agreement}" if known.calibration else agreement
 
@@ -114,12 +127,14 @@ def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:
         "published": known.value,
         "published_low": known.low,
         "published_high": known.high,
+        "margin": known.margin,
         "verdict": verdict(known, ours),
         "made_by": f"{RUN}{_MAKES.get(experiment, experiment)}",
     }
     if ours is None:
         return row
     notes = [
+        known.not_comparable,
         ours.interval and f"interval: {ours.interval}",
         ours.note,
         known.note and f"calibration: {known.note}",
@@ -127,8 +142,8 @@ def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:
     return row | {
         "condition": ours.condition,
         "measured": ours.value,
-        "ci_low": ours.low,
-        "ci_high": ours.high,
+        "low": ours.low,
+        "high": ours.high,
         "n": ours.n,
         "seeds": ours.seeds,
         "made_by": ours.made_by or row["made_by"],
@@ -136,13 +151,14 @@ def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:
     }
 
 
-def _agrees(known: Published, ours: float, low: float, high: float) -> bool:
-    """Whether zero lies in the interval of the difference ours − paper."""
+def _judged(known: Published, ours: float, low: float, high: float, margin: float) -> str:
     paper = known.value
-    paper_low, paper_high = (paper if x is None else x for x in (known.low, known.high))
-    if ours >= paper:
-        return ours - paper <= math.hypot(ours - low, paper_high - paper)
-    return paper - ours <= math.hypot(high - ours, paper - paper_low)
+    if known.unit == "×":  # ratios are off by factors
+        paper, ours, low, high, margin = map(math.log, (paper, ours, low, high, margin))
+    facing = high - ours if paper > ours else ours - low
+    if abs(paper - ours) > max(facing, margin):
+        return "differs"
+    return "uninformative" if max(high - ours, ours - low) > margin else "agrees"
 
 
 def _name(row: Mapping[str, Any]) -> str:
@@ -152,3 +168,9 @@ def _name(row: Mapping[str, Any]) -> str:
 
 def _value(row: Mapping[str, Any], value: str, low: str, high: str) -> str:
     return interval(*(number(row.get(key), 4) for key in (value, low, high)))
+
+
+def _margin(row: Mapping[str, Any]) -> str:
+    if row["margin"] is None:
+        return "–"
+    return f"{'factor ' if row['unit'] == '×' else '±'}{row['margin']:g}"

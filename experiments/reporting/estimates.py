@@ -1,9 +1,15 @@
-"""Estimators: one for each kind of quantity, whoever asks for it."""
+"""Estimators: one for each kind of quantity, whoever asks for it.
+
+Seeds are the units: each has a sensor, a session and a split of its own, and the test samples of
+one are alike. So intervals are Student's over seeds. Shares of samples cannot spread less over
+seeds than their samples make them; where they happen to (all are 100 %, say), that least variance
+takes the place of theirs.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +17,8 @@ import numpy as np
 from experiments.protocol import evaluate
 from experiments.records.results import Group, Run
 
-WILSON = "Wilson, test samples of all seeds"
 STUDENT = "Student, over seeds"
+ONE_SENSOR = "of one sensor, Student over seeds"
 
 
 class Estimate(NamedTuple):
@@ -22,35 +28,117 @@ class Estimate(NamedTuple):
     low: float = math.nan
     high: float = math.nan
 
+    def within(self, low: float, high: float) -> Estimate:
+        """The same with bounds that end where its values do."""
+        return Estimate(self.value, *(float(np.clip(bound, low, high)) for bound in self[1:]))
 
-def mean_interval(values: Sequence[float]) -> Estimate:
-    """Mean and Student's interval of independent values."""
-    from scipy.special import stdtrit  # scipy.stats takes as long to import as the rest
 
-    mean, n = float(np.mean(values)), len(values)
-    if n < 2:
-        return Estimate(mean)
-    half = float(stdtrit(n - 1, 0.975) * np.std(values, ddof=1) / math.sqrt(n))
-    return Estimate(mean, mean - half, mean + half)
+class Difference(NamedTuple):
+    """How much more a model has right than another on the same test samples.
+
+    Attributes:
+        share: mean over seeds, with Student's interval.
+        above, below: seeds in which it has more, and fewer.
+        each: the difference in each seed that both have.
+    """
+
+    share: Estimate
+    above: int
+    below: int
+    each: Mapping[str, float]
+
+    @property
+    def seeds(self) -> int:
+        """How many both have."""
+        return len(self.each)
+
+
+def mean_interval(values: Sequence[float], least: float = 0.0) -> Estimate:
+    """Mean of independent values and Student's interval of their expectation.
+
+    Args:
+        values: one a seed.
+        least: variance that a value has at least.
+    """
+    return _student(values, least, 1 / len(values))
+
+
+def one_sensor(values: Sequence[float], least: float = 0.0) -> Estimate:
+    """Mean of independent values and Student's interval for one more of them.
+
+    mean ± t·s·√(1 + 1/n): in it lies a value that is measured on one more sensor in the same way,
+    on as many test samples. Arguments are those of :func:`mean_interval`.
+    """
+    return _student(values, least, 1 + 1 / len(values))
+
+
+def least_variance(shares: Sequence[float], n: float) -> float:
+    """Variance that a share of n samples has whatever the sensor.
+
+    p(1 − p)/n, p of the samples of all seeds with two right and two wrong ones added (Agresti and
+    Coull, Am. Stat. 52, 119 (1998)): it is more than nothing where all are right.
+    """
+    p = (sum(shares) * n + 2) / (len(shares) * n + 4)
+    return p * (1 - p) / n
+
+
+def mean_share(right: Sequence[int], n: Sequence[int]) -> Estimate:
+    """Share of right samples, mean over seeds with Student's interval; of one seed Wilson's.
+
+    Args:
+        right, n: right and all samples of each seed.
+    """
+    if len(right) < 2:
+        return Estimate(right[0] / n[0], *evaluate.wilson(right[0], n[0]))
+    return mean_interval(*_shares(right, n)).within(0, 1)
 
 
 def share(group: Group) -> Estimate:
-    """Test accuracy of the samples of all seeds together, with Wilson's interval."""
-    right = group.right
-    return Estimate(float(right.mean()), *evaluate.wilson(int(right.sum()), len(right)))
+    """Test accuracy, as :func:`mean_share`."""
+    return mean_share(*_counts(group))
 
 
-def median_time(seconds: Sequence[float]) -> Estimate:
-    """Geometric mean of times that spread by factors: an estimate of their median.
+def share_of_one_sensor(group: Group) -> Estimate:
+    """Test accuracy, mean over seeds with the interval for one more sensor."""
+    return one_sensor(*_shares(*_counts(group))).within(0, 1)
 
-    Student's t interval of the mean logarithm; unknown for fewer than three times (the interval of
-    two spans decades), or if one is not finite.
+
+def difference(runs: Sequence[Run], reference: Sequence[Run]) -> Difference | None:
+    """Differences in test accuracy, of each seed that both have; None without any.
+
+    That test samples are the same is proven by the digest of their frames and labels. The least
+    variance of a difference is that of the samples on which the two disagree, with one more of
+    them added (Agresti and Min, Stat. Med. 24, 729 (2005)).
     """
-    middle = float(np.median(seconds))
-    if len(seconds) < 3 or not np.isfinite(seconds).all():
-        return Estimate(middle)
-    _, low, high = mean_interval(np.log(seconds).tolist())
-    return Estimate(middle, math.exp(low), math.exp(high))
+    theirs = {(run.seeds, run.record.data_sha256.test): run.record.right for run in reference}
+    pairs = {
+        run.seeds: (run.record.right, theirs[key])
+        for run in runs
+        if (key := (run.seeds, run.record.data_sha256.test)) in theirs
+    }
+    if not pairs:
+        return None
+    each = {seeds: float(a.mean() - b.mean()) for seeds, (a, b) in pairs.items()}
+    n = sum(len(a) for a, _ in pairs.values())
+    disagree = sum(int((a != b).sum()) for a, b in pairs.values())
+    least = (disagree + 1) / (n + 2) / (n / len(pairs))
+    above, below = (sum(sign * d > 0 for d in each.values()) for sign in (1, -1))
+    share = mean_interval(list(each.values()), least).within(-1, 1)
+    return Difference(share, above, below, each)
+
+
+def one_ratio(value: float, logarithms: Sequence[float]) -> Estimate:
+    """A ratio that spreads by factors, with the interval for one more run.
+
+    Args:
+        value: the ratio.
+        logarithms: of the ratio in each run; Student's interval is of them. It is unknown for fewer
+            than three (that of two spans decades), or if one is not finite.
+    """
+    if len(logarithms) < 3 or not np.isfinite(logarithms).all():
+        return Estimate(value)
+    middle, low, high = one_sensor(logarithms)
+    return Estimate(value, value * math.exp(low - middle), value * math.exp(high - middle))
 
 
 def crossing(n: Sequence[float], accuracy: Sequence[float], level: float = 0.9) -> float:
@@ -85,18 +173,25 @@ def quartiles(times: Sequence[float]) -> list[float]:
     return result
 
 
-def mcnemar(runs: Sequence[Run], reference: Sequence[Run]) -> float | None:
-    """Exact McNemar test on the same test samples of all seeds that both have; None without any.
+def _student(values: Sequence[float], least: float, parts: float) -> Estimate:
+    """Student's interval; `parts` of the variance of a value is that of what is estimated."""
+    from scipy.special import stdtrit  # scipy.stats takes as long to import as the rest
 
-    That samples are the same is proven by the digest of their frames and labels.
-    """
-    theirs = {(run.seeds, run.record.data_sha256.test): run.record.right for run in reference}
-    pairs = [
-        (run.record.right, theirs[key])
-        for run in runs
-        if (key := (run.seeds, run.record.data_sha256.test)) in theirs
-    ]
-    if not pairs:
-        return None
-    a, b = (np.concatenate(part) for part in zip(*pairs, strict=True))
-    return evaluate.mcnemar(a, b)
+    mean, n = float(np.mean(values)), len(values)
+    if n < 2:
+        return Estimate(mean)
+    variance = max(float(np.var(values, ddof=1)), least)
+    half = float(stdtrit(n - 1, 0.975)) * math.sqrt(variance * parts)
+    return Estimate(mean, mean - half, mean + half)
+
+
+def _counts(group: Group) -> tuple[list[int], list[int]]:
+    """Right and all test samples of each run."""
+    records = [run.record for run in group.runs]
+    return [int(record.right.sum()) for record in records], [record.n_test for record in records]
+
+
+def _shares(right: Sequence[int], n: Sequence[int]) -> tuple[list[float], float]:
+    """Share of each seed, and the variance that it has at least."""
+    shares = [one / of for one, of in zip(right, n, strict=True)]
+    return shares, least_variance(shares, float(np.mean(n)))

@@ -274,6 +274,11 @@ def plain_decades(axes: Axes) -> None:
     )
 
 
+def apart(x: float, k: int, models: int) -> float:
+    """Where the k-th of so many models stands on a logarithmic axis, a few percent beside x."""
+    return float(x * 1.02 ** (k - models // 2))
+
+
 def accuracy_curves(
     axes: Axes, rows: Sequence[Row], models: Sequence[str], key: str, also: Iterable[float] = ()
 ) -> None:
@@ -292,7 +297,7 @@ def accuracy_curves(
         if not lines:
             continue
         colour, marker, style = style_of(model)
-        x = np.array([r[key] for r in lines]) * 1.02 ** (k - len(models) // 2)
+        x = [apart(r[key], k, len(models)) for r in lines]
         y, low, high = (
             100 * np.array([r[name] for r in lines])
             for name in ("test_accuracy_final", "test_ci_low", "test_ci_high")

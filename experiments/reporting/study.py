@@ -46,8 +46,9 @@ class Quantity:
 
     Attributes:
         name: ``experiment/quantity`` of published.csv.
-        value: as measured, in the unit of published.csv; a text where it was not reached.
-        low, high: bounds at 95 %, None where unknown.
+        value: as measured, in the unit of published.csv; a text where it was not reached, None
+            where it was not measured.
+        low, high: within these one more sensor's number lies, at 95 %; None where unknown.
         interval: what the bounds are.
         condition: what tells values of one quantity apart where the paper leaves it open.
         n: test samples, or frames, of all seeds.
@@ -57,7 +58,7 @@ class Quantity:
     """
 
     name: str
-    value: float | str
+    value: float | str | None
     low: float | None = None
     high: float | None = None
     interval: str = ""

@@ -169,6 +169,14 @@ def percent(value: float | None) -> str:
     return "–" if value is None else f"{100 * value:.1f}".removesuffix(".0")
 
 
+def points(difference: float | None) -> str:
+    """A difference of two fractions in percentage points, with its sign; one decimal."""
+    if difference is None or difference != difference:
+        return "–"
+    rounded = round(100 * difference, 1) + 0.0  # no minus before nothing
+    return f"{rounded:+.1f}".replace("-", "−") if rounded else "0"
+
+
 def interval(value: str, low: str, high: str) -> str:
     """``value [low, high]``; the value alone where the bounds are unknown."""
     return value if "–" in (value, low, high) else f"{value} [{low}, {high}]"
@@ -204,6 +212,7 @@ _TEX = {
     "^": r"\textasciicircum{}",
     "×": r"$\times$",
     "–": "--",
+    "−": "$-$",
     "…": "--",
     "“": "``",
     "”": "''",

@@ -20,6 +20,7 @@ from torch import Tensor
 from baselines.base import Classifier
 from baselines.cnn import CNN
 from baselines.correlation import CorrelationClassifier
+from baselines.linear_bits import BitReadout
 from baselines.nearest_neighbour import NearestNeighbour
 from baselines.record_hdc import RecordHDC
 from baselines.ridge import RidgeReadout
@@ -42,6 +43,8 @@ MAKERS: dict[str, Callable[[], Classifier]] = {
         micro_batch=7,
     ),
     "ridge": RidgeReadout,
+    "bits": BitReadout,
+    "bits_signs": lambda: BitReadout(one_bit=True),
     "correlation": CorrelationClassifier,
     "nearest": NearestNeighbour,
     "record_hdc": lambda: RecordHDC(dimension=512),

@@ -152,7 +152,7 @@ def write_run(tmp_path, composed):
             return next((row["training_s"] for row in rows if row[key] > 0.9), None)
 
         entry |= {
-            "stop": "plateau" if "loss" in rows[0] else "finished",
+            "stop": "trained" if "loss" in rows[0] else "finished",
             "training_s": rows[-1]["training_s"],
             "time_to_target_train_s": first("train_accuracy"),
             "time_to_target_test_s": first("test_accuracy"),

@@ -18,6 +18,7 @@ from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
 from experiments.report import Answers, all_studies
 from experiments.reporting.table import records
+from experiments.studies.table1 import view as table1
 
 
 @pytest.fixture
@@ -104,7 +105,7 @@ def test_own_numbers_stand_beside_the_reference(tmp_path, write_run):
     assert "Training time, s, mine" in page
     # The files are of own results alone.
     assert [row["model"] for row in rows_of(files["runs.csv"])] == ["hdc"]
-    assert [row["seeds"] for row in rows_of(files["table1.csv"])] == ["1", "0", "0", "0"]
+    assert [row["seeds"] for row in rows_of(files["table1.csv"])] == ["1", "0", "0", "0", "0"]
 
 
 def test_a_deleted_record_shows(tmp_path, write_run, alone):
@@ -114,15 +115,15 @@ def test_a_deleted_record_shows(tmp_path, write_run, alone):
     for path in (tmp_path / "runs" / identity).iterdir():
         path.unlink()
     text, files = written(tmp_path)
-    assert [row["status"] for row in rows_of(files["table1.csv"])] == ["ok", *["missing"] * 3]
-    assert text.count("missing") == 3
+    assert [row["status"] for row in rows_of(files["table1.csv"])] == ["ok", *["missing"] * 4]
+    assert text.count("missing") == 4
 
 
 def test_the_terminal_table_fits_into_100_columns(tmp_path, a_full_set, write_run):
     for seed in range(10, 13):  # the longest cells there can be
         last = {"training_s": 1799.123 + seed, "loss": 1.0, "train_accuracy": 0.899}
         write_run("cnn3", seed=seed, wrong=range(3), curve=[last])
-    mine = Answers("mine", Results(tmp_path), all_studies()[:1])
+    mine = Answers("mine", Results(tmp_path), [table1.STUDY])
     for sets in ([mine], [mine, mine]):
         console = Console(width=report.WIDTH, file=io.StringIO())
         console.print(report.terminal_table(sets))
@@ -136,7 +137,7 @@ def test_the_terminal_table_fits_into_100_columns(tmp_path, a_full_set, write_ru
 
 def test_a_folder_without_results_is_reported_on(tmp_path, alone):
     text, files = written(tmp_path / "new")
-    assert text.count("missing") == 4
+    assert text.count("missing") == 5
     assert "page: " in text
     assert {row["verdict"] for row in rows_of(files["comparison.csv"])} == {"missing"}
 
@@ -273,7 +274,8 @@ def test_a_measurement_without_its_columns_costs_its_study_only(
 ):
     write_measurement("correlation", [{"a": 1}], config={"crop": None})
     none = {"n_test_new": 0, "n_test_old": 0, "right_new": 0, "right_old": 0, "n_new": 0}
-    write_measurement("drift", [{"method": "stored", "seed": 0, "origin": "simulated", **none}])
+    stored = {"method": "stored", "model": "hdc", "order": "time", "seed": 0}
+    write_measurement("drift", [{"origin": "simulated", **stored, **none}])
     text, files = written(tmp_path)
     for study in ("drift", "correlation", "fig8_drift", "fig4_correlations"):
         assert f"left out of mine: {study}: " in text

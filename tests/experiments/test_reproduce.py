@@ -52,7 +52,7 @@ def test_every_step_names_something_that_exists(quick):
             key, _, value = word.partition("=")
             for name in value.split(",") if key in ("experiment", "model", "stop", "scene") else ():
                 assert (CONFIGS / key / f"{name}.yaml").is_file(), (step.name, word)
-    assert sum(step.minutes for step in found) <= (30 if quick else 4 * 60)
+    assert sum(step.minutes for step in found) <= (30 if quick else 4.75 * 60)
 
 
 @pytest.mark.parametrize("quick", [False, True])
@@ -73,10 +73,26 @@ def test_every_experiment_is_reproduced():
 
 def test_every_step_has_a_full_form_and_a_time_of_each_form():
     for step in OmegaConf.to_container(OmegaConf.load(CONFIGS / "reproduce.yaml")):
-        assert {"name", "full", "minutes"} <= set(step) <= {"name", "full", "quick", "minutes"}
+        known = {"name", "full", "quick", "minutes", "needs"}
+        assert {"name", "full", "minutes"} <= set(step) <= known
         full, quick = step["minutes"]
         assert full >= quick
         assert (quick > 0) == ("quick" in step)
+
+
+def test_a_step_without_the_data_it_needs_is_skipped_and_that_is_said(
+    commands, monkeypatch, tmp_path
+):
+    found = [Step("one", NOTHING, 1, "SOME_DATA"), Step("two", NOTHING, 1)]
+    monkeypatch.delenv("SOME_DATA", raising=False)
+    shown = console()
+    assert reproduce.run(found, "full", tmp_path, shown) == 0
+    assert commands == ["two"]
+    sentence = "one: skipped: the environment variable SOME_DATA names no copy of public data"
+    assert sentence in " ".join(shown.file.getvalue().split())
+    monkeypatch.setenv("SOME_DATA", str(tmp_path))
+    assert reproduce.run(found, "full", tmp_path, console()) == 0
+    assert commands == ["two", "one", "two"]
 
 
 def test_the_list_runs_nothing(monkeypatch, capsys, commands, tmp_path):
@@ -233,3 +249,18 @@ def test_results_go_to_ones_own_folder(monkeypatch, tmp_path):
     monkeypatch.setattr(reproduce.signal, "signal", lambda *_: None)
     assert reproduce.main(["--quick"]) == 0
     assert taken == {"mode": "quick", "results": ROOT / "results" / "mine"}
+
+
+def test_a_step_with_a_disturbed_run_is_called_once_more(commands, monkeypatch, tmp_path):
+    monkeypatch.setattr(reproduce, "disturbed", lambda results: len(commands) in (1, 2))
+    found = [Step("a", NOTHING, 1), Step("b", NOTHING, 1)]
+    assert reproduce.run(found, "full", tmp_path, console()) == 0
+    assert commands == ["a", "a", "b"]
+
+
+def test_a_run_is_disturbed_until_it_was_made_again(write_run, tmp_path):
+    for seed, seconds in enumerate((1, 1, 4)):
+        write_run("hdc", seed=seed, curve=[{"training_s": seconds}])
+    assert reproduce.disturbed(tmp_path)
+    write_run("hdc", seed=2, curve=[{"training_s": 4}], timed_again=4.0)
+    assert not reproduce.disturbed(tmp_path)

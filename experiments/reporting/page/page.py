@@ -22,7 +22,7 @@ from experiments.reporting.table import Table
 
 TEMPLATES = Path(__file__).parent / "templates"
 # A number, its unit of size if it has one, and what stands in brackets behind it.
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?( k?M?B)?( [\[(].*)?", re.IGNORECASE)
+_NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?( k?M?B)?( [\[(].*)?", re.IGNORECASE)
 _LONG = 30  # rows of a table that is folded away until asked for
 _PLAIN = " !$'()*+,-./:;<=>?@[]_~\n"  # what a data URI takes as it is
 
@@ -129,6 +129,6 @@ def _tone(verdict: str) -> str:
     """How a verdict is coloured: good, bad, plain or none."""
     if "differs" in verdict or verdict == "no":
         return "bad"
-    if "matches" in verdict or verdict in ("holds", "yes", "setting, same"):
+    if "agrees" in verdict or verdict in ("holds", "yes", "setting, same"):
         return "good"
     return "plain" if verdict == "fitted" else "none"

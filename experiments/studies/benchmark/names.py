@@ -24,7 +24,7 @@ NUMBERS = {
 READ = "one read of the bytes"
 TORCHHD_BUNDLE = "torchhd.multiset"
 TORCHHD_TRAIN = "torch.median, torchhd.multiset"
-ORDINARY = (TORCHHD_TRAIN, "numpy.median, torchhd.multiset")
+ORDINARY_ROUTES = (TORCHHD_TRAIN, "numpy.median, torchhd.multiset")
 """Routes from frames to prototypes that somebody takes who has numpy, torch and torchhd."""
 DECODED = "OpenCV in as many threads, no more"
 NUMKONG = "numkong.cdist"

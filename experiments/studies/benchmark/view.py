@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from experiments.records.measurement import Measured
-from experiments.records.results import Results
+from experiments.records.results import Group, Results
 from experiments.reporting.measured import machine
 from experiments.reporting.study import Study
 from experiments.reporting.table import Table, frame, number, size
@@ -14,7 +15,7 @@ from experiments.studies.benchmark.names import (
     DECODED,
     NUMKONG,
     OPERATIONS,
-    ORDINARY,
+    ORDINARY_ROUTES,
     OURS,
     OURS_COMPILED,
     READ,
@@ -25,6 +26,12 @@ from experiments.studies.benchmark.names import (
     typed,
 )
 
+ORDINARY = "HDC by ordinary routes"
+ORDINARY_NOTE = (
+    f"{ORDINARY}: prototypes of as many frames by {' or '.join(ORDINARY_ROUTES)}, whichever is "
+    "faster, timed on the same processor and threads by experiment=benchmark; a dash where they "
+    "were not."
+)
 HEADLINE = {"n": 400, "d": 250_000, "l": 5}  # hamming and predict: their own n
 NOTE = (
     "Both sides of a ratio ran in turns in one process; × hdc is the median over the turns, of "
@@ -36,20 +43,6 @@ NOTE = (
     'which backend="auto" is once its kernels are loaded, as they are for “hdc train FOLDER”.'
 )
 Rows = Sequence[Mapping[str, Any]]
-
-
-def ordinary_seconds(results: Results) -> float | None:
-    """Seconds that the faster ordinary route takes from 400 frames of 250,000 pixels to prototypes.
-
-    Ordinary is a threshold at numpy's or torch's median and torchhd's multiset, a byte a bit
-    (:data:`experiments.studies.benchmark.names.ORDINARY`). None where it was not measured.
-    """
-    if (measured := results.measured("benchmark")) is None:
-        return None
-    rows = [typed(row) for row in measured.rows]
-    found = (_at(rows, "train", route, **HEADLINE) for route in ORDINARY)
-    seconds = [row["median_s"] for row in found if row and row["median_s"]]
-    return min(seconds, default=None)
 
 
 def tables(results: Results) -> Iterator[Table]:
@@ -77,6 +70,21 @@ def tables(results: Results) -> Iterator[Table]:
                 NOTE,
                 [measured.record.command],
             )
+
+
+def ordinary_training_s(results: Results, beside: Group) -> float | None:
+    """Seconds in which ordinary routines make prototypes of as many frames as a group's, on its
+    processor and as many threads; None where that was not measured."""
+    measured = results.measured("benchmark")
+    if measured is None or not beside.runs:
+        return None
+    made, record = measured.record.environment, beside.runs[0].record
+    if (made.cpu, made.threads) != (record.environment.cpu, record.environment.threads):
+        return None
+    size = {"n": record.n_train, "d": math.prod(record.scene.shape), "l": len(beside.classes)}
+    rows = [typed(row) for row in measured.rows]
+    found = (_at(rows, "train", route, **size) for route in ORDINARY_ROUTES)
+    return min((row["median_s"] for row in found if row and row["median_s"]), default=None)
 
 
 def headline(name: str, measured: Measured, rows: Sequence[Mapping[str, Any]]) -> Table:

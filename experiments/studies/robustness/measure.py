@@ -134,9 +134,9 @@ def train_until(model: Model, stop: StopRule, scene: Scene, train: np.ndarray) -
         if report is None:
             return
         loss, accuracy = report.get("loss"), 0.0
-        if loss is not None:  # what learns in one pass is left to finish
+        if loss is not None and stop.reached_after_s is not None:  # else it has no say
             accuracy = evaluate.accuracy(model.predict(frames), labels)
-        if stop.check(clock.seconds, loss, accuracy):
+        if stop.check(clock.seconds, report.get("steps", 0), loss, accuracy):
             return
 
 

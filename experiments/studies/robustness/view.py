@@ -1,6 +1,6 @@
 """What is left of the accuracy under disturbances, as a table and a figure.
 
-Of disturbed frames, bounds are Wilson's for the test samples of all seeds together. A single
+Of disturbed frames, bounds are Student's over seeds (of one seed: Wilson's). A single
 flipped bit can ruin all predictions of a draw at once, so of flipped bits they are the lowest and
 the highest accuracy of a draw.
 """
@@ -16,10 +16,9 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.protocol import evaluate
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
-from experiments.reporting.estimates import Estimate
+from experiments.reporting.estimates import Estimate, mean_share
 from experiments.reporting.measured import with_places
 from experiments.reporting.plot import (
     STYLE,
@@ -84,7 +83,7 @@ def plots(results: Results) -> Iterator[Plot]:
 
 
 def accuracies(measured: Measured) -> Accuracies:
-    """Accuracy by (disturbance, level) and model, of all its seeds and draws together."""
+    """Accuracy by (disturbance, level) and model, mean over its seeds and draws."""
     rows: dict[tuple[str, float], dict[str, list[dict[str, str]]]] = {}
     for row in measured.rows:
         by_model = rows.setdefault((row["disturbance"], float(row["level"])), {})
@@ -96,11 +95,11 @@ def accuracies(measured: Measured) -> Accuracies:
 
 
 def _pooled(disturbance: str, rows: Sequence[Mapping[str, str]]) -> Estimate:
-    right, n = (sum(int(row[key]) for row in rows) for key in ("right", "n_test"))
+    right, n = ([int(row[key]) for row in rows] for key in ("right", "n_test"))
     if disturbance not in FLIPS:
-        return Estimate(right / n, *evaluate.wilson(right, n))
+        return mean_share(right, n)  # a row a seed
     drawn = [float(row["accuracy"]) for row in rows]
-    return Estimate(right / n, min(drawn), max(drawn))
+    return Estimate(sum(right) / sum(n), min(drawn), max(drawn))
 
 
 def _frames(measured: Measured) -> str:
@@ -139,8 +138,8 @@ def _note(measured: Measured) -> str:
     early = [display_name(name) for name, rule in stops.items() if rule["until"] == "reached"]
     text = (
         f"{_seeds(measured)}. Laser power: another factor for every frame. Dead pixels read zero, "
-        "the same in all frames. In square brackets: Wilson, 95 %, test samples of all seeds "
-        "together. Bit error rate: of the bytes of every stored tensor; in round brackets the "
+        "the same in all frames. In square brackets: Student, 95 %, over seeds (of one: "
+        "Wilson). Bit error rate: of the bytes of every stored tensor; in round brackets the "
         "lowest and the highest draw. 8-bit numbers: the same with every float32 rounded to one of "
         "255 equal steps before. Heads: bytes of the stored model."
     )

@@ -18,7 +18,12 @@ from experiments.records.record import Record
 from experiments.records.results import Group, Results
 from experiments.reporting import published
 from experiments.reporting import rows as rows_of
-from experiments.reporting.estimates import STUDENT, WILSON, mean_interval, share
+from experiments.reporting.estimates import (
+    ONE_SENSOR,
+    one_sensor,
+    share,
+    share_of_one_sensor,
+)
 from experiments.reporting.plot import (
     CONFUSION_MAP,
     PRINTED,
@@ -69,7 +74,8 @@ def tables(results: Results) -> Iterator[Table]:
                     "Training accuracy, %",
                     "Test accuracy, %, maximum",
                     "Test accuracy, %, final [95 %]",
-                    "McNemar p",
+                    "− HDC, points [95 %]",
+                    "Seeds above, below HDC",
                     "Prediction, ms a frame",
                     "Size",
                     "Status",
@@ -121,8 +127,8 @@ def quantities(results: Results) -> Iterator[Quantity]:
         if group.runs:
             yield Quantity.of(
                 f"{scene}/test_accuracy",
-                share(group),
-                WILSON,
+                share_of_one_sensor(group),
+                ONE_SENSOR,
                 100,
                 n=len(group.right),
                 seeds=len(group.runs),
@@ -136,11 +142,11 @@ def quantities(results: Results) -> Iterator[Quantity]:
             ("median", np.median),
             ("p95", lambda e: np.percentile(e, 95)),
         ):
-            found = mean_interval([float(of(e)) for e in errors])
+            found = one_sensor([float(of(e)) for e in errors])
             yield Quantity.of(
                 f"spatial/{name}_position_error",
                 found,
-                STUDENT,
+                ONE_SENSOR,
                 n=sum(map(len, errors)),
                 seeds=len(group.runs),
                 made_by=f"{RUN}scenes",

@@ -21,7 +21,7 @@ from experiments.protocol.clock import Clock
 from experiments.protocol.scenes import scene_at
 from experiments.records.measurement import Row, measure
 from experiments.studies.correlation import measure as correlation
-from experiments.studies.drift.measure import Sessions, updates
+from experiments.studies.drift.measure import Sessions, choose, updates
 from hdc import HDCClassifier
 from scenes.frames import Frames, Scene
 
@@ -137,19 +137,19 @@ def on_drift(
     made: Scene, split: Mapping[str, Any], seed: int, n_test: int, n_new: int, p: float
 ) -> Iterator[Row]:
     """Accuracy in the second session, of the stored prototypes and after an update."""
-    sessions = Sessions(made, split, n_test, seed)
-    new = sessions.count(sessions.subsets([n_new], 0)[n_new])
-    found = {
-        "stored": sessions.score(sessions.stored),
-        "recovered": next(updates(sessions, new, [p], [], [])),
-    }
-    for kind, row in found.items():
-        yield {
-            "kind": kind,
-            "n_train": row["n_old"],
-            "right": row["right_new"],
-            "n_test": row["n_test_new"],
-        }
+    choice = choose(made, split, n_test, "random", seed)
+    rows = updates(
+        Sessions(made), choice, HDCClassifier(), [n_new], [p], order="random", draws=1, seed=seed
+    )
+    for row in rows:
+        kind = {"stored": "stored", "replace": "recovered"}.get(row["method"])
+        if kind:
+            yield {
+                "kind": kind,
+                "n_train": row["n_old"],
+                "right": row["right_new"],
+                "n_test": row["n_test_new"],
+            }
 
 
 def accuracy(made: Scene, split: Mapping[str, Any], seed: int) -> Row:

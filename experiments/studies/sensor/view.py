@@ -13,12 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from experiments.protocol import evaluate
 from experiments.records.measurement import Measured
 from experiments.records.results import Group, Results
 from experiments.reporting import published
 from experiments.reporting import rows as rows_of
-from experiments.reporting.estimates import crossing, mean_interval, share
+from experiments.reporting.estimates import crossing, mean_interval, mean_share, share
 from experiments.reporting.published import Published
 from experiments.reporting.study import RUN, Plot, Quantity, Study
 from experiments.reporting.table import Row, Table, frame, interval, number, percent
@@ -86,7 +85,7 @@ def calibration(results: Results) -> Iterator[Table]:
             "Quantity": lambda row: row["quantity"],
             "Paper": lambda row: number(row["paper"], 4),
             "Here [95 %]": lambda row: interval(
-                *(number(row[key], 4) for key in ("here", "ci_low", "ci_high"))
+                *(number(row[key], 4) for key in ("here", "low", "high"))
             ),
             "Expected": lambda row: row["expected"],
             "Met": lambda row: row["met"],
@@ -95,7 +94,7 @@ def calibration(results: Results) -> Iterator[Table]:
         },
         "Fitted: the number chose a parameter of the sensor, on seeds that are not among these; "
         "watched: the fit looked at it and it chose none. Met: the value here is in the range that "
-        "the fit accepted, whatever its interval.",
+        "the fit accepted, whatever its interval, which is that of one more sensor.",
         [f"{RUN}{name}" for name in ("table1", "accuracy_vs_n", "correlation", "scenes", "drift")],
         key=("Quantity",),
         common=("Paper", "Expected", "Status", "Note"),
@@ -105,13 +104,13 @@ def calibration(results: Results) -> Iterator[Table]:
 def _judged(known: Published, ours: Quantity) -> Row:
     assert known.expected is not None
     low, high = known.expected
-    inside = not isinstance(ours.value, str) and low <= ours.value <= high
+    inside = isinstance(ours.value, int | float) and low <= ours.value <= high
     return {
         "quantity": ", ".join(filter(None, [_named(known), ours.condition])),
         "paper": known.value,
         "here": ours.value,
-        "ci_low": ours.low,
-        "ci_high": ours.high,
+        "low": ours.low,
+        "high": ours.high,
         "expected": _range(known),
         "met": "yes" if inside else "no",
         "status": known.calibration,
@@ -214,19 +213,20 @@ def confusions(group: Group) -> Table:
     """What each label of the finger is taken for."""
     counts = group.confusion()
     rows = []
-    for label, line in zip(group.classes, counts, strict=True):
-        n, right = int(line.sum()), int(line[group.classes.index(label)])
+    for k, (label, line) in enumerate(zip(group.classes, counts, strict=True)):
+        n = int(line.sum())
         others = zip(group.classes, line, strict=True)
         wrong = {name: int(k) for name, k in others if k and name != label}
-        low, high = evaluate.wilson(right, n)
+        of_label = [run.record.right[np.equal(run.record.test_labels, k)] for run in group.runs]
+        right = mean_share([int(one.sum()) for one in of_label], [len(one) for one in of_label])
         taken = sorted(wrong, key=wrong.__getitem__, reverse=True)
         rows.append(
             {
                 "label": label,
                 "n": n,
-                "accuracy": right / n,
-                "ci_low": low,
-                "ci_high": high,
+                "accuracy": right.value,
+                "ci_low": right.low,
+                "ci_high": right.high,
                 "taken_for": ", ".join(f"{name} {percent(wrong[name] / n)} %" for name in taken),
             }
         )

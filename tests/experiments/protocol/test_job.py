@@ -59,7 +59,7 @@ IDENTITY = [
     "split.n_train=20",
     "data.pixels=100",
     "model.ties=one",
-    "stop.patience=6",
+    "stop.most_steps=3000",
     "scene.subsample=2",
 ]
 
@@ -95,6 +95,46 @@ def test_a_finished_run_is_not_repeated_unless_forced(carry_out, monkeypatch):
     monkeypatch.setattr(job, "train_and_test", lambda *_: (_ for _ in ()).throw(ZeroDivisionError))
     with pytest.raises(ZeroDivisionError):
         carry_out("force=true")
+
+
+def slowed(folder, by=10):
+    """The record and curve in a folder as if the machine had done something else beside it."""
+    entry = json.loads((folder / "record.json").read_text())
+    rows = read_curve(folder / "curve.csv")
+    for row in rows:
+        row["training_s"] *= by
+    record.write_curve(folder, rows)
+    record.write_record(folder, entry | {"training_s": entry["training_s"] * by})
+
+
+def test_one_that_took_unlike_as_long_as_its_siblings_is_made_again_once(carry_out, monkeypatch):
+    monkeypatch.setattr("experiments.records.timing._SHORTEST", 0)
+    monkeypatch.setattr("experiments.records.timing.FACTOR", 100)  # of so short runs
+    for seed in range(3):
+        carry_out(f"seed.run={seed}")
+    assert carry_out("seed.run=2").timed_again is None
+    folder, found = carry_out.last
+    assert found
+    slowed(folder, 1e4)
+    disturbed = read_record(folder).training_s
+    made = carry_out("seed.run=2")
+    assert (carry_out.last[1], made.timed_again) == (False, disturbed)
+    assert made.training_s < disturbed / 100
+    # Where it is as before, it stays and is told: the machine is no better.
+    slowed(folder, 1e4)
+    assert carry_out("seed.run=2").timed_again == disturbed
+    assert carry_out.last[1]
+
+
+def test_one_of_another_machine_is_not_made_again(carry_out, monkeypatch):
+    monkeypatch.setattr("experiments.records.timing._SHORTEST", 0)
+    monkeypatch.setattr("experiments.records.timing.FACTOR", 100)
+    for seed in range(3):
+        carry_out(f"seed.run={seed}")
+    slowed(carry_out.last[0], 1e4)
+    monkeypatch.setattr(job, "cpu_model", lambda: "Another CPU")
+    carry_out("seed.run=2")
+    assert carry_out.last[1]
 
 
 @pytest.mark.parametrize(
@@ -221,8 +261,8 @@ def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(carry_ou
         (["scene.subsample=0"], r"^scene\.subsample: expected"),
         (["+scene.colour=1"], r"^scene: .*unexpected keyword argument 'colour'"),
         (["+model.colour=1"], r"^model: .*unexpected keyword argument 'colour'"),
-        (["stop.patience=0"], r"^stop\.patience: expected at least 1, found 0"),
-        (["+stop.colour=0"], r"^stop\.colour: expected one of target, until, patience"),
+        (["stop.loss=-1"], r"^stop\.loss: expected at least 0, found -1"),
+        (["+stop.colour=0"], r"^stop\.colour: expected one of target, reached_after_s, loss"),
         (["split.kind=sorted"], r"^split\.kind: expected one of"),
         (["data.pixels=1"], r"^data\.pixels: expected"),
         (["exclusive=no"], r"^exclusive: expected true or false, found 'no'"),
@@ -244,7 +284,7 @@ def test_a_wrong_value_is_named_by_its_key(carry_out, results, overrides, messag
         carry_out(*overrides)
 
 
-@pytest.mark.parametrize("wrong", ["+model.colour=1", "stop.patience=0", "split.kind=sorted"])
+@pytest.mark.parametrize("wrong", ["+model.colour=1", "stop.loss=-1", "split.kind=sorted"])
 def test_what_is_wrong_is_found_before_frames_are_made(carry_out, monkeypatch, wrong):
     monkeypatch.setattr("experiments.protocol.data.cached", lambda *_: pytest.fail("too late"))
     monkeypatch.setattr("experiments.protocol.data.take", lambda *_: pytest.fail("too late"))

@@ -9,60 +9,89 @@ from hypothesis import strategies as st
 from experiments.protocol.stop import NAMES, StopRule
 
 
-def stops(rule, accuracies, *, loss=1.0, seconds=1.0):
+def stops(rule, losses, accuracies=None, *, seconds=1.0, steps=1):
     """(index, name) of the first report that stops a run, or None."""
-    for k, accuracy in enumerate(accuracies):
-        if name := rule.check((k + 1) * seconds, loss, accuracy):
+    for k, loss in enumerate(losses):
+        accuracy = accuracies[k] if accuracies else 0.0
+        if name := rule.check((k + 1) * seconds, (k + 1) * steps, loss, accuracy):
             return k, name
     return None
 
 
+def test_trained_once_the_loss_is_small():
+    rule = StopRule(loss=0.1, least_steps=0)
+    assert stops(rule, [1.0, 0.5, 0.11, 0.1, 0.01]) == (3, "trained")
+
+
+def test_a_small_loss_after_few_steps_ends_nothing():
+    rule = StopRule(loss=0.1, least_steps=40)
+    assert stops(rule, [0.01] * 9, steps=10) == (3, "trained")
+
+
+def test_out_of_steps():
+    assert stops(StopRule(least_steps=0, most_steps=30), [1.0] * 9, steps=10) == (2, "steps")
+
+
+def test_the_rule_does_not_know_how_many_samples_there_are():
+    """Five reports were one epoch of 400 samples, and five gradient steps of few."""
+    rule = StopRule(loss=0.1, least_steps=20)
+    falling = [1.0 / (k + 1) for k in range(100)]
+    for reports_a_step in (1, 5):
+        at, name = stops(rule, falling[::reports_a_step], steps=reports_a_step)
+        assert name == "trained"
+        assert (at + 1) * reports_a_step == 20
+
+
 def test_reached_needs_more_than_the_target():
-    assert stops(StopRule(until="reached"), [0.5, 0.9, 0.91]) == (2, "reached")
+    rule = StopRule(reached_after_s=0)
+    assert stops(rule, [1.0] * 3, [0.5, 0.9, 0.91]) == (2, "reached")
 
 
-def test_reached_waits_for_at_least_s():
-    rule = StopRule(until="reached", at_least_s=3.0, patience=50)
-    assert stops(rule, [0.95] * 10) == (2, "reached")
+def test_reached_waits_for_its_seconds():
+    rule = StopRule(reached_after_s=3.0)
+    assert stops(rule, [1.0] * 10, [0.95] * 10) == (2, "reached")
 
 
-def test_plateau_after_patience_reports_without_a_better_one():
-    accuracies = [0.5, 0.6, 0.6, 0.55, 0.7, 0.7, 0.7, 0.7]
-    assert stops(StopRule(patience=3), accuracies) == (7, "plateau")
-
-
-def test_a_target_reached_does_not_end_a_run_to_the_plateau():
-    assert stops(StopRule(), [0.95, 0.96, 0.97]) is None
+def test_a_target_reached_does_not_end_a_run_that_is_trained_on():
+    assert stops(StopRule(), [1.0] * 100, [0.95] * 100) is None
 
 
 def test_budget():
-    assert stops(StopRule(budget_s=3), [0.1, 0.2, 0.3, 0.4]) == (2, "budget")
+    assert stops(StopRule(budget_s=3), [1.0] * 4) == (2, "budget")
 
 
 @pytest.mark.parametrize("loss", [math.nan, math.inf, -math.inf])
 def test_diverged_comes_before_every_other_reason(loss):
-    rule = StopRule(until="reached", patience=1, budget_s=1e-9)
-    assert rule.check(1.0, loss, 0.99) == "diverged"
+    rule = StopRule(reached_after_s=0, least_steps=0, most_steps=1, budget_s=1e-9)
+    assert rule.check(1.0, 1, loss, 0.99) == "diverged"
 
 
 def test_a_model_without_a_loss_is_left_to_finish():
-    rule = StopRule(until="reached", patience=1, budget_s=100)
-    assert stops(rule, [0.99] * 50, loss=None) is None
-    assert rule.check(100.0, None, 0.99) == "budget"
+    rule = StopRule(reached_after_s=0, least_steps=0, most_steps=1, budget_s=100)
+    assert stops(rule, [None] * 50, [0.99] * 50) is None
+    assert rule.check(100.0, 0, None, 0.99) == "budget"
+
+
+def test_a_model_without_steps_is_left_to_finish():
+    """What solves for its weights reports a loss once, and has nothing left to do."""
+    assert StopRule(least_steps=0).check(1.0, 0, 1e-6) is None
 
 
 @pytest.mark.parametrize(
     ("settings", "key"),
     [
-        ({"until": "never"}, "stop.until"),
         ({"target": 0}, "stop.target"),
         ({"target": 1.0}, "stop.target"),
         ({"target": math.nan}, "stop.target"),
-        ({"patience": 0}, "stop.patience"),
+        ({"reached_after_s": -1}, "stop.reached_after_s"),
+        ({"reached_after_s": math.nan}, "stop.reached_after_s"),
+        ({"loss": -0.1}, "stop.loss"),
+        ({"loss": math.nan}, "stop.loss"),
+        ({"least_steps": -1}, "stop.least_steps"),
+        ({"least_steps": 0, "most_steps": 0}, "stop.most_steps"),
+        ({"least_steps": 10, "most_steps": 9}, "stop.most_steps"),
         ({"budget_s": 0}, "stop.budget_s"),
         ({"budget_s": math.nan}, "stop.budget_s"),
-        ({"at_least_s": -1}, "stop.at_least_s"),
-        ({"at_least_s": 2000}, "stop.at_least_s"),
     ],
 )
 def test_a_setting_out_of_range_is_named(settings, key):
@@ -71,45 +100,30 @@ def test_a_setting_out_of_range_is_named(settings, key):
 
 
 @given(
-    st.lists(st.floats(0, 1), max_size=60),
-    st.integers(1, 8),
-    st.sampled_from(["reached", "plateau"]),
+    st.lists(st.tuples(st.floats(0, 2), st.floats(0, 1)), max_size=60),
+    st.integers(0, 20),
+    st.sampled_from([None, 0.0, 5.0]),
 )
-def test_laws(accuracies, patience, until):
-    budget = 40.0
-    stopped = stops(StopRule(patience=patience, until=until, budget_s=budget), accuracies)
-    seen = accuracies if stopped is None else accuracies[: stopped[0] + 1]
-    best = [max(seen[: k + 1]) for k in range(len(seen))]
-    stale = len(seen) - 1 - best.index(best[-1]) if seen else 0
+def test_laws(reports, least, after):
+    rule = StopRule(
+        loss=0.1, least_steps=least, most_steps=30, reached_after_s=after, budget_s=40.0
+    )
+    losses, accuracies = [r[0] for r in reports], [r[1] for r in reports]
+    stopped = stops(rule, losses, accuracies)
+    n = len(reports) if stopped is None else stopped[0]
+    for k in range(n):  # nothing stopped it before
+        assert losses[k] > 0.1 or k + 1 < least
+        assert after is None or k + 1 < after or accuracies[k] <= 0.9
+    assert n < 30
     if stopped is None:
-        assert stale < patience
-        assert len(seen) < budget
         return
     name = stopped[1]
     assert name in NAMES
-    if name == "plateau":
-        assert stale == patience  # stopped at the first report that made it so
+    if name == "trained":
+        assert losses[n] <= 0.1
+        assert n + 1 >= least
     if name == "reached":
-        assert until == "reached"
-        assert seen[-1] > 0.9
-        assert all(a <= 0.9 for a in seen[:-1])
-    if name == "budget":
-        assert len(seen) == budget
-
-
-@given(st.lists(st.floats(0, 1), min_size=1, max_size=60), st.integers(1, 8))
-def test_more_patience_never_stops_earlier(accuracies, patience):
-    def at(p):
-        stopped = stops(StopRule(patience=p), accuracies)
-        return len(accuracies) if stopped is None else stopped[0]
-
-    assert at(patience) <= at(patience + 1)
-
-
-def test_another_patience_while_the_target_is_not_reached():
-    stuck = [0.5, *[0.4] * 20]
-    assert stops(StopRule(patience=3, patience_below=10), stuck) == (10, "plateau")
-    risen = [*stuck[:5], 0.95, *[0.9] * 9]
-    assert stops(StopRule(patience=3, patience_below=10), risen) == (8, "plateau")
-    with pytest.raises(ValueError, match=r"stop\.patience_below"):
-        StopRule(patience_below=0)
+        assert accuracies[n] > 0.9
+        assert n + 1 >= after
+    if name == "steps":
+        assert n + 1 == 30

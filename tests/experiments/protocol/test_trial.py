@@ -57,16 +57,43 @@ def test_a_model_that_diverges_at_once_has_no_accuracy_and_can_be_read(carry_out
 @pytest.mark.parametrize(
     ("overrides", "stop", "reports"),
     [
-        (["stop.patience=2", "stop.patience_below=2"], "plateau", 3),
+        (["stop.least_steps=3", "stop.loss=1"], "trained", 4),
+        (["stop.least_steps=3", "stop.most_steps=5"], "steps", 6),
         (["stop=reached", "stop.target=0.1"], "reached", 1),
         (["stop.budget_s=1e-9"], "budget", 1),
-        (["stop.patience=100"], "finished", 9),
+        ([], "finished", 9),
     ],
 )
 def test_the_stop_is_in_the_record(carry_out, fake, overrides, stop, reports):
-    fake(*({"samples_seen": k, "loss": 1.0} for k in range(9)))
+    fake(*({"samples_seen": k, "steps": k, "loss": 1.0} for k in range(9)))
     assert carry_out(*overrides).stop == stop
     assert len(curve_of(carry_out)) == reports
+
+
+def test_a_model_that_learns_by_steps_is_tested_at_a_tenth_more_and_at_its_end(carry_out, fake):
+    """With five samples each step is an epoch: testing took a hundred times as long as training."""
+    fake(*({"samples_seen": 20 * k, "steps": k, "loss": 1.0} for k in range(1, 151)))
+    carry_out()
+    seen = [row["steps"] for row in curve_of(carry_out)]
+    assert seen[:12] == [*range(1, 11), 11, 13]
+    assert seen[-1] == 150
+    assert all(b <= 1.1 * a + 1 for a, b in pairwise(seen))
+    assert len(seen) < 45
+
+
+def test_both_readings_of_a_curve_are_in_the_record(carry_out, fake, monkeypatch):
+    """Where training first exceeds the target, and the maxima; the paper has one of each."""
+    pairs = [(0.5, 0.4), (0.92, 0.7), (1.0, 0.9), (0.95, 0.2)]  # training, test
+    read = iter([share for pair in pairs for share in pair])
+    fake(*({"samples_seen": k, "steps": k, "loss": 1.0} for k in range(4)))
+    right = trial.evaluate.accuracy  # of the final predictions
+    monkeypatch.setattr(
+        trial.evaluate, "accuracy", lambda *given: next(read, None) or right(*given)
+    )
+    entry = carry_out()
+    assert entry.time_to_target_train_s == curve_of(carry_out)[1]["training_s"]
+    assert (entry.train_accuracy_at_target, entry.test_accuracy_at_target) == (0.92, 0.7)
+    assert (entry.train_accuracy_max, entry.test_accuracy_max) == (1.0, 0.9)
 
 
 def test_a_model_that_reports_nothing_fails(carry_out, fake):

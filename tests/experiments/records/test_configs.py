@@ -11,7 +11,9 @@ def test_parts_of_configs_are_resolved_or_none():
     assert touch["scene"]["seed"] == 0
     assert configs.of_scene("recorded")["scene"]["path"] == "???"
     assert configs.of_model("hdc")["model"]["_target_"] == "hdc.HDCClassifier"
-    assert configs.of_stop("paper")["stop"]["until"] == "plateau"
+    paper = configs.of_stop("paper")["stop"]
+    assert paper["reached_after_s"] is None
+    assert configs.of_stop("long")["stop"] == {**paper, "least_steps": 1000}
     for of in (configs.of_scene, configs.of_model, configs.of_stop):
         assert of("nowhere") is None
 

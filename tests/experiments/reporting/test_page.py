@@ -153,7 +153,7 @@ def test_long_tables_are_folded_away_whole(rows, folded):
 
 @pytest.mark.parametrize(
     ("verdict", "tone"),
-    [("matches", "good"), ("watched, matches", "good"), ("setting, same", "good"),
+    [("agrees", "good"), ("watched, agrees", "good"), ("setting, same", "good"),
      ("differs", "bad"), ("fitted, differs", "bad"), ("fitted", "plain"), ("missing", "none"),
      ("no interval", "none"), ("not reached", "none"), ("setting, another", "none")],
 )  # fmt: skip

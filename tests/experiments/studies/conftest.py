@@ -16,6 +16,7 @@ CLASSES = {
     "spatial": [str(i) for i in range(51)],
     "tactile": ["paper", "P40", "P120"],
     "touch": ["L1", "L2", "R1", "R2", "None"],
+    "fibre_grouped": list("abcde"),
 }
 
 
@@ -26,6 +27,7 @@ def write_scene(tmp_path, write_run):
 
     def write(scene, wrong, model="hdc", **more):
         classes = CLASSES[scene]
+        origin = "measured" if scene.startswith("fibre") else "simulated"
         truth = np.repeat(np.arange(len(classes)), 2)
         predicted = truth.copy()
         for label, taken_for in wrong.items():
@@ -33,7 +35,7 @@ def write_scene(tmp_path, write_run):
         identity = write_run(
             model,
             choices={"scene": scene},
-            scene={"name": scene, "origin": "simulated", "classes": classes, "n": 10_000,
+            scene={"name": scene, "origin": origin, "classes": classes, "n": 10_000,
                    "shape": [500, 500], "fingerprint": "f" * 64},
             n_test=len(truth), test_labels=truth, predicted=predicted,
             test_accuracy_final=float((predicted == truth).mean()),
@@ -56,9 +58,8 @@ def write_scene(tmp_path, write_run):
 
 
 def words_of(svg):
-    """The words of an SVG: matplotlib keeps those it draws as paths in comments."""
-    words = " ".join(re.findall(r"<!--(.*?)-->", svg.decode(), re.DOTALL))
-    return " ".join(html.unescape(words).split())
+    """The words of an SVG: what stands between its tags."""
+    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", svg.decode())).split())
 
 
 @pytest.fixture

@@ -28,7 +28,7 @@ from experiments.studies.benchmark.names import (
 )
 from experiments.studies.benchmark.route import Route
 from experiments.studies.benchmark.routes import ROUTES
-from experiments.studies.benchmark.view import STUDY, ordinary_seconds
+from experiments.studies.benchmark.view import STUDY
 from hdc.encode import encode
 
 COMPARED = [r for r in ROUTES if r.name not in (READ, DECODED)]
@@ -248,8 +248,6 @@ def test_goals_are_judged_by_one_record(tmp_path, write_measurement):
     ]
     write_measurement("benchmark", rows)
     results = Results(tmp_path)
-    assert ordinary_seconds(results) == 1.4
-    assert ordinary_seconds(Results(tmp_path / "elsewhere")) is None
     goals = next(table for table in STUDY.tables(results) if table.name == "benchmark_goals")
     assert [(cells[1], cells[2], cells[3]) for cells in goals.cells()] == [
         ("≥ 200", "250.0", "yes"),

@@ -182,12 +182,13 @@ def measured(results, write_measurement):
 
 
 def test_contrasts_are_means_over_seeds(measured, number):
-    found = number(view.STUDY, "correlation/max_same_class_speckle", "all samples")
+    found = number(view.STUDY, "correlation/max_same_class_speckle")
     assert found.value == pytest.approx(0.25)
-    found = number(view.STUDY, "correlation/contrast_prototype", "held-out samples")
-    # ΔC is 0.1 and 0.2; t(0.975, 1)·0.0707/√2 = 0.635
+    found = number(view.STUDY, "correlation/contrast_prototype")
+    # ΔC is 0.1 and 0.2; t(0.975, 1)·0.0707·√1.5 = 1.1
     assert found.value == pytest.approx(0.15)
-    assert found.high == pytest.approx(0.15 + 0.6353, abs=1e-3)
+    assert found.high == pytest.approx(0.15 + 1.1004, abs=1e-3)
+    assert "of those in the prototypes 0.15, of the others 0.15" in found.note
     assert (found.seeds, found.n) == (2, 2 * 5 * 100)
 
 

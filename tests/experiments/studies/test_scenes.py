@@ -42,11 +42,11 @@ def test_every_model_of_a_scene_is_in_its_table(tmp_path, write_scene, everythin
     assert "simulated frames of the scene “finger”" in found["scene_finger"].title
 
 
-def test_accuracies_pool_the_seeds(number, everything):
+def test_accuracies_are_means_over_the_seeds(number, everything):
     found = number(STUDY, "finger/test_accuracy")
     assert found.value == pytest.approx(100 * 24 / 28)
     assert (found.n, found.seeds) == (28, 2)
-    assert (found.low, found.high) == pytest.approx((68.51, 94.30), abs=0.01)  # Wilson
+    assert (found.low, found.high) == (0, 100)  # Student's t of two seeds is 12.7
 
 
 def test_positions_are_millimetres_of_the_configured_line(tmp_path, number, everything):
@@ -65,7 +65,7 @@ def test_every_figure_says_what_it_is_of(everything, drawn):
         assert "simulated frames" in words, name
         assert "2 seeds" in words, name
         assert "made by other code" not in words, name
-    assert "85.7 % [68.5, 94.3] (95 %); paper 87.9 %" in found["fig6_confusion"]
+    assert "85.7 % [0.0, 100.0] (95 %); paper 87.9 %" in found["fig6_confusion"]
     assert "50" in found["fig6_confusion"].split()  # % of a row, in a cell
     assert "no measurement" in found["fig7_spatial"]
     assert "mean 0.21 mm" in found["fig7_spatial"]

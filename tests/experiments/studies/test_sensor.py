@@ -55,8 +55,8 @@ def test_the_calibration_judges_what_the_comparison_shows(results, write_run, wr
     assert (row["here"], row["met"], row["status"]) == (100 - wrong, met, "watched")
     compared = records(comparison.compare(quantities(Results(results))).data)
     (same,) = (r for r in compared if r["quantity"] == "hdc_test_accuracy")
-    assert [same[key] for key in ("measured", "ci_low", "ci_high", "published")] == [
-        row[key] for key in ("here", "ci_low", "ci_high", "paper")
+    assert [same[key] for key in ("measured", "low", "high", "published")] == [
+        row[key] for key in ("here", "low", "high", "paper")
     ]
 
 

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from experiments.studies.benchmark.cases import Case, pack_bits, packed_bytes
-from experiments.studies.benchmark.names import ORDINARY, TORCHHD_TRAIN
+from experiments.studies.benchmark.names import ORDINARY_ROUTES, TORCHHD_TRAIN
 from experiments.studies.benchmark.route import Form, Job, ours, route
 from experiments.studies.benchmark.routes.bundle import centroid, centroid_majority
 from experiments.studies.benchmark.routes.encode import torch_threshold
@@ -31,7 +31,7 @@ def torchhd_multiset(case: Case) -> Job:
     return lambda: torchhd_prototypes(case, frames, labels), pack_bits
 
 
-@route("train", ORDINARY[1], module="torchhd")
+@route("train", ORDINARY_ROUTES[1], module="torchhd")
 def numpy_multiset(case: Case) -> Job:
     import torchhd
 

@@ -1,0 +1,75 @@
+"""Every model on every scene: measured ones first, differences seed by seed."""
+
+import pytest
+
+from experiments.records.results import Results
+from experiments.studies.models import view
+from experiments.studies.models.view import STUDY
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+@pytest.fixture
+def runs(write_run, write_scene):
+    """Two seeds of some models; on the measured scene HDC is behind ridge in both."""
+    for seed in (0, 1):
+        write_scene("fibre_grouped", {0: 1, 1: 2}, seed=seed)
+        write_scene("fibre_grouped", dict([(0, 1)][seed:]), seed=seed, model="ridge")
+        write_scene("fibre_grouped", {0: 1, 1: 2, 2: 3}, seed=seed, model="linear_bits")
+        write_scene("finger", {3: 4}, seed=seed)
+        write_run("hdc", seed=seed)
+        curve = [{"training_s": 2.0, "loss": 0.1, "train_accuracy": 0.7}]
+        write_run("softmax", seed=seed, wrong=range(3), curve=curve)
+    write_scene("finger", {}, model="ridge", seed=1)
+    write_scene("finger", {1: 2}, model="ridge", seed=7)  # a seed that HDC has not
+
+
+def test_measured_optics_stand_first(tmp_path, runs):
+    (table,) = STUDY.tables(Results(tmp_path))
+    cells = table.cells()
+    assert [row[0] for row in cells] == [
+        *["fibre, other positions (measured)"] * 3,
+        *["touch (simulated)"] * 2,
+        *["finger (simulated)"] * 2,
+    ]
+    hdc, bits, ridge = (dict(zip(table.heads, row, strict=True)) for row in cells[:3])
+    assert (hdc["Model"], ridge["Model"]) == ("HDC", "Ridge read-out")
+    assert hdc["Test error, % [95 %]"].startswith("20 [")
+    assert ridge["− HDC, points [95 %]"].startswith("+15.0 [")
+    assert ridge["Seeds above, below HDC"] == "2, 0"
+    assert bits["Seeds above, below HDC"] == "0, 2"
+    assert "Not run: fibre, tactile, spatial." in table.note
+
+
+def test_differences_are_of_common_seeds(tmp_path, runs):
+    found = {(d["scene"], d["model"]): d for d in view.differences(Results(tmp_path))}
+    assert list(found) == [
+        ("fibre_grouped", "linear_bits"),
+        ("fibre_grouped", "ridge"),
+        ("touch", "softmax"),
+        ("finger", "ridge"),
+    ]
+    ridge = found["fibre_grouped", "ridge"]
+    assert ridge["origin"] == "measured"
+    assert (ridge["hdc"], ridge["other"]) == pytest.approx((0.8, 0.95))
+    assert ridge["difference"] == pytest.approx(-0.15)
+    assert ridge["low"] < -0.15 < ridge["high"]
+    assert (ridge["seeds"], ridge["ahead"]) == (2, 0)
+    assert found["touch", "softmax"]["ahead"] == 2
+    finger = found["finger", "ridge"]
+    assert finger["seeds"] == 1
+    assert (finger["hdc"], finger["other"]) == pytest.approx((13 / 14, 1.0))
+
+
+def test_the_figure_has_a_panel_a_scene(runs, drawn):
+    words = drawn(STUDY)["all_scenes"]
+    for expected in ("fibre, other positions measured", "touch simulated", "finger simulated",
+                     "training time (s)", "test error (%)", "measured and simulated frames",
+                     "Ridge, HDC's bits"):  # fmt: skip
+        assert expected in words
+
+
+def test_without_runs_there_is_nothing(tmp_path):
+    assert not list(STUDY.tables(Results(tmp_path)))
+    assert not list(STUDY.plots(Results(tmp_path)))
+    assert view.differences(Results(tmp_path)) == []
