@@ -16,7 +16,7 @@ import resource
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -182,6 +182,38 @@ def _carry_out(folder: Path, entry: Row, compute: Callable[[], Iterable[Row]]) -
         raise
     write("finished")
     return len(rows)
+
+
+def in_parts(
+    name: str,
+    parts: Iterable[tuple[Mapping[str, Any], Callable[[], Iterable[Row]]]],
+    *,
+    force: bool = False,
+) -> Iterator[Row]:
+    """The rows of a long measurement, each part kept as soon as it is done.
+
+    For ``compute`` of :func:`measure`: after an interruption the parts that the same code has made
+    before are read from ``cache/parts`` of the results folder. Seconds of a record are those of its
+    last call.
+
+    Args:
+        name: that of the experiment.
+        parts: for each, the config that determines its rows, as in :func:`measure`, and what makes
+            them.
+        force: compute even what is kept.
+    """
+    for config, compute in parts:
+        code = sources.code_hash(sources.sources(config))
+        path = results_dir() / "cache" / "parts" / f"{name}-{_hash([config, code])}.json"
+        try:
+            if force:
+                raise FileNotFoundError
+            rows = json.loads(read_text(path, MOST_ROW_BYTES))["rows"]
+        except (FileNotFoundError, ValueError, KeyError, TypeError):
+            # None yet, or none that can be read: made anew.
+            rows = list(compute())
+            write_atomically(path, to_json({"rows": rows}))
+        yield from rows
 
 
 def read(folder: Path) -> Measured | None:

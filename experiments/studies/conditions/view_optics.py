@@ -1,0 +1,431 @@
+"""Whether light, sensor, labels, or the networks' initial weights make the published accuracies.
+
+Sensors are what is drawn at random: means and intervals are over them, and models are compared
+sensor by sensor. A condition makes softmax as published if its mean test accuracy lies in the
+published one's interval; it explains the published row if HDC keeps :data:`HDC_LEAST`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from experiments.records.measurement import Measured
+from experiments.records.results import Results
+from experiments.reporting import published
+from experiments.reporting.estimates import Estimate, mean_interval
+from experiments.reporting.measured import with_places
+from experiments.reporting.plot import (
+    STYLE,
+    WIDTH,
+    errors,
+    fill_of,
+    handle,
+    head,
+    panel,
+    style_of,
+)
+from experiments.reporting.rows import display_name
+from experiments.reporting.study import Plot
+from experiments.reporting.table import Table, frame, interval, number, percent
+from experiments.studies.conditions import networks, optics
+from experiments.studies.robustness.view import LEVELS
+
+HDC_LEAST = 0.99  # accuracy that HDC must keep; it published 100 %
+ENOUGH = 0.8  # of the sensors for a reading of the networks to explain an accuracy
+# As LEVELS: what a condition is called, the unit of its level, units in a level of 1.
+CONDITIONS = LEVELS | {
+    "power": ("laser gain ±", "%", 100),
+    "exposure": ("grey level at the mean intensity", "", 1),
+    "photons": ("electrons at the mean intensity", "", 1),
+    "repeatability": ("scatter of touches ×", "", 1),
+    "session": ("next session warmer by", "K", 1),
+    "labels": ("wrong training labels", "%", 100),
+}
+READINGS = {
+    "first": "first above 90 % in training",
+    "published": "first at the published training accuracy",
+    "twice": "maxima over twice the steps to 90 %",
+    "all": "maxima of the whole training",
+}
+# Dark to light as the initial weights grow; Okabe and Ito.
+STARTS = {
+    "linear": ("PyTorch's own", "#0072B2"),
+    "normal 0.01": ("normal, 0.01", "#D55E00"),
+    "normal 0.1": ("normal, 0.1", "#E69F00"),
+}
+BAND = "0.9"  # colour of a published interval
+Case = tuple[str, float]
+Accuracies = Mapping[Case, Mapping[str, Mapping[str, float]]]
+
+
+def tables(results: Results) -> Iterator[Table]:
+    """Test accuracies by condition, and by initial weights and reading of the networks."""
+    for place, measured in with_places(results, optics.NAME):
+        yield _of_optics(place, measured)
+    for place, measured in with_places(results, networks.NAME):
+        yield _of_networks(place, measured)
+
+
+def plots(results: Results) -> Iterator[Plot]:
+    """The same as figures."""
+    for place, measured in with_places(results, optics.NAME):
+        yield Plot(
+            f"{optics.NAME}{place}",
+            "Test accuracy of HDC and of linear models when one thing goes wrong, in training and "
+            "testing alike; grey: the published accuracy of softmax with its interval.",
+            partial(optics_figure, measured),
+            [measured.record.command],
+        )
+    for place, measured in with_places(results, networks.NAME):
+        yield Plot(
+            f"{networks.NAME}{place}",
+            "Training and test accuracy of the networks against steps, by initial weights; grey: "
+            "the published test accuracy with its interval.",
+            partial(networks_figure, measured),
+            [measured.record.command],
+        )
+
+
+# Optics -------------------------------------------------------------------------------------------
+
+
+def accuracies(measured: Measured) -> Accuracies:
+    """Test accuracy by (condition, level), model and sensor."""
+    found: dict[Case, dict[str, dict[str, float]]] = {}
+    for row in measured.rows:
+        by_model = found.setdefault((row["condition"], float(row["level"])), {})
+        by_model.setdefault(row["model"], {})[row["seed"]] = int(row["right"]) / int(row["n_test"])
+    return found
+
+
+def over_sensors(by_sensor: Mapping[str, float]) -> Estimate:
+    """Mean accuracy and Student's interval over the sensors, within 0 and 1."""
+    value, low, high = mean_interval(list(by_sensor.values()))
+    return Estimate(value, *np.clip([low, high], 0, 1).tolist())
+
+
+def verdict(hdc: float, softmax: Mapping[str, float]) -> str:
+    """Whether a condition makes the published pair of accuracies.
+
+    Args:
+        hdc: mean test accuracy.
+        softmax: that of each model that may stand for the published softmax regression.
+
+    Returns:
+        ``yes`` with the models that have the published accuracy while HDC keeps its own; ``HDC
+        falls too`` where one of them comes down to it, and HDC with them; else ``no``.
+    """
+    low, high = _published_interval("softmax")
+    there = [name for name, value in softmax.items() if low <= value <= high]
+    if hdc >= HDC_LEAST:
+        return f"yes ({', '.join(map(display_name, there))})" if there else "no"
+    return "HDC falls too" if any(value <= high for value in softmax.values()) else "no"
+
+
+def _published_interval(model: str) -> tuple[float, float]:
+    """Of the published test accuracy, fractions."""
+    known = published.numbers()[f"table1/{model}_test_accuracy"]
+    assert known.low is not None
+    assert known.high is not None
+    return known.low / 100, known.high / 100
+
+
+def _optics_row(case: Case, found: Mapping[str, Mapping[str, float]], config: Any) -> Any:
+    row: dict[str, Any] = {"condition": case[0], "level": case[1]}
+    means = {model: over_sensors(by_sensor) for model, by_sensor in found.items()}
+    for model, one in means.items():
+        row |= {model: one.value, f"{model}_low": one.low, f"{model}_high": one.high}
+    best = max(config["linear"], key=lambda model: means[model].value)
+    paired = [found["hdc"][sensor] - found[best][sensor] for sensor in found["hdc"]]
+    difference = mean_interval(paired)
+    return row | {
+        "best_linear": best,
+        "difference": difference.value,
+        "difference_low": difference.low,
+        "difference_high": difference.high,
+        "ahead": sum(x > 0 for x in paired),
+        "behind": sum(x < 0 for x in paired),
+        "sensors": len(paired),
+        "verdict": verdict(means["hdc"].value, {m: means[m].value for m in config["softmax"]}),
+    }
+
+
+def _of_optics(place: str, measured: Measured) -> Table:
+    config = measured.record.config
+    low, high = (percent(bound) for bound in _published_interval("softmax"))
+
+    def bounds(key: str, row: Mapping[str, Any]) -> str:
+        return interval(*(percent(row[f"{key}{end}"]) for end in ("", "_low", "_high")))
+
+    adam = config["models"]["softmax"]["model"] if "softmax" in config["models"] else None
+    return Table(
+        f"{optics.NAME}{place}",
+        "Test accuracy, %, when one thing goes wrong in training and testing alike, on "
+        f"{measured.rows[0]['origin']} frames",
+        frame(_optics_row(*found, config) for found in accuracies(measured).items()),
+        {
+            "Condition": lambda row: CONDITIONS[row["condition"]][0],
+            "Level": lambda row: _level(row["condition"], row["level"]),
+            **{display_name(model): partial(bounds, model) for model in config["models"]},
+            "HDC − best linear, points": partial(bounds, "difference"),
+            "Best linear": lambda row: display_name(row["best_linear"]),
+            "HDC ahead, behind; sensors": lambda row: (
+                f"{row['ahead']}, {row['behind']}; {row['sensors']}"
+            ),
+            "Softmax as published, HDC not less": lambda row: row["verdict"],
+        },
+        "Means over sensors, in square brackets Student's 95 % interval over them (of no width "
+        "where all are alike); differences are taken sensor by sensor, from the linear model of "
+        "the highest mean, which favours it. Last column: yes if a softmax regression has a mean "
+        f"within the published one's interval, {low} to {high} %, and HDC at least "
+        f"{percent(HDC_LEAST)} %. Laser gain, stray light, glare and shift differ from frame to "
+        "frame."
+        + (
+            f" {display_name('softmax')}: {adam['optimizer']}, initial weights {adam['init']}, "
+            f"{adam['max_epochs']} epochs."
+            if adam
+            else ""
+        ),
+        [measured.record.command],
+        key=("Condition", "Level"),
+    )
+
+
+def _level(condition: str, level: float) -> str:
+    _, unit, units = CONDITIONS[condition]
+    return "" if condition == "none" else f"{level * units:g} {unit}".strip()
+
+
+def optics_figure(measured: Measured) -> Figure:
+    """Accuracy against level, a panel a condition; without any of it at the left of each."""
+    found = accuracies(measured)
+    conditions = [name for name in dict.fromkeys(c for c, _ in found) if name != "none"]
+    models = list(measured.record.config["models"])
+    with plt.rc_context(STYLE):
+        rows = -(-len(conditions) // 3)
+        figure, panels = plt.subplots(
+            rows, 3, figsize=(WIDTH, 1.2 + 1.35 * rows), sharey=True, squeeze=False,
+            layout="constrained",
+        )  # fmt: skip
+        for axes in panels.flat[len(conditions) :]:
+            axes.set_visible(False)
+        for axes, letter, name in zip(panels.flat, "abcdefghijkl", conditions, strict=False):
+            _condition(axes, found, models, name)
+            panel(axes, letter, "")
+        for axes in panels[:, 0]:
+            axes.set_ylabel("test accuracy (%)")
+        band = Patch(color=BAND, label="softmax, published [95 %]")
+        figure.legend(handles=[*map(handle, models), band], loc="outside lower center", ncols=2)
+        sensors = len({row["seed"] for row in measured.rows})
+        head(
+            figure,
+            "Test accuracy when one thing goes wrong in training and testing alike",
+            [f"{measured.rows[0]['origin']} frames, {sensors} sensors, 95 % intervals over them"],
+        )
+    return figure
+
+
+def _condition(axes: Axes, found: Accuracies, models: Sequence[str], name: str) -> None:
+    text, unit, units = CONDITIONS[name]
+    cases = [case for case in found if case[0] in ("none", name)]
+    axes.axhspan(*(100 * bound for bound in _published_interval("softmax")), color=BAND, lw=0)
+    for k, model in enumerate(models):
+        y, spread = errors([over_sensors(found[case][model]) for case in cases], 100)
+        colour, marker, line = style_of(model)
+        axes.errorbar(
+            np.arange(len(cases)) + 0.09 * (k - (len(models) - 1) / 2),
+            y,
+            yerr=spread,
+            color=colour,
+            marker=marker,
+            mfc=fill_of(model),
+            ls=line,
+            lw=0.8,
+            elinewidth=0.5,
+            markersize=2.5,
+        )
+    axes.set_xticks(
+        range(len(cases)), ["as is", *(f"{units * level:g}" for _, level in cases[1:])], fontsize=6
+    )
+    axes.set_xlabel(_broken(f"{text} ({unit})" if unit else text), fontsize=6)
+    axes.set_xlim(-0.4, len(cases) - 0.6)
+
+
+def _broken(text: str, most: int = 20) -> str:
+    """In two lines, where it is long."""
+    if len(text) <= most:
+        return text
+    blanks = [k for k, letter in enumerate(text) if letter == " "]
+    middle = min(blanks, key=lambda k: abs(k - len(text) / 2))
+    return f"{text[:middle]}\n{text[middle + 1 :]}"
+
+
+# Networks -----------------------------------------------------------------------------------------
+
+
+class Reading(NamedTuple):
+    """What a reader of a curve writes down; accuracies are fractions."""
+
+    step: int
+    train: float
+    test: float
+
+
+def readings(curve: Sequence[Mapping[str, str]], published_train: float) -> dict[str, Reading]:
+    """Those of :data:`READINGS` that a curve comes to.
+
+    Args:
+        curve: rows of one training in the order of their steps.
+        published_train: the published maximum, a fraction.
+    """
+    points = [
+        Reading(int(row["step"]), float(row["train_accuracy"]), float(row["test_accuracy"]))
+        for row in curve
+        if "train_accuracy" in row
+    ]
+
+    def maxima(seen: Sequence[Reading]) -> Reading:
+        return Reading(seen[-1].step, max(p.train for p in seen), max(p.test for p in seen))
+
+    first = next((p for p in points if p.train > 0.9), None)
+    found = {
+        "first": first,
+        "published": next((p for p in points if p.train >= published_train), None),
+        "twice": first and maxima([p for p in points if p.step <= 2 * first.step]),
+        "all": maxima(points) if points else None,
+    }
+    return {name: one for name, one in found.items() if one is not None}
+
+
+def _curves(measured: Measured) -> dict[tuple[str, str, str], dict[str, list[dict[str, str]]]]:
+    """Rows by (model, start, pixels) and sensor."""
+    found: dict[tuple[str, str, str], dict[str, list[dict[str, str]]]] = {}
+    for row in measured.rows:
+        start = row["init"] if row["init"] == "linear" else f"{row['init']} {row['init_std']}"
+        by_sensor = found.setdefault((row["model"], start, row["pixels"]), {})
+        by_sensor.setdefault(row["seed"], []).append(row)
+    return found
+
+
+def _published_name(model: str) -> str:
+    """``cnn1`` of ``cnn1_fast``: the network that the paper has."""
+    return model.partition("_")[0]
+
+
+def _network_rows(measured: Measured) -> Iterator[dict[str, Any]]:
+    for (model, start, pixels), by_sensor in _curves(measured).items():
+        name = _published_name(model)
+        low, high = _published_interval(name)
+        train = published.value(f"table1/{name}_training_accuracy")
+        assert train is not None
+        of_sensors = [readings(curve, train) for curve in by_sensor.values()]
+        for reading in READINGS:
+            found = [one[reading] for one in of_sensors if reading in one]
+            inside = sum(low <= one.test <= high and one.train < 1 for one in found)
+            row: dict[str, Any] = {"model": model, "start": start, "pixels": pixels}
+            row |= {"reading": reading, "sensors": len(of_sensors), "reached": len(found)}
+            for key in Reading._fields if found else ():
+                values = [getattr(one, key) for one in found]
+                row |= {key: float(np.mean(values)), f"{key}_low": min(values)}
+                row |= {f"{key}_high": max(values)}
+            row |= {
+                "published_train": train,
+                "published_test": published.value(f"table1/{name}_test_accuracy"),
+                "published_test_low": low,
+                "published_test_high": high,
+                "inside": inside,
+                "verdict": "accuracies" if inside >= ENOUGH * len(of_sensors) else "no",
+            }
+            yield row
+
+
+def _of_networks(place: str, measured: Measured) -> Table:
+    def spread(key: str, show: Any, row: Mapping[str, Any]) -> str:
+        value, low, high = (show(row.get(f"{key}{end}")) for end in ("", "_low", "_high"))
+        return value if low == high else f"{value} ({low}…{high})"
+
+    def paper(row: Mapping[str, Any]) -> str:
+        keys = ("published_test", "published_test_low", "published_test_high")
+        return interval(*(percent(row[key]) for key in keys))
+
+    config = measured.record.config
+    return Table(
+        f"{networks.NAME}{place}",
+        "What one reads off the training of a convolutional network, by its initial weights and "
+        f"the scale of its pixels, on {measured.rows[0]['origin']} frames",
+        frame(_network_rows(measured)),
+        {
+            "Network": lambda row: display_name(row["model"]),
+            "Initial weights": lambda row: STARTS.get(row["start"], (row["start"],))[0],
+            "Pixels": lambda row: row["pixels"],
+            "Reading": lambda row: READINGS[row["reading"]],
+            "Reached, sensors": lambda row: f"{row['reached']} of {row['sensors']}",
+            "Steps": partial(spread, "step", lambda x: number(x, 3)),
+            "Training accuracy, %, paper": lambda row: percent(row["published_train"]),
+            "Training accuracy, %": partial(spread, "train", percent),
+            "Test accuracy, %, paper [95 %]": paper,
+            "Test accuracy, %": partial(spread, "test", percent),
+            "As published, sensors": lambda row: f"{row['inside']} of {row['sensors']}",
+            "Explains": lambda row: row["verdict"],
+        },
+        f"Means over the sensors (lowest…highest). Each training has {config['steps']} steps of "
+        "Adam at the published rate and no stopping rule. As published: the test accuracy lies in "
+        "the published one's interval and the training accuracy below 100 %. Explains the "
+        f"accuracies if {percent(ENOUGH)} % of the sensors are so; what the paper took for time is "
+        "steps times seconds a step, and is not judged here.",
+        [measured.record.command],
+        key=("Network", "Initial weights", "Pixels", "Reading"),
+        common=("Training accuracy, %, paper", "Test accuracy, %, paper [95 %]"),
+    )
+
+
+def networks_figure(measured: Measured) -> Figure:
+    """Accuracies against steps: a panel a network and scale of pixels, a colour an initial
+    weight, a line a sensor."""
+    found = _curves(measured)
+    groups = list(dict.fromkeys((model, pixels) for model, _, pixels in found))
+    with plt.rc_context(STYLE):
+        figure, panels = plt.subplots(
+            len(groups), 1, figsize=(WIDTH, 1.2 + 1.5 * len(groups)), sharex=True, sharey=True,
+            squeeze=False, layout="constrained",
+        )  # fmt: skip
+        for axes, letter, (model, pixels) in zip(panels.flat, "abcdefgh", groups, strict=False):
+            band = (100 * bound for bound in _published_interval(_published_name(model)))
+            axes.axhspan(*band, color=BAND, lw=0)
+            for start, (_, colour) in STARTS.items():
+                for curve in found.get((model, start, pixels), {}).values():
+                    shown = [row for row in curve if "train_accuracy" in row]
+                    x = [int(row["step"]) for row in shown]
+                    for key, line in (("train_accuracy", ":"), ("test_accuracy", "-")):
+                        y = [100 * float(row[key]) for row in shown]
+                        axes.plot(x, y, color=colour, ls=line, lw=0.8)
+            panel(axes, letter, f"{display_name(model)}, pixels {pixels}")
+            axes.set_ylabel("accuracy (%)")
+            axes.set_ylim(0, 104)
+        panels[-1, 0].set_xlabel("steps of the optimiser")
+        handles: list[Any] = [
+            Line2D([], [], color=colour, label=f"weights {name}")
+            for name, colour in STARTS.values()
+        ]
+        handles += [
+            Line2D([], [], color="0.3", ls="-", label="test"),
+            Line2D([], [], color="0.3", ls=":", label="training"),
+            Patch(color=BAND, label="test, published [95 %]"),
+        ]
+        figure.legend(handles=handles, loc="outside lower center", ncols=2)
+        sensors = len({row["seed"] for row in measured.rows})
+        head(
+            figure,
+            "Accuracy of the networks by their initial weights",
+            [f"{measured.rows[0]['origin']} frames, a line for each of {sensors} sensors"],
+        )
+    return figure
