@@ -7,6 +7,7 @@ published one's interval; it explains the published row if HDC keeps :data:`HDC_
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -118,7 +119,7 @@ def verdict(hdc: float, softmax: Mapping[str, float]) -> str:
 
     Args:
         hdc: mean test accuracy.
-        softmax: that of each model that may stand for the published softmax regression.
+        softmax: that of each model that may stand for the published softmax regression, by name.
 
     Returns:
         ``yes`` with the models that have the published accuracy while HDC keeps its own; ``HDC
@@ -127,7 +128,7 @@ def verdict(hdc: float, softmax: Mapping[str, float]) -> str:
     low, high = _published_interval("softmax")
     there = [name for name, value in softmax.items() if low <= value <= high]
     if hdc >= HDC_LEAST:
-        return f"yes ({', '.join(map(display_name, there))})" if there else "no"
+        return f"yes: {', '.join(there)}" if there else "no"
     return "HDC falls too" if any(value <= high for value in softmax.values()) else "no"
 
 
@@ -139,7 +140,10 @@ def _published_interval(model: str) -> tuple[float, float]:
     return known.low / 100, known.high / 100
 
 
-def _optics_row(case: Case, found: Mapping[str, Mapping[str, float]], config: Any) -> Any:
+def _optics_row(
+    case: Case, found: Mapping[str, Mapping[str, float]], measured: Measured
+) -> dict[str, Any]:
+    config = measured.record.config
     row: dict[str, Any] = {"condition": case[0], "level": case[1]}
     means = {model: over_sensors(by_sensor) for model, by_sensor in found.items()}
     for model, one in means.items():
@@ -155,7 +159,10 @@ def _optics_row(case: Case, found: Mapping[str, Mapping[str, float]], config: An
         "ahead": sum(x > 0 for x in paired),
         "behind": sum(x < 0 for x in paired),
         "sensors": len(paired),
-        "verdict": verdict(means["hdc"].value, {m: means[m].value for m in config["softmax"]}),
+        "verdict": verdict(
+            means["hdc"].value,
+            {_shown(measured, model): means[model].value for model in config["softmax"]},
+        ),
     }
 
 
@@ -163,21 +170,26 @@ def _of_optics(place: str, measured: Measured) -> Table:
     config = measured.record.config
     low, high = (percent(bound) for bound in _published_interval("softmax"))
 
+    epochs = [
+        f" {_shown(measured, model)}: {part['model']['max_epochs']} epochs."
+        for model, part in config["models"].items()
+        if "max_epochs" in part["model"]
+    ]
+
     def bounds(key: str, row: Mapping[str, Any]) -> str:
         return interval(*(percent(row[f"{key}{end}"]) for end in ("", "_low", "_high")))
 
-    adam = config["models"]["softmax"]["model"] if "softmax" in config["models"] else None
     return Table(
         f"{optics.NAME}{place}",
         "Test accuracy, %, when one thing goes wrong in training and testing alike, on "
         f"{measured.rows[0]['origin']} frames",
-        frame(_optics_row(*found, config) for found in accuracies(measured).items()),
+        frame(_optics_row(*found, measured) for found in accuracies(measured).items()),
         {
             "Condition": lambda row: CONDITIONS[row["condition"]][0],
             "Level": lambda row: _level(row["condition"], row["level"]),
-            **{display_name(model): partial(bounds, model) for model in config["models"]},
+            **{_shown(measured, model): partial(bounds, model) for model in config["models"]},
             "HDC − best linear, points": partial(bounds, "difference"),
-            "Best linear": lambda row: display_name(row["best_linear"]),
+            "Best linear": lambda row: _shown(measured, row["best_linear"]),
             "HDC ahead, behind; sensors": lambda row: (
                 f"{row['ahead']}, {row['behind']}; {row['sensors']}"
             ),
@@ -187,17 +199,20 @@ def _of_optics(place: str, measured: Measured) -> Table:
         "where all are alike); differences are taken sensor by sensor, from the linear model of "
         "the highest mean, which favours it. Last column: yes if a softmax regression has a mean "
         f"within the published one's interval, {low} to {high} %, and HDC at least "
-        f"{percent(HDC_LEAST)} %. Laser gain, stray light, glare and shift differ from frame to "
-        "frame."
-        + (
-            f" {display_name('softmax')}: {adam['optimizer']}, initial weights {adam['init']}, "
-            f"{adam['max_epochs']} epochs."
-            if adam
-            else ""
-        ),
+        f"{percent(HDC_LEAST)} %; HDC falls too: it is below that, and one of them at or below the "
+        "interval. Laser gain, stray light, glare and shift differ from frame to "
+        f"frame; wrong labels are in training alone.{''.join(epochs)}",
         [measured.record.command],
         key=("Condition", "Level"),
     )
+
+
+def _shown(measured: Measured, model: str) -> str:
+    """What a model is called; of one that learns by steps, with optimiser and start."""
+    recipe = measured.record.config["models"][model]["model"]
+    if "optimizer" not in recipe:
+        return display_name(model)
+    return f"{display_name(model)}, {recipe['optimizer']} from {recipe['init']}"
 
 
 def _level(condition: str, level: float) -> str:
@@ -223,13 +238,16 @@ def optics_figure(measured: Measured) -> Figure:
             panel(axes, letter, "")
         for axes in panels[:, 0]:
             axes.set_ylabel("test accuracy (%)")
-        band = Patch(color=BAND, label="softmax, published [95 %]")
-        figure.legend(handles=[*map(handle, models), band], loc="outside lower center", ncols=2)
+        handles: list[Any] = [handle(model) for model in models]
+        for model, entry in zip(models, handles, strict=True):
+            entry.set_label(_shown(measured, model))
+        handles.append(Patch(color=BAND, label="softmax, published [95 %]"))
+        figure.legend(handles=handles, loc="outside lower center", ncols=2)
         sensors = len({row["seed"] for row in measured.rows})
         head(
             figure,
-            "Test accuracy when one thing goes wrong in training and testing alike",
-            [f"{measured.rows[0]['origin']} frames, {sensors} sensors, 95 % intervals over them"],
+            "Test accuracy when one thing goes wrong, in training and testing",
+            [f"{measured.rows[0]['origin']} frames, 95 % intervals over {_sensors(sensors)}"],
         )
     return figure
 
@@ -253,20 +271,15 @@ def _condition(axes: Axes, found: Accuracies, models: Sequence[str], name: str) 
             elinewidth=0.5,
             markersize=2.5,
         )
-    axes.set_xticks(
-        range(len(cases)), ["as is", *(f"{units * level:g}" for _, level in cases[1:])], fontsize=6
-    )
-    axes.set_xlabel(_broken(f"{text} ({unit})" if unit else text), fontsize=6)
+    levels = (f"{units * level:g}" for _, level in cases[1:])
+    axes.set_xticks(range(len(cases)), ["–", *levels], fontsize=6)
+    lines = textwrap.wrap(text, 20) + ([f"({unit})"] if unit else [])
+    axes.set_xlabel("\n".join(lines), fontsize=6)
     axes.set_xlim(-0.4, len(cases) - 0.6)
 
 
-def _broken(text: str, most: int = 20) -> str:
-    """In two lines, where it is long."""
-    if len(text) <= most:
-        return text
-    blanks = [k for k, letter in enumerate(text) if letter == " "]
-    middle = min(blanks, key=lambda k: abs(k - len(text) / 2))
-    return f"{text[:middle]}\n{text[middle + 1 :]}"
+def _sensors(n: int) -> str:
+    return f"{n} sensor{'s' * (n != 1)}"
 
 
 # Networks -----------------------------------------------------------------------------------------
@@ -426,6 +439,6 @@ def networks_figure(measured: Measured) -> Figure:
         head(
             figure,
             "Accuracy of the networks by their initial weights",
-            [f"{measured.rows[0]['origin']} frames, a line for each of {sensors} sensors"],
+            [f"{measured.rows[0]['origin']} frames, {_sensors(sensors)}, a line each"],
         )
     return figure

@@ -315,11 +315,11 @@ def test_the_table_of_optics_compares_sensor_by_sensor(shown):
     assert none["HDC − best linear, points"] == "0 [0, 0]"
     assert (four["Condition"], four["Level"]) == ("frames moved by ±", "4 px")
     # ridge and softmax have two wrong on average, of which the first is taken: 2−0 and 2−1
-    assert four["Best linear"] == "Softmax"
+    assert four["Best linear"] == "Softmax, Adam from zeros"
     assert four["HDC − best linear, points"].startswith("1.5 [")
     assert four["HDC ahead, behind; sensors"] == "2, 0; 2"
     assert four["HDC"].startswith("99.5 [")
-    assert four["Softmax as published, HDC not less"] == "yes (Softmax, dual Newton)"
+    assert four["Softmax as published, HDC not less"] == "yes: Softmax, dual Newton"
     assert none["Softmax as published, HDC not less"] == "no"
 
 
@@ -369,7 +369,7 @@ def test_figures_name_conditions_and_starts_and_fit_in_a_column(shown):
     labels = [text.get_text() for text in found[OPTICS].legends[0].get_texts()]
     assert labels[0] == "HDC"
     assert labels[-1] == "softmax, published [95 %]"
-    assert found[OPTICS].axes[0].get_xlabel() == "frames moved\nby ± (px)"
+    assert found[OPTICS].axes[0].get_xlabel() == "frames moved by ±\n(px)"
     assert [len(axes.lines) for axes in found[NETWORKS].axes] == [12, 12, 12]
     plt.close("all")
 
