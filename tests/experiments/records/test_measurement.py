@@ -6,7 +6,7 @@ import pytest
 
 from experiments.records import files, locks, measurement
 from experiments.records.files import write_atomically
-from experiments.records.measurement import folder_of, measure, read
+from experiments.records.measurement import folder_of, in_parts, measure, read
 from experiments.records.results import Results
 
 CONFIG = {"_target_": "hdc.HDCClassifier", "n": 3}
@@ -123,3 +123,28 @@ def test_what_was_measured_on_other_frames_is_never_the_experiments_own(results)
     found = Results(results)
     assert found.measured("numerics").overrides["seed"] == "7"
     assert list(found.measured_elsewhere("numerics")) == []
+
+
+def test_parts_that_are_done_are_not_made_again(tmp_path, monkeypatch):
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    made = []
+
+    def part(k, fails=False):
+        def compute():
+            made.append(k)
+            yield {"k": k, "x": 0.1}
+            if fails:
+                raise KeyError("no more")
+
+        return {**CONFIG, "k": k}, compute
+
+    with pytest.raises(KeyError):
+        list(in_parts("some", [part(0), part(1, fails=True)]))
+    assert list(in_parts("some", [part(0), part(1)])) == [{"k": 0, "x": 0.1}, {"k": 1, "x": 0.1}]
+    assert made == [0, 1, 1]
+    list(in_parts("some", [part(0)], force=True))
+    assert made == [0, 1, 1, 0]
+    (broken,) = (p for p in tmp_path.rglob("some-*.json") if '"k":1' in p.read_text())
+    broken.write_text("{")
+    assert len(list(in_parts("some", [part(0), part(1)]))) == 2
+    assert made == [0, 1, 1, 0, 1]
