@@ -296,7 +296,7 @@ def network_rows():
                 for k, train in enumerate(trained):
                     yield {
                         "origin": "simulated", "model": model, "init": init, "init_std": std,
-                        "pixels": pixels, "seed": seed, "step": 4 * (k + 1),
+                        "pixels": pixels, "seed": seed, "step": 4 * (k + 1), "loss": 1 / (k + 1),
                         "train_accuracy": train, "test_accuracy": train - 0.01 * (1 + seed),
                     }  # fmt: skip
 
@@ -325,14 +325,19 @@ def test_the_table_of_optics_compares_sensor_by_sensor(shown):
 
 def test_readings_of_one_curve():
     curve = [row for row in network_rows() if (row["init"], row["seed"]) == ("linear", 1)][:5]
-    found = view_optics.readings(curve, 0.958)
-    assert found["first"] == (8, 0.92, pytest.approx(0.90))
-    assert found["published"] == (16, 0.97, pytest.approx(0.95))
-    assert found["twice"] == (16, 0.97, pytest.approx(0.95))
-    assert found["all"] == (20, 1.0, pytest.approx(0.98))
+    found = view_optics.read_of(curve, "cnn1_fast")
+    for rule, expected in (
+        ("r1", (8, 0.92, 0.90)),
+        ("r2", (16, 0.97, 0.95)),
+        ("r3", (16, 0.97, 0.95)),
+        ("r4", (20, 1.0, 0.98)),
+    ):
+        read = [found[f"{rule}_{part}"] for part in ("steps", "train", "test")]
+        assert read == pytest.approx(expected)
     slow = [{**row, "train_accuracy": 0.5} for row in curve]
-    assert list(view_optics.readings(slow, 0.958)) == ["all"]
-    assert view_optics.readings([{"step": 4, "loss": "nan"}], 0.958) == {}
+    found = view_optics.read_of(slow, "cnn1_fast")
+    assert [found[f"{rule}_steps"] for rule in ("r1", "r2", "r3", "r4")] == [None, None, None, 20]
+    assert view_optics.read_of([{"step": 4, "loss": "nan"}], "cnn1_fast") == {}
 
 
 def test_the_table_of_networks_judges_each_reading(shown):
@@ -343,13 +348,13 @@ def test_the_table_of_networks_judges_each_reading(shown):
         (row["Network"], row["Initial weights"], row["Pixels"], row["Reading"]): row for row in rows
     }
     own = ("CNN, 1 layer, bfloat16", "PyTorch's own", "unit")
-    twice = by[*own, view_optics.READINGS["twice"]]
+    twice = by[*own, "maxima over 2 times the steps to 90 %"]
     assert twice["Explains"] == "accuracies"
     assert twice["As published, sensors"] == "3 of 3"
     assert twice["Test accuracy, %"] == "95 (94…96)"
     assert twice["Steps"] == "16.0"
-    assert by[*own, view_optics.READINGS["all"]]["Explains"] == "no"  # 100 % in training
-    never = by[own[0], "normal, 0.1", "raw", view_optics.READINGS["first"]]
+    assert by[*own, "maxima of the whole training"]["Explains"] == "no"  # 100 % in training
+    never = by[own[0], "normal, 0.1", "raw", "first above 90 % in training"]
     assert (never["Reached, sensors"], never["Test accuracy, %"]) == ("0 of 3", "–")
     known = published.numbers()["table1/cnn3_test_accuracy"]
     assert f"{known.value:g} [{known.low:.1f}, {known.high:.1f}]" in {
