@@ -260,9 +260,9 @@ def _theory_note(found: Experiments) -> str:
             f"at most, {crosses(found.theory[name].mean(0))}"
         )
     return (
-        "Theory: from correlations of hypervectors and their scatter on the same sensors, no number "
-        "fitted to an accuracy; skewness was taken in after the Gaussians had missed on seed 0. "
-        f"{'; '.join(said)}."
+        "Theory: from correlations of hypervectors and their scatter on the same sensors, no "
+        "number fitted to an accuracy; skewness was taken in after the Gaussians had missed "
+        f"on seed 0. {'; '.join(said)}."
     )
 
 
