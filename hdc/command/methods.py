@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from hdc import HDCClassifier
 
 COLUMNS = 2**14  # pixels made floats at a time
-EPOCHS, PATIENCE, BATCH = 100, 5, 20
+EPOCHS, PATIENCE, BATCH = 100, 10, 20
 RATES = {"softmax": 1e-4, "network": 1e-3}  # of Adam; the first as published for softmax
 FILTERS, KERNEL, FINEST = 16, 5, 128  # FINEST: places a side, from which on the kernel is strided
 
