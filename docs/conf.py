@@ -28,6 +28,7 @@ napoleon_use_rtype = False
 # A page shows chosen modules: what their docstrings mention of others is code, not a link.
 suppress_warnings = ["ref.python"]
 
+toc_object_entries = False
 html_theme = "alabaster"
 html_title = f"hdc {release}"
 html_theme_options = {
