@@ -13,10 +13,10 @@ from baselines.training import IterativeClassifier
 class SoftmaxRegression(IterativeClassifier):
     """One linear layer from H·W pixels to L logits, by minibatches or by L-BFGS.
 
-    Arguments and attributes are those of :class:`baselines.training.IterativeClassifier`, except
-    that the weights start at zero unless ``init`` says otherwise: the problem is convex, and every
-    class then starts equally likely. Where a training ends before the optimum, its accuracy
-    depends on them: plain gradient descent never changes what lies outside the span of the frames.
+    Arguments and attributes are those of :class:`baselines.training.IterativeClassifier`. Where a
+    training ends before the optimum, its accuracy depends on the initial weights: plain gradient
+    descent never changes what lies outside the span of the frames. ``init="zeros"`` starts with
+    every class equally likely, and its first step of gradient descent is a nearest-mean classifier.
 
     Example:
         >>> import numpy as np, torch
@@ -24,8 +24,6 @@ class SoftmaxRegression(IterativeClassifier):
         >>> SoftmaxRegression(lr=0.1).fit(frames, np.array([0, 1])).predict(frames)
         array([0, 1])
     """
-
-    init: str = "zeros"
 
     def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
         return nn.Sequential(nn.Flatten(), nn.Linear(shape[0] * shape[1], classes))

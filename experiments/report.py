@@ -23,7 +23,7 @@ from rich.markup import escape
 from rich.table import Table as TerminalTable
 from rich.text import Text
 
-from experiments import studies
+from experiments import reproduce, studies
 from experiments.records.files import REFERENCE, results_dir, write_atomically
 from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
@@ -33,7 +33,7 @@ from experiments.reporting.page.page import Block, Picture, Section
 from experiments.reporting.runs import runs_table
 from experiments.reporting.study import Plot, Quantity, Study
 from experiments.reporting.study import studies as studies_of
-from experiments.reporting.table import Table, beside, printable, records
+from experiments.reporting.table import Table, beside, printable
 from experiments.reporting.terminal import in_any_encoding
 
 WIDTH = 100  # columns of the terminal that Table I needs
@@ -159,18 +159,17 @@ def write(folder: Path, device: str, console: Console) -> Path:
     reference.draw(REFERENCE / "figures")
     (mine if mine.results else reference).write(folder)
     compared = _side_by_side(sets, "comparison", "comparison")
-    # Own runs on own frames say nothing of the paper's numbers.
-    verdicts = next(filter(any, map(_verdicts, sets)), [])
-    sections = [
-        Section("comparison", "Every published number", comparison.HOW, [Block("", [compared])])
-    ]
-    sections += (_section(study, sets) for study in questions)
+    sections = [_section(study, sets) for study in questions]
+    sections.insert(
+        sum(study.front for study in questions),
+        Section("comparison", "Every published number", comparison.HOW, [Block("", [compared])]),
+    )
     if mine in sets:
         sections.append(Section("runs", "Every run", "", [Block("", mine.tables["runs"])]))
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"
-    write_atomically(path, page.render(sections, verdicts, problems, about))
+    write_atomically(path, page.render(sections, problems, about, _minutes()))
     console.print(terminal_table(sets))
     for name, text in about.items():
         console.print(Text(printable(f"{name}: {text}"), "dim"))
@@ -190,7 +189,7 @@ def _section(study: Study, sets: Sequence[Answers]) -> Section:
         pictures = answers.pictures[study.name]
         if tables or pictures:
             blocks.append(Block(answers.name if len(sets) > 1 else "", tables, pictures))
-    return Section(study.name, study.title, study.question, blocks)
+    return Section(study.name, study.title, study.question, blocks, study.front)
 
 
 def _side_by_side(sets: Sequence[Answers], study: str, name: str) -> Table:
@@ -199,10 +198,15 @@ def _side_by_side(sets: Sequence[Answers], study: str, name: str) -> Table:
     return found[0] if len(found) == 1 else beside(found[0], found[1])
 
 
-def _verdicts(answers: Answers) -> list[str]:
-    """A verdict for each published number that was measured."""
-    rows = records(answers.tables["comparison"][0].data)
-    return [row["verdict"] for row in rows if row["verdict"] != "missing"]
+def _minutes() -> dict[str, float]:
+    """What each experiment takes: all of its steps in the full reproduction."""
+    found: dict[str, float] = {}
+    for step in reproduce.steps(quick=False):
+        for word in step.words:
+            if word.startswith("experiment="):
+                name = word.partition("=")[2]
+                found[name] = found.get(name, 0) + step.minutes
+    return found
 
 
 def _about(answers: Answers) -> str:

@@ -1,6 +1,7 @@
 """Fixtures that several parts of the tests share."""
 
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,23 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"the measured data are not here: no folder {folder}; set SHARED_DATA")
     return folder
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A headless Chromium, driven by Playwright."""
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next(filter(None, map(shutil.which, names)), None)
+    if found is None:
+        pytest.skip(f"no browser here: looked for {', '.join(names)}")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        chromium = driver.chromium.launch(
+            executable_path=found, args=["--no-sandbox", "--disable-gpu"], timeout=120_000
+        )
+        yield chromium
+        chromium.close()
 
 
 @pytest.fixture

@@ -91,6 +91,7 @@ class Study:
         question: what it asks, in a sentence or two.
         order: place on the page; smaller comes first.
         tables, plots, quantities: made of a results folder; none where it has no records for them.
+        front: whether it stands unfolded on the page, before the others.
     """
 
     name: str
@@ -100,6 +101,7 @@ class Study:
     tables: Callable[[Results], Iterable[Table]] = _nothing
     plots: Callable[[Results], Iterable[Plot]] = _nothing
     quantities: Callable[[Results], Iterable[Quantity]] = _nothing
+    front: bool = False
 
 
 def studies(package: ModuleType) -> list[Study]:
@@ -107,4 +109,4 @@ def studies(package: ModuleType) -> list[Study]:
     names = (found.name for found in pkgutil.iter_modules(package.__path__) if found.ispkg)
     views = (importlib.import_module(f"{package.__name__}.{name}.view") for name in names)
     found = [view.STUDY for view in views]
-    return sorted(found, key=lambda study: study.order)
+    return sorted(found, key=lambda study: (not study.front, study.order))

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import base64
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
+from urllib.parse import quote
 
 import jinja2
+from markupsafe import Markup
 
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Table
@@ -21,7 +24,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 # A number, its unit of size if it has one, and what stands in brackets behind it.
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?( k?M?B)?( [\[(].*)?", re.IGNORECASE)
 _LONG = 30  # rows of a table that is folded away until asked for
-_MIME = {"svg": "svg+xml", "webp": "webp"}
+_PLAIN = " !$'()*+,-./:;<=>?@[]_~\n"  # what a data URI takes as it is
 
 
 @dataclass(frozen=True)
@@ -37,10 +40,11 @@ class Picture:
     data: bytes
 
     @property
-    def source(self) -> str:
-        """A data URI."""
-        code = base64.b64encode(self.data).decode()
-        return f"data:image/{_MIME[self.plot.kind]};base64,{code}"
+    def source(self) -> Markup:
+        """A data URI that may stand in an attribute in double quotes."""
+        if self.plot.kind == "svg":  # a third shorter than base64, which would escape every byte
+            return Markup(f"data:image/svg+xml,{quote(self.data, safe=_PLAIN)}")
+        return Markup(f"data:image/webp;base64,{base64.b64encode(self.data).decode()}")
 
 
 @dataclass(frozen=True)
@@ -64,21 +68,22 @@ class Section:
     title: str
     text: str = ""
     blocks: Sequence[Block] = field(default_factory=list)
+    open: bool = False  # not folded away at first
 
 
 def render(
     sections: Sequence[Section],
-    verdicts: Sequence[str],
     problems: Sequence[str],
     about: Mapping[str, str],
+    minutes: Mapping[str, float] = MappingProxyType({}),
 ) -> str:
     """The page's HTML.
 
     Args:
         sections: in their order.
-        verdicts: one a published number, counted at the top.
         problems: what was left out, and why.
         about: name of a set of results → where it comes from.
+        minutes: name of an experiment → what it takes on 2 cores, shown beside its command.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
@@ -89,13 +94,20 @@ def render(
     )
     environment.filters["tone"] = _tone
     environment.filters["kinds"] = _kinds
+    environment.filters["minutes"] = partial(_minutes, minutes)
     return environment.get_template("report.html").render(
         sections=sections,
-        verdicts=Counter(verdicts).most_common(),
         problems=problems,
         about=about,
         long=_LONG,
     )
+
+
+def _minutes(known: Mapping[str, float], command: str) -> str:
+    """How long a command takes, where it is known: `` (about 3 min)``."""
+    found = re.search(r"\bexperiment=(\w+)", command)
+    taken = known.get(found[1]) if found else None
+    return f" about {max(1, round(taken))} min on 2 cores" if taken else ""
 
 
 def _kinds(table: Table) -> list[str]:

@@ -261,4 +261,5 @@ STUDY = Study(
     tables,
     plots,
     quantities,
+    front=True,
 )

@@ -114,7 +114,8 @@ def rows(
         seed: of the minibatches.
     """
     objective = Objective(train, test, C)
-    common: dict[str, Any] = {"C": C, "seed": seed}
+    # Every method sets out from the same point, the one at which the dual ones must start.
+    common: dict[str, Any] = {"C": C, "seed": seed, "init": "zeros"}
 
     def iterate(method: str, model: SoftmaxRegression, **more: Any) -> Iterator[Row]:
         for seconds, report in timed_reports(model, train, budget_s):

@@ -15,8 +15,8 @@ MODELS = sorted(path.stem for path in (configs.CONFIGS / "model").glob("*.yaml")
 
 
 def text_of(svg):
-    """The words of an SVG: matplotlib keeps those it draws as paths in comments."""
-    words = "\n".join(re.findall(r"<!--(.*?)-->", svg.decode(), re.DOTALL))
+    """The words of an SVG."""
+    words = "\n".join(re.findall(r"<text[^>]*>(.*?)</text>", svg.decode(), re.DOTALL))
     return html.unescape(words).replace("\xa0", " ")
 
 

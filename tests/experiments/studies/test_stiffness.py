@@ -66,7 +66,7 @@ def test_descent_in_the_space_of_samples_is_descent(pixels, batch):
     problem = dual.problem(pixels, frames, labels, 5)
     rate = 0.3 / dual.start_spectrum(problem)[0]
     model = SoftmaxRegression(
-        pixels=pixels, optimizer="SGD", lr=rate, batch_size=batch, max_epochs=1
+        pixels=pixels, optimizer="SGD", lr=rate, batch_size=batch, max_epochs=1, init="zeros"
     )
     model.fit(frames, labels)
     *_, (_, state) = dual.descend(problem, rate, 1, batch=batch)
@@ -121,7 +121,7 @@ def test_networks_and_the_space_of_samples_agree():
     # With two classes the slopes of both are equal, and so is their mean.
     frames, labels = frames_and_labels()
     problem = dual.problem("unit", frames, labels, 5)
-    model = SoftmaxRegression(batch_size=5)
+    model = SoftmaxRegression(batch_size=5, init="zeros")
     found = stiffness_networks.start(model, frames, labels, 5)
     assert found.loss == pytest.approx(math.log(2), rel=1e-6)
     assert found.lambda_max == pytest.approx(dual.start_spectrum(problem)[0], rel=0.02)

@@ -67,7 +67,7 @@ def logits_of_ten_thousand() -> Trial:
 
     def ours() -> float:
         model = SoftmaxRegression(
-            pixels="raw", optimizer="SGD", lr=rate, batch_size=None, max_epochs=2
+            pixels="raw", optimizer="SGD", lr=rate, batch_size=None, max_epochs=2, init="zeros"
         )
         return list(model.train(frames, labels))[1]["loss"]  # before the second step
 
@@ -137,7 +137,12 @@ def steps_in_bfloat16(steps: int = 1000, rate: float = 2e-3) -> Trial:
 
     def ours() -> float:
         model = SoftmaxRegression(
-            optimizer="SGD", lr=rate, batch_size=None, max_epochs=steps, dtype="bfloat16"
+            optimizer="SGD",
+            lr=rate,
+            batch_size=None,
+            max_epochs=steps,
+            dtype="bfloat16",
+            init="zeros",
         )
         return list(model.train(frames, labels))[-1]["loss"]
 
