@@ -56,12 +56,12 @@ def _status(arguments: Sequence[str] | None) -> int:
         except click.ClickException as error:
             return _say(f"error: {error.format_message()}", error.exit_code)
     except ModuleNotFoundError as error:
-        if error.name not in _NEEDED:
+        missing = (error.name or "").partition(".")[0]
+        if missing not in _NEEDED:
             raise
+        extra = _NEEDED[missing]
         return _say(
-            f"error: expected the package {error.name}, found none; "
-            f"pip install 'hdc[{_NEEDED[error.name]}]'",
-            1,
+            f"error: expected the package {missing}, found none; pip install 'hdc[{extra}]'", 1
         )
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -7,7 +7,9 @@ were looked at.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -219,8 +221,10 @@ def compare(
     if output:
         _check_output(output)
     readers.check_path(recording, intervals)
+    if output:
+        with _fonts_elsewhere():
+            from hdc.command import compare_page
     from hdc.command import compare as comparing
-    from hdc.command import compare_page
 
     frames = readers.open_recording(recording, intervals, window.crop, window.subsample)
     result = comparing.compare(frames, recording, test_fraction, seeds)
@@ -252,6 +256,18 @@ def _check_output(path: Path) -> None:
         raise ValueError(f"{shown(path)}: expected a file name, found a folder")
     if not os.access(path.parent, os.W_OK):
         raise ValueError(f"{shown(path)}: expected a folder that can be written, found none")
+
+
+@contextmanager
+def _fonts_elsewhere() -> Iterator[None]:
+    """matplotlib keeps a list of fonts in the home folder; the command writes its page only."""
+    with tempfile.TemporaryDirectory() as folder:
+        used = os.environ.setdefault("MPLCONFIGDIR", folder)
+        try:
+            yield
+        finally:
+            if used == folder:
+                del os.environ["MPLCONFIGDIR"]
 
 
 def _images(path: Path) -> list[Path]:

@@ -80,18 +80,19 @@ class Linear:
         if not len(scale):
             raise ValueError("frames: expected some that differ, found all alike")
         solved = self._solver().fit(basis * scale, labels)
-        dual = (solved.coef_ / scale) @ basis.T
+        # Of two classes there is one row of weights, the second's, and RidgeClassifier's is flat.
+        dual = (np.atleast_2d(solved.coef_) / scale) @ basis.T
         self._weights = np.empty((len(dual), flat.shape[1]), np.float32)
         for part, block in _blocks(flat):
             self._weights[:, part] = dual @ (block - mean[part])
-        self._bias = (solved.intercept_ - self._weights @ mean).astype(np.float32)
+        bias = np.atleast_1d(solved.intercept_)
+        self._bias = (bias - self._weights @ mean).astype(np.float32)
 
     def predict(self, frames: np.ndarray) -> np.ndarray:
         flat = frames.reshape(len(frames), -1)
         scores = np.tile(self._bias, (len(flat), 1))
         for part, block in _blocks(flat):
             scores += block @ self._weights[:, part].T
-        # Of two classes there is one row of weights, the second's.
         return scores.argmax(axis=1) if len(self._bias) > 1 else (scores[:, 0] > 0).astype(int)
 
     @property
