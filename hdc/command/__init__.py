@@ -5,6 +5,7 @@
     hdc evaluate touch.safetensors tomorrow/
     hdc recalibrate touch.safetensors tomorrow/ -o tomorrow.safetensors --method merge
     hdc info touch.safetensors
+    hdc live --camera 0      # a page to teach it in the browser
 
 :mod:`hdc.readers` describes what ``touches/`` may be: a folder of images, an .npz, or a video with
 a table of intervals. Crop and subsampling are kept in the model's file, and what is read for that
@@ -23,7 +24,9 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
-_NEEDED = ("click", "cv2", "PIL", "rich")
+_NEEDED = {"click": "command", "cv2": "command", "PIL": "command", "rich": "command",
+           "nicegui": "live"}  # fmt: skip
+"""Packages and the extra that each comes with."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -55,8 +58,9 @@ def _status(arguments: Sequence[str] | None) -> int:
     except ModuleNotFoundError as error:
         if error.name not in _NEEDED:
             raise
+        extra = _NEEDED[error.name]
         return _say(
-            f"error: expected the package {error.name}, found none; pip install 'hdc[command]'", 1
+            f"error: expected the package {error.name}, found none; pip install 'hdc[{extra}]'", 1
         )
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

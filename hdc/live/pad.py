@@ -93,7 +93,8 @@ class Pad:
     def _down(self, x: float, y: float) -> None:
         touches = list(self.touches)
         here = [i for i, t in enumerate(touches) if math.hypot(t.x - x, t.y - y) < NEAR]
-        places = [t for place in self._worker.session.places.values() for t in place]
+        session = self._worker.session
+        places = [t for place in list(session.places.values()) for t in place]
         near = min(places, key=lambda t: math.hypot(t.x - x, t.y - y), default=None)
         if near is not None and math.hypot(near.x - x, near.y - y) < NEAR:
             x, y = near.x, near.y

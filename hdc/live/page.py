@@ -10,6 +10,7 @@ import secrets
 import time
 from collections.abc import AsyncIterator, Callable
 from typing import Any
+from urllib.parse import urlencode
 
 from fastapi import Response
 from fastapi.responses import StreamingResponse
@@ -21,7 +22,7 @@ from hdc.live.guard import Guard
 from hdc.live.pad import Pad
 from hdc.live.session import MOST_LETTERS, RECENT, STEPS, Session, checked_name, within
 from hdc.live.sources import Pressable, Source
-from hdc.live.worker import Worker, jpeg, small
+from hdc.live.worker import Worker
 
 HERE = "127.0.0.1"
 REFRESH = 0.2
@@ -34,16 +35,17 @@ _STYLE = """
 body { background: #f5f5f2; color: #222; }
 .nicegui-content { padding: 0; }
 .live { max-width: 1400px; margin: 0 auto; padding: 12px; width: 100%; display: grid; gap: 12px;
-  grid-template-columns: repeat(auto-fit, minmax(min(100%, 420px), 1fr)); align-items: start; }
+  grid-template-columns: repeat(auto-fit, minmax(min(100%, 400px), 1fr)); align-items: start; }
 .card { background: white; border: 1px solid #ddd; border-radius: 8px; padding: 12px;
   display: flex; flex-direction: column; gap: 8px; min-width: 0; }
 .card h2 { font-size: 1.05rem; font-weight: 600; line-height: 1.3; margin: 0; }
+.stack { display: flex; flex-direction: column; gap: 12px; min-width: 0; }
 .wide { grid-column: 1 / -1; }
 .small { font-size: .82rem; color: #555; line-height: 1.35; }
 .badge { background: #b35900; color: white; border-radius: 4px; padding: 2px 8px; font-weight: 600;
   font-size: .85rem; white-space: nowrap; }
 .picture { width: 100%; aspect-ratio: var(--ratio); display: block; background: #000; }
-.halves { display: grid; grid-template-columns: 1fr 1fr; }
+.halves { display: grid; grid-template-columns: 1fr 1fr; gap: 8px; }
 .pad { width: 100%; touch-action: none; cursor: crosshair; user-select: none; }
 .pad svg { width: 100%; display: block; }
 .answer { font-size: 1.7rem; font-weight: 700; line-height: 1.2; overflow-wrap: anywhere; }
@@ -117,7 +119,6 @@ def _check_free(host: str, port: int) -> None:
 
 def _pictures(worker: Worker) -> None:
     """The addresses that pictures come from."""
-    session = worker.session
 
     @app.get("/stream")
     async def stream() -> StreamingResponse:
@@ -125,14 +126,11 @@ def _pictures(worker: Worker) -> None:
             _frames(worker), media_type="multipart/x-mixed-replace; boundary=frame"
         )
 
-    @app.get("/prototype/{name}")
+    @app.get("/prototype")
     def prototype(name: str) -> Response:
-        plane = session.prototypes().get(name)
-        if plane is None:
+        content = worker.view.prototypes.get(name)
+        if content is None:
             return Response(status_code=404)
-        height, width = plane.shape
-        size = 88, max(1, round(88 * width / height))
-        content = jpeg(small(plane, size))
         return Response(content, media_type="image/jpeg", headers={"Cache-Control": "no-store"})
 
 
@@ -174,10 +172,11 @@ class Page:
                 self._see()
             with ui.element("div").classes("card"):
                 self._teach()
-            with ui.element("div").classes("card"):
-                self._adapt()
-            with ui.element("div").classes("card"):
-                self._judge()
+            with ui.element("div").classes("stack"):
+                with ui.element("div").classes("card"):
+                    self._adapt()
+                with ui.element("div").classes("card"):
+                    self._judge()
         ui.timer(REFRESH, self._refresh)
 
     # What is where -------------------------------------------------------------------------------
@@ -283,6 +282,7 @@ class Page:
             "of these” is a wrong answer. Drift and recalibration begin the count anew."
         ).classes("small")
         self._ridge = _text("").classes("small")
+        _text("Time that each step of a frame takes:").classes("small")
         with ui.element("div").classes("steps"):
             self._steps = {}
             for step in STEPS:
@@ -337,7 +337,7 @@ class Page:
         self._do(lambda session: session.forget(name))
 
     def _drifted(self) -> None:
-        self._set_drift(within(self._drift.value, 0.0, self._source.most))
+        self._set_drift(within(self._drift.value, 0.0, math.inf))
 
     def _set_drift(self, kelvin: float) -> None:
         self._drift.set_value(kelvin)
@@ -377,8 +377,8 @@ class Page:
         if number != self._message:
             self._message = number
             ui.notify(message, position="top", multi_line=True, timeout=6000, color="dark")
-        if session.version != self._version:
-            self._version = session.version
+        if view.version != self._version:
+            self._version = view.version
             self._update_classes(session.counts)
         answer = view.answer
         counts = session.counts
@@ -463,6 +463,7 @@ class _Row:
             with ui.element("div").classes("row").style("min-width: 0"):
                 _text(name).classes("name").style(f"color: {colours.of(names, name)}")
                 self._count = _text("").classes("small numbers")
+                self._distance = _text("").classes("small numbers")
             with ui.element("div").classes("row").style("gap: 2px; flex-wrap: nowrap"):
                 for icon, tip, act in (
                     ("add", f"learn {SAMPLES} more samples", lambda: page.add(name)),
@@ -475,12 +476,11 @@ class _Row:
                 self._fill = ui.element("div").classes("fill")
                 self._fill.style(f"width: 0; background: {colours.of(names, name)}")
                 self._line = ui.element("div").classes("line").style("display: none")
-            self._distance = _text("").classes("small numbers")
 
     def update(self, count: int, version: int) -> None:
         """Samples there are, and the prototype they make."""
         _say(self._count, f"{count} samples")
-        source = f"/prototype/{_quoted(self._name)}?{version}"
+        source = f"/prototype?{urlencode({'name': self._name, 'version': version})}"
         self._picture.props["src"] = source
         self._picture.update()
 
@@ -495,7 +495,7 @@ class _Row:
             self._line.style("display: none")
         else:
             self._line.style(f"display: block; left: calc({place(limit)}% - 3px)")
-        _say(self._distance, f"{min(distance, 1):.3f}")
+        _say(self._distance, f"· distance {min(distance, 1):.3f}")
 
 
 def _axis_from(answer: Any) -> float:
@@ -527,12 +527,6 @@ def _chart(points: list[Any], pressable: bool) -> dict[str, Any]:
                   for p in points]),
         ],
     }  # fmt: skip
-
-
-def _quoted(name: str) -> str:
-    from urllib.parse import quote
-
-    return quote(name, safe="")
 
 
 def _html(tag: str, text: str) -> ui.html:

@@ -29,6 +29,8 @@ KEPT_BYTES = 2**26
 250 × 250 pixels. Training ridge takes twice as much for a moment."""
 RECENT = 20
 """Tests behind the accuracy shown."""
+FEWEST = 6
+"""Tests from which on it is drawn."""
 MOST_POINTS = 400
 STEPS = ("frame", "encode", "predict", "learn", "picture", "send")
 
@@ -67,6 +69,7 @@ class Session:
     """One model, taught by frames of one source.
 
     Attributes:
+        counts: samples of each class, in the model's order; replaced, never changed.
         places: where a class is touched, for sources that can be pressed.
         shown: samples learnt or recalibrated with.
         version: grows whenever prototypes change.
@@ -76,6 +79,7 @@ class Session:
     source: Source
     model: HDCClassifier = field(default_factory=HDCClassifier)
     ridge: Ridge = field(default_factory=Ridge)
+    counts: dict[str, int] = field(default_factory=dict)
     places: dict[str, tuple[Touch, ...]] = field(default_factory=dict)
     shown: int = 0
     version: int = 0
@@ -93,16 +97,10 @@ class Session:
     # What is seen --------------------------------------------------------------------------------
 
     @property
-    def counts(self) -> dict[str, int]:
-        """Samples of each class, in the model's order."""
-        if not hasattr(self.model, "counts_"):
-            return {}
-        return dict(zip(self.model.classes_.tolist(), self.model.counts_.tolist(), strict=True))
-
-    @property
     def tests(self) -> tuple[int, int]:
         """How many of the latest tests were answered rightly, and how many there were."""
-        return sum(right for right, _ in self._tests), len(self._tests)
+        tests = list(self._tests)
+        return sum(right for right, _ in tests), len(tests)
 
     @property
     def tested_by(self) -> str:
@@ -121,13 +119,19 @@ class Session:
         begin = self.took("frame", begin)
         words = encode(tensor(frame[None]))
         begin = self.took("encode", begin)
-        answer = self.ask(frame)
+        answer = self._nearest(frame)
         if answer is not None:
             self.took("predict", begin)
+            answer.ridge = self.ridge.predict(frame)
         return frame, bits.unpack(words, frame.size)[0].numpy().reshape(frame.shape), answer
 
     def ask(self, frame: np.ndarray) -> Answer | None:
         """What the model says of a frame; None with fewer than two classes."""
+        if (answer := self._nearest(frame)) is not None:
+            answer.ridge = self.ridge.predict(frame)
+        return answer
+
+    def _nearest(self, frame: np.ndarray) -> Answer | None:
         if len(self.counts) < 2:
             return None
         distances = self.model.distances(frame[None])[0]
@@ -140,7 +144,6 @@ class Session:
             names,
             distances / pixels,
             None if limits is None else limits / pixels,
-            self.ridge.predict(frame),
         )
 
     def prototypes(self) -> dict[str, np.ndarray]:
@@ -250,11 +253,11 @@ class Session:
         self._frames, self._labels = [f for f, _ in left], [c for _, c in left]
         if left:
             self.model.partial_fit(np.stack(self._frames), self._labels)
-        self.places = {c: place for c, place in self.places.items() if c in self.counts}
+        self.places = {c: place for c, place in self.places.items() if c in self._labels}
         if name is None:
             self.shown = 0
             self.points.clear()
-        self.version += 1
+        self._changed()
         self._retrain_ridge()
         self._start_tests()
 
@@ -302,7 +305,7 @@ class Session:
                 raise ValueError("This model has a class whose name cannot be shown.")
         self.forget(None)
         self.model, self._pure = model, False
-        self.version += 1
+        self._changed()
 
     # Tests ---------------------------------------------------------------------------------------
 
@@ -325,7 +328,7 @@ class Session:
 
     def _note(self) -> None:
         right, n = self.tests
-        if not n:
+        if n < FEWEST:
             return
         of_ridge = [ridge for _, ridge in self._tests if ridge is not None]
         ridge = sum(of_ridge) / len(of_ridge) if of_ridge else None
@@ -350,8 +353,17 @@ class Session:
         self._frames.append(frame)
         self._labels.append(name)
         self.shown += 1
-        self.version += 1
+        self._changed()
         self._retrain_ridge()
+
+    def _changed(self) -> None:
+        model = self.model
+        if hasattr(model, "counts_"):
+            names = model.classes_.tolist()
+            self.counts = dict(zip(names, model.counts_.tolist(), strict=True))
+        else:
+            self.counts = {}
+        self.version += 1
 
     def _retrain_ridge(self) -> None:
         self.ridge.train(list(self._frames), list(self._labels))

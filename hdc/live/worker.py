@@ -8,7 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,6 +34,8 @@ class View:
         answer: what the model says, if there is one.
         rate: frames a second.
         busy: something is being taught.
+        version: of the prototypes.
+        prototypes: JPEG of each class's.
         message: the latest sentence to tell, and its number.
     """
 
@@ -42,6 +44,8 @@ class View:
     answer: Answer | None = None
     rate: float = 0.0
     busy: bool = False
+    version: int = -1
+    prototypes: dict[str, bytes] = field(default_factory=dict)
     message: tuple[int, str] = (0, "")
 
 
@@ -139,8 +143,11 @@ class Worker:
         begin = time.perf_counter()
         frame, bits, answer = self.session.look()
         drawn = time.perf_counter()
-        picture = jpeg(np.hstack([grey(frame), small(bits, frame.shape)]))
+        picture = jpeg(np.hstack([grey(frame), enlarged(small(bits), frame.shape)]))
         end = self.session.took("picture", drawn)
+        version, prototypes = self.session.version, self.view.prototypes
+        if version != self.view.version:
+            prototypes = {n: jpeg(small(p)) for n, p in self.session.prototypes().items()}
         if self._doing is None:
             time.sleep(max(0.0, 1 / FASTEST - (end - begin)))
         self._times.append(time.perf_counter())
@@ -152,6 +159,8 @@ class Worker:
                 answer,
                 (len(self._times) - 1) / passed if passed else 0.0,
                 self._doing is not None,
+                version,
+                prototypes,
                 self.view.message,
             )
 
@@ -161,14 +170,20 @@ def grey(frame: np.ndarray) -> np.ndarray:
     return frame if frame.dtype == np.uint8 else (frame >> 8).astype(np.uint8)
 
 
-def small(bits: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Bits [H, W] as a grey picture of that size: means over 2 × 2 of them."""
+def small(bits: np.ndarray) -> np.ndarray:
+    """Bits [H, W] as a grey picture uint8 of half the size: means over 2 × 2 of them."""
     import cv2
 
     height, width = bits.shape
     size = max(1, width // 2), max(1, height // 2)
-    means = cv2.resize(bits.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA)
-    return cv2.resize(means, shape[::-1], interpolation=cv2.INTER_NEAREST)
+    return cv2.resize(bits.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA)
+
+
+def enlarged(picture: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """A picture in the size (H, W) of another."""
+    import cv2
+
+    return cv2.resize(picture, shape[::-1], interpolation=cv2.INTER_NEAREST)
 
 
 def jpeg(picture: np.ndarray) -> bytes:
