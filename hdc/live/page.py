@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import html
 import math
 import os
@@ -15,6 +16,7 @@ from urllib.parse import urlencode
 from fastapi import Response
 from fastapi.responses import StreamingResponse
 from nicegui import app, ui
+from nicegui.server import Server
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from hdc.live import colours
@@ -89,18 +91,25 @@ def serve(source: Source, host: str | None = None, port: int = 8080) -> None:
         token = secrets.token_urlsafe(16)
         app.add_middleware(Guard, token=token)
         address += f"?token={token}"
-    app.on_startup(lambda: print(f"open {address} (Ctrl+C ends it)", flush=True))
-    ui.run(
-        lambda: Page(worker),
-        host=host or HERE,
-        port=port,
-        title=source.title,
-        reload=False,
-        show=False,
-        show_welcome_message=False,
-        gzip_middleware_factory=None,  # pictures are compressed, and would wait for each other
-        timeout_graceful_shutdown=1,
-    )
+    app.on_startup(lambda: _announce(address))
+    with contextlib.suppress(KeyboardInterrupt):
+        ui.run(
+            lambda: Page(worker),
+            host=host or HERE,
+            port=port,
+            title=source.title,
+            reload=False,
+            show=False,
+            show_welcome_message=False,
+            gzip_middleware_factory=None,  # pictures are compressed, and would wait for each other
+            timeout_graceful_shutdown=1,
+        )
+
+
+async def _announce(address: str) -> None:
+    while not Server.instance.started:
+        await asyncio.sleep(0.02)
+    print(f"open {address} (Ctrl+C ends it)", flush=True)
 
 
 def _check_free(host: str, port: int) -> None:

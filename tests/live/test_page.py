@@ -1,5 +1,6 @@
 """The page in a real browser: pressed, taught, drifted, recalibrated, by two at once."""
 
+import asyncio
 import contextlib
 import os
 import re
@@ -15,10 +16,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import scenes.live
 from hdc import HDCClassifier
 from hdc.command import main
+from scenes.live import SimulatedSensor
 
 pytest.importorskip("nicegui", reason="the page needs nicegui: pip install 'hdc[live]'")
+
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+
+from hdc.live import page
+from hdc.live.guard import Guard
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PATIENCE = 60_000  # ms; nothing here takes so long, but on a machine that is busy
@@ -63,7 +71,7 @@ def running(folder, *words):
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
     folder = tmp_path_factory.mktemp("live")
-    with running(folder) as address:
+    with running(folder, "--host", "127.0.0.1") as address:
         yield address
     assert list(folder.iterdir()) == []  # nothing is written
 
@@ -73,7 +81,8 @@ def browser():
     playwright = pytest.importorskip(
         "playwright.sync_api", reason="the page is tested in a browser by playwright: none here"
     )
-    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)  # fmt: skip
+    known = ("chromium", "chromium-browser", "google-chrome")
+    found = next(filter(None, map(shutil.which, known)), None)
     if found is None:
         pytest.skip("the page is tested in a browser: no chromium here")
     with playwright.sync_playwright() as p:
@@ -89,7 +98,7 @@ class Reader:
         self.page = browser.new_page(viewport={"width": width, "height": 900})
         self.page.set_default_timeout(PATIENCE)
         self.errors = []
-        self.page.on("pageerror", self.errors.append)
+        self.page.on("pageerror", lambda error: self.errors.append(error))
         self.page.goto(address, wait_until="domcontentloaded")
         self.pad = self.page.locator(".pad svg")
         self.pad.wait_for()
@@ -172,7 +181,7 @@ def test_taught_it_is_right_drifted_it_fails_recalibrated_it_is_right_again(read
     assert reader.page.get_by_text("Simulated sensor").first.is_visible()
     # The picture is alive, and words of the page are within it.
     reader.until("document.querySelector('img.picture').naturalWidth === 500")
-    assert reader.page.evaluate("document.documentElement.scrollWidth") <= 1400
+    reader.until("document.documentElement.scrollWidth <= 1400")
 
 
 def test_two_at_once_share_the_sensor_and_a_third_sees_it_on_a_telephone(reader, browser, address):
@@ -186,7 +195,7 @@ def test_two_at_once_share_the_sensor_and_a_third_sees_it_on_a_telephone(reader,
     other.row("right").get_by_label("forget").click()
     reader.until("document.querySelectorAll('.class').length === 1")
     small = Reader(browser, address, width=400)
-    assert small.page.evaluate("document.documentElement.scrollWidth") <= 400
+    small.until("document.documentElement.scrollWidth <= 400")
     assert other.errors == small.errors == []
     other.page.close()
     small.page.close()
@@ -243,23 +252,41 @@ def status(address, **headers):
         return error.code, None
 
 
-def test_elsewhere_a_token_is_asked_of_everything(tmp_path, browser):
-    with running(tmp_path, "--host", "127.0.0.1") as address:
-        bare = address.split("?")[0]
-        assert "?token=" in address
-        for path in ("", "stream", "prototype?name=a", "?token=", "?token=wrong", "_nicegui_ws/"):
-            assert status(bare + path)[0] == 403, path
-        assert status(bare, Cookie="hdc_live=wrong")[0] == 403
-        found, cookie = status(address)
-        assert found == 200
-        assert "HttpOnly" in cookie
-        assert status(bare, Cookie=cookie.split(";")[0])[0] == 200
-        Reader(browser, address).press("left")  # its socket has the cookie
+def test_elsewhere_a_token_is_asked_of_everything(address):
+    bare = address.split("?")[0]
+    assert "?token=" in address
+    for path in ("", "stream", "prototype?name=a", "?token=", "?token=wrong", "_nicegui_ws/"):
+        assert status(bare + path)[0] == 403, path
+    assert status(bare, Cookie="hdc_live=wrong")[0] == 403
+    found, cookie = status(address)
+    assert found == 200
+    assert "HttpOnly" in cookie
+    assert status(bare, Cookie=cookie.split(";")[0])[0] == 200
 
 
-def test_here_other_names_of_this_computer_are_refused(address):
-    assert status(address)[0] == 200
-    assert status(address, Host="elsewhere.example")[0] == 400
+def test_a_socket_without_the_token_is_closed():
+    sent = []
+
+    async def send(message):
+        sent.append(message)
+
+    async def never(*_):
+        raise AssertionError
+
+    for query, headers in ((b"token=x", []), (b"", [(b"cookie", b"hdc_live=x; ;=")]), (b"", [])):
+        scope = {"type": "websocket", "query_string": query, "headers": headers}
+        asyncio.run(Guard(never, token="secret")(scope, never, send))
+        assert sent.pop()["type"] == "websocket.close"
+
+
+def test_here_only_names_of_this_computer_are_answered(monkeypatch):
+    """A page of elsewhere whose name is made to point here does not get at the sensor."""
+    added, ran = [], []
+    monkeypatch.setattr(page.app, "add_middleware", lambda kind, **how: added.append((kind, how)))
+    monkeypatch.setattr(page.ui, "run", lambda *_, **how: ran.append(how["host"]))
+    page.serve(SimulatedSensor(side=50), port=free_port())
+    assert added == [(TrustedHostMiddleware, {"allowed_hosts": ["127.0.0.1", "localhost"]})]
+    assert ran == ["127.0.0.1"]
 
 
 @pytest.mark.parametrize(
@@ -279,11 +306,11 @@ def test_what_is_missing_is_one_line(words, code, said, capfd):
     assert len(err.splitlines()) == 1
 
 
-def test_a_port_that_is_taken_is_one_line(address):
-    port = address.rstrip("/").split(":")[-1]
-    command = [sys.executable, "-m", "scenes.live", "--port", port]
-    environment = os.environ | {"PYTHONPATH": str(CHECKOUT)}
-    done = subprocess.run(command, cwd=CHECKOUT, env=environment, capture_output=True, text=True)
-    assert done.returncode == 1
-    assert f"127.0.0.1:{port}" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+def test_a_port_that_is_taken_is_one_line():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(SystemExit) as caught:
+            scenes.live.main(["--port", str(port)])
+    assert str(caught.value.code).startswith(f"error: 127.0.0.1:{port}: expected an address")
