@@ -33,7 +33,7 @@ class Pad:
     def __init__(self, worker: Worker, source: Pressable) -> None:
         self._worker, self._source = worker, source
         self._drawn = ""
-        self._held: int | None = None  # the touch that the mouse holds
+        self._held = False  # the one touch is held, and moves along
         with ui.element("div").classes("pad").mark("pad") as pad:
             self._drawing = ui.html("", sanitize=False)
         for kind in ("pointerdown", "pointermove", "pointerup", "pointercancel"):
@@ -78,41 +78,33 @@ class Pad:
         if kind == "pointerdown":
             self._down(*self._place(across, down))
         elif kind == "pointermove":
-            touches = list(self.touches)
-            if self._held is not None and self._held < len(touches):
+            if self._held and len(self.touches) == 1:
                 x, y = self._place(across, down)
-                near = touches[self._held]
+                near = self.touches[0]
                 if math.hypot(near.x - x, near.y - y) > NEAR:  # a hand shakes
-                    touches[self._held] = Touch(x, y, self._deep)
-                    self._press(touches, moved=True)
+                    self._press([Touch(x, y, self._deep)], moved=True)
         else:
             if not self._stays.value:
                 self._lift()
-            self._held = None
+            self._held = False
 
     def _down(self, x: float, y: float) -> None:
-        touches = list(self.touches)
-        here = [i for i, t in enumerate(touches) if math.hypot(t.x - x, t.y - y) < NEAR]
-        session = self._worker.session
-        places = [t for place in list(session.places.values()) for t in place]
-        near = min(places, key=lambda t: math.hypot(t.x - x, t.y - y), default=None)
-        if near is not None and math.hypot(near.x - x, near.y - y) < NEAR:
-            x, y = near.x, near.y
-        touch = Touch(x, y, self._deep)
-        if not self._several.value:
-            touches = [touch]
-        elif here:
-            del touches[here[0]]
-            self._held = None
-            self._press(touches)
-            return
-        elif len(touches) >= MOST_TOUCHES:
-            self._worker.say(f"{MOST_TOUCHES} touches at once are the most.")
-            return
-        else:
-            touches.append(touch)
-        self._held = len(touches) - 1
-        self._press(touches)
+        several, deep = bool(self._several.value), self._deep
+
+        def press(session: Session) -> None:  # in the worker: another finger may have come before
+            places = [t for place in session.places.values() for t in place]
+            near = min(places, key=lambda t: math.hypot(t.x - x, t.y - y), default=None)
+            is_near = near is not None and math.hypot(near.x - x, near.y - y) < NEAR
+            touch = Touch(near.x, near.y, deep) if near and is_near else Touch(x, y, deep)
+            now = list(self.touches) if several else []
+            left = [t for t in now if math.hypot(t.x - touch.x, t.y - touch.y) >= NEAR]
+            if len(left) >= MOST_TOUCHES:
+                raise ValueError(f"{MOST_TOUCHES} touches at once are the most.")
+            added = len(left) == len(now)  # pressed once more, a touch is lifted
+            self._source.press([*left, touch] if added else left)
+
+        self._held = not several  # of several, none is moved
+        self._worker.do(press)
 
     def _press(self, touches: list[Touch], moved: bool = False) -> None:
         self._worker.do(lambda session: self._source.press(touches, moved))

@@ -9,7 +9,7 @@ import math
 import os
 import secrets
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any
 from urllib.parse import urlencode
 
@@ -62,7 +62,7 @@ body { background: #f5f5f2; color: #222; }
 .line { position: absolute; top: 0; bottom: 0; width: 3px; background: #222; }
 .numbers { font-variant-numeric: tabular-nums; }
 .row { display: flex; flex-wrap: wrap; gap: 8px; align-items: center; }
-.steps { display: grid; grid-template-columns: repeat(auto-fit, minmax(74px, 1fr)); gap: 6px; }
+.steps { display: grid; grid-template-columns: repeat(auto-fit, minmax(56px, 1fr)); gap: 6px; }
 """
 
 
@@ -288,7 +288,8 @@ class Page:
         self._chart = ui.echart(_chart([], False)).style("height: 220px")
         _text(
             f"Share of right answers among the latest {RECENT} {self._session.tested_by}; “none "
-            "of these” is a wrong answer. Drift and recalibration begin the count anew."
+            "of these” is a wrong answer. A new class, drift and recalibration begin the "
+            "count anew."
         ).classes("small")
         self._ridge = _text("").classes("small")
         _text("Time that each step of a frame takes:").classes("small")
@@ -313,6 +314,7 @@ class Page:
         self._worker.do(job)
 
     def _touches(self) -> tuple[Any, ...]:
+        """What is pressed now; asked in the worker, after what was pressed before."""
         return self._pad.touches if self._pressable else ()
 
     def _new_class(self) -> None:
@@ -321,23 +323,22 @@ class Page:
         except ValueError as error:
             self._worker.say(str(error))
             return
-        touches = self._touches()
-        self._do(lambda session: session.new_class(name, SAMPLES, touches))
+        self._do(lambda session: session.new_class(name, SAMPLES, self._touches()))
         self._name.set_value("")
 
     def add(self, name: str) -> None:
-        touches = self._touches()
-        self._do(lambda session: session.add(name, SAMPLES, touches))
+        self._do(lambda session: session.add(name, SAMPLES, self._touches()))
 
     def recalibrate(self, names: list[str] | None) -> None:
         """Some classes by what is pressed now, or (None) all where they were taught."""
         p, method = within(self._p.value, 0.0, 1.0), str(self._method.value)
-        touches = None if names is None else self._touches()
-        self._do(
-            lambda session: session.recalibrate(
-                list(session.counts) if names is None else names, SAMPLES, p, method, touches
-            )
-        )
+
+        def recalibrate(session: Session) -> Iterator[None]:
+            touches = None if names is None else self._touches()
+            chosen = list(session.counts) if names is None else names
+            return session.recalibrate(chosen, SAMPLES, p, method, touches)
+
+        self._do(recalibrate)
 
     def _recalibrate_all(self) -> None:
         self.recalibrate(None)

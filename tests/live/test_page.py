@@ -232,6 +232,16 @@ def test_a_model_is_saved_and_loaded(reader, tmp_path):
     reader.says("right")
 
 
+def test_several_places_are_pressed_at_once_and_lifted_again(reader):
+    reader.press("left")
+    reader.page.get_by_text("several at once").click()
+    reader.press("right")
+    pressed = "document.querySelectorAll('.pad circle[fill=\"#222\"]').length"
+    reader.until(f"{pressed} === 2")
+    reader.click("Lift off")
+    reader.until(f"{pressed} === 0")
+
+
 # Without a browser -------------------------------------------------------------------------------
 
 
