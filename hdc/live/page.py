@@ -208,7 +208,7 @@ class Page:
         picture = ui.element("img").props('src="/stream" alt="live picture"').classes("picture")
         picture.style(f"--ratio: {2 * width} / {height}")
         with ui.element("div").classes("halves small"):
-            _text(f"the {self._kind} of laser light")
+            _text(self._kind)
             _text(f"its hypervector: {height * width:,} bits, brighter than the median or not")
         if isinstance(source, Pressable):
             self._pad = Pad(self._worker, source)
@@ -220,14 +220,16 @@ class Page:
 
     @property
     def _kind(self) -> str:
-        return "simulated speckle" if isinstance(self._source, Pressable) else "picture"
+        return "the simulated speckle of laser light" if self._pressable else "the picture"
 
     def _teach(self) -> None:
         _html("h2", "2. Teach it")
-        said = "Press somewhere, give it a name," if self._pressable else "Show it something, name"
+        pressed = "Press somewhere, name it, and learn {} samples; then press elsewhere."
+        seen = "Show it something, name it, and learn {} samples; then show something else."
         _text(
-            f"{said} and learn {SAMPLES} samples; then elsewhere. Learning is counting: a bit of a "
-            "class's prototype is 1 if most of its samples have it."
+            (pressed if self._pressable else seen).format(SAMPLES)
+            + " Learning is counting: a bit of "
+            "a class's prototype is 1 if most of its samples have it."
         ).classes("small")
         with ui.element("div").classes("row"):
             self._name = ui.input("name of a new class").props(
@@ -288,11 +290,12 @@ class Page:
         self._chart = ui.echart(_chart([], False)).style("height: 220px")
         _text(
             f"Share of right answers among the latest {RECENT} {self._session.tested_by}; “none "
-            "of these” is a wrong answer. A new class, drift and recalibration begin the "
-            "count anew."
+            "of these” is a wrong answer. "
+            + ("A new class, drift" if self._pressable else "Forgetting")
+            + " and recalibration begin the count anew."
         ).classes("small")
         self._ridge = _text("").classes("small")
-        _text("Time that each step of a frame takes:").classes("small")
+        _text("Time that each step of a frame takes (frame: until there is one):").classes("small")
         with ui.element("div").classes("steps"):
             self._steps = {}
             for step in STEPS:
