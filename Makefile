@@ -7,7 +7,7 @@ INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check -c constraints
 HARNESS := .venv/.harness
 VENV := .venv/.everything
 
-.PHONY: help table1 test slow lint benchmark stability report reproduce reference
+.PHONY: help table1 test slow lint benchmark stability report reproduce reference docs
 
 help:  ## show this list
 	@grep -hE '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -45,6 +45,9 @@ reproduce: $(VENV)  ## everything again, into results/mine (hours; QUICK=1: fewe
 
 reference: reproduce  ## for maintainers: the reproduction becomes results/reference
 	$(BIN)/python -m experiments.reference
+
+docs: $(VENV)  ## the documentation, into site/; any warning stops it
+	$(BIN)/python -m sphinx -q -W --keep-going -b html -d site/.doctrees docs site/html
 
 slow: $(VENV)  ## the tests that are marked slow
 	$(BIN)/pytest -m slow

@@ -34,24 +34,15 @@ from numba.extending import intrinsic
 _WORD = 64
 _BLOCK = 512  # words a row counted at a time: counters and rows of a block stay in the cache
 _SHARE_BYTES = 2**17  # of input that are worth another thread
+_TRIALS = 4  # of levels that a sample proposes
 
 
-def encode_uint8(
-    images: np.ndarray, words: np.ndarray, few: np.ndarray, many: np.ndarray
-) -> list[int]:
-    """Fill words [N, ⌈D/64⌉] with the hypervectors of images [N, D ≥ 2]; return constant frames.
-
-    Args:
-        few: pixel numbers int64 [S] of a sample that tells whether a frame's level is about that
-            of the frame before.
-        many: those of a sample from which the level is guessed if it is not.
-    """
+def encode_uint8(images: np.ndarray, words: np.ndarray) -> list[int]:
+    """Fill words [N, ⌈D/64⌉] with the hypervectors of images [N, D ≥ 2]; return constant frames."""
     constant = np.zeros(len(images), np.bool_)
     images = np.ascontiguousarray(images)
     _share(
-        lambda start, stop: _encode(
-            images[start:stop], words[start:stop], few, many, constant[start:stop]
-        ),
+        lambda start, stop: _encode(images[start:stop], words[start:stop], constant[start:stop]),
         len(images),
         images.nbytes,
     )
@@ -161,9 +152,13 @@ def _compile(signature):
     return compiled
 
 
-@_compile("UniTuple(int64, 2)(uint8[:, ::1], intp, uint8, int64[:, ::1])")
-def _threshold(images, i, level, words):
-    """Fill row i with the pixels above a level; return how many there are, and how many equal."""
+@_compile("UniTuple(int64, 2)(uint8[:, ::1], intp, uint8, int64[:, ::1], int64[::1], boolean)")
+def _threshold(images, i, level, words, sample, sampled):
+    """Fill row i with the pixels above a level; return how many there are, and how many equal.
+
+    Where it is to be `sampled`, one pixel of each word is counted in sample [256]: while a frame
+    comes from memory there is time for it.
+    """
     whole, rest = divmod(images.shape[1], _WORD)
     n_greater = n_equal = 0
     for w in range(whole):
@@ -171,6 +166,9 @@ def _threshold(images, i, level, words):
         words[i, w] = np.int64(greater)
         n_greater += _ones(greater)
         n_equal += _ones(_equal(images, i, w * _WORD, level))
+        if sampled:  # at a place that differs, lest the sample follow a pattern
+            place = (w * 0x9E37_79B1 >> 8) % _WORD
+            sample[images[i, w * _WORD + place]] += 1
     if rest:
         word = np.int64(0)
         for j in range(rest):
@@ -206,56 +204,43 @@ def _add_ties(images, i, level, words, missing):
         j += 1
 
 
-@_compile("int64(uint8[:, ::1], intp, intp[::1])")
-def _sampled_level(images, i, places):
-    """About the median of image i, from the pixels at some places."""
-    counts = np.zeros(256, np.int64)
-    for place in places:
-        counts[images[i, place]] += 1
-    level, above = 255, 0
-    while above + counts[level] < len(places) // 2:
-        above += counts[level]
-        level -= 1
-    return level
-
-
-@_compile("boolean(uint8[:, ::1], intp, intp[::1], int64)")
-def _agrees(images, i, places, level):
-    """Whether a level lies within two standard deviations of the median of a sample of image i."""
-    above = equal = 0
-    for place in places:
-        above += images[i, place] > level
-        equal += images[i, place] == level
-    slack = np.sqrt(len(places))
-    return above - slack <= len(places) / 2 <= above + equal + slack
-
-
-@_compile("void(uint8[:, ::1], int64[:, ::1], intp[::1], intp[::1], boolean[::1])")
-def _encode(images, words, few, many, constant):
+@_compile("void(uint8[:, ::1], int64[:, ::1], boolean[::1])")
+def _encode(images, words, constant):
     """:func:`encode_uint8` in one thread.
 
-    The level of the frame before is tried first if a small sample agrees, else that of a larger
-    sample, and those near it next; each trial is one pass over the frame, which is in the cache
-    from the second on.
+    The level of the frame before is tried first. If it is not that of this one, the counts of all
+    pixels say how many of them are too many or too few above it, and a sample which level has as
+    many; each trial is one pass over the frame, which is in the cache from the second on. What
+    neither finds in some trials is found by halving.
     """
     dimension = images.shape[1]
     ones = dimension // 2
-    level = -1
+    level = 127
+    sample = np.zeros(256, np.int64)
     for i in range(len(images)):
-        if level < 0 or not _agrees(images, i, few, level):
-            level = _sampled_level(images, i, many)
-        low, high, step = 0, 255, 1
+        sample[:] = 0
+        low, high, trials = 0, 255, 0
         while True:
-            n_greater, n_equal = _threshold(images, i, np.uint8(level), words)
+            n_greater, n_equal = _threshold(images, i, np.uint8(level), words, sample, trials == 0)
+            trials += 1
             if n_greater > ones:
                 low = level + 1
-                level = min(level + step, (low + high) // 2)
+                surplus = n_greater - ones - sample[low] * _WORD
+                level = low
+                while surplus > 0 and level < high:
+                    level += 1
+                    surplus -= sample[level] * _WORD
             elif n_greater + n_equal < ones:
                 high = level - 1
-                level = max(level - step, (low + high + 1) // 2)
+                missing = ones - n_greater - n_equal - sample[high] * _WORD
+                level = high
+                while missing > 0 and level > low:
+                    level -= 1
+                    missing -= sample[level] * _WORD
             else:
                 break
-            step *= 2
+            if trials > _TRIALS:
+                level = (low + high) // 2
         _add_ties(images, i, np.uint8(level), words, ones - n_greater)
         constant[i] = n_equal == dimension
 

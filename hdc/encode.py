@@ -64,8 +64,7 @@ def encode(frames: Tensor, first: int = 0, backend: str = "numpy") -> Tensor:
     constant: list[int] = []
     if kernels and frames.dtype == torch.uint8 and dimension > 1:
         images = frames.reshape(n, dimension).numpy()
-        few, many = _places(dimension, _GLANCE), _places(dimension, _SAMPLE)
-        constant = kernels.encode_uint8(images, words.numpy(), few, many)
+        constant = kernels.encode_uint8(images, words.numpy())
     else:
         step = max(1, _STEP // dimension)
         route = _encode_torch

@@ -9,6 +9,7 @@ frames lies beside it.
 from __future__ import annotations
 
 import csv
+import functools
 import hashlib
 import io
 import json
@@ -44,6 +45,7 @@ from experiments.records.record import (
 
 Row = dict[str, Any]
 _MOST_ERROR = 2000  # characters of an error that a record keeps
+_WRITE_S = 5.0  # between writing the rows of a measurement that can be resumed
 
 
 class Entry(msgspec.Struct, kw_only=True):
@@ -99,24 +101,28 @@ class Measured:
 def measure(
     name: str,
     config: Mapping[str, Any],
-    compute: Callable[[], Iterable[Row]],
+    compute: Callable[..., Iterable[Row]],
     *,
     device: str = "cpu",
     force: bool = False,
+    resumed: bool = False,
     console: Console | None = None,
 ) -> Path:
     """Compute the rows of a measurement and write them, unless that was done before.
 
     Rows computed before an error or an interruption are kept, and the record says what happened;
-    the next call computes all of them anew.
+    the next call computes all of them anew, or, where the measurement can be `resumed`, the rest.
 
     Args:
         name: that of the experiment.
         config: everything that determines the rows; each ``_target_`` in it says which code makes
             them, and the one at its top, which names the task itself, is no part of what it is.
-        compute: makes the rows, one after another.
+        compute: makes the rows, one after another. Of a measurement that can be resumed it is
+            given the list of the rows, as texts, that were made by the same code for the same
+            config; it may take out some, and makes those that are wanting.
         device: where it does so.
         force: compute even if the same code did so for the same config.
+        resumed: whether rows are written as they come, for `compute` to go on from.
         console: for a line at the end.
 
     Returns:
@@ -145,7 +151,13 @@ def measure(
         if known and (known.record.status, known.record.identity) == ("finished", identity):
             console.print(f"{name}: finished before (force=true runs it again)")
             return folder
-        n_rows = _carry_out(folder, entry, compute)
+        begun: list[Row] = []
+        if resumed:
+            if known and known.record.identity == identity:
+                begun = [dict(row) for row in known.rows]
+                entry["seconds"] = known.record.seconds
+            compute = functools.partial(compute, begun)
+        n_rows = _carry_out(folder, entry, compute, begun, resumed)
     console.print(f"{name}: {n_rows} rows in {entry['seconds']:.1f} s, {folder}")
     return folder
 
@@ -161,10 +173,16 @@ def _hash(value: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-def _carry_out(folder: Path, entry: Row, compute: Callable[[], Iterable[Row]]) -> int:
-    """Compute the rows and write them; returns how many."""
-    rows: list[Row] = []
-    start = time.perf_counter()
+def _carry_out(
+    folder: Path,
+    entry: Row,
+    compute: Callable[[], Iterable[Row]],
+    rows: list[Row],
+    as_they_come: bool,
+) -> int:
+    """Add the rows that are computed to `rows` and write all; returns how many."""
+    start = written = time.perf_counter()
+    start -= entry.get("seconds") or 0.0  # of those that were there
 
     def write(status: str) -> None:
         entry.update(seconds=time.perf_counter() - start, peak_bytes=peak_bytes())
@@ -174,7 +192,11 @@ def _carry_out(folder: Path, entry: Row, compute: Callable[[], Iterable[Row]]) -
         write_atomically(folder / "record.json", to_json(entry | {"status": status}))
 
     try:
-        rows.extend(compute())  # one by one: what came before an error stays
+        for row in compute():  # what came before an error stays
+            rows.append(row)
+            if as_they_come and time.perf_counter() > written + _WRITE_S:
+                write("interrupted")  # unless it goes on
+                written = time.perf_counter()
     except BaseException as error:
         entry["error"] = "".join(traceback.format_exception_only(error)).strip()[:_MOST_ERROR]
         with suppress(OSError):  # on a full disk; what is raised is what happened first

@@ -4,6 +4,7 @@
     hdc predict touch.safetensors frame1.png frame2.png --reject
     hdc evaluate touch.safetensors tomorrow/
     hdc recalibrate touch.safetensors tomorrow/ -o tomorrow.safetensors --method merge
+    hdc compare touches/ -o compare.html
     hdc info touch.safetensors
 
 :mod:`hdc.readers` describes what ``touches/`` may be: a folder of images, an .npz, or a video with
@@ -23,7 +24,9 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
-_NEEDED = ("click", "cv2", "PIL", "rich")
+_NEEDED = {"click": "command", "cv2": "command", "PIL": "command", "rich": "command",
+           "sklearn": "compare", "matplotlib": "compare"}  # fmt: skip
+"""Package → extra of this distribution that brings it."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -53,10 +56,12 @@ def _status(arguments: Sequence[str] | None) -> int:
         except click.ClickException as error:
             return _say(f"error: {error.format_message()}", error.exit_code)
     except ModuleNotFoundError as error:
-        if error.name not in _NEEDED:
+        missing = (error.name or "").partition(".")[0]
+        if missing not in _NEEDED:
             raise
+        extra = _NEEDED[missing]
         return _say(
-            f"error: expected the package {error.name}, found none; pip install 'hdc[command]'", 1
+            f"error: expected the package {missing}, found none; pip install 'hdc[{extra}]'", 1
         )
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

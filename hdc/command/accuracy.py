@@ -19,7 +19,7 @@ def accuracy(confusion: np.ndarray) -> str:
     )
 
 
-def wilson(right: int, n: int, level: float = 0.95) -> tuple[float, float]:
+def wilson(right: float, n: int, level: float = 0.95) -> tuple[float, float]:
     """Interval of a proportion, of right ones among n (Wilson, JASA 22, 209 (1927))."""
     z = NormalDist().inv_cdf((1 + level) / 2)
     share = right / n

@@ -7,7 +7,9 @@ were looked at.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +59,28 @@ def _recording(command: Callable[..., Any]) -> Callable[..., Any]:
     return argument(option(command))
 
 
+def _pixels(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Which pixels of an image are kept."""
+    crop = click.option(
+        "--crop", type=click.IntRange(0), nargs=4, metavar="X Y WIDTH HEIGHT",
+        help="Pixels to keep, from the top left corner. [default: all]",
+    )  # fmt: skip
+    subsample = click.option(
+        "--subsample", type=click.IntRange(1), default=1, metavar="N",
+        help="Keep every N-th pixel on both axes.",
+    )  # fmt: skip
+    return crop(subsample(command))
+
+
+def _window(crop: tuple[int, ...] | None, subsample: int) -> readers.Window:
+    try:
+        return readers.Window(crop, subsample)
+    except readers.SettingError as error:
+        raise click.UsageError(f"--{error}") from error
+
+
+_SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
+
 _output = click.option(
     "-o", "--output", type=_File(), required=True, help="File to write the model to."
 )
@@ -77,11 +101,8 @@ def cli() -> None:
 @cli.command()
 @_recording
 @_output
-@click.option("--crop", type=click.IntRange(0), nargs=4, metavar="X Y WIDTH HEIGHT",
-              help="Pixels to keep, from the top left corner. [default: all]")  # fmt: skip
-@click.option("--subsample", type=click.IntRange(1), default=1, metavar="N",
-              help="Keep every N-th pixel on both axes.")  # fmt: skip
-@click.option("--test-fraction", type=click.FloatRange(0, 1, min_open=True, max_open=True),
+@_pixels
+@click.option("--test-fraction", type=_SHARE,
               help="Hold out this share of each class, and tell the accuracy on it.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, help="Choice of the frames held out.")
 def train(
@@ -97,10 +118,7 @@ def train(
 
     Each of its files is read once.
     """
-    try:
-        window = readers.Window(crop, subsample)
-    except readers.SettingError as error:
-        raise click.UsageError(f"--{error}") from error
+    window = _window(crop, subsample)
     _check_output(output)
     readers.check_path(recording, intervals)
     from hdc.command import work
@@ -176,6 +194,46 @@ def recalibrate(
 
 
 @cli.command()
+@_recording
+@click.option("-o", "--output", type=_File(), help="File to write a page of HTML to.")
+@_pixels
+@click.option("--test-fraction", type=_SHARE, default=0.2,
+              help="Share of each class to hold out at random.")  # fmt: skip
+@click.option("--seeds", type=click.IntRange(1, 100), default=3, metavar="N",
+              help="How often other frames are held out.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="One JSON object instead of the table.")
+def compare(
+    recording: Path,
+    output: Path | None,
+    intervals: Path | None,
+    crop: tuple[int, ...] | None,
+    subsample: int,
+    test_fraction: float,
+    seeds: int,
+    as_json: bool,
+) -> None:
+    """Compare classifiers on a RECORDING.
+
+    HDC, ridge and softmax regression and a small network: accuracy on frames held out, times,
+    sizes; with -o a page with learning curve and confusions, too. Frames are held in memory.
+    """
+    window = _window(crop, subsample)
+    if output:
+        _check_output(output)
+    readers.check_path(recording, intervals)
+    if output:
+        with _fonts_elsewhere():
+            from hdc.command import compare_page
+    from hdc.command import compare as comparing
+
+    frames = readers.open_recording(recording, intervals, window.crop, window.subsample)
+    result = comparing.compare(frames, recording, test_fraction, seeds)
+    if output:
+        output.write_text(compare_page.page(result), encoding="utf-8")
+    click.echo(result.json() if as_json else comparing.text(result))
+
+
+@cli.command()
 @_model
 def info(model: Path) -> None:
     """Tell what a model was trained on."""
@@ -198,6 +256,18 @@ def _check_output(path: Path) -> None:
         raise ValueError(f"{shown(path)}: expected a file name, found a folder")
     if not os.access(path.parent, os.W_OK):
         raise ValueError(f"{shown(path)}: expected a folder that can be written, found none")
+
+
+@contextmanager
+def _fonts_elsewhere() -> Iterator[None]:
+    """matplotlib keeps a list of fonts in the home folder; the command writes its page only."""
+    with tempfile.TemporaryDirectory() as folder:
+        used = os.environ.setdefault("MPLCONFIGDIR", folder)
+        try:
+            yield
+        finally:
+            if used == folder:
+                del os.environ["MPLCONFIGDIR"]
 
 
 def _images(path: Path) -> list[Path]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
-from hdc import HDCClassifier, readers
+from hdc import HDCClassifier, bits, readers
 from hdc.command.accuracy import accuracy, confusions
 from hdc.readers import BadFrame, Stream, Window
 from hdc.readers.files import shown
@@ -31,8 +31,11 @@ def train(
     begin = time.perf_counter()
     classes = sorted(set(stream.labels), key=readers.natural_key)
     training, test = split(stream.labels, test_fraction, seed)
-    model = HDCClassifier()
-    model.partial_fit(_labelled(stream, training, "Training"), classes=classes)
+    chunks = _labelled(stream, training, "Training")
+    first = next(chunks)  # tells how many pixels there will be, which decides what is worth it
+    backend = bits.choose_backend("auto", "cpu", len(training) * first[0][0].size)
+    model = HDCClassifier(backend=backend)
+    model.partial_fit(chain([first], chunks), classes=classes)
     seconds = time.perf_counter() - begin
     model.save(output, metadata={"crop": window.crop, "subsample": window.subsample})
     said = [

@@ -2,8 +2,9 @@
 
 A frame belongs to the interval with start ≤ time < end, and frames outside all intervals are left
 out. Times are those of the container, in seconds from its first frame, whether they are evenly
-spaced or not. Colour becomes luminance as in :mod:`hdc.readers.images`; OpenCV gives 8 bits a
-pixel, whatever was stored. Interlaced videos, which OpenCV 5 does not convert, are refused.
+spaced or not: a delay of the first frame (an edit list of an mp4), which players add, does not
+count. Colour becomes luminance as in :mod:`hdc.readers.images`; OpenCV gives 8 bits a pixel,
+whatever was stored. Interlaced videos, which OpenCV 5 does not convert, are refused.
 
 The video is decoded once, from its beginning to the last interval's end, when it is opened: seeking
 is slow, and not exact in every container (opencv/opencv issues 4890 and 9053). Frames that do not

@@ -32,7 +32,7 @@ class Thermal:
 
     Args:
         scale: k0·β·L in rad/K (fitted: same-class correlation, accuracy at few samples).
-        spread: σ of the logarithm (fitted with it; the median of |S| is then 68 rad/K).
+        spread: σ of the logarithm (fitted with it; the median of ``|S|`` is then 68 rad/K).
         limit: rad/K above which the lognormal tail is unphysical: metres of path. Those paths get a
             magnitude uniform between 0.3·limit and limit; one common value would keep them
             coherent with each other.

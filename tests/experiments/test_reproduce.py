@@ -52,7 +52,7 @@ def test_every_step_names_something_that_exists(quick):
             key, _, value = word.partition("=")
             for name in value.split(",") if key in ("experiment", "model", "stop", "scene") else ():
                 assert (CONFIGS / key / f"{name}.yaml").is_file(), (step.name, word)
-    assert sum(step.minutes for step in found) <= (30 if quick else 4.75 * 60)
+    assert sum(step.minutes for step in found) <= (20 if quick else 4 * 60)
 
 
 @pytest.mark.parametrize("quick", [False, True])

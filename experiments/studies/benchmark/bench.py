@@ -24,7 +24,7 @@ from experiments.protocol.clock import synchronise, timed
 from experiments.records.measurement import Row
 from experiments.studies.benchmark.cases import Case
 from experiments.studies.benchmark.memory import call_bytes, give_back
-from experiments.studies.benchmark.names import OURS, OURS_COMPILED, READ
+from experiments.studies.benchmark.names import DECODED, OURS, OURS_COMPILED, READ
 from experiments.studies.benchmark.route import Route
 
 _SAMPLE = 2e-3  # seconds that one time sample takes at least: shorter calls are repeated in it
@@ -46,8 +46,11 @@ class Bench:
     budget_s: float
     rows: list[Row] = field(default_factory=list)
 
-    def measure(self, routes: Sequence[Route], case: Case) -> list[Row]:
-        """A row for each route of an operation at one size; ours comes first."""
+    def measure(self, routes: Sequence[Route], case: Case, memory: bool = True) -> list[Row]:
+        """A row for each route of an operation at one size; ours comes first.
+
+        Without `memory` the peak of a call, which takes a process of its own, is left out.
+        """
         ours: _Timed | None = None
         rows: list[Row] = []
         for route in sorted(routes, key=lambda route: route.name != OURS):
@@ -61,7 +64,7 @@ class Bench:
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")  # constant frames carry no information
-                    row["peak_bytes"] = call_bytes(route, case)
+                    row["peak_bytes"] = call_bytes(route, case) if memory else None
                     peer = _checked(route, case, row)
                     if peer is None:
                         continue
@@ -86,7 +89,7 @@ class Bench:
         wrong = [
             f"{row['operation']} by {row['route']} ({row['status']})"
             for row in self.rows
-            if row["status"] == "wrong result" or row["status"].startswith("failed")
+            if invalid(row)
         ]
         if wrong:
             listed = ", ".join(wrong)
@@ -100,7 +103,7 @@ class Bench:
             return "skipped: runs on the CPU only"
         if str(case.dtype) not in route.types:
             return f"skipped: takes {', '.join(route.types)}"
-        if route.operation in ("bundle", "train") and case.n < case.n_classes:
+        if route.operation in ("bundle", "train", "folder") and case.n < case.n_classes:
             return f"skipped: {case.n} frames for {case.n_classes} classes"
         seconds = 0.0
         memory: dict[int, float] = {}  # expected, from the sizes measured of each D
@@ -140,6 +143,11 @@ class Bench:
             if ours:
                 ratios.append(seconds / ours.sample())
         return ratios
+
+
+def invalid(row: Row) -> bool:
+    """Whether a row was to have a result and has none that is right."""
+    return row["status"] == "wrong result" or str(row["status"]).startswith("failed")
 
 
 class _Timed:
@@ -204,7 +212,7 @@ def _checked(route: Route, case: Case, row: Row) -> _Timed | None:
     output = call()
     synchronise(case.device)
     first = time.perf_counter() - start
-    if route.name != READ:
+    if route.name not in (READ, DECODED):
         result = form(output)
         verdict = "no" if result is None else case.verdict(route.operation, result)
         if route.name in (OURS, OURS_COMPILED) and "aside" in verdict:

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from experiments.studies.benchmark.names import SHUFFLED, SORTED
 from hdc.encode import encode
 
 HELD_OUT = 16  # frames that trained models predict
@@ -21,7 +22,8 @@ def _grey(intensity: np.ndarray) -> np.ndarray:
 # Pixels made of an intensity float32 [D] of mean 50.
 FRAMES: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
     "speckle": _grey,
-    "moving medians": _grey,
+    SORTED: _grey,
+    SHUFFLED: _grey,
     "constant": lambda intensity: np.full(len(intensity), 128, np.uint8),
     "binary": lambda intensity: np.where(intensity > 50, 255, 0).astype(np.uint8),
     "uint16": lambda intensity: np.minimum(256 * intensity, 65535).astype(np.uint16),
@@ -34,7 +36,8 @@ class Case:
 
     Frames [N, D] are speckle-like: half a pattern of the class, half one of the frame's own, with
     gamma-distributed intensity of mean 50, and a brightness that varies by 1 % from frame to frame,
-    as that of touches does; with moving medians, by 70 % in random order.
+    as that of touches does. Those like a camera's are of six exposures, whose medians are 100 grey
+    levels apart, and flicker by 5 %: one exposure after the other, or in random order.
 
     Args:
         n, d, n_classes: numbers of frames, pixels, classes.
@@ -68,6 +71,14 @@ class Case:
         labels = np.arange(4 * self.n_classes) % self.n_classes
         return self._frames(labels, 2), labels
 
+    def few_by_few(self) -> Iterator[tuple[Tensor, np.ndarray]]:
+        """One frame a class, some at a time: of a thousand classes they are a quarter gigabyte."""
+        labels = np.arange(self.n_classes)
+        drawn = self._drawn(labels, 2)
+        for some in np.array_split(labels, -(-self.n_classes // 32)):
+            frames = np.fromiter(drawn, (self.dtype, self.d), len(some))
+            yield torch.from_numpy(frames), some
+
     @functools.cached_property
     def held(self) -> tuple[Tensor, np.ndarray]:
         """Frames that no model was trained on."""
@@ -93,23 +104,32 @@ class Case:
 
     def _drawn(self, labels: np.ndarray, stream: int) -> Iterator[np.ndarray]:
         """One frame [D] after another."""
-        patterns = np.random.default_rng([self.seed, 0])
-        own = np.random.default_rng([self.seed, stream])
-        base = patterns.standard_gamma(3, (self.n_classes, self.d), np.float32)
-        pool = own.standard_gamma(3, 16 * self.d, np.float32)
-        starts = own.integers(0, 15 * self.d + 1, len(labels))
-        if self.kind == "moving medians":
-            gains = own.uniform(0.3, 1.7, len(labels)).astype(np.float32)
+        own, n = np.random.default_rng([self.seed, stream]), len(labels)
+        pools, more = [], min(15 * self.d, 2**22)  # stretches of which are patterns
+        for number, count in ((0, self.n_classes), (stream, n)):
+            rng = np.random.default_rng([self.seed, number, 1])
+            pool = rng.standard_gamma(3, self.d + more, np.float32)
+            pools.append((pool, rng.integers(0, more + 1, count)))
+        (base, places), (pool, starts) = pools
+        if self.kind in (SORTED, SHUFFLED):
+            exposures = np.linspace(33, 133, 6) / 50 * 1.06  # of the mean, whose median is lower
+            gains = np.sort(own.choice(exposures, n)) * own.uniform(0.95, 1.05, n)
+            if self.kind == SHUFFLED:
+                gains = own.permutation(gains)
         else:
-            gains = 1 + 0.01 * own.standard_normal(len(labels), np.float32)
-        for label, start, gain in zip(labels, starts, 50 / 3 / 2 * gains, strict=True):
-            yield FRAMES[self.kind](gain * (base[label] + pool[start : start + self.d]))
+            gains = 1 + 0.01 * own.standard_normal(n)
+        gains = (50 / 3 / 2 * gains).astype(np.float32)
+        for label, start, gain in zip(labels, starts, gains, strict=True):
+            pattern = base[places[label] :][: self.d] + pool[start : start + self.d]
+            yield FRAMES[self.kind](gain * pattern)
 
     # The reference, in numpy alone ---------------------------------------------------------------
 
     def verdict(self, operation: str, result: np.ndarray) -> str:
         """What a result in common form is worth: ``yes``, ``yes, ties aside`` (bits that the median
         or the majority leaves open), ``same labels`` (the right ones), or ``no``."""
+        if operation == "folder":
+            operation = "train"
         if operation == "hamming":
             return "yes" if np.array_equal(result, self.distances) else "no"
         if result.dtype != np.uint8:

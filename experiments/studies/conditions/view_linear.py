@@ -235,7 +235,7 @@ def drawn(measured: Measured, adam: Measured | None, timed: Measured | None) -> 
         recipes = (
             ("GD", "unit", "Gradient descent on all frames, pixels in 0…1"),
             ("GD", "raw", "the same, 0…255"),
-            ("Adam", "unit", "Adam, batches of 20, 0…1"),
+            ("Adam", "unit", "Adam, 0…1"),
         )
         for place, letter, (method, pixels, text) in zip(places, "abc", recipes, strict=True):
             axes = figure.add_subplot(place)
@@ -319,12 +319,12 @@ def _map(
         if named:
             text = f" {PIPELINES[pipeline]}{' + evaluation' * evaluated}"
             axes.text(1.5 * max(x), there, text, fontsize=5, color="0.35", va="bottom", ha="right")
-    ticks = {nought: "0", 0.001: "0.001", 0.01: "0.01", 0.1: "0.1"}
+    ticks = {nought: "0", 0.01: "0.01", 0.1: "0.1"} | ({0.001: "0.001"} if named else {})
     axes.xaxis.set_major_locator(FixedLocator(list(ticks)))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda s, _: ticks.get(s, "")))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
-    axes.set_xlabel("deviation of the initial weights, σ")
+    axes.set_xlabel("deviation of the initial weights, σ" if named else "σ")
     axes.set_ylabel("steps")
     for name, start in starts.items():
         if "of" not in start or not (here := [r["sigma"] for r in rows if r["start"] == name]):
@@ -333,7 +333,7 @@ def _map(
         if named:
             axes.text(
                 here[0] or nought,
-                1.8,
+                0.8 if here[0] else 1.8,  # above the marks at zero
                 literal(start["of"]),
                 rotation=90,
                 fontsize=5,

@@ -20,6 +20,8 @@ of q with the probability (order statistics of L independent numbers)
 Single correlations are skewed: few samples are like the query, most are not. A mean of N_s numbers
 from a gamma distribution is of one, too, so F is a shifted gamma distribution (Pearson's type III)
 of the skewness that the measured one, in a mean of N_s, leaves; without skewness it is a Gaussian.
+No number in it is fitted to an accuracy, but that it has skewness at all was decided after the
+Gaussians had been seen to miss the accuracies of a sensor (seed 0): both are reported.
 
 What is assumed: bits are signs of Gaussians; all pairs of a class are equally correlated, though
 frames of like temperature are more so; the noise of scores is that distribution, independent from

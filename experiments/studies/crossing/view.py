@@ -260,8 +260,9 @@ def _theory_note(found: Experiments) -> str:
             f"at most, {crosses(found.theory[name].mean(0))}"
         )
     return (
-        "Theory: from correlations of hypervectors and their scatter on the same sensors, nothing "
-        f"fitted to an accuracy. {'; '.join(said)}."
+        "Theory: from correlations of hypervectors and their scatter on the same sensors, no "
+        "number fitted to an accuracy; skewness was taken in after the Gaussians had missed "
+        f"on seed 0. {'; '.join(said)}."
     )
 
 

@@ -118,22 +118,25 @@ def run(
         "n_test_offset": n_test_offset,
     }
 
+    def of_sensor(seed: int, made: Scene) -> Iterator[Row]:
+        warmer = rooms(scene, offsets, seed, n_test_offset, console)
+        sessions = Sessions(made, [frames for _, frames, _ in warmer])
+        of = {"origin": made.origin, "seed": seed}
+        for one in order:
+            choice = choose(made, old_split, n_test, one, seed)
+            for name, model in made_models.items():
+                for row in updates(sessions, choice, model, n_new, p, one, draws, seed):
+                    yield {**of, "order": one, "model": name, **row}
+        if warmer:
+            choice = choose(made, old_split, n_test, order[0], seed)
+            for name, model in made_models.items():
+                for row in at_offsets(sessions, choice, model, warmer, seed):
+                    yield {**of, "model": name, **row}
+        console.print(f"[dim]drift: seed {seed}[/dim]")
+
     def compute() -> Iterator[Row]:
         for seed, made in scenes(scene, seeds, cache, console):
-            warmer = rooms(scene, offsets, seed, n_test_offset, console)
-            sessions = Sessions(made, [frames for _, frames, _ in warmer])
-            of = {"origin": made.origin, "seed": seed}
-            for one in order:
-                choice = choose(made, old_split, n_test, one, seed)
-                for name, model in made_models.items():
-                    for row in updates(sessions, choice, model, n_new, p, one, draws, seed):
-                        yield {**of, "order": one, "model": name, **row}
-            if warmer:
-                choice = choose(made, old_split, n_test, order[0], seed)
-                for name, model in made_models.items():
-                    for row in at_offsets(sessions, choice, model, warmer, seed):
-                        yield {**of, "model": name, **row}
-            console.print(f"[dim]drift: seed {seed}[/dim]")
+            yield from of_sensor(seed, made)  # whose frames are then forgotten
 
     return measure("drift", config, compute, device=device, force=force, console=console)
 
@@ -208,9 +211,13 @@ class Sessions:
     def __init__(self, scene: Scene, more: Sequence[Tensor] = ()):
         self.labels, self.n_classes = scene.labels, len(scene.classes)
         self.dimension = scene.shape[0] * scene.shape[1]
-        n, batches = len(scene.labels), range(0, len(scene.labels), _BATCH)
-        own = [scene.frames(np.arange(k, min(k + _BATCH, n))).cpu() for k in batches]
-        self._frames = torch.cat([*own, *more])
+        n = len(scene.labels)
+        self._frames = scene.frames([0]).new_empty(n + sum(map(len, more)), *scene.shape)
+        for start in range(0, n, _BATCH):
+            batch = np.arange(start, min(start + _BATCH, n))
+            self._frames[batch] = scene.frames(batch).cpu()
+        for start, part in zip(n + np.cumsum([0, *map(len, more)]), more, strict=False):
+            self._frames[start : start + len(part)] = part
         self.words = torch.cat([encode(part) for part in self._frames.split(_BATCH)])
         self._products: Products | None = None
 

@@ -3,7 +3,7 @@ add to the new ones; how far the environment may change."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -135,7 +135,8 @@ def tables(results: Results) -> Iterator[Table]:
                 **{f"New environment, N_new = {n}, %": partial(_cell, f"new_{n}") for n in shown},
                 **{f"Old environment, N_new = {n}, %": partial(_cell, f"old_{n}")
                    for n in shown[-1:]},
-                "Above new alone, points": partial(_gain_cell, shown[-1:]),
+                **{f"Above new alone, N_new = {n}, points": partial(_gain_cell, f"gain_{n}")
+                   for n in shown[-1:]},
                 "Old samples add at N_new =": lambda row: row["adds"],
                 "Old samples cost at N_new =": lambda row: row["costs"],
             },
@@ -175,10 +176,8 @@ def _cell(name: str, row: Mapping[str, Any]) -> str:
     return interval(*(percent(row.get(key)) for key in (name, f"{name}_low", f"{name}_high")))
 
 
-def _gain_cell(n: Sequence[int], row: Mapping[str, Any]) -> str:
-    found = [row.get(f"gain_{one}{end}") for one in n for end in ("", "_low", "_high")]
-    if not found or found[0] is None:
-        return "–"
+def _gain_cell(name: str, row: Mapping[str, Any]) -> str:
+    found = [row.get(key) for key in (name, f"{name}_low", f"{name}_high")]
     return interval(*("–" if x is None else f"{100 * x:+.1f}" for x in found))
 
 

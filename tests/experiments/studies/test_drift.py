@@ -247,10 +247,12 @@ def test_the_table_says_where_old_samples_add_something(recalibration, results):
     add, cost = (f"Old samples {what} at N_new =" for what in ("add", "cost"))
     half = rows["HDC", "bits replaced, p = 0.5"]
     # Against 70 and 73, 80 and 83: gains of 20 and 21, 10 and 11, ± 6.4.
-    assert half["Above new alone, points"] == "+10.5 [+4.1, +16.9]"
+    assert half["Above new alone, N_new = 50, points"] == "+10.5 [+4.1, +16.9]"
     assert (half[add], half[cost]) == ("5, 50", "none")
     # 80 against 80 and 83: a loss that two seeds do not show.
-    assert rows["HDC", "old and new, equal votes"]["Above new alone, points"].startswith("-1.5 [")
+    assert rows["HDC", "old and new, equal votes"][
+        "Above new alone, N_new = 50, points"
+    ].startswith("-1.5 [")
     assert rows["HDC", "old and new, equal votes"][add] == "none"
     assert rows["Ridge read-out", "new, from the old weights"][add] == "none"
     assert rows["HDC", "new samples alone, p = 1"]["New environment, N_new = 50, %"][:4] == "81.5"

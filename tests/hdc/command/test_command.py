@@ -65,6 +65,21 @@ def contents(root):
 # What they do ------------------------------------------------------------------------------------
 
 
+def test_training_takes_the_backend_that_all_its_frames_are_worth(
+    hdc, folder, tmp_path, monkeypatch
+):
+    """A chunk alone is never worth loading the compiled kernels."""
+    from hdc import bits
+
+    asked, choose = [], bits.choose_backend
+    monkeypatch.setattr(
+        bits, "choose_backend", lambda *given: asked.append(given) or choose(*given)
+    )
+    assert hdc("train", folder, "-o", tmp_path / "m.safetensors")[0] == 0
+    assert asked[0] == ("auto", "cpu", 36 * SIDE * SIDE)
+    assert {given[0] for given in asked[1:]} <= {"numpy", "compiled"}
+
+
 def test_a_model_is_that_of_all_frames(hdc, folder, frames, tmp_path):
     before = contents(tmp_path)
     path = tmp_path / "m.safetensors"

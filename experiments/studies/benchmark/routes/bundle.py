@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from experiments.studies.benchmark.cases import Case, pack_bits, packed_bytes, unpack_bits
+from experiments.studies.benchmark.names import TORCHHD_BUNDLE
 from experiments.studies.benchmark.route import Job, ours, route
 from hdc import bits
 from hdc.prototypes import Counters
@@ -27,7 +28,7 @@ def hdc(case: Case, backend: str) -> Job:
     return call, lambda prototypes: packed_bytes(prototypes, case.d)
 
 
-@route("bundle", "torchhd.multiset", module="torchhd", anywhere=True)
+@route("bundle", TORCHHD_BUNDLE, module="torchhd", anywhere=True)
 def torchhd_multiset(case: Case) -> Job:
     import torchhd
 

@@ -28,6 +28,32 @@ def numpy_median(case: Case) -> Job:
     return lambda: frames > np.median(frames, axis=1, keepdims=True), pack_bits
 
 
+@route("encode", "torch.kthvalue, compare", types=("uint8", "float32"))
+def torch_kthvalue(case: Case) -> Job:
+    frames, place = case.frames, case.d - case.d // 2
+    return lambda: frames > frames.kthvalue(place, dim=1, keepdim=True).values, pack_bits
+
+
+@route("encode", "numpy.partition, compare", module="numpy")
+def numpy_partition(case: Case) -> Job:
+    frames, place = case.frames.numpy(), case.d - case.d // 2 - 1
+    return lambda: frames > np.partition(frames, place, axis=1)[:, place, None], pack_bits
+
+
+@route("encode", "cv2.calcHist, compare, packbits", module="cv2", types=("uint8", "uint16"))
+def opencv_histogram(case: Case) -> Job:
+    import cv2
+
+    frames, levels = case.frames.numpy(), np.iinfo(case.dtype).max + 1
+
+    def threshold(pixels: np.ndarray) -> np.ndarray:
+        counts = cv2.calcHist([pixels], [0], None, [levels], [0, levels])  # float32, exact to 2^24
+        below = counts.reshape(-1).astype(np.int64).cumsum()
+        return pack_bits(pixels > np.searchsorted(below, (len(pixels) + 1) // 2))
+
+    return lambda: np.stack([threshold(pixels) for pixels in frames]), lambda packed: packed
+
+
 @route("encode", "numpy.bincount, compare, packbits", module="numpy", types=("uint8", "uint16"))
 def numpy_bincount(case: Case) -> Job:
     frames = case.frames.numpy()

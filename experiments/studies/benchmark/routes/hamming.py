@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from experiments.studies.benchmark.cases import Case
-from experiments.studies.benchmark.names import OURS
+from experiments.studies.benchmark.names import NUMKONG, OURS
 from experiments.studies.benchmark.route import Job, route
 from hdc import bits
 
@@ -16,7 +16,7 @@ def hdc(case: Case) -> Job:
     return lambda: bits.hamming(queries, prototypes), lambda x: x.numpy(force=True)
 
 
-@route("hamming", "numkong.cdist", module="numkong")
+@route("hamming", NUMKONG, module="numkong")
 def numkong_cdist(case: Case) -> Job:
     import numkong
 

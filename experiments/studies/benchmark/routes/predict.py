@@ -21,8 +21,34 @@ from hdc import HDCClassifier
 
 @ours("predict")
 def hdc(case: Case, backend: str) -> Job:
-    model = HDCClassifier(device=case.device, backend=backend).fit(*case.few)
+    model = _of_many(case, backend)
     return one_by_one(case, lambda frame: model.predict(frame)[0])
+
+
+@ours("predict_all")
+def hdc_all(case: Case, backend: str) -> Job:
+    model = _of_many(case, backend)
+    frames = case.held[0]
+    return lambda: model.predict(frames), lambda labels: labels
+
+
+@ours("learn_one")
+def hdc_learns(case: Case, backend: str) -> Job:
+    """Every call learns the next held-out frame, as a stream goes; then the model is asked."""
+    model = _of_many(case, backend)
+    frames, labels = case.held
+    turn = itertools.cycle(range(HELD_OUT))
+
+    def call() -> HDCClassifier:
+        i = next(turn)
+        return model.partial_fit(frames[i : i + 1], labels[i : i + 1])
+
+    return call, lambda model: model.predict(frames)
+
+
+def _of_many(case: Case, backend: str) -> HDCClassifier:
+    """A model that has learnt one frame of each class."""
+    return HDCClassifier(device=case.device, backend=backend).partial_fit(case.few_by_few())
 
 
 @route("predict", "torch.median, torchhd.hamming_similarity", module="torchhd", anywhere=True)

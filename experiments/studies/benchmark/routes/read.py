@@ -20,6 +20,8 @@ def one_read(operation: str, case: Case) -> Job:
         "hamming": lambda: [case.words, case.prototypes],
         "train": lambda: [case.frames],
         "predict": lambda: [case.held[0][:1], case.prototypes],
+        "predict_all": lambda: [case.held[0], case.prototypes],
+        "learn_one": lambda: [case.held[0][:1]],
     }[operation]()
     if case.device != "cpu":
         tensors = [_wide(x.to(case.device)) for x in inputs]
@@ -34,5 +36,5 @@ def _wide(x: Tensor) -> Tensor:
     return x.view(torch.int64) if whole else x.view(torch.uint8)
 
 
-for _operation in OPERATIONS:
+for _operation in OPERATIONS[:-1]:  # a folder is not read but decoded
     route(_operation, READ, anywhere=True)(functools.partial(one_read, _operation))

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from experiments.studies.benchmark.cases import Case, pack_bits, packed_bytes
+from experiments.studies.benchmark.names import ORDINARY_ROUTES, TORCHHD_TRAIN
 from experiments.studies.benchmark.route import Form, Job, ours, route
 from experiments.studies.benchmark.routes.bundle import centroid, centroid_majority
 from experiments.studies.benchmark.routes.encode import torch_threshold
@@ -24,10 +25,25 @@ def hdc(case: Case, backend: str) -> Job:
     )
 
 
-@route("train", "torch.median, torchhd.multiset", module="torchhd", anywhere=True)
+@route("train", TORCHHD_TRAIN, module="torchhd", anywhere=True)
 def torchhd_multiset(case: Case) -> Job:
     frames, labels = case.frames, torch.from_numpy(case.labels)
     return lambda: torchhd_prototypes(case, frames, labels), pack_bits
+
+
+@route("train", ORDINARY_ROUTES[1], module="torchhd")
+def numpy_multiset(case: Case) -> Job:
+    import torchhd
+
+    frames, labels = case.frames.numpy(), torch.from_numpy(case.labels)
+
+    def call() -> Tensor:
+        ones = torch.from_numpy(frames > np.median(frames, axis=1, keepdims=True))
+        hypervectors = torchhd.BSCTensor(ones)
+        classes = [hypervectors[labels == c] for c in range(case.n_classes)]
+        return torch.stack([torchhd.multiset(x) for x in classes])
+
+    return call, pack_bits
 
 
 @route("train", "torch.median, torchhd.models.Centroid", module="torchhd", anywhere=True)

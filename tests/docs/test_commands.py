@@ -1,0 +1,113 @@
+"""Every command that README and docs show: run, composed, or named here with why it is not."""
+
+import os
+import re
+import shlex
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from hdc.command import main
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+PAGES = [CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").glob("*.md"))]
+COMMAND = re.compile(r"^(?:\w+=\S+ )*(hdc |python -m |torchrun |pip |make\b).*")
+
+NOT_RUN = {
+    "pip ": "installs: tests/hdc/command/test_installed.py does",
+    "make": "sets up .venv first; its recipes are the commands below",
+    "torchrun ": "starts processes: tests/experiments/protocol/test_ranks.py does",
+    "python -m experiments.report": "reads all records: tests/experiments/test_report.py does",
+    "python -m scenes.export": "simulates hundreds of frames: tests/scenes/test_export.py does",
+    "hdc live": "opens a camera or waits for a browser",
+}
+"""Beginnings of commands → why they are not run here."""
+
+
+def commands(page):
+    """Lines of fenced and indented code that begin a command, comments left out."""
+    fence, found = None, []
+    for line in page.read_text().splitlines():
+        if line.startswith("```"):
+            fence = line[3:] if fence is None else None
+        elif fence in ("shell", "console") or (fence is None and line.startswith("    ")):
+            text = line.strip().partition("  #")[0].strip()
+            if COMMAND.match(text):
+                found.append(re.sub(r"^(\w+=\S+ )+", "", text))
+    return found
+
+
+def reason(command):
+    return next((why for start, why in NOT_RUN.items() if command.startswith(start)), None)
+
+
+SHOWN = [(page.name, command) for page in PAGES for command in commands(page)]
+RUN = [(page, c) for page, c in SHOWN if reason(c) is None]
+
+
+def test_commands_are_found_in_the_pages_that_have_them():
+    pages = {page for page, _ in SHOWN}
+    assert {"README.md", "tutorial.md", "extend.md", "cluster.md"} <= pages
+    unknown = [c for _, c in RUN if not c.startswith(("hdc ", "python -m experiments.run "))]
+    assert unknown == []  # neither run nor composed nor named above
+
+
+@pytest.mark.parametrize("page", sorted({page for page, c in RUN if c.startswith("hdc ")}))
+def test_commands_of_hdc_run_in_the_order_shown(page, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    recordings(tmp_path)
+    for command in (c for name, c in RUN if name == page and c.startswith("hdc ")):
+        with pytest.raises(SystemExit) as caught:
+            main(shlex.split(command)[1:])
+        out, err = capsys.readouterr()
+        assert (caught.value.code, err) == (0, ""), command
+        assert out, command
+
+
+@pytest.mark.parametrize(
+    "command", sorted({c for _, c in RUN if c.startswith("python -m experiments.run ")})
+)
+def test_runs_are_of_configs_that_there_are(command, monkeypatch):
+    from hydra import compose, initialize_config_module
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    words = [w for w in shlex.split(command)[3:] if w != "-m"]
+    if "--config-dir" in words:  # a folder of the reader's
+        at = words.index("--config-dir")
+        del words[at : at + 2]
+        words = [w for w in words if not w.startswith("model=")]
+    parsed = OverridesParser.create().parse_overrides(words)
+    firsts = [
+        f"{o.key_or_group}={next(iter(o.sweep_string_iterator()))}" if o.is_sweep_override() else w
+        for o, w in zip(parsed, words, strict=True)
+    ]
+    with initialize_config_module("configs", version_base=None):
+        config = compose("config", [f for f in firsts if not f.startswith("hydra")])
+    assert config.scene._target_
+    for word in words:
+        group, _, name = word.partition("=")
+        if group in ("scene", "model", "experiment"):
+            for one in name.split(","):
+                assert (CHECKOUT / "configs" / group / f"{one}.yaml").is_file(), word
+        if group.startswith("hydra/launcher"):
+            assert (CHECKOUT / "configs" / group / f"{name}.yaml").is_file(), word
+
+
+def recordings(folder):
+    """Two days of a sensor of two classes, as the pages assume them, wide enough for the crop."""
+    rng = np.random.default_rng(0)
+    base = rng.integers(0, 160, (2, 500, 570))
+
+    def image(c):
+        return (base[c] + rng.integers(0, 90, base[c].shape)).astype(np.uint8)
+
+    for day, number in (("touches", 5), ("tomorrow", 2)):
+        for c, name in enumerate(("left", "right")):
+            os.makedirs(folder / day / name)
+            for i in range(number):
+                assert cv2.imwrite(str(folder / day / name / f"{i}.png"), image(c))
+    (folder / "frames").mkdir()
+    for name in ("frame1.png", "frame2.png", "frames/1.png"):
+        assert cv2.imwrite(str(folder / name), image(0))

@@ -1,0 +1,71 @@
+"""The site builds without a warning, and its pages ask nothing of any other host."""
+
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("sphinx")
+CHECKOUT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("site")
+    options = ["-q", "-W", "--keep-going", "-b", "html", "-d", folder / "doctrees"]
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", *options, CHECKOUT / "docs", folder / "html"],
+        cwd=CHECKOUT, env={"PYTHONPATH": str(CHECKOUT)}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    return folder / "html"
+
+
+class Resources(HTMLParser):
+    """What a page loads by itself."""
+
+    def __init__(self):
+        super().__init__()
+        self.found = []
+
+    def handle_starttag(self, tag, attributes):
+        named = dict(attributes)
+        if tag in ("script", "img", "iframe", "source") and named.get("src"):
+            self.found.append(named["src"])
+        if tag == "link":
+            self.found.append(named["href"])
+
+
+def test_pages_load_only_what_lies_beside_them(site):
+    for page in site.glob("*.html"):
+        resources = Resources()
+        resources.feed(page.read_text())
+        assert resources.found
+        for name in resources.found:
+            assert not re.match(r"\w+:|//", name), (page.name, name)
+            file = re.split("[?#]", name)[0] or page.name
+            assert (site / file).is_file(), (page.name, name)
+    for style in site.rglob("*.css"):
+        assert not re.search(r"url\(\s*['\"]?(\w+:)?//|@import\s+\S*//", style.read_text()), style
+
+
+def test_equations_are_mathml_of_every_formula(site):
+    formulas = len(re.findall(r"^\$\$$", (CHECKOUT / "docs" / "sensor.md").read_text(), re.M)) // 2
+    page = (site / "sensor.html").read_text()
+    assert formulas > 5
+    assert page.count('display="block"') == formulas
+    assert "\\frac" not in page
+    assert "$" not in re.sub(r"<(pre|script).*?</\1>", "", page, flags=re.S)
+
+
+def test_the_api_has_every_public_method(site):
+    from hdc import HDCClassifier
+
+    page = (site / "api.html").read_text()
+    for name in ("fit", "partial_fit", "predict", "predict_proba", "decision_function",
+                 "recalibrate", "merge", "save", "load", "is_known"):  # fmt: skip
+        assert callable(getattr(HDCClassifier, name))
+        assert f'id="hdc.HDCClassifier.{name}"' in page
