@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from functools import partial
+from typing import Any
 
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
@@ -166,7 +167,7 @@ def accuracy_vs_n(rows: Sequence[Row]) -> Figure:
             accuracy_curves(axes, rows, models, "n_train", PUBLISHED_N.values())
             handles = [handle(m) for m in measured_models(rows, models)]
             if _maxima(axes, rows, models):
-                mark = {"ls": "", "marker": "_", "mec": "0.3", "ms": 5, "mew": 0.7}
+                mark: dict[str, Any] = {"ls": "", "marker": "_", "mec": "0.3", "ms": 5, "mew": 0.7}
                 handles.append(Line2D([], [], label="maximum of a run", **mark))
             if axes is panels[0]:
                 handles.append(star("paper, Table I"))
