@@ -167,7 +167,13 @@ def accuracy_vs_n(rows: Sequence[Row]) -> Figure:
             accuracy_curves(axes, rows, models, "n_train", PUBLISHED_N.values())
             handles = [handle(m) for m in measured_models(rows, models)]
             if _maxima(axes, rows, models):
-                mark: dict[str, Any] = {"ls": "", "marker": "_", "mec": "0.3", "ms": 5, "mew": 0.7}
+                mark: dict[str, Any] = {
+                    "ls": "",
+                    "marker": "o",
+                    "mec": "0.3",
+                    "mfc": "white",
+                    "ms": 2.2,
+                }
                 handles.append(Line2D([], [], label="maximum of a run", **mark))
             if axes is panels[0]:
                 handles.append(star("paper, Table I"))
@@ -213,8 +219,10 @@ def accuracy_vs_n(rows: Sequence[Row]) -> Figure:
 
 
 def _maxima(axes: Axes, rows: Sequence[Row], models: Sequence[str]) -> bool:
-    """The largest accuracy of a run, the published reading, where it is above the final one: a thin
-    bar joined to the curve; whether there is any."""
+    """The largest accuracy of a run, the published reading, where it is above the final one.
+
+    A small open marker, joined to the curve; whether there is any.
+    """
     found = False
     for k, model in enumerate(models):
         colour, _, _ = style_of(model)
@@ -225,7 +233,7 @@ def _maxima(axes: Axes, rows: Sequence[Row], models: Sequence[str]) -> bool:
             if largest - final > 0.5:
                 x = apart(line["n_train"], k, len(models))
                 axes.plot([x, x], [final, largest], color=colour, lw=0.5, ls=":", zorder=1)
-                axes.plot(x, largest, "_", color=colour, ms=5, mew=0.9)
+                axes.plot(x, largest, "o", color=colour, mfc="white", ms=2.2, mew=0.6)
                 found = True
     return found
 

@@ -396,7 +396,8 @@ def sharpening(results: Results) -> Claim:
         "√(2/π)·√(n/(1 + (n − 1)c))"
     )
     if found:
-        why += f". ΔC by this from C^b alone: {_estimate(found[0].theory)}"
+        said = ", ".join(f"{one.origin} {_estimate(one.theory)}" for one in found)
+        why += f". ΔC^p by this, from C^b alone: {said}"
     return Claim(
         "Prototypes sharpen the contrast",
         f"ΔC of speckle, hypervectors, prototypes: {paper} (Fig. 4(e))",
@@ -447,9 +448,10 @@ def _sharpened(one: Sharpening, margin: float) -> str:
         return "not decided"
     if one.ratio.high < 1:
         return "does not hold"
-    if abs(one.theory.value - one.prototype.value) <= margin:
+    beyond = one.prototype.value - one.theory.value
+    if abs(beyond) <= margin:
         return "holds, as an effect of averaging"
-    return "holds, by more than averaging"
+    return f"holds, by {'more' if beyond > 0 else 'less'} than averaging"
 
 
 # Recalibration ------------------------------------------------------------------------------------

@@ -239,7 +239,7 @@ STUDY = Study(
     "models",
     "Every model on every scene",
     "Where not all are right, is HDC the best, and of what can be made of its own bits?",
-    1.5,
+    2.2,
     tables,
     plots,
 )

@@ -28,7 +28,7 @@ def line(tmp_path, model, n_train=None, pixels=None):
 
 
 def test_numbers_are_those_of_the_records(tmp_path, write_run, read_run):
-    times = [0.4, 0.1, 0.3]
+    times = [0.4, 0.3, 0.35]
     ids = [
         write_run("hdc", seed=s, wrong=range(s), curve=[{"training_s": t, "train_accuracy": a}])
         for s, (t, a) in enumerate(zip(times, (1, 0.9, 0.95), strict=True))

@@ -162,11 +162,12 @@ FACTOR = np.sqrt(2 / np.pi * 80 / (1 + 79 * 0.15))
     [
         (FACTOR, "simulated: holds, as an effect of averaging"),
         (3 * FACTOR, "simulated: holds, by more than averaging"),
+        (0.75 * FACTOR, "simulated: holds, by less than averaging"),
         (0.5, "simulated: does not hold"),
     ],
 )
 def test_contrast_beside_what_averaging_makes_of_it(write_measurement, claims, factor, expected):
-    write_measurement("correlation", list(correlation_rows(0.12, factor)))
+    write_measurement("correlation", list(correlation_rows(0.05, factor)))
     assert claims()["contrast"]["What holds"] == expected
 
 
