@@ -21,8 +21,6 @@ from torch import Tensor
 
 from experiments.records.measurement import Row
 
-RULES = ("r1", "r2", "r3", "r4")
-
 
 @dataclass(frozen=True)
 class Levels:
