@@ -385,3 +385,8 @@ def test_tables_and_figure_of_small_measurements(config, tmp_path, monkeypatch):
     drawn = figure.draw()
     assert len(drawn.axes) == 4
     plt.close(drawn)
+
+
+def test_the_rules_of_verdicts_are_those_of_readings():
+    row = read(curve([0.95], [0.9], [1.0]), LEVELS)
+    assert {key.partition("_")[0] for key in row if key.endswith("_projected")} == {*verdict.RULES}
