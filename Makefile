@@ -21,9 +21,8 @@ $(VENV): $(HARNESS)
 	$(INSTALL) '.[harness,test,compiled,peers,cluster]'
 	@touch $@
 
-table1: $(HARNESS)  ## run HDC and the baselines on the simulated touch scene, show Table I
-	$(BIN)/python -m experiments.run experiment=table1
-	$(BIN)/python -m experiments.report
+table1: $(HARNESS)  ## run HDC and the baselines on the simulated touch scene, show Table I after each
+	$(BIN)/python -m experiments.reproduce --table1
 
 benchmark: $(VENV)  ## time every route of the classifier beside its peers
 	$(BIN)/python -m experiments.run experiment=benchmark

@@ -23,7 +23,8 @@ from rich.markup import escape
 from rich.table import Table as TerminalTable
 from rich.text import Text
 
-from experiments import reproduce, studies
+from experiments import studies
+from experiments.records import configs
 from experiments.records.files import REFERENCE, results_dir, write_atomically
 from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
@@ -169,7 +170,7 @@ def write(folder: Path, device: str, console: Console) -> Path:
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"
-    write_atomically(path, page.render(sections, problems, about, _minutes()))
+    write_atomically(path, page.render(sections, problems, about, configs.minutes()))
     console.print(terminal_table(sets))
     for name, text in about.items():
         console.print(Text(printable(f"{name}: {text}"), "dim"))
@@ -196,17 +197,6 @@ def _side_by_side(sets: Sequence[Answers], study: str, name: str) -> Table:
     """One table of all sets of results."""
     found = [table for a in sets for table in a.tables[study] if table.name == name]
     return found[0] if len(found) == 1 else beside(found[0], found[1])
-
-
-def _minutes() -> dict[str, float]:
-    """What each experiment takes: all of its steps in the full reproduction."""
-    found: dict[str, float] = {}
-    for step in reproduce.steps(quick=False):
-        for word in step.words:
-            if word.startswith("experiment="):
-                name = word.partition("=")[2]
-                found[name] = found.get(name, 0) + step.minutes
-    return found
 
 
 def _about(answers: Answers) -> str:

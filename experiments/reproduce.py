@@ -1,4 +1,4 @@
-"""Everything again, step by step: ``python -m experiments.reproduce [--quick]``.
+"""Everything again, step by step: ``python -m experiments.reproduce``.
 
 The steps are those of ``configs/reproduce.yaml``; results go to the folder of own results. What is
 finished there is skipped by the commands themselves, so the same call goes on after an
@@ -24,12 +24,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from omegaconf import OmegaConf
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from experiments.records.configs import CONFIGS
+from experiments.records import configs
 from experiments.records.files import ROOT, results_dir, write_atomically
 from experiments.records.record import to_csv
 from experiments.records.results import Results
@@ -37,6 +36,11 @@ from experiments.records.timing import unlike_siblings
 from experiments.reporting.terminal import in_any_encoding
 
 FILE = "reproduce.csv"
+WHAT = {
+    "full": "everything",
+    "quick": "everything with fewer seeds, without what takes long",
+    "table1": "Table I with one seed, shown after each model",
+}
 
 
 @dataclass(frozen=True)
@@ -71,37 +75,44 @@ class Step:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the steps; 1 if one failed, 130 after an interruption."""
     parser = argparse.ArgumentParser(prog="python -m experiments.reproduce", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="fewer seeds, without what takes long")
+    which = parser.add_mutually_exclusive_group()
+    for mode, what in WHAT.items():
+        if mode != "full":
+            which.add_argument(
+                f"--{mode}", dest="mode", action="store_const", const=mode, help=what
+            )
+    parser.set_defaults(mode="full")
     parser.add_argument("--list", action="store_true", help="show the steps, run none")
     chosen = parser.parse_args(arguments)
     in_any_encoding()
     console = Console(highlight=False)
-    found = steps(chosen.quick)
-    console.print(overview(found, chosen.quick))
+    found = steps(chosen.mode)
+    console.print(overview(found, chosen.mode))
     if chosen.list:
         return 0
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    return run(found, "quick" if chosen.quick else "full", results_dir(), console)
+    return run(found, chosen.mode, results_dir(), console)
 
 
-def steps(quick: bool) -> list[Step]:
-    """The steps of the full or the quick reproduction."""
-    tree: Any = OmegaConf.to_container(OmegaConf.load(CONFIGS / "reproduce.yaml"))
-    mode = "quick" if quick else "full"
+def steps(mode: str = "full") -> list[Step]:
+    """The steps of one of :data:`WHAT`."""
     return [
         Step(
-            step["name"], tuple(shlex.split(step[mode])), step["minutes"][quick], step.get("needs")
+            step["name"],
+            tuple(shlex.split(step[mode])),
+            step["minutes"][mode],
+            step.get("needs"),
         )
-        for step in tree
+        for step in configs.reproduction()
         if mode in step
     ]
 
 
-def overview(found: Sequence[Step], quick: bool) -> Table:
+def overview(found: Sequence[Step], mode: str) -> Table:
     """What will run, and about how long it takes."""
     total = span(60 * sum(step.minutes for step in found))
     table = Table(
-        title=f"{'Quick' if quick else 'Full'} reproduction: about {total} from nothing on 2 cores",
+        title=f"{mode}: {WHAT[mode]}; about {total} from nothing on 2 cores",
         title_justify="left",
         box=box.SIMPLE_HEAD,
         pad_edge=False,

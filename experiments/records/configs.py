@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -85,6 +86,21 @@ def swept_models() -> frozenset[str]:
     trees = (OmegaConf.load(CONFIGS / "experiment" / f"{name}.yaml") for name in names)
     sweeps = (OmegaConf.select(tree, "hydra.sweeper.params.model", default="") for tree in trees)
     return frozenset(model.strip() for text in sweeps for model in str(text).split(","))
+
+
+@functools.cache
+def reproduction() -> tuple[dict[str, Any], ...]:
+    """The steps of ``configs/reproduce.yaml``."""
+    return tuple(OmegaConf.to_container(OmegaConf.load(CONFIGS / "reproduce.yaml")))  # type: ignore[arg-type]
+
+
+def minutes() -> dict[str, float]:
+    """About what each experiment takes on 2 cores: all of its steps in the full reproduction."""
+    found: dict[str, float] = {}
+    for step in reproduction():
+        if name := re.search(r"\bexperiment=(\w+)", step.get("full", "")):
+            found[name[1]] = found.get(name[1], 0) + step["minutes"]["full"]
+    return found
 
 
 def numbers(values: Sequence[str]) -> list[int | None]:

@@ -6,6 +6,7 @@
     hdc recalibrate touch.safetensors tomorrow/ -o tomorrow.safetensors --method merge
     hdc compare touches/ -o compare.html
     hdc info touch.safetensors
+    hdc live --camera 0      # a page to teach it in the browser
 
 :mod:`hdc.readers` describes what ``touches/`` may be: a folder of images, an .npz, or a video with
 a table of intervals. Crop and subsampling are kept in the model's file, and what is read for that
@@ -25,7 +26,7 @@ from collections.abc import Sequence
 from typing import Any
 
 _NEEDED = {"click": "command", "cv2": "command", "PIL": "command", "rich": "command",
-           "sklearn": "compare", "matplotlib": "compare"}  # fmt: skip
+           "sklearn": "compare", "matplotlib": "compare", "nicegui": "live"}  # fmt: skip
 """Package → extra of this distribution that brings it."""
 
 

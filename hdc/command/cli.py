@@ -234,6 +234,43 @@ def compare(
 
 
 @cli.command()
+@click.option("--camera", type=click.IntRange(0), metavar="N", help="Number of the camera.")
+@click.option("--folder", type=_File(), metavar="RECORDING", help="Play this back instead.")
+@_pixels
+@click.option("--host", metavar="ADDRESS", help="Listen there; a token is then asked of everybody. "
+              "[default: this computer alone]")  # fmt: skip
+@click.option("--port", type=click.IntRange(1, 65535), default=8080)
+def live(
+    camera: int | None,
+    folder: Path | None,
+    crop: tuple[int, ...] | None,
+    subsample: int,
+    host: str | None,
+    port: int,
+) -> None:
+    """Teach a model in the browser.
+
+    A page shows the frames of a camera, or of a RECORDING played back, and what the model says.
+    """
+    if (camera is None) == (folder is None):
+        raise click.UsageError("expected one of --camera and --folder")
+    window = _window(crop, subsample)
+    from hdc.live import Camera, Recorded, Source
+    from hdc.live.page import serve
+
+    source: Source
+    if folder is not None:
+        source = Recorded(folder, window)
+    else:
+        assert camera is not None
+        try:
+            source = Camera(camera, window)
+        except ValueError as error:
+            raise click.UsageError(str(error)) from error
+    serve(source, host, port)
+
+
+@cli.command()
 @_model
 def info(model: Path) -> None:
     """Tell what a model was trained on."""

@@ -9,10 +9,10 @@ import sys
 
 import pytest
 from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
 from rich.console import Console
 
 from experiments import reproduce
+from experiments.records import configs
 from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
 from experiments.reproduce import Step, steps
@@ -40,10 +40,10 @@ def console():
 # The list -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("quick", [False, True])
-def test_every_step_names_something_that_exists(quick):
-    found = steps(quick)
-    assert len({step.name for step in found}) == len(found) > 10
+@pytest.mark.parametrize(("mode", "most"), [("full", 240), ("quick", 20), ("table1", 10)])
+def test_every_step_names_something_that_exists(mode, most):
+    found = steps(mode)
+    assert len({step.name for step in found}) == len(found) > 5
     for step in found:
         assert step.minutes > 0, step.name
         path = ROOT.joinpath(*step.words[0].split("."))
@@ -52,13 +52,13 @@ def test_every_step_names_something_that_exists(quick):
             key, _, value = word.partition("=")
             for name in value.split(",") if key in ("experiment", "model", "stop", "scene") else ():
                 assert (CONFIGS / key / f"{name}.yaml").is_file(), (step.name, word)
-    assert sum(step.minutes for step in found) <= (20 if quick else 4 * 60)
+    assert sum(step.minutes for step in found) <= most
 
 
-@pytest.mark.parametrize("quick", [False, True])
-def test_every_step_composes(quick):
+@pytest.mark.parametrize("mode", reproduce.WHAT)
+def test_every_step_composes(mode):
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        for step in steps(quick):
+        for step in steps(mode):
             if step.words[0] == "experiments.run":
                 # A sweep takes several values of a key, a config one of them.
                 words = (w if "[" in w else w.partition(",")[0] for w in step.words[1:])
@@ -67,17 +67,15 @@ def test_every_step_composes(quick):
 
 def test_every_experiment_is_reproduced():
     there = {path.stem for path in (CONFIGS / "experiment").glob("*.yaml")} - {"fuzz"}  # a test
-    words = {word for step in steps(quick=False) for word in step.words}
+    words = {word for step in steps() for word in step.words}
     assert {f"experiment={name}" for name in there} <= words
 
 
-def test_every_step_has_a_full_form_and_a_time_of_each_form():
-    for step in OmegaConf.to_container(OmegaConf.load(CONFIGS / "reproduce.yaml")):
-        known = {"name", "full", "quick", "minutes", "needs"}
-        assert {"name", "full", "minutes"} <= set(step) <= known
-        full, quick = step["minutes"]
-        assert full >= quick
-        assert (quick > 0) == ("quick" in step)
+def test_every_step_has_a_time_of_each_form():
+    for step in configs.reproduction():
+        forms = set(step) - {"name", "minutes", "needs"}
+        assert forms == set(step["minutes"]) <= set(reproduce.WHAT)
+        assert all(step["minutes"]["full"] >= step["minutes"][form] for form in forms - {"table1"})
 
 
 def test_a_step_without_the_data_it_needs_is_skipped_and_that_is_said(
@@ -102,8 +100,8 @@ def test_the_list_runs_nothing(monkeypatch, capsys, commands, tmp_path):
     assert not commands
     assert not (tmp_path / "mine").exists()
     shown = capsys.readouterr().out
-    assert "Quick reproduction: about" in shown
-    for step in steps(quick=True):
+    assert "quick: everything with fewer seeds" in shown
+    for step in steps("quick"):
         assert step.name in shown
         assert shlex.join(step.words[1:2]) in shown
     assert "benchmark" not in shown

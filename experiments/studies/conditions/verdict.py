@@ -24,9 +24,8 @@ from experiments.records.configs import CONFIGS
 from experiments.records.measurement import Measured
 from experiments.reporting import published
 from experiments.reporting.table import Row
+from experiments.studies.conditions.rules import RULES
 
-# No torch here: the report shows verdicts without it.
-RULES = ("r1", "r2", "r3", "r4")  # of readings.read
 KEY = ("method", "pixels", "split", "start")
 EXPLAINS, ACCURACY, TIME, NO = (
     "explains", "explains accuracy only", "explains time only", "no"

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from experiments.records.results import Results
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.table import Table
-from experiments.studies.conditions import view_linear
+from experiments.studies.conditions import view_linear, view_optics
 
-PARTS = (view_linear,)
+PARTS = (view_linear, view_optics)
 
 
 def tables(results: Results) -> Iterator[Table]:

@@ -21,6 +21,7 @@ from experiments.reporting.plot import STYLE, WIDTH, head, literal, panel
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Columns, Row, Table, frame, number, percent
 from experiments.studies.conditions import verdict
+from experiments.studies.conditions.rules import RULES
 
 NAME, ADAM, SECONDS = "table1_conditions", "table1_conditions_adam", "table1_conditions_seconds"
 PIXELS = {
@@ -128,7 +129,7 @@ def _columns(starts: Mapping[str, Mapping[str, Any]]) -> Columns:
         "× HDC, nearest": lambda row: (
             "–" if row["nearest"] is None else f"{number(row['times_hdc'])} ({row['nearest']})"
         ),
-        **{f"Training / test, %, {rule.upper()}": both(rule) for rule in verdict.RULES},
+        **{f"Training / test, %, {rule.upper()}": both(rule) for rule in RULES},
         "HDC, %": lambda row: percent(row["hdc"]),
         "Inside, %": lambda row: percent(row["inside"]),
         "Inside, %, sensors that chose": lambda row: percent(row["inside_choosing"]),

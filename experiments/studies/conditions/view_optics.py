@@ -41,7 +41,8 @@ from experiments.reporting.rows import display_name
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Table, frame, interval, number, percent
 from experiments.studies.conditions.readings import Curve, Levels, read
-from experiments.studies.conditions.verdict import RULES, criterion
+from experiments.studies.conditions.rules import RULES
+from experiments.studies.conditions.verdict import criterion
 from experiments.studies.robustness.view import LEVELS
 
 OPTICS, NETWORKS = "table1_conditions_optics", "table1_conditions_networks"
