@@ -119,8 +119,8 @@ def test_time_is_judged_by_both_ways_to_compute_hdc(
     runs(write_run, "softmax", 0, curve=epochs(0.5, 0.95))
     if ordinary:
         write_measurement("benchmark", [{
-            "operation": "train", "route": "torch.median, torchhd.multiset", "n": 400,
-            "d": 250_000, "l": 5, "median_s": ordinary, "status": "ok"}])  # fmt: skip
+            "operation": "train", "route": "torch.median, torchhd.multiset", "frames": "speckle",
+            "n": 400, "d": 250_000, "l": 5, "median_s": ordinary, "status": "ok"}])  # fmt: skip
     row = claims()["time"]
     assert row["What holds"] == expected
     assert "HDC as written here: ×40.0 [40.0, 40.0]" in row["On simulated frames"]
