@@ -10,6 +10,7 @@ changed stands in ``results/reference/stands.yaml`` with the reason why the reco
 from __future__ import annotations
 
 import argparse
+import csv
 import os
 import re
 import shutil
@@ -25,6 +26,7 @@ from experiments import report, reproduce
 from experiments.records import archive
 from experiments.records.files import REFERENCE, ROOT, results_dir, write_atomically
 from experiments.records.results import Results
+from experiments.reporting.table import markdown_text
 
 STANDS = REFERENCE / "stands.yaml"
 README = ROOT / "README.md"
@@ -104,7 +106,20 @@ def fill(text: str, contents: dict[str, Callable[[], str]]) -> str:
 
 def blocks() -> dict[str, Callable[[], str]]:
     """What each marked block of README.md is made from."""
-    return {"table1": lambda: _table("table1"), "reproduction": _reproduction}
+    return {"claims": _claims, "table1": lambda: _table("table1"), "reproduction": _reproduction}
+
+
+def _claims() -> str:
+    """The paper's claims and what holds of each."""
+    path = REFERENCE / "tables" / "claims.csv"
+    if not path.exists():
+        return "*missing: no claim was measured*"
+    lines = ["| the paper says | what holds |", "|---|---|"]
+    with path.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            claim, paper, verdict = (markdown_text(row[k]) for k in ("claim", "paper", "verdict"))
+            lines.append(f"| **{claim}**: {paper} | {verdict} |")
+    return "\n".join(lines)
 
 
 def _table(name: str) -> str:

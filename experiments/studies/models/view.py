@@ -35,11 +35,12 @@ from experiments.reporting.table import Table, frame, interval, percent
 EXPERIMENT = "all_scenes"
 # Of measured optics, with a random split and with one that keeps actuator positions apart.
 MEASURED = {"fibre": "fibre", "fibre_grouped": "fibre, other positions"}
-NETWORK = "cnn1_fast"  # run where an epoch is short
+# What learns by steps is run where an epoch is short.
+BY_STEPS = ("softmax", "cnn1_fast")
 COMMANDS = (
     f"{RUN}{EXPERIMENT} scene=fibre,fibre_grouped",
     f"{RUN}{EXPERIMENT}",
-    f"{RUN}{EXPERIMENT} scene=fibre,fibre_grouped,touch,finger,tactile model={NETWORK}",
+    f"{RUN}{EXPERIMENT} scene=fibre,fibre_grouped,touch,finger,tactile model={','.join(BY_STEPS)}",
 )
 
 
@@ -75,7 +76,7 @@ def scenes() -> list[str]:
 
 def models() -> list[str]:
     """Models of the experiment, HDC first."""
-    return [*configs.sweep(EXPERIMENT)["model"], NETWORK]
+    return [*configs.sweep(EXPERIMENT)["model"], *BY_STEPS]
 
 
 def rows(results: Results) -> list[Row]:

@@ -138,7 +138,11 @@ def _level(disturbance: str, level: float) -> str:
 
 def _note(measured: Measured) -> str:
     stops: Mapping[str, Any] = measured.record.config.get("stops", {})
-    early = [display_name(name) for name, rule in stops.items() if rule["until"] == "reached"]
+    early = [
+        display_name(name)
+        for name, rule in stops.items()
+        if rule.get("reached_after_s") is not None
+    ]
     text = (
         f"{_seeds(measured)}. Laser power: another factor for every frame. Dead pixels read zero, "
         "the same in all frames. In square brackets: Student, 95 %, over seeds (of one: "

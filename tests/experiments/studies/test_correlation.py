@@ -199,7 +199,7 @@ def test_the_figures_say_what_they_are_of(measured, drawn):
     for words in found.values():
         assert "simulated frames" in words
         assert "made by other code" not in words
-    assert "paper 0.178" in found["fig4_correlations"]
+    assert "paper0.178" in found["fig4_correlations"]
     assert ".250" in found["fig4_correlations"]
 
 
