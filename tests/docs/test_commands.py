@@ -21,7 +21,8 @@ NOT_RUN = {
     "torchrun ": "starts processes: tests/experiments/protocol/test_ranks.py does",
     "python -m experiments.report": "reads all records: tests/experiments/test_report.py does",
     "python -m scenes.export": "simulates hundreds of frames: tests/scenes/test_export.py does",
-    "hdc live": "opens a camera or waits for a browser",
+    "hdc live": "waits for a browser: tests/live/test_start.py does",
+    "python -m scenes.live": "waits for a browser: tests/live/test_page.py does",
 }
 """Beginnings of commands → why they are not run here."""
 
