@@ -103,10 +103,10 @@ def tables(results: Results) -> Iterator[Table]:
         {
             "Claim": lambda row: row["claim"],
             "Paper": lambda row: row["paper"],
+            "What holds": lambda row: row["verdict"],
             "On simulated frames": lambda row: row["simulated"],
             "On measured light": lambda row: row["light"],
             "Theory or mechanism": lambda row: row["why"],
-            "What holds": lambda row: row["verdict"],
         },
         RULES,
         key=("Claim",),
