@@ -26,8 +26,10 @@ from experiments import report, reproduce
 from experiments.records import archive
 from experiments.records.files import REFERENCE, ROOT, results_dir, write_atomically
 from experiments.records.results import Results
+from experiments.reporting.measured import with_places
 from experiments.reporting.table import markdown_text
 
+MEASURED_LIGHT = "scenes.fibre.FibreScene"  # public; other scenes of a study are one's own
 STANDS = REFERENCE / "stands.yaml"
 README = ROOT / "README.md"
 _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
@@ -58,7 +60,8 @@ def main(arguments: list[str] | None = None) -> int:
 def adopt(own: Path, reference: Path) -> None:
     """Take over runs and measurements of configs as they are; what else the reference has stays.
 
-    Recordings and whatever was changed of a config are nobody's reference.
+    Recordings and whatever was changed of a config are nobody's reference, but for measurements on
+    the public fibre.
 
     Raises:
         ValueError: naming a file that is no record.
@@ -67,8 +70,11 @@ def adopt(own: Path, reference: Path) -> None:
     ours = (run.record for run in results.runs if not run.overrides)
     archive.pack(own / "runs", reference, {r.id for r in ours if r.scene.origin != "recorded"})
     for name in sorted({one.record.name for one in results.measurements}):
-        if (found := results.measured(name)) is not None:
-            target = reference / "measured" / name
+        for place, found in with_places(results, name):
+            scene = found.record.config.get("scene", {}).get("_target_")
+            if place and scene != MEASURED_LIGHT:
+                continue
+            target = reference / "measured" / f"{name}{'_fibre' if place else ''}"
             shutil.rmtree(target, ignore_errors=True)
             shutil.copytree(found.folder, target, ignore=shutil.ignore_patterns(".*"))
     if (own / reproduce.FILE).is_file():
