@@ -58,7 +58,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def adopt(own: Path, reference: Path) -> None:
-    """Take over runs and measurements of configs as they are; what else the reference has stays.
+    """Take over runs and measurements of configs as they are; what else the reference has of such
+    configs stays, and runs of a config that has changed since go.
 
     Recordings and whatever was changed of a config are nobody's reference, but for measurements on
     the public fibre.
@@ -68,7 +69,12 @@ def adopt(own: Path, reference: Path) -> None:
     """
     results = Results(own)
     ours = (run.record for run in results.runs if not run.overrides)
-    archive.pack(own / "runs", reference, {r.id for r in ours if r.scene.origin != "recorded"})
+    archive.pack(
+        own / "runs",
+        reference,
+        chosen={r.id for r in ours if r.scene.origin != "recorded"},
+        without={run.record.id for run in Results(reference).runs if run.overrides},
+    )
     for name in sorted({one.record.name for one in results.measurements}):
         for place, found in with_places(results, name):
             scene = found.record.config.get("scene", {}).get("_target_")
@@ -139,7 +145,12 @@ def _reproduction() -> str:
     """What the steps took, added up, and the two that needed most memory."""
     rows = list(reproduce.read(REFERENCE).values())
     lines = ["| command | steps | time | most memory |", "|---|---:|---:|---|"]
-    for mode, command in (("full", "make reproduce"), ("quick", "make reproduce QUICK=1")):
+    commands = {
+        "table1": "make table1",
+        "full": "make reproduce",
+        "quick": "make reproduce QUICK=1",
+    }
+    for mode, command in commands.items():
         done = [row for row in rows if row["mode"] == mode and row["status"] == "finished"]
         if done:
             most = sorted(done, key=lambda row: -int(row["peak_bytes"]))[:2]

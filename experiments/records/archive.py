@@ -27,7 +27,12 @@ from experiments.records.record import (
 RUNS, CODE = "runs.jsonl", "code.json"
 
 
-def pack(runs: Path, folder: Path, chosen: Collection[str] | None = None) -> int:
+def pack(
+    runs: Path,
+    folder: Path,
+    chosen: Collection[str] | None = None,
+    without: Collection[str] = (),
+) -> int:
     """Put the finished runs of a live ``runs`` folder into an archive, beside those that it has.
 
     A run of the same name is replaced: an archive holds one version of each.
@@ -36,6 +41,7 @@ def pack(runs: Path, folder: Path, chosen: Collection[str] | None = None) -> int
         runs: a folder of ``<id>/record.json`` and ``curve.csv``.
         folder: folder of the archive.
         chosen: ids of the runs that are put in; without them every finished one.
+        without: ids of those that the archive is to lose.
 
     Returns:
         int: how many were put in.
@@ -44,6 +50,7 @@ def pack(runs: Path, folder: Path, chosen: Collection[str] | None = None) -> int
         ValueError: naming a file that is no record.
     """
     lines = {json.loads(line)["id"]: line.decode() for line in _lines(folder)}
+    lines = {name: line for name, line in lines.items() if name not in without}
     code = _code(folder)
     new = 0
     for path in sorted(runs.glob("*/record.json")):

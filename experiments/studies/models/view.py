@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from experiments.records import configs
 from experiments.records.results import Results
@@ -223,6 +224,9 @@ def _panel(axes: Axes, lines: list[Row]) -> None:
         largest = max(largest, error)
     axes.set_ylim(-0.03 * max(5.0, 1.5 * largest), max(5.0, 1.5 * largest))
     plain_decades(axes)
+    # A panel may span less than a decade, which would have one label, or all of them.
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _errors(line: Mapping[str, Any]) -> tuple[float, float, float]:
