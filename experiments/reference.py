@@ -25,7 +25,7 @@ from rich.console import Console
 from experiments import report, reproduce
 from experiments.records import archive
 from experiments.records.files import REFERENCE, ROOT, results_dir, write_atomically
-from experiments.records.results import Results
+from experiments.records.results import Results, Run
 from experiments.reporting.measured import with_places
 from experiments.reporting.table import markdown_text
 
@@ -59,7 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def adopt(own: Path, reference: Path) -> None:
     """Take over runs and measurements of configs as they are; what else the reference has of such
-    configs stays, and runs of a config that has changed since go.
+    configs stays, and runs go whose config has changed since, or that were made again.
 
     Recordings and whatever was changed of a config are nobody's reference, but for measurements on
     the public fibre.
@@ -68,12 +68,19 @@ def adopt(own: Path, reference: Path) -> None:
         ValueError: naming a file that is no record.
     """
     results = Results(own)
-    ours = (run.record for run in results.runs if not run.overrides)
+    ours = [
+        run for run in results.runs if not run.overrides and run.record.scene.origin != "recorded"
+    ]
+    made = set(map(_asked, ours))
     archive.pack(
         own / "runs",
         reference,
-        chosen={r.id for r in ours if r.scene.origin != "recorded"},
-        without={run.record.id for run in Results(reference).runs if run.overrides},
+        chosen={run.record.id for run in ours},
+        without={
+            run.record.id
+            for run in Results(reference).runs
+            if run.overrides or (run.outdated and _asked(run) in made)
+        },
     )
     for name in sorted({one.record.name for one in results.measurements}):
         for place, found in with_places(results, name):
@@ -85,6 +92,11 @@ def adopt(own: Path, reference: Path) -> None:
             shutil.copytree(found.folder, target, ignore=shutil.ignore_patterns(".*"))
     if (own / reproduce.FILE).is_file():
         shutil.copy(own / reproduce.FILE, reference / reproduce.FILE)
+
+
+def _asked(run: Run) -> tuple[str, str, Any]:
+    """Scene, model and number of training samples."""
+    return run.scene, run.model, run.record.config["split"]["n_train"]
 
 
 def outdated(results: Results) -> dict[str, list[str]]:
