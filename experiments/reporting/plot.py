@@ -195,7 +195,8 @@ def matrix(
     step = 1 if len(names) <= PRINTED else 10
     ticks = range(0, len(names), step)
     shown = [literal(names[i]) for i in ticks]
-    axes.set_xticks(ticks, shown, fontsize=6)
+    upright = step == 1 and max(map(len, shown)) > 5  # side by side, long names overlap
+    axes.set_xticks(ticks, shown, fontsize=6, rotation=90 if upright else 0)
     axes.set_yticks(ticks, shown, fontsize=6)
     axes.tick_params(length=0 if step == 1 else 2, pad=2)
     for (i, j), text in np.ndenumerate(np.array(cells, object)) if cells else ():
