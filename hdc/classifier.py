@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from math import prod
 from pathlib import Path
 from typing import Any, Self
 
 import torch
+from torch import Tensor
 
 from hdc import files, inputs, stored
 from hdc.prediction import CHUNK
@@ -112,11 +114,17 @@ class HDCClassifier(Recalibrator):
         classes = inputs.classes_of(labels)
         if len(classes) < 2:
             raise inputs.one_class(classes)
-        # Classes come as they are met: an intermediate model knows only what it has seen.
+        known = inputs.values(classes)
+        words: Tensor | None = None
         for start in range(0, len(frames), CHUNK):
-            chunk = slice(start, start + CHUNK)
-            self._count(frames[chunk], labels[chunk], start, len(frames))
-            if len(self.classes_) == len(classes):
+            part = inputs.tensor(frames[start : start + CHUNK])
+            words = self._encode(part, start, self.backend_, words)
+            if start == 0:  # room once for all that will come
+                self._start(part.shape[1:], expected=len(frames))
+                self._know(known)
+                self.counters_.reserve(max(Counter(inputs.values(labels)).values()))
+            self._add(words, labels[start : start + CHUNK])
+            if self._empty() is None:  # a model that has seen one frame of each class at least
                 if names is not None:
                     self.feature_names_in_ = names
                 yield min(start + CHUNK, len(frames))

@@ -34,6 +34,7 @@ from numba.extending import intrinsic
 _WORD = 64
 _BLOCK = 512  # words a row counted at a time: counters and rows of a block stay in the cache
 _SHARE_BYTES = 2**17  # of input that are worth another thread
+_AHEAD = 4096  # pixels: fetched from memory so long before they are compared
 _TRIALS = 4  # of levels that a sample proposes
 
 
@@ -128,6 +129,24 @@ _equal = _compare("==")
 
 
 @_operation
+def _prefetch(typing_context, pixels, row, start):
+    """Have the processor fetch a pixel that is needed soon; one beyond the frames does no harm."""
+
+    def code(context, builder, signature, arguments):
+        pixels, row, start = arguments
+        view = context.make_array(signature.args[0])(context, builder, pixels)
+        place = cgutils.get_item_pointer(context, builder, signature.args[0], view, (row, start))
+        i8p, i32 = ir.IntType(8).as_pointer(), ir.IntType(32)
+        function = cgutils.get_or_insert_function(
+            builder.module, ir.FunctionType(ir.VoidType(), [i8p, i32, i32, i32]), "llvm.prefetch.p0"
+        )
+        builder.call(function, [builder.bitcast(place, i8p), i32(0), i32(3), i32(1)])
+        return context.get_dummy_value()
+
+    return types.void(pixels, types.intp, types.intp), code
+
+
+@_operation
 def _ones(typing_context, word):
     """The number of ones of a word."""
 
@@ -162,6 +181,7 @@ def _threshold(images, i, level, words, sample, sampled):
     whole, rest = divmod(images.shape[1], _WORD)
     n_greater = n_equal = 0
     for w in range(whole):
+        _prefetch(images, i, w * _WORD + _AHEAD)
         greater = _greater(images, i, w * _WORD, level)
         words[i, w] = np.int64(greater)
         n_greater += _ones(greater)

@@ -26,7 +26,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits, planes
+from hdc import bits
 
 _STEP = 2**20  # pixels of several frames thresholded at once, at up to 30 bytes each
 _SMALL = 4096  # pixels a frame up to which that is faster than one frame after another
@@ -36,13 +36,17 @@ _SCAN = 2**16  # pixels looked through at a time for those equal to the level; a
 _PASSES = 12  # over a frame, before what is left is selected however much it is
 
 
-def encode(frames: Tensor, first: int = 0, backend: str = "numpy") -> Tensor:
+def encode(
+    frames: Tensor, first: int = 0, backend: str = "numpy", out: Tensor | None = None
+) -> Tensor:
     """Hypervectors of frames: [N, H, W] or [N, D] of any real or integer dtype → int64 [N, ⌈D/64⌉].
 
     Each hypervector has exactly ⌊D/2⌋ ones. A constant frame carries no information; it gets its
     ones by the order of pixels alone, and a warning names it. Warnings and errors count frames from
     `first`, for frames that are a part of more. ``backend="compiled"`` encodes 8-bit frames on the
     CPU by :mod:`hdc.compiled`, with the same result; other types take the same way as without.
+    Words of an `out` of at least as many rows are overwritten and returned, for frames that come
+    in parts: new memory takes a third of the time that the compiled kernels do.
 
     Besides the result it takes some bytes a pixel of one frame (or of 2^20 pixels), however many
     frames there are; only ``"compiled"`` copies frames that do not lie in one piece.
@@ -60,11 +64,13 @@ def encode(frames: Tensor, first: int = 0, backend: str = "numpy") -> Tensor:
     if frames.dtype == torch.bool or frames.is_complex():
         raise TypeError(f"frames: expected real or integer pixels, found {frames.dtype}")
     n, dimension = len(frames), frames.shape[1:].numel()
-    words = planes.zeros((n, bits.words_for(dimension)), frames.device)
+    width = bits.words_for(dimension)
+    if out is None:
+        out = torch.empty(n, width, dtype=torch.int64, device=frames.device)
+    words = out[:n]
     constant: list[int] = []
     if kernels and frames.dtype == torch.uint8 and dimension > 1:
-        images = frames.reshape(n, dimension).numpy()
-        constant = kernels.encode_uint8(images, words.numpy())
+        constant = kernels.encode_uint8(frames.reshape(n, dimension).numpy(), words.numpy())
     else:
         step = max(1, _STEP // dimension)
         route = _encode_torch

@@ -104,14 +104,17 @@ class AssociativeMemory:
         for name in [name for name in vars(self) if name.endswith("_") or name in private]:
             delattr(self, name)
 
-    def _count(self, frames: Any, labels: np.ndarray, first: int, expected: int = 0) -> None:
+    def _count(self, frames: Any, labels: np.ndarray, first: int) -> None:
         """Encode one chunk of frames and add it to the counters."""
         frames = inputs.tensor(frames)
         if len(frames) == 0:
             return
         words = self._encode(frames, first, self.backend_)
         if not hasattr(self, "counters_"):
-            self._start(frames.shape[1:], expected=expected)
+            self._start(frames.shape[1:])
+        self._add(words, labels)
+
+    def _add(self, words: Tensor, labels: np.ndarray) -> None:
         items = inputs.values(labels)
         self._know(items)
         self.counters_.backend = self.backend_
@@ -175,11 +178,11 @@ class AssociativeMemory:
             prototypes[c] = counters.prototype(c, self.ties, self.seed)
         return prototypes
 
-    def _encode(self, frames: Any, first: int, backend: str) -> Tensor:
+    def _encode(self, frames: Any, first: int, backend: str, out: Tensor | None = None) -> Tensor:
         tensor = inputs.tensor(frames).to(self.device)
         if hasattr(self, "frame_shape_") and len(tensor):
             inputs.check_shape(tensor.shape[1:], self.frame_shape_, type(self).__name__)
-        return encode(tensor, first, backend)
+        return encode(tensor, first, backend, out)
 
     def _empty(self) -> Tensor | None:
         """Which classes have no samples: bool [L], or None where all have."""

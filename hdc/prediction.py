@@ -14,7 +14,7 @@ from hdc.estimator import Classifier
 from hdc.memory import AssociativeMemory
 from hdc.rejection import RATE, Calibration
 
-CHUNK = 128  # frames encoded at a time: 4 MB of packed bits at D = 250,000
+CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
 
 
 class Predictor(AssociativeMemory, Classifier):
@@ -29,7 +29,7 @@ class Predictor(AssociativeMemory, Classifier):
                 :meth:`is_known` has it: a share of frames of known classes that may be lost so;
                 True for 1 %.
         """
-        limits = self._limits(reject)
+        limits = None if reject is False else self.limits(RATE if reject is True else reject)
         nearest, known = self._nearest(frames, limits)
         labels = self.classes_[nearest]
         if limits is None:
@@ -56,7 +56,17 @@ class Predictor(AssociativeMemory, Classifier):
             ValueError: for a share outside (0, 0.5], or a model that was never calibrated: of one
                 frame a class, of counters alone (see :meth:`calibrate`).
         """
-        return self._nearest(frames, self._limits(float(reject)))[1]
+        return self._nearest(frames, self.limits(float(reject)))[1]
+
+    def limits(self, reject: float = RATE) -> np.ndarray:
+        """The largest Hamming distance [L] at which :meth:`is_known` knows a frame of each class.
+
+        Raises:
+            ValueError: as :meth:`is_known`.
+        """
+        if not 0 < reject <= 0.5:
+            raise ValueError(f"reject: expected a share in (0, 0.5], found {reject}")
+        return self._calibrated().limits(reject)
 
     def predict_proba(self, frames: Any) -> np.ndarray:
         """Probabilities [Q, L] of the classes, given that it is one of them: softmax(−distance/T).
@@ -133,14 +143,6 @@ class Predictor(AssociativeMemory, Classifier):
                 nearest = distances.gather(1, row[:, None])[:, 0].numpy(force=True)
                 known.append(nearest <= limits[rows[-1]])
         return np.concatenate(rows), np.concatenate(known) if known else np.empty(0, bool)
-
-    def _limits(self, reject: bool | float) -> np.ndarray | None:
-        if reject is False:
-            return None
-        rate = RATE if reject is True else reject
-        if not 0 < rate <= 0.5:
-            raise ValueError(f"reject: expected a share in (0, 0.5], found {reject}")
-        return self._calibrated().limits(rate)
 
     def _calibrated(self) -> Calibration:
         self._check_is_trained()

@@ -65,7 +65,7 @@ class Counters:
             )
         n = torch.bincount(labels, minlength=len(self.n)) if len(labels) else self.n * 0
         total = self.n + n
-        self._grow(int(total.max()).bit_length() if len(total) else 0)
+        self.reserve(max(total.tolist(), default=0))
         order = labels.argsort(stable=True)
         if kernels := bits.kernels(self.backend, self.device):
             kernels.count_into(*(x.numpy() for x in (self.planes, words, order, n.cumsum(0))))
@@ -96,7 +96,7 @@ class Counters:
         rows = range(n_classes) if rows is None else rows
         total = self.n.clone()
         total[list(rows)] += other.n
-        self._grow(int(total.max()).bit_length() if len(total) else 0)
+        self.reserve(max(total.tolist(), default=0))
         for c, counts in zip(rows, other.planes.to(self.planes.device), strict=True):
             self.planes[c] = planes.add(self.planes[c], counts)[: self.planes.shape[1]]
         self.n = total
@@ -105,7 +105,7 @@ class Counters:
         """Counters in which every hypervector of class c was counted weights[c] ≥ 0 times."""
         scaled = Counters(len(self.n), self.dimension, self.device)
         scaled.n = self.n * torch.tensor(weights, dtype=torch.int64)
-        scaled._grow(max([1, *(n.bit_length() for n in scaled.n.tolist())]))
+        scaled.reserve(max(scaled.n.tolist(), default=0))
         for c, weight in enumerate(weights):
             total = torch.zeros_like(self.planes[c, :1])
             for bit in f"{weight:b}":  # Horner's scheme: twice what there is, and once more
@@ -131,7 +131,7 @@ class Counters:
                 f"found {int(counts[c][outside[c]][0])}"
             )
         counters = cls(len(n), counts.shape[1], counts.device)
-        counters._grow(int(n.max()).bit_length() if len(n) else 0)
+        counters.reserve(max(n.tolist(), default=0))
         counters.n = n
         for p in range(counters.planes.shape[1]):
             counters.planes[:, p] = bits.pack((counts >> p) & 1 == 1)
@@ -211,8 +211,9 @@ class Counters:
     def device(self) -> torch.device:
         return self.planes.device
 
-    def _grow(self, n_planes: int) -> None:
-        """Make room for counts of n_planes bits."""
+    def reserve(self, n: int) -> None:
+        """Make room for n hypervectors a class."""
+        n_planes = n.bit_length()
         n_classes, n_old, width = self.planes.shape
         if n_planes > n_old:
             grown = planes.zeros((n_classes, n_planes, width), self.device)

@@ -383,7 +383,7 @@ class Session:
         version, limits = self._limits
         if version != self.version:
             try:
-                limits = self.model._limits(RATE)
+                limits = self.model.limits(RATE)
             except ValueError:  # one sample of each class: nothing is known of distances yet
                 limits = None
             self._limits = self.version, limits

@@ -90,7 +90,7 @@ def test_errors_and_warnings_number_frames_from_the_first_of_all() -> None:
 
 
 def test_training_yields_once_all_classes_have_been_seen() -> None:
-    frames, labels = touches(700)
+    frames, labels = touches(900)
     order = np.argsort(labels == 2, kind="stable")  # the third class comes last
     model = HDCClassifier()
     seen = []
@@ -98,7 +98,7 @@ def test_training_yields_once_all_classes_have_been_seen() -> None:
         seen.append(report["samples_seen"])
         assert model.counts_.sum() == seen[-1]
         assert model.score(frames, labels) > 0.9
-    assert seen == [512, 640, 700]
+    assert seen == [768, 900]
 
 
 def test_memory_does_not_grow_with_the_number_of_frames() -> None:
@@ -117,7 +117,7 @@ def test_memory_does_not_grow_with_the_number_of_frames() -> None:
             return rng.integers(0, 255, (stop - start, 40, 50), dtype=np.uint8)
 
     peaks = []
-    for n in (256, 256, 4096):  # the first warms up
+    for n in (512, 512, 4096):  # the first warms up
         tracemalloc.start()
         HDCClassifier().fit(Made(n), np.arange(n) % 2)
         peaks.append(tracemalloc.get_traced_memory()[1])

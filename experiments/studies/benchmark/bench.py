@@ -27,7 +27,9 @@ from experiments.studies.benchmark.memory import call_bytes, give_back
 from experiments.studies.benchmark.names import DECODED, OURS, OURS_COMPILED, READ
 from experiments.studies.benchmark.route import Route
 
-_SAMPLE = 2e-3  # seconds that one time sample takes at least: shorter calls are repeated in it
+# Seconds that one time sample takes at least. Shorter calls are repeated in it, so that what a
+# route finds in the caches is what it left there itself, not the route before it.
+_SAMPLE = 20e-3
 _LONG = 4.0  # seconds from which a call is timed once, not at least three times
 
 

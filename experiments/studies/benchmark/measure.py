@@ -30,6 +30,7 @@ def run(
     large: Sequence[int],
     frames: Sequence[str],
     frames_n: int,
+    files: int,
     queries: int,
     limit_s: float,
     limit_bytes: float,
@@ -46,6 +47,7 @@ def run(
         large: numbers of pixels of which four frames are encoded, and one is predicted.
         frames: kinds of frames (:data:`experiments.studies.benchmark.cases.FRAMES`) of which
             `frames_n` are encoded, of the largest `d`.
+        files: images of the folder that is trained on.
         queries: number of queries of the Hamming distances.
         limit_s, limit_bytes: a call that is expected to need more, with its frames, is skipped.
         budget_s: about how long a route is timed (three times at least; once if it takes seconds).
@@ -75,6 +77,7 @@ def run(
         "large": large,
         "frames": frames,
         "frames_n": frames_n,
+        "files": files,
         "queries": queries,
         "limit_s": limit_s,
         "limit_bytes": limit_bytes,
@@ -90,7 +93,9 @@ def run(
                 size = tuple(row[key] for key in ("n", "d", "l"))
                 made.setdefault((row["operation"], size, row["frames"]), []).append(row)
         begun.clear()
-        steps = sizes(sorted(n), sorted(d), sorted(l), many, large, frames, frames_n, queries)
+        steps = sizes(
+            sorted(n), sorted(d), sorted(l), many, large, frames, frames_n, files, queries
+        )
         for operation, size, kind in steps:
             chosen = [
                 route
@@ -124,6 +129,7 @@ def sizes(
     large: Sequence[int],
     frames: Sequence[str],
     frames_n: int,
+    files: int,
     queries: int,
 ) -> Iterator[tuple[str, tuple[int, int, int], str]]:
     """Operations, their N, D and L, and the kind of frames; small ones first: they predict what
@@ -141,7 +147,7 @@ def sizes(
                 yield operation, (count, dimension, classes), "speckle"
     for kind in frames:
         yield "encode", (frames_n, d[-1], l[0]), kind
-    yield "folder", (n[-1], d[-1], l[0]), "speckle"
+    yield "folder", (files, d[-1], l[0]), "speckle"
     for dimension in large:
         yield "encode", (4, dimension, l[0]), "speckle"
         yield "predict", (1, dimension, l[0]), "speckle"

@@ -212,8 +212,8 @@ def _goals(rows: Rows) -> Iterator[dict[str, Any]]:
         (f"learn one frame with most classes, × fewest: {OURS}", of_classes(OURS), most, 1.3),
         (f"learn one frame with most classes, × fewest: {OURS_COMPILED}",
          of_classes(OURS_COMPILED), most, 1.3),
-        (f"hdc train FOLDER: frames a second, × {DECODED}", ratio("folder", DECODED, OURS),
-         least, 0.9),
+        (f"hdc train FOLDER: frames a second, × {DECODED}",
+         ratio("folder", DECODED, OURS, {"d": d}), least, 0.9),
     ]  # fmt: skip
     for text, found, reaches, limit in goals:
         if found is not None:
@@ -244,7 +244,7 @@ def _operation(row: Mapping[str, Any]) -> str:
         "predict": "predict, one frame",
         "predict_all": f"predict, {row['n']} frames",
         "learn_one": "learn, one frame",
-        "folder": "hdc train FOLDER",
+        "folder": f"hdc train FOLDER, {row['n']} images",
     }
     kind = row.get("frames") or "speckle"
     text = name.get(row["operation"], row["operation"])

@@ -36,25 +36,6 @@ def test_ninety_and_ninety_three_of_a_hundred_are_the_same_number():
     assert evaluate.wilson(93, 100)[0] < 0.90
 
 
-@given(st.integers(0, 60), st.integers(0, 60), st.integers(0, 20), st.integers(0, 20))
-def test_mcnemar_is_the_exact_binomial_test_of_the_discordant_pairs(only_a, only_b, both, none):
-    a = np.repeat([True, False, True, False], [only_a, only_b, both, none])
-    b = np.repeat([False, True, True, False], [only_a, only_b, both, none])
-    n = only_a + only_b
-    expected = binomtest(only_a, n).pvalue if n else 1.0
-    assert evaluate.mcnemar(a, b) == pytest.approx(expected, rel=1e-9)
-    assert evaluate.mcnemar(b, a) == evaluate.mcnemar(a, b)
-
-
-def test_mcnemar_by_hand():
-    # Six samples that only one model has right: two-sided p = 2·2⁻⁶.
-    a, b = np.ones(6, bool), np.zeros(6, bool)
-    assert evaluate.mcnemar(a, b) == 2 / 2**6
-    assert (
-        evaluate.mcnemar(a.astype(int), b.astype(int)) == 2 / 2**6
-    )  # 0 and 1 as records have them
-
-
 def test_confusion_agrees_with_scikit_learn():
     rng = np.random.default_rng(0)
     labels, predicted = rng.integers(0, 4, 300), rng.integers(0, 5, 300)  # nothing is of class 4

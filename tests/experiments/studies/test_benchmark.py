@@ -121,7 +121,7 @@ def test_run_writes_every_route_with_its_numbers(tmp_path, monkeypatch):
     assert inspect.signature(benchmark.run).parameters.keys() == task.keys() - {"_target_"}
     del task["_target_"]
     task |= {"n": [12], "d": [1024], "l": [3], "many": 9, "large": [2000], "frames": ["uint16"]}
-    task |= {"frames_n": 12, "queries": 5, "budget_s": 0}
+    task |= {"frames_n": 12, "files": 12, "queries": 5, "budget_s": 0}
     folder = benchmark.run(**task)
     assert re.fullmatch(r"benchmark-\w{12}", folder.name)
     rows = measurement.read(folder).rows
