@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from experiments.records.results import Results
-from experiments.reporting.table import Table, frame
+from experiments.reporting.table import Table, frame, number
 
 COLUMNS = (
     "id",
@@ -24,6 +24,7 @@ COLUMNS = (
     "code",
     "command",
 )
+CSV_ALONE = ("pixels", "origin", "cpu", "threads", "exclusive", "command")
 
 
 def runs_table(results: Results) -> Table:
@@ -56,4 +57,11 @@ def runs_table(results: Results) -> Table:
             }
         )
     rows.sort(key=lambda row: (row["scene"], row["model"], row["id"]))
-    return Table("runs", "Every run", frame(rows, COLUMNS))
+    shown = [name for name in COLUMNS if name not in CSV_ALONE]
+    return Table(
+        "runs",
+        "Every run",
+        frame(rows, COLUMNS),
+        {name.replace("_", " "): lambda row, name=name: number(row[name], 4) for name in shown},
+        "With processor, threads and command in tables/runs.csv.",
+    )

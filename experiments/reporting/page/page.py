@@ -24,6 +24,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 # A number, its unit of size if it has one, and what stands in brackets behind it.
 _NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?( k?M?B)?( [\[(].*)?", re.IGNORECASE)
 _LONG = 30  # rows of a table that is folded away until asked for
+_QUOTES = str.maketrans({'"': "'", "'": '"'})
 _PLAIN = " !$'()*+,-./:;<=>?@[]_~\n"  # what a data URI takes as it is
 
 
@@ -43,7 +44,9 @@ class Picture:
     def source(self) -> Markup:
         """A data URI that may stand in an attribute in double quotes."""
         if self.plot.kind == "svg":  # a third shorter than base64, which would escape every byte
-            return Markup(f"data:image/svg+xml,{quote(self.data, safe=_PLAIN)}")
+            # So is a tag with quotes of the other kind, which need no escape here.
+            text = re.sub(r"<[^>]*>", lambda tag: tag[0].translate(_QUOTES), self.data.decode())
+            return Markup(f"data:image/svg+xml,{quote(text, safe=_PLAIN)}")
         return Markup(f"data:image/webp;base64,{base64.b64encode(self.data).decode()}")
 
 

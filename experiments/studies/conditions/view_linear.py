@@ -33,6 +33,7 @@ PIXELS = {
 METHODS = {"GD": "GD, all frames", "SGD": "SGD, 20", "Adam": "Adam, 20"}
 PIPELINES = {"memory": "memory", "dataset": "DataLoader", "decoded": "PNG"}
 # Okabe and Ito's colours; marker and line repeat the distinction.
+_EVALUATED = " + evaluation"
 _LINES = {
     "r1_steps": ("#000000", "o", "-"),
     "r2_steps": ("#0072B2", "s", "--"),
@@ -311,14 +312,20 @@ def _map(
         for part in (kept & (np.array(sigmas) == 0), kept & (np.array(sigmas) > 0)):
             axes.plot(np.array(x)[part], y[part], color=colour, marker=marker, ls=line, mfc="white")
     axes.set(xscale="log", yscale="log", ylim=(0.7, top), xlim=(left, 1.5 * max(x)))
+    at: list[tuple[float, str]] = []  # steps of the published seconds, and of which way
     for (pipeline, evaluated), times in ways.items():
         there = _published_seconds() / times[model]
-        if not 0.7 < there < top:
-            continue
-        axes.axhline(there, color="0.5", lw=0.7, ls=":", zorder=0)
-        if named:
-            text = f" {PIPELINES[pipeline]}{' + evaluation' * evaluated}"
-            axes.text(1.5 * max(x), there, text, fontsize=5, color="0.35", va="bottom", ha="right")
+        if 0.7 < there < top:
+            axes.axhline(there, color="0.5", lw=0.7, ls=":", zorder=0)
+            at.append((there, f"{PIPELINES[pipeline]}{_EVALUATED * evaluated}"))
+    while at and named:  # lines that lie close share a place for their names
+        there = max(at)[0]
+        near = [name for steps_, name in sorted(at, reverse=True) if steps_ > there / 1.5]
+        text = ", ".join(near)
+        if all(name.endswith(_EVALUATED) for name in near):
+            text = text.replace(f"{_EVALUATED}, ", ", ")
+        axes.text(1.5 * max(x), there, text, fontsize=5, color="0.35", va="bottom", ha="right")
+        at = [one for one in at if one[0] <= there / 1.5]
     ticks = {nought: "0", 0.01: "0.01", 0.1: "0.1"} | ({0.001: "0.001"} if named else {})
     axes.xaxis.set_major_locator(FixedLocator(list(ticks)))
     axes.xaxis.set_minor_locator(NullLocator())
