@@ -34,8 +34,13 @@ def hdc_all(case: Case, backend: str) -> Job:
 
 @ours("learn_one")
 def hdc_learns(case: Case, backend: str) -> Job:
-    """Every call learns the next held-out frame, as a stream goes; then the model is asked."""
+    """Every call learns the next held-out frame, as a stream goes; then the model is asked.
+
+    There is room for the counts, which a stream has to make for all classes now and then: at 2, 4,
+    8, … frames of one of them.
+    """
     model = _of_many(case, backend)
+    model.counters_.reserve(2**8)
     frames, labels = case.held
     turn = itertools.cycle(range(HELD_OUT))
 
