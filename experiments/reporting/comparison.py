@@ -40,9 +40,10 @@ HOW = (
     "more sensor of ours lies with 95 %: Student's, over sensors. It differs if it is outside and "
     "further off than the margin; where the interval reaches further than the margin, it is "
     "uninformative. The margin, stated before, is half of the smallest difference from which the "
-    "paper concludes anything, for ratios of times a factor of 2. Not comparable: seconds of "
-    "another machine, and what depends on what the paper does not say. Fitted: it chose a "
-    "parameter of the simulated sensor; watched: the calibration looked at it and it chose none."
+    "paper concludes anything, for ratios of times a factor of 2, for numbers of samples half. Not "
+    "comparable: seconds of another machine, and what depends on what the paper does not say. "
+    "Fitted: it chose a parameter of the simulated sensor; watched: the calibration looked at it "
+    "and it chose none."
 )
 COLUMNS = (
     "experiment",

@@ -17,7 +17,6 @@ import numpy as np
 from experiments.protocol import evaluate
 from experiments.records.results import Group, Run
 
-STUDENT = "Student, over seeds"
 ONE_SENSOR = "of one sensor, Student over seeds"
 
 
@@ -31,6 +30,10 @@ class Estimate(NamedTuple):
     def within(self, low: float, high: float) -> Estimate:
         """The same with bounds that end where its values do."""
         return Estimate(self.value, *(float(np.clip(bound, low, high)) for bound in self[1:]))
+
+    def columns(self, name: str) -> dict[str, float]:
+        """The value under a name, its bounds under ``name_low`` and ``name_high``."""
+        return dict(zip((name, f"{name}_low", f"{name}_high"), self, strict=True))
 
 
 class Difference(NamedTuple):
@@ -46,11 +49,6 @@ class Difference(NamedTuple):
     above: int
     below: int
     each: Mapping[str, float]
-
-    @property
-    def seeds(self) -> int:
-        """How many both have."""
-        return len(self.each)
 
 
 def mean_interval(values: Sequence[float], least: float = 0.0) -> Estimate:

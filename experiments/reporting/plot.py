@@ -146,12 +146,11 @@ def title(
 ) -> None:
     """Title with the origin of the frames and what has no record; a legend below the axes."""
     seeds = sorted({line["seeds"] for line in rows if line["seeds"]})
-    count = f", {seeds[0]}–{seeds[-1]} seeds" if len(seeds) > 1 else ""
-    count = f", {seeds[0]} seed{'s' * (seeds[0] > 1)}" if len(seeds) == 1 else count
     strip = ", grey: no error" if axes.get_yscale() == "log" else ""
     lines = textwrap.wrap(text, _LINE)
     if seeds:
-        lines += [f"{origin(rows)} frames{count}, 95 % intervals{strip}"]
+        count = seeds_of(seeds[0]) if len(seeds) == 1 else f"{seeds[0]}–{seeds[-1]} seeds"
+        lines += [f"{origin(rows)} frames, {count}, 95 % intervals{strip}"]
     # Lines break between names, not within one.
     missing = [literal(display_name(m)) for m in dict.fromkeys(wanted) if m not in shown]
     if missing:
@@ -224,6 +223,13 @@ def errors(found: Sequence[Estimate], scale: float = 1.0) -> tuple[NDArray, NDAr
     return value, np.nan_to_num(np.array([value - low, high - value]))
 
 
+def bars(axes: Axes, model: str, x: Any, y: Any, spread: Any, **look: Any) -> None:
+    """Points with error bars as a model is drawn everywhere; `look` says what is otherwise."""
+    colour, marker, line = style_of(model)
+    own: dict[str, Any] = {"color": colour, "marker": marker, "mfc": fill_of(model), "ls": line}
+    axes.errorbar(x, y, yerr=spread, **{"lw": 0.9, **own, **look})
+
+
 def error_bars(
     axes: Axes,
     model: str,
@@ -234,23 +240,19 @@ def error_bars(
 ) -> None:
     if not lines:
         return
-    colour, symbol, style = style_of(model)
     errors = np.array([1 - line["test_accuracy_final"] for line in lines])
     high = np.array([1 - line["test_ci_low"] for line in lines])
     low = np.array([1 - line["test_ci_high"] for line in lines])
     y = np.maximum(errors, floor)
-    axes.errorbar(
-        list(x),
-        y,
-        yerr=[y - np.maximum(low, floor), high - y],
-        color=colour,
-        ls=style,
-        marker=symbol if marker else None,
-        mfc=fill_of(model),
-        elinewidth=0.7,
-        capsize=1.5,
-        lw=0.9,
-        zorder=3,
+    spread = [y - np.maximum(low, floor), high - y]
+    look: dict[str, Any] = {} if marker else {"marker": None}
+    bars(axes, model, list(x), y, spread, elinewidth=0.7, capsize=1.5, zorder=3, **look)
+
+
+def published_point(axes: Axes, model: str, x: float, y: float, size: float) -> None:
+    """The paper's value of a model, a star in its colour."""
+    axes.plot(
+        x, y, "*", color=style_of(model)[0], ms=size, mec="black", mew=0.6, zorder=5, clip_on=False
     )
 
 
@@ -301,23 +303,11 @@ def accuracy_curves(
         lines.sort(key=lambda r: r[key])
         if not lines:
             continue
-        colour, marker, style = style_of(model)
         x = [apart(r[key], k, len(models)) for r in lines]
         y, low, high = (
             100 * np.array([r[name] for r in lines])
             for name in ("test_accuracy_final", "test_ci_low", "test_ci_high")
         )
-        axes.errorbar(
-            x,
-            y,
-            yerr=[y - low, high - y],
-            color=colour,
-            marker=marker,
-            mfc=fill_of(model),
-            ls=style,
-            elinewidth=0.6,
-            capsize=1.2,
-            lw=0.9,
-        )
+        bars(axes, model, x, y, [y - low, high - y], elinewidth=0.6, capsize=1.2)
     axes.set_ylim(min(15, lowest - 2), 102)
     axes.set_ylabel("test accuracy (%)")

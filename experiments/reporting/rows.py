@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,16 @@ from experiments.records.record import Finished
 from experiments.records.results import Group, Results
 from experiments.reporting import published
 from experiments.reporting.estimates import Difference, difference, quartiles, share, training_time
-from experiments.reporting.table import Columns, interval, number, percent, points, size
+from experiments.reporting.table import (
+    Columns,
+    bounded,
+    cell,
+    interval,
+    number,
+    percent,
+    points,
+    size,
+)
 
 Row = dict[str, Any]
 
@@ -122,13 +132,8 @@ def row(group: Group, hdc: Group) -> Row:
 
 
 def _over_hdc(over: Difference) -> Row:
-    return {
-        "over_hdc": over.share.value,
-        "over_hdc_low": over.share.low,
-        "over_hdc_high": over.share.high,
-        "seeds_above_hdc": over.above,
-        "seeds_below_hdc": over.below,
-    }
+    counts = {"seeds_above_hdc": over.above, "seeds_below_hdc": over.below}
+    return over.share.columns("over_hdc") | counts
 
 
 def swept(results: Results, experiments: Sequence[str]) -> list[Row]:
@@ -192,20 +197,9 @@ def accuracy_cell(line: Mapping[str, Any]) -> str:
     return interval(*(percent(line.get(key)) for key in keys))
 
 
-def _of(key: str, show: Callable[[Any], str]) -> Callable[[Mapping[str, Any]], str]:
-    return lambda line: show(line.get(key))
-
-
 def _published_accuracy(line: Mapping[str, Any]) -> str:
     keys = ("published_test_accuracy", "published_test_ci_low", "published_test_ci_high")
     return interval(*(percent(line.get(key)) for key in keys))
-
-
-def _over(line: Mapping[str, Any]) -> str:
-    if line.get("over_hdc") is None:
-        return "–"
-    keys = ("over_hdc", "over_hdc_low", "over_hdc_high")
-    return interval(*(points(line[key]) for key in keys))
 
 
 def _ahead(line: Mapping[str, Any]) -> str:
@@ -229,22 +223,21 @@ def _status(line: Mapping[str, Any]) -> str:
 
 COLUMNS: Columns = {
     "Model": lambda line: display_name(line["model"]),
-    "Scene": lambda line: line["scene"],
     "Seeds": lambda line: str(line["seeds"]),
     "N": lambda line: str(line["n_train"] or "all"),
     "D": lambda line: str(line["pixels"] or "all"),
-    "Training time, s, paper": _of("published_training_time_s", number),
+    "Training time, s, paper": cell("published_training_time_s", number),
     "Training time, s": time_cell,
-    "Until it stopped, s": _of("total_time_s", number),
-    "× HDC, paper": _of("published_training_time_over_hdc", number),
-    "× HDC": _of("training_time_over_hdc", number),
-    "× HDC by ordinary routes": _of("training_time_over_ordinary_hdc", number),
-    "Training accuracy, %, paper": _of("published_train_accuracy", percent),
-    "Training accuracy, %": _of("train_accuracy_max", percent),
+    "Until it stopped, s": cell("total_time_s", number),
+    "× HDC, paper": cell("published_training_time_over_hdc", number),
+    "× HDC": cell("training_time_over_hdc", number),
+    "× HDC by ordinary routes": cell("training_time_over_ordinary_hdc", number),
+    "Training accuracy, %, paper": cell("published_train_accuracy", percent),
+    "Training accuracy, %": cell("train_accuracy_max", percent),
     "Test accuracy, %, paper [95 %]": _published_accuracy,
-    "Test accuracy, %, maximum": _of("test_accuracy_max", percent),
+    "Test accuracy, %, maximum": cell("test_accuracy_max", percent),
     "Test accuracy, %, final [95 %]": accuracy_cell,
-    "− HDC, points [95 %]": _over,
+    "− HDC, points [95 %]": partial(bounded, "over_hdc", show=points),
     "Seeds above, below HDC": _ahead,
     "Prediction, ms a frame": _milliseconds,
     "Size": _size,

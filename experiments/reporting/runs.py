@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from experiments.records.results import Results
-from experiments.reporting.table import Table, frame, number
+from experiments.reporting.table import Table, cell, frame, number
 
 COLUMNS = (
     "id",
@@ -62,6 +64,6 @@ def runs_table(results: Results) -> Table:
         "runs",
         "Every run",
         frame(rows, COLUMNS),
-        {name.replace("_", " "): lambda row, name=name: number(row[name], 4) for name in shown},
+        {name.replace("_", " "): cell(name, partial(number, digits=4)) for name in shown},
         "With processor, threads and command in tables/runs.csv.",
     )

@@ -116,13 +116,12 @@ def records(data: pd.DataFrame) -> list[dict[str, Any]]:
     ]
 
 
-def beside(ours: Table, theirs: Table, names: tuple[str, str] = ("mine", "reference")) -> Table:
+def beside(ours: Table, theirs: Table) -> Table:
     """Two tables of the same columns as one, so that each value stands beside its other.
 
     Args:
         ours, theirs: their ``key`` says which rows are the same, ``common`` what need not be shown
             twice.
-        names: put behind the heads of the columns of each.
     """
     once = [*ours.key, *ours.common]
 
@@ -139,8 +138,8 @@ def beside(ours: Table, theirs: Table, names: tuple[str, str] = ("mine", "refere
             if head in once:
                 row[head] = mine.get(head) or reference.get(head, "–")
             else:
-                row[f"{head}, {names[1]}"] = reference.get(head, "–")
-                row[f"{head}, {names[0]}"] = mine.get(head, "–")
+                row[f"{head}, reference"] = reference.get(head, "–")
+                row[f"{head}, mine"] = mine.get(head, "–")
         rows.append(row)
     shown = frame(rows)
     columns = {head: (lambda row, head=head: row[head]) for head in shown.columns}
@@ -164,6 +163,11 @@ def number(value: Any, digits: int = 3) -> str:
     return f"{value:.{decimals}f}"
 
 
+def cell(key: str, show: Callable[[Any], str] = number) -> Callable[[Row], str]:
+    """What shows this value of a row, nothing as a dash."""
+    return lambda row: show(row.get(key))
+
+
 def percent(value: float | None) -> str:
     """A fraction in percent, one decimal where it is not whole."""
     return "–" if value is None else f"{100 * value:.1f}".removesuffix(".0")
@@ -180,6 +184,11 @@ def points(difference: float | None) -> str:
 def interval(value: str, low: str, high: str) -> str:
     """``value [low, high]``; the value alone where the bounds are unknown."""
     return value if "–" in (value, low, high) else f"{value} [{low}, {high}]"
+
+
+def bounded(name: str, row: Row, show: Callable[[Any], str] = percent) -> str:
+    """``value [low, high]`` of a row's columns ``name``, ``name_low`` and ``name_high``."""
+    return interval(*(show(row.get(f"{name}{end}")) for end in ("", "_low", "_high")))
 
 
 def size(value: int | None) -> str:

@@ -24,7 +24,6 @@ TEMPLATES = Path(__file__).parent / "templates"
 # A number, its unit of size if it has one, and what stands in brackets behind it.
 _NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?( k?M?B)?( [\[(].*)?", re.IGNORECASE)
 _LONG = 30  # rows of a table that is folded away until asked for
-_QUOTES = str.maketrans({'"': "'", "'": '"'})
 _PLAIN = " !$'()*+,-./:;<=>?@[]_~\n"  # what a data URI takes as it is
 
 
@@ -44,8 +43,8 @@ class Picture:
     def source(self) -> Markup:
         """A data URI that may stand in an attribute in double quotes."""
         if self.plot.kind == "svg":  # a third shorter than base64, which would escape every byte
-            # So is a tag with quotes of the other kind, which need no escape here.
-            text = re.sub(r"<[^>]*>", lambda tag: tag[0].translate(_QUOTES), self.data.decode())
+            # Quotes of the other kind around attributes need no escape here.
+            text = re.sub(r'="([^"\'<>]*)"(?=[^<>]*>)', r"='\1'", self.data.decode())
             return Markup(f"data:image/svg+xml,{quote(text, safe=_PLAIN)}")
         return Markup(f"data:image/webp;base64,{base64.b64encode(self.data).decode()}")
 
@@ -107,7 +106,7 @@ def render(
 
 
 def _minutes(known: Mapping[str, float], command: str) -> str:
-    """How long a command takes, where it is known: `` (about 3 min)``."""
+    """How long a command takes, where it is known: `` about 3 min on 2 cores``."""
     found = re.search(r"\bexperiment=(\w+)", command)
     taken = known.get(found[1]) if found else None
     return f" about {max(1, round(taken))} min on 2 cores" if taken else ""
@@ -130,8 +129,8 @@ def _kind(texts: Sequence[str]) -> str:
 
 def _tone(verdict: str) -> str:
     """How a verdict is coloured: good, bad, plain or none."""
-    if "differs" in verdict or verdict == "no":
+    if "differs" in verdict or verdict in ("no", "fails"):
         return "bad"
-    if "agrees" in verdict or verdict in ("holds", "yes", "setting, same"):
+    if "agrees" in verdict or verdict in ("holds", "setting, same"):
         return "good"
     return "plain" if verdict == "fitted" else "none"

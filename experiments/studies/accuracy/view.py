@@ -27,6 +27,7 @@ from experiments.reporting.plot import (
     handle,
     measured_models,
     plain_decades,
+    published_point,
     star,
     style_of,
     title,
@@ -82,7 +83,6 @@ def tables(results: Results) -> Iterator[Table]:
                 ),
                 rows_of.notes(lines),
                 [f"{RUN}{experiment}" for experiment in _EXPERIMENTS.get(name, (name,))],
-                key=("Model", "N", "D"),
             )
 
 
@@ -179,17 +179,8 @@ def accuracy_vs_n(rows: Sequence[Row]) -> Figure:
                 handles.append(star("paper, Table I"))
             axes.legend(handles=handles, loc="lower right")
         for model, n in PUBLISHED_N.items():
-            panels[0].plot(
-                n,
-                100 * published_row(model)["published_test_accuracy"],
-                "*",
-                markersize=8,
-                color=style_of(model)[0],
-                markeredgecolor="black",
-                markeredgewidth=0.6,
-                zorder=5,
-                clip_on=False,
-            )
+            largest = 100 * published_row(model)["published_test_accuracy"]
+            published_point(panels[0], model, n, largest, 8)
         limit = published.numbers()["accuracy_vs_n/n_for_90_percent"].value
         for axes in panels:
             axes.plot([limit, limit], [0, 90], color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)

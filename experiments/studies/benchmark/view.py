@@ -109,7 +109,6 @@ def headline(name: str, measured: Measured, rows: Sequence[Mapping[str, Any]]) -
         COLUMNS,
         f"{NOTE} {packages}.",
         [measured.record.command],
-        key=("Operation", "Route"),
     )
 
 
@@ -175,11 +174,9 @@ def by_classes(name: str, measured: Measured, rows: Rows) -> Table:
 
 def _goals(rows: Rows) -> Iterator[dict[str, Any]]:
     """What was to be reached, and whether it was, as far as it was measured."""
-    n, d, classes = HEADLINE.values()
-    at = {"n": n, "d": d, "l": classes}
-    one = at | {"n": 1}
+    _, d, classes = HEADLINE.values()
 
-    def ratio(operation: str, route: str, to: str, where: Mapping[str, Any] = at) -> float | None:
+    def ratio(operation: str, route: str, to: str, where: Any = HEADLINE) -> float | None:
         """Of two times that were each taken in turns with a third."""
         first, second = (_at(rows, operation, name, **where) for name in (route, to))
         if not (first and second and first["ratio_to_ours"] and second["ratio_to_ours"]):
@@ -195,7 +192,7 @@ def _goals(rows: Rows) -> Iterator[dict[str, Any]]:
         learnt = [_at(rows, "learn_one", route, d=d, l=l) for l in (most, classes)]  # noqa: E741
         return _quotient(*learnt)
 
-    single = _at(rows, "predict", OURS_COMPILED, **one)
+    single = _at(rows, "predict", OURS_COMPILED, **(HEADLINE | {"n": 1}))
     single_ms = 1e3 * single["median_s"] if single and single["median_s"] else None
     least, most = float.__ge__, float.__le__
     goals: list[tuple[str, float | None, Callable[[float, float], bool], float]] = [

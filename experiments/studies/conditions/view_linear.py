@@ -19,7 +19,7 @@ from experiments.reporting import published
 from experiments.reporting.measured import machine, with_places
 from experiments.reporting.plot import STYLE, WIDTH, head, literal, panel
 from experiments.reporting.study import Plot
-from experiments.reporting.table import Columns, Row, Table, frame, number, percent
+from experiments.reporting.table import Columns, Row, Table, cell, frame, number, percent
 from experiments.studies.conditions import verdict
 from experiments.studies.conditions.rules import RULES
 
@@ -198,19 +198,15 @@ def interventions(rows: Sequence[Row], sensors: str) -> list[dict[str, Any]]:
     ]
 
 
-def _cell(key: str) -> Callable[[Row], str]:
-    return lambda row: percent(row.get(key))
-
-
 INTERVENTIONS: Columns = {
     "Optimiser, batch": lambda row: METHODS[row["method"]],
     "Initial weights": lambda row: row["start"].replace("_", " "),
-    "As it is": _cell("none"),
-    "Projected": _cell("projected"),
-    "σ × ½": _cell("gain 0.5"),
-    "σ × 2": _cell("gain 2"),
-    **{f"Weight decay {x}": _cell(f"decay {x}") for x in ("0.01", "1", "10")},
-    "Frames centred": _cell("centred"),
+    "As it is": cell("none", percent),
+    "Projected": cell("projected", percent),
+    "σ × ½": cell("gain 0.5", percent),
+    "σ × 2": cell("gain 2", percent),
+    **{f"Weight decay {x}": cell(f"decay {x}", percent) for x in ("0.01", "1", "10")},
+    "Frames centred": cell("centred", percent),
 }
 
 

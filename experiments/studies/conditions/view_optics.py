@@ -30,16 +30,15 @@ from experiments.reporting.measured import with_places
 from experiments.reporting.plot import (
     STYLE,
     WIDTH,
+    bars,
     errors,
-    fill_of,
     handle,
     head,
     panel,
-    style_of,
 )
 from experiments.reporting.rows import display_name
 from experiments.reporting.study import Plot
-from experiments.reporting.table import Table, frame, interval, number, percent
+from experiments.reporting.table import Table, bounded, frame, number, percent, points
 from experiments.studies.conditions.readings import Curve, Levels, read
 from experiments.studies.conditions.rules import RULES
 from experiments.studies.conditions.verdict import criterion
@@ -115,8 +114,7 @@ def accuracies(measured: Measured) -> Accuracies:
 
 def over_sensors(by_sensor: Mapping[str, float]) -> Estimate:
     """Mean accuracy and Student's interval over the sensors, within 0 and 1."""
-    value, low, high = mean_interval(list(by_sensor.values()))
-    return Estimate(value, *np.clip([low, high], 0, 1).tolist())
+    return mean_interval(list(by_sensor.values())).within(0, 1)
 
 
 def verdict(hdc: float, softmax: Mapping[str, float]) -> str:
@@ -152,15 +150,12 @@ def _optics_row(
     row: dict[str, Any] = {"condition": case[0], "level": case[1]}
     means = {model: over_sensors(by_sensor) for model, by_sensor in found.items()}
     for model, one in means.items():
-        row |= {model: one.value, f"{model}_low": one.low, f"{model}_high": one.high}
+        row |= one.columns(model)
     best = max(config["linear"], key=lambda model: means[model].value)
     paired = [found["hdc"][sensor] - found[best][sensor] for sensor in found["hdc"]]
-    difference = mean_interval(paired)
     return row | {
         "best_linear": best,
-        "difference": difference.value,
-        "difference_low": difference.low,
-        "difference_high": difference.high,
+        **mean_interval(paired).columns("difference"),
         "ahead": sum(x > 0 for x in paired),
         "behind": sum(x < 0 for x in paired),
         "sensors": len(paired),
@@ -181,9 +176,6 @@ def _of_optics(place: str, measured: Measured) -> Table:
         if "max_epochs" in part["model"]
     ]
 
-    def bounds(key: str, row: Mapping[str, Any]) -> str:
-        return interval(*(percent(row[f"{key}{end}"]) for end in ("", "_low", "_high")))
-
     return Table(
         f"{OPTICS}{place}",
         "Test accuracy, %, when one thing goes wrong in training and testing alike, on "
@@ -192,8 +184,8 @@ def _of_optics(place: str, measured: Measured) -> Table:
         {
             "Condition": lambda row: CONDITIONS[row["condition"]][0],
             "Level": lambda row: _level(row["condition"], row["level"]),
-            **{_shown(measured, model): partial(bounds, model) for model in config["models"]},
-            "HDC − best linear, points": partial(bounds, "difference"),
+            **{_shown(measured, model): partial(bounded, model) for model in config["models"]},
+            "HDC − best linear, points": partial(bounded, "difference", show=points),
             "Best linear": lambda row: _shown(measured, row["best_linear"]),
             "HDC ahead, behind; sensors": lambda row: (
                 f"{row['ahead']}, {row['behind']}; {row['sensors']}"
@@ -205,10 +197,9 @@ def _of_optics(place: str, measured: Measured) -> Table:
         "the highest mean, which favours it. Last column: yes if a softmax regression has a mean "
         f"within the published one's interval, {low} to {high} %, and HDC at least "
         f"{percent(criterion().hdc_at_least)} %; HDC falls too: it is below that, and one of them "
-        "at or below the interval. Laser gain, stray light, glare and shift differ from frame to "
-        f"frame; wrong labels are in training alone.{''.join(epochs)}",
+        "at or below the interval. Laser gain, stray light, glare and movement differ from frame "
+        f"to frame; wrong labels are in training alone.{''.join(epochs)}",
         [measured.record.command],
-        key=("Condition", "Level"),
     )
 
 
@@ -248,11 +239,10 @@ def optics_figure(measured: Measured) -> Figure:
             entry.set_label(_shown(measured, model))
         handles.append(Patch(color=BAND, label="softmax, published [95 %]"))
         figure.legend(handles=handles, loc="outside lower center", ncols=2)
-        sensors = len({row["seed"] for row in measured.rows})
         head(
             figure,
             "Test accuracy when one thing goes wrong, in training and testing",
-            [f"{measured.rows[0]['origin']} frames, 95 % intervals over {_sensors(sensors)}"],
+            [f"{measured.rows[0]['origin']} frames, 95 % intervals over {_sensors(measured)}"],
         )
     return figure
 
@@ -263,19 +253,8 @@ def _condition(axes: Axes, found: Accuracies, models: Sequence[str], name: str) 
     axes.axhspan(*(100 * bound for bound in _published_interval("softmax")), color=BAND, lw=0)
     for k, model in enumerate(models):
         y, spread = errors([over_sensors(found[case][model]) for case in cases], 100)
-        colour, marker, line = style_of(model)
-        axes.errorbar(
-            np.arange(len(cases)) + 0.09 * (k - (len(models) - 1) / 2),
-            y,
-            yerr=spread,
-            color=colour,
-            marker=marker,
-            mfc=fill_of(model),
-            ls=line,
-            lw=0.8,
-            elinewidth=0.5,
-            markersize=2.5,
-        )
+        x = np.arange(len(cases)) + 0.09 * (k - (len(models) - 1) / 2)
+        bars(axes, model, x, y, spread, lw=0.8, elinewidth=0.5, markersize=2.5)
     levels = (f"{units * level:g}" for _, level in cases[1:])
     axes.set_xticks(range(len(cases)), ["–", *levels], fontsize=6)
     lines = textwrap.wrap(text, 20) + ([f"({unit})"] if unit else [])
@@ -283,7 +262,8 @@ def _condition(axes: Axes, found: Accuracies, models: Sequence[str], name: str) 
     axes.set_xlim(-0.4, len(cases) - 0.6)
 
 
-def _sensors(n: int) -> str:
+def _sensors(measured: Measured) -> str:
+    n = len({row["seed"] for row in measured.rows})
     return f"{n} sensor{'s' * (n != 1)}"
 
 
@@ -355,9 +335,6 @@ def _of_networks(place: str, measured: Measured) -> Table:
         value, low, high = (show(row.get(f"{key}{end}")) for end in ("", "_low", "_high"))
         return value if low == high else f"{value} ({low}…{high})"
 
-    def paper(part: str, row: Mapping[str, Any]) -> str:
-        return interval(*(percent(row[f"published_{part}{e}"]) for e in ("", "_low", "_high")))
-
     rule = configs.task(CRITERIA)["reading"]
     texts = {"reached": percent(rule["reached"]), "window": number(rule["window"])}
     config = measured.record.config
@@ -373,9 +350,9 @@ def _of_networks(place: str, measured: Measured) -> Table:
             "Reading": lambda row: READINGS[row["rule"]].format(**texts),
             "Reached, sensors": lambda row: f"{row['reached']} of {row['sensors']}",
             "Steps": partial(spread, "steps", lambda x: number(x, 3)),
-            "Training accuracy, %, paper [95 %]": partial(paper, "train"),
+            "Training accuracy, %, paper [95 %]": partial(bounded, "published_train"),
             "Training accuracy, %": partial(spread, "train", percent),
-            "Test accuracy, %, paper [95 %]": partial(paper, "test"),
+            "Test accuracy, %, paper [95 %]": partial(bounded, "published_test"),
             "Test accuracy, %": partial(spread, "test", percent),
             "As published, sensors": lambda row: f"{row['inside']} of {row['sensors']}",
             "Explains": lambda row: row["verdict"],
@@ -386,8 +363,6 @@ def _of_networks(place: str, measured: Measured) -> Table:
         f"{percent(criterion().share)} % of the sensors are so; what the paper took for time is "
         "steps times seconds a step, and is not judged here.",
         [measured.record.command],
-        key=("Network", "Initial weights", "Pixels", "Reading"),
-        common=("Training accuracy, %, paper [95 %]", "Test accuracy, %, paper [95 %]"),
     )
 
 
@@ -425,10 +400,9 @@ def networks_figure(measured: Measured) -> Figure:
             Patch(color=BAND, label="test, published [95 %]"),
         ]
         figure.legend(handles=handles, loc="outside lower center", ncols=2)
-        sensors = len({row["seed"] for row in measured.rows})
         head(
             figure,
             "Accuracy of the networks by their initial weights",
-            [f"{measured.rows[0]['origin']} frames, {_sensors(sensors)}, a line each"],
+            [f"{measured.rows[0]['origin']} frames, {_sensors(measured)}, a line each"],
         )
     return figure

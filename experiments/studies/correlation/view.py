@@ -76,16 +76,16 @@ def quantities(results: Results) -> Iterator[Quantity]:
         )
 
 
-def prototype_contrast(measured: Measured, samples: str) -> Estimate:
-    """ΔC^p, mean over seeds: of ``training``, ``held-out`` or ``all`` samples."""
-    return mean_interval([contrast(c) for c in matrices(measured, "prototype", samples)[1]])
+def mean_contrast(measured: Measured, kind: str, samples: str) -> Estimate:
+    """ΔC, mean over seeds: of ``training``, ``held-out`` or ``all`` samples."""
+    return mean_interval([contrast(c) for c in matrices(measured, kind, samples)[1]])
 
 
 def _readings(measured: Measured) -> str:
     """What Eq. 6 gives for other samples than all: the paper has N_s = 100 in Eq. 4, and 80 in the
     prototypes."""
     training, held_out = (
-        prototype_contrast(measured, samples).value for samples in ("training", "held-out")
+        mean_contrast(measured, "prototype", samples).value for samples in ("training", "held-out")
     )
     return (
         f"of all samples, as Eq. 4; of those in the prototypes {training:.3g}, of the others "
@@ -205,10 +205,7 @@ def _contrasts(axes: Axes, measured: Measured) -> None:
         ("prototype", "training", "$ΔC^p$\ntrain"),
         ("prototype", "all", "$ΔC^p$\nall"),
     ]
-    found = [
-        mean_interval([contrast(c) for c in matrices(measured, kind, samples)[1]])
-        for kind, samples, _ in bars
-    ]
+    found = [mean_contrast(measured, kind, samples) for kind, samples, _ in bars]
     x = np.arange(len(bars))
     value, spread = errors(found)
     axes.bar(x, value, yerr=spread, color="#56B4E9", width=0.7, error_kw={"elinewidth": 0.7})

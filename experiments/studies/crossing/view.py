@@ -30,7 +30,7 @@ from experiments.reporting.plot import (
 )
 from experiments.reporting.rows import display_name
 from experiments.reporting.study import Plot, Study
-from experiments.reporting.table import Table, frame, interval, number, percent
+from experiments.reporting.table import Table, bounded, frame, interval, number
 
 LEVEL = 0.9
 PUBLISHED = "accuracy_vs_n/n_for_90_percent"
@@ -152,7 +152,7 @@ def _asked(found: Experiments, reading: str) -> NDArray[np.bool_]:
 
 def _share(of_sensors: NDArray[np.float64]) -> Estimate:
     """Mean over sensors; Student's interval ends where shares do."""
-    return Estimate(*(float(np.clip(part, 0, 1)) for part in mean_interval(of_sensors.tolist())))
+    return mean_interval(of_sensors.tolist()).within(0, 1)
 
 
 def theory_error(found: Experiments, name: str) -> tuple[float, float]:
@@ -171,8 +171,8 @@ def tables(results: Results) -> Iterator[Table]:
         found = experiments(measured)
         yield Table(
             f"crossing{place}",
-            f"First N at which one experiment with {found.n_test} test samples has an accuracy "
-            f"above {LEVEL:.0%}, on {_frames(measured, found)}",
+            f"First N at which one experiment with {found.n_test} test samples exceeds, or "
+            f"reaches, {100 * LEVEL:g} %, on {_frames(measured, found)}",
             frame(_row(one) for reading in READINGS for one in _crossings(found, reading)),
             {
                 "Model": lambda row: display_name(row["model"]),
@@ -180,17 +180,16 @@ def tables(results: Results) -> Iterator[Table]:
                 "First N, median [95 % of experiments]": lambda row: interval(
                     *(_whole(row[key]) for key in ("first", "first_low", "first_high"))
                 ),
-                f"P(first N ≤ {limit:g}), % [95 %]": partial(_percent, "p_at_most_published"),
-                f"P(first N is the next after {limit:g}), % [95 %]": partial(_percent, "p_next"),
+                f"P(first N ≤ {limit:g}), % [95 %]": partial(bounded, "p_at_most_published"),
+                f"P(first N is the next after {limit:g}), % [95 %]": partial(bounded, "p_next"),
             },
-            f"The paper: the accuracy exceeded {LEVEL:.0%} only when N > {limit:g}. Equal classes: "
-            "asked at multiples of the number of classes only, as the paper's N_s = N/L. First N: "
-            "of single experiments, all sensors together, ∞ where the last N was not enough; P: "
-            "Student over sensors. The N of one experiment are nested; whether the paper's were "
-            "is not known. The simulated sensor was fitted to this published number, so that it "
-            "lies within is no evidence.",
+            f"The paper: the accuracy exceeded {100 * LEVEL:g} % only when N > {limit:g}. Equal "
+            "classes: asked at multiples of the number of classes only, as the paper's N_s = N/L. "
+            "First N: of single experiments, all sensors together, ∞ where the last N was not "
+            "enough; P: Student over sensors. The N of one experiment are nested; whether the "
+            "paper's were is not known. The simulated sensor was fitted to this published "
+            "number, so that it lies within is no evidence.",
             [measured.record.command],
-            key=("Model", "Reading"),
         )
         yield Table(
             f"crossing_accuracy{place}",
@@ -199,26 +198,19 @@ def tables(results: Results) -> Iterator[Table]:
             frame(_curve_rows(found)),
             {
                 "N": lambda row: str(row["n"]),
-                **{display_name(m): partial(_percent, m) for m in found.accuracy},
-                **{f"HDC by {label}": partial(_percent, m) for m, (label, _) in THEORY.items()},
+                **{display_name(m): partial(bounded, m) for m in found.accuracy},
+                **{f"HDC by {label}": partial(bounded, m) for m, (label, _) in THEORY.items()},
             },
             f"Student, 95 %, over sensors, each the mean of its experiments. {_theory_note(found)}",
             [measured.record.command],
-            key=("N",),
         )
 
 
 def _row(one: Crossing) -> dict[str, Any]:
     row: dict[str, Any] = {"model": one.model, "reading": one.reading}
-    return row | _columns("first", one.first) | {
-        key: value
-        for name in ("p_at_most_published", "p_next")
-        for key, value in _columns(name, getattr(one, name)).items()
-    }  # fmt: skip
-
-
-def _columns(name: str, found: Estimate) -> dict[str, float]:
-    return dict(zip((name, f"{name}_low", f"{name}_high"), found, strict=True))
+    for name in ("first", "p_at_most_published", "p_next"):
+        row |= getattr(one, name).columns(name)
+    return row
 
 
 def _curve_rows(found: Experiments) -> Iterator[dict[str, Any]]:
@@ -226,16 +218,12 @@ def _curve_rows(found: Experiments) -> Iterator[dict[str, Any]]:
     for k in np.flatnonzero(found.equal):
         row: dict[str, Any] = {"n": int(found.n[k])}
         for name, values in curves.items():
-            row |= _columns(name, _share(values[:, k]))
+            row |= _share(values[:, k]).columns(name)
         yield row
 
 
 def _whole(n: float) -> str:
     return "∞" if np.isinf(n) else f"{n:g}"
-
-
-def _percent(name: str, row: Mapping[str, Any]) -> str:
-    return interval(*(percent(row[key]) for key in (name, f"{name}_low", f"{name}_high")))
 
 
 def _frames(measured: Measured, found: Experiments) -> str:

@@ -29,18 +29,17 @@ from experiments.reporting.plot import (
     PAPER,
     STYLE,
     WIDTH,
+    bars,
     errors,
-    fill_of,
     handle,
     head,
     panel,
     seeds_of,
     star,
-    style_of,
 )
 from experiments.reporting.rows import display_name
 from experiments.reporting.study import Plot, Quantity, Study
-from experiments.reporting.table import Table, frame, interval, percent
+from experiments.reporting.table import Table, bounded, frame, percent, points
 
 N_NEW = 50  # at which the paper reports the recovered accuracy
 PAPERS = ("0.5", "0.75")  # its p, as rows have them
@@ -111,7 +110,7 @@ def gains(found: Accuracies, key: Key) -> dict[int, Estimate]:
 def _mean(values: NDArray[np.float64], session: str) -> Estimate:
     """Over sensors; Student's interval ends where fractions do."""
     column = values[:, ("new", "old").index(session)]
-    return Estimate(*(float(np.clip(part, 0, 1)) for part in mean_interval(column.tolist())))
+    return mean_interval(column.tolist()).within(0, 1)
 
 
 # Table --------------------------------------------------------------------------------------------
@@ -132,10 +131,11 @@ def tables(results: Results) -> Iterator[Table]:
                 "Order": lambda row: ORDERS[row["order"]],
                 "Model": lambda row: display_name(row["model"]),
                 "Trained on": lambda row: row["update"],
-                **{f"New environment, N_new = {n}, %": partial(_cell, f"new_{n}") for n in shown},
-                **{f"Old environment, N_new = {n}, %": partial(_cell, f"old_{n}")
+                **{f"New environment, N_new = {n}, %": partial(bounded, f"new_{n}") for n in shown},
+                **{f"Old environment, N_new = {n}, %": partial(bounded, f"old_{n}")
                    for n in shown[-1:]},
-                **{f"Above new alone, N_new = {n}, points": partial(_gain_cell, f"gain_{n}")
+                **{f"Above new alone, N_new = {n}, points": partial(
+                    bounded, f"gain_{n}", show=points)
                    for n in shown[-1:]},
                 "Old samples add at N_new =": lambda row: row["adds"],
                 "Old samples cost at N_new =": lambda row: row["costs"],
@@ -146,7 +146,6 @@ def tables(results: Results) -> Iterator[Table]:
             "each N_new by itself. Equal votes: a new sample counts N_old/N_new times. From the "
             "old weights: the penalty is on the distance from them.",
             [measured.record.command],
-            key=("Order", "Model", "Trained on"),
         )  # fmt: skip
 
 
@@ -154,10 +153,10 @@ def _row(found: Accuracies, key: Key) -> dict[str, Any]:
     row: dict[str, Any] = {"order": key.order, "model": key.model, "update": key.label}
     for n, values in found[key].items():
         for session in ("new", "old"):
-            row |= _columns(f"{session}_{n}", _mean(values, session))
+            row |= _mean(values, session).columns(f"{session}_{n}")
     above = {} if key.method == "new" else gains(found, key)
     for n, gain in above.items():
-        row |= _columns(f"gain_{n}", gain)
+        row |= gain.columns(f"gain_{n}")
     for name, holds in (
         ("adds", lambda gain: gain.low > 0),
         ("costs", lambda gain: gain.high < 0),
@@ -166,19 +165,6 @@ def _row(found: Accuracies, key: Key) -> dict[str, Any]:
         where = ", ".join(str(n) for n, gain in known.items() if holds(gain))
         row[name] = where or ("none" if known else "–")
     return row
-
-
-def _columns(name: str, found: Estimate) -> dict[str, float]:
-    return dict(zip((name, f"{name}_low", f"{name}_high"), found, strict=True))
-
-
-def _cell(name: str, row: Mapping[str, Any]) -> str:
-    return interval(*(percent(row.get(key)) for key in (name, f"{name}_low", f"{name}_high")))
-
-
-def _gain_cell(name: str, row: Mapping[str, Any]) -> str:
-    found = [row.get(key) for key in (name, f"{name}_low", f"{name}_high")]
-    return interval(*("–" if x is None else f"{100 * x:+.1f}" for x in found))
 
 
 def _stored(found: Accuracies) -> str:
@@ -340,12 +326,8 @@ def drift_size(measured: Measured) -> Figure:
         ):  # fmt: skip
             for model in models:
                 values = found[method, model]
-                colour, marker, line = style_of(model)
                 y, spread = errors(list(values.values()), 100)
-                axes.errorbar(
-                    list(values), y, yerr=spread, color=colour, marker=marker, ls=line, lw=0.9,
-                    elinewidth=0.5, mfc=fill_of(model),
-                )  # fmt: skip
+                bars(axes, model, list(values), y, spread, elinewidth=0.5)
             axes.axvline(own, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
             axes.set_ylabel("accuracy (%)")
             panel(axes, letter, title)

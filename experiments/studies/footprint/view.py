@@ -46,7 +46,6 @@ def tables(results: Results) -> Iterator[Table]:
         },
         NOTE,
         [measured.record.command],
-        key=("Scene", "Model", "What"),
     )
 
 

@@ -6,9 +6,8 @@ Scenes made with measured optics come first and apart from simulated ones.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, TypedDict
+from typing import Any
 
-import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,7 +16,6 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from experiments.records import configs
 from experiments.records.results import Results
 from experiments.reporting import rows as rows_of
-from experiments.reporting.estimates import difference
 from experiments.reporting.plot import (
     STYLE,
     WIDTH,
@@ -45,31 +43,6 @@ COMMANDS = (
 )
 
 
-class Difference(TypedDict):
-    """HDC's share of right test samples minus another model's, on the same samples.
-
-    Attributes:
-        scene: name of its config.
-        origin: ``measured`` or ``simulated``.
-        model: the other one's name.
-        hdc, other: test accuracies, means over the seeds that both have.
-        difference, low, high: mean over seeds with Student's interval.
-        seeds: how many.
-        ahead: seeds in which HDC has more right.
-    """
-
-    scene: str
-    origin: str
-    model: str
-    hdc: float
-    other: float
-    difference: float
-    low: float
-    high: float
-    seeds: int
-    ahead: int
-
-
 def scenes() -> list[str]:
     """Scenes of the experiment, measured ones first."""
     return [*MEASURED, *configs.sweep(EXPERIMENT)["scene"]]
@@ -87,37 +60,6 @@ def rows(results: Results) -> list[Row]:
         hdc = results.group(scene, "hdc")
         groups = (results.group(scene, model) for model in models())
         found += [row(group, hdc) for group in groups if group.runs]
-    return found
-
-
-def differences(results: Results) -> list[Difference]:
-    """HDC against every other model, scene by scene; those without common seeds are left out."""
-    found: list[Difference] = []
-    for scene in scenes():
-        hdc = results.group(scene, "hdc").runs
-        for model in models()[1:]:
-            other = results.group(scene, model).runs
-            if (over := difference(hdc, other)) is None:
-                continue
-            seeds = {run.seeds for run in hdc} & {run.seeds for run in other}
-
-            def mean(runs: Any, of: Any = seeds) -> float:
-                return float(np.mean([run.record.right.mean() for run in runs if run.seeds in of]))
-
-            found.append(
-                Difference(
-                    scene=scene,
-                    origin=hdc[0].record.scene.origin,
-                    model=model,
-                    hdc=mean(hdc),
-                    other=mean(other),
-                    difference=over.share.value,
-                    low=over.share.low,
-                    high=over.share.high,
-                    seeds=over.seeds,
-                    ahead=over.above,
-                )
-            )
     return found
 
 
@@ -146,10 +88,9 @@ def tables(results: Results) -> Iterator[Table]:
             },
             rows_of.notes(lines)
             + " − HDC is of accuracies: above zero, the model is better. “Other positions”: no "
-            "actuator position of a test sample was trained on. The network is left out on "
-            "spatial, where an epoch is 204 steps." + absent,
+            "actuator position of a test sample was trained on. What learns by steps is left out "
+            "on spatial, where an epoch is 204 steps." + absent,
             COMMANDS,
-            key=("Scene", "Model"),
         )
 
 

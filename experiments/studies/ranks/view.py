@@ -42,7 +42,6 @@ def tables(results: Results) -> Iterator[Table]:
         f"{config['repeats']} repeats. Counts are added by gloo, on one machine. Prototypes of all "
         f"ranks and of one alone are {'the same bit for bit' if same else 'NOT the same'}.",
         [measured.record.command],
-        key=("Ranks",),
     )
 
 

@@ -23,12 +23,11 @@ from experiments.reporting.measured import with_places
 from experiments.reporting.plot import (
     STYLE,
     WIDTH,
+    bars,
     errors,
-    fill_of,
     handle,
     head,
     seeds_of,
-    style_of,
 )
 from experiments.reporting.rows import display_name
 from experiments.reporting.study import Plot, Study
@@ -69,7 +68,6 @@ def tables(results: Results) -> Iterator[Table]:
             },
             _note(measured),
             [measured.record.command],
-            key=("Disturbance", "Level"),
         )
 
 
@@ -117,7 +115,7 @@ def _frames(measured: Measured) -> str:
 def _row(case: tuple[str, float], by_model: Mapping[str, Estimate]) -> dict[str, Any]:
     row: dict[str, Any] = dict(zip(("disturbance", "level"), case, strict=True))
     for model, found in by_model.items():
-        row |= {model: found.value, f"{model}_low": found.low, f"{model}_high": found.high}
+        row |= found.columns(model)
     return row
 
 
@@ -238,18 +236,7 @@ def _bit_flips(axes: Axes, found: Accuracies, models: Sequence[str], name: str) 
         points |= {level: one for (disturbance, level), one in own.items() if disturbance == shown}
         x = np.array([level or none for level in points]) * 1.03 ** (k - len(models) // 2)
         y, spread = errors(list(points.values()), 100)
-        colour, marker, line = style_of(model)
-        axes.errorbar(
-            x,
-            y,
-            yerr=spread,
-            color=colour,
-            marker=marker,
-            mfc=fill_of(model),
-            ls=line,
-            elinewidth=0.4,
-            lw=0.9,
-        )
+        bars(axes, model, x, y, spread, elinewidth=0.4)
     decades = [10.0**k for k in range(-12, 1, 2) if none < 10.0**k <= 1]
     axes.set_xticks([none, *decades], ["0", *(f"$10^{{{np.log10(d):.0f}}}$" for d in decades)])
     axes.set_xticks([], minor=True)
@@ -263,18 +250,8 @@ def _disturbed(axes: Axes, found: Accuracies, models: Sequence[str], name: str) 
     for k, model in enumerate(models):
         places = [i for i, case in enumerate(cases) if model in found.get(case, {})]
         y, spread = errors([found[cases[i]][model] for i in places], 100)
-        colour, marker, _ = style_of(model)
-        axes.errorbar(
-            np.array(places) + 0.08 * (k - (len(models) - 1) / 2),
-            y,
-            yerr=spread,
-            color=colour,
-            marker=marker,
-            mfc=fill_of(model),
-            ls="",
-            elinewidth=0.6,
-            markersize=2.5,
-        )
+        x = np.array(places) + 0.08 * (k - (len(models) - 1) / 2)
+        bars(axes, model, x, y, spread, ls="", elinewidth=0.6, markersize=2.5)
     axes.set_xticks(range(len(cases)), [f"{level * units:g}" for _, level in cases])
     axes.set_xlabel(f"{label} ({unit})")
 

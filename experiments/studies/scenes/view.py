@@ -82,12 +82,11 @@ def tables(results: Results) -> Iterator[Table]:
                 ),
                 rows_of.notes(lines),
                 rows_of.commands(groups),
-                key=("Model",),
             )
 
 
 def plots(results: Results) -> Iterator[Plot]:
-    """Confusions by HDC, or by the best model where HDC was not run; a learning curve."""
+    """Confusions by HDC, or by the first model where HDC was not run; a learning curve."""
     for scene in results.scenes:
         groups = {group.model: group for group in _largest(results, scene)}
         first = "hdc" if "hdc" in groups else next(iter(groups), "")

@@ -96,8 +96,6 @@ def calibration(results: Results) -> Iterator[Table]:
         "watched: the fit looked at it and it chose none. Met: the value here is in the range that "
         "the fit accepted, whatever its interval, which is that of one more sensor.",
         [f"{RUN}{name}" for name in ("table1", "accuracy_vs_n", "correlation", "scenes", "drift")],
-        key=("Quantity",),
-        common=("Paper", "Expected", "Status", "Note"),
     )
 
 
@@ -171,8 +169,6 @@ def fit(measured: Measured) -> Table:
         f"Means over the seeds {', '.join(map(str, seeds))}, which no other result is of; in "
         "brackets the value of the parameter. All other parameters are at their own.",
         [measured.record.command],
-        key=("Parameter", "Quantity"),
-        common=("Paper", "Expected"),
     )
 
 
@@ -244,7 +240,6 @@ def confusions(group: Group) -> Table:
         },
         "In the paper R1 is confused with R2, and None is taken for R2 or R3.",
         rows_of.commands([group]),
-        key=("Label",),
     )
 
 
@@ -282,8 +277,6 @@ def controls(results: Results) -> Iterator[Table]:
         },
         "The thickness of the three sheets is assumed; the paper gives none.",
         [f"{RUN}tactile_controls"],
-        key=("Scene",),
-        common=("Changed", "Chance, %"),
     )
 
 
@@ -305,7 +298,6 @@ def precision(measured: Measured) -> Table:
         },
         f"One thread of {measured.record.environment.cpu}.",
         [measured.record.command],
-        key=("Knob", "Setting"),
     )
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
+from experiments.reporting.measured import machine
 from experiments.reporting.study import Study
-from experiments.reporting.table import Row, Table, frame, number
+from experiments.reporting.table import Table, cell, frame, number
 
 _NUMBERS = ("error_naive", "error_ours", "tolerance", "time_naive_s", "time_ours_s")
 
@@ -29,45 +30,37 @@ def tables(results: Results) -> Iterator[Table]:
         f"Numbers at their limits: {holding} of {len(rows)} cases hold",
         frame(rows),
         {
-            "Part": _text("part"),
-            "Case": _text("case"),
-            "What is extreme": _text("extreme"),
-            "Expected": _text("expected"),
-            "Reference": _text("reference"),
-            "Obvious method": _text("naive"),
-            "Ours": _text("ours"),
-            "Error in": _text("unit"),
+            "Part": cell("part"),
+            "Case": cell("case"),
+            "What is extreme": cell("extreme"),
+            "Expected": cell("expected"),
+            "Reference": cell("reference"),
+            "Obvious method": cell("naive"),
+            "Ours": cell("ours"),
+            "Error in": cell("unit"),
             "Error, obvious": lambda row: _error(row["error_naive"]),
             "Error, ours": lambda row: _error(row["error_ours"]),
             "Tolerance": lambda row: _error(row["tolerance"]),
             "Time, obvious, ms": lambda row: number(1e3 * row["time_naive_s"]),
             "Time, ours, ms": lambda row: number(1e3 * row["time_ours_s"]),
-            "Verdict": _text("verdict"),
+            "Verdict": cell("verdict"),
         },
         _note(measured),
         [measured.record.command],
-        key=("Part", "Case"),
-        common=("What is extreme", "Expected", "Reference", "Obvious method", "Ours", "Error in"),
     )
 
 
 def _note(measured: Measured) -> str:
     """How to read the table, and what the cases themselves remark."""
-    made = measured.record.environment
-    threads = f"{made.threads} thread{'s' * (made.threads != 1)}"
     told = [f"{key}={value}" for key, value in measured.overrides.items()]
     sentences = [
         "The same input the obvious way and ours, against an exact reference; a case holds if our "
         "error is within the tolerance",
-        f"Times are the least of some repeats on {made.cpu}, {threads}",
+        f"Times are the least of some repeats on {machine(measured)}",
         *([f"Measured with {', '.join(told)}"] if told else []),
         *(f"{row['case']}: {row['note'].rstrip('.')}" for row in measured.rows if "note" in row),
     ]
     return ". ".join(text[0].upper() + text[1:] for text in sentences) + "."
-
-
-def _text(key: str) -> Callable[[Row], str]:
-    return lambda row: str(row[key])
 
 
 def _error(value: Any) -> str:

@@ -7,6 +7,7 @@ from functools import partial
 
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
+from experiments.reporting.measured import machine, with_places
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.table import Table, frame
 from experiments.studies.stiffness import view_limits, view_methods
@@ -14,7 +15,7 @@ from experiments.studies.stiffness import view_limits, view_methods
 
 def tables(results: Results) -> Iterator[Table]:
     """Stability limits, and times of the methods for one objective."""
-    for place, measured in _each(results, "stiffness"):
+    for place, measured in with_places(results, "stiffness"):
         rows = view_limits.limits(measured)
         yield Table(
             f"stiffness{place}",
@@ -24,7 +25,7 @@ def tables(results: Results) -> Iterator[Table]:
             " ".join([view_limits.NOTE, view_limits.published_rate(rows), *_made(measured)]),
             [measured.record.command],
         )
-    for place, measured in _each(results, "softmax_methods"):
+    for place, measured in with_places(results, "softmax_methods"):
         yield Table(
             f"softmax_methods{place}",
             "Softmax regression by explicit, adaptive and second-order methods, "
@@ -58,19 +59,9 @@ def plots(results: Results) -> Iterator[Plot]:
             view_methods.error_against_time,
         ),
     ):
-        for place, measured in _each(results, experiment):
+        for place, measured in with_places(results, experiment):
             drawing = partial(draw, measured, _frames(measured))
             yield Plot(f"{name}{place}", caption, drawing, [measured.record.command])
-
-
-def _each(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
-    """A measurement, and those of own frames with what is put behind names of theirs."""
-    measured = results.measured(name)
-    if measured and measured.rows:
-        yield "", measured
-    for other in results.measured_elsewhere(name):
-        if other.rows:
-            yield f"_{other.folder.name.rpartition('-')[2]}", other
 
 
 def _frames(measured: Measured) -> str:
@@ -80,8 +71,7 @@ def _frames(measured: Measured) -> str:
 
 def _made(measured: Measured) -> Iterator[str]:
     """The machine, and what was changed of the experiment's config."""
-    made = measured.record.environment
-    yield f"Measured on {made.cpu}, {made.threads} thread{'s' * (made.threads != 1)}."
+    yield f"Measured on {machine(measured)}."
     if measured.overrides:
         changed = (f"{key}={value}" for key, value in measured.overrides.items())
         yield f"Changed: {', '.join(changed)}."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from experiments.records.measurement import Measured
 from experiments.reporting import published
 from experiments.reporting.plot import STYLE, WIDTH, head, plain_decades
 from experiments.reporting.rows import display_name
-from experiments.reporting.table import Columns, Row, number
+from experiments.reporting.table import Columns, Row, cell, number
 
 GROUP = ("model", "pixels", "method", "start")  # what the rows of one sweep have in common
 Lines = Sequence[dict[str, str]]
@@ -89,7 +89,7 @@ def _crossing(lines: Lines, key: str) -> float | str:
 
 
 def _why_not(row: Row, lines: Lines) -> str:
-    """What the rows themselves say of a limit that was not found where it was predicted."""
+    """Why a limit was not found where it was predicted, from the rows where they say it."""
     ends = {float(x["rate"]): float(x["lambda_end"]) for x in lines if "lambda_end" in x}
     if str(row["exceeds"]).startswith(">"):
         fallen = next((x for rate, x in sorted(ends.items()) if rate > row["predicted"]), None)
@@ -103,22 +103,18 @@ def _why_not(row: Row, lines: Lines) -> str:
     return "λ_max at the start is no bound along the way"
 
 
-def _shown(key: str) -> Callable[[Row], str]:
-    return lambda row: number(row[key])
-
-
 COLUMNS: Columns = {
     "Model": lambda row: display_name(row["model"]),
     "Pixels": lambda row: _PIXELS[row["pixels"]][0],
     "Method": lambda row: _METHODS[row["method"]],
     "Start": lambda row: row["start"],
     "N × D": lambda row: f"{row['n']} × {row['d']:,}",
-    "λ_max": _shown("lambda_max"),
-    "Predicted limit": _shown("predicted"),
-    "Loss rises above": _shown("rises"),
-    "Loss exceeds the start above": _shown("exceeds"),
-    "Loss ends above the start above": _shown("ends_above"),
-    "Exceeds / predicted": _shown("exceeds_over_predicted"),
+    "λ_max": cell("lambda_max"),
+    "Predicted limit": cell("predicted"),
+    "Loss rises above": cell("rises"),
+    "Loss exceeds the start above": cell("exceeds"),
+    "Loss ends above the start above": cell("ends_above"),
+    "Exceeds / predicted": cell("exceeds_over_predicted"),
     "Within a factor 2": lambda row: row["within_factor_2"],
     "Why not": lambda row: row["why_not"] or "–",
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 from matplotlib import pyplot as plt
@@ -12,7 +12,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocat
 from experiments.records.measurement import Measured
 from experiments.reporting import published
 from experiments.reporting.plot import STYLE, WIDTH, head, plain_decades
-from experiments.reporting.table import Columns, Row, number, percent
+from experiments.reporting.table import Columns, Row, cell, percent
 
 GAPS = (1e-1, 1e-3, 1e-5)  # of F − F*, to which the time is told
 Curves = dict[tuple[str, str, str], list[dict[str, str]]]
@@ -66,17 +66,13 @@ def methods(measured: Measured) -> list[Row]:
     return rows
 
 
-def _shown(key: str) -> Callable[[Row], str]:
-    return lambda row: number(row[key])
-
-
 COLUMNS: Columns = {
     "Method": lambda row: row["method"],
     "Pixels": lambda row: _PIXELS[row["pixels"]],
-    "Rate": _shown("rate"),
-    **{f"s to F − F* ≤ {gap:g}": _shown(f"seconds_to_{gap:g}") for gap in GAPS},
-    "s in all": _shown("seconds"),
-    "F − F* at the end": _shown("loss_gap"),
+    "Rate": cell("rate"),
+    **{f"s to F − F* ≤ {gap:g}": cell(f"seconds_to_{gap:g}") for gap in GAPS},
+    "s in all": cell("seconds"),
+    "F − F* at the end": cell("loss_gap"),
     "Test error, %, at the end": lambda row: percent(row["test_error"]),
 }
 

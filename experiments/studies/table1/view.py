@@ -23,6 +23,7 @@ from experiments.reporting.plot import (
     error_bars,
     handle,
     plain_decades,
+    published_point,
     style_of,
     title,
 )
@@ -56,7 +57,7 @@ _PUBLISHED_COMPUTER = "paper: Apple M1"
 
 
 def tables(results: Results) -> Iterator[Table]:
-    """Table I with the published numbers; and every model on its scene."""
+    """Table I with the published numbers."""
     scene = configs.sweep("table1")["scene"][0]
     hdc = results.group(scene, "hdc")
     rows = []
@@ -229,18 +230,8 @@ def error_vs_time(results: Results) -> Figure:
                 error_bars(axes, group.model, [line["total_time_s"]], [line], floor, marker=False)
         for model in PAPER:
             known = published_row(model)
-            error = 1 - known["published_test_accuracy"]
-            axes.plot(
-                known["published_training_time_s"],
-                max(error, floor),
-                "*",
-                markersize=9,
-                color=style_of(model)[0],
-                markeredgecolor="black",
-                markeredgewidth=0.6,
-                zorder=5,
-                clip_on=False,
-            )
+            time, error = known["published_training_time_s"], 1 - known["published_test_accuracy"]
+            published_point(axes, model, time, max(error, floor), 9)
         axes.set_xlabel("training time (s)")
         axes.set_ylabel("test error")
         plain_decades(axes)

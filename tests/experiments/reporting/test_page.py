@@ -97,10 +97,10 @@ def test_it_needs_no_network_and_every_picture_is_whole():
         else:
             assert head == "data:image/webp;base64"
             data = base64.b64decode(code, validate=True)
-        assert data == shown.data
         if shown.plot.kind == "svg":
-            assert ET.fromstring(data).tag.endswith("svg")
+            assert ET.canonicalize(data) == ET.canonicalize(shown.data)
         else:
+            assert data == shown.data
             assert Image.open(io.BytesIO(data)).size == (3, 2)
         assert attrs["alt"] == shown.plot.caption
 

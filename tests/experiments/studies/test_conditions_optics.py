@@ -316,7 +316,7 @@ def test_the_table_of_optics_compares_sensor_by_sensor(shown):
     assert (four["Condition"], four["Level"]) == ("frames moved by ±", "4 px")
     # ridge and softmax have two wrong on average, of which the first is taken: 2−0 and 2−1
     assert four["Best linear"] == "Softmax, Adam from zeros"
-    assert four["HDC − best linear, points"].startswith("1.5 [")
+    assert four["HDC − best linear, points"].startswith("+1.5 [")
     assert four["HDC ahead, behind; sensors"] == "2, 0; 2"
     assert four["HDC"].startswith("99.5 [")
     assert four["Softmax as published, HDC not less"] == "yes: Softmax, dual Newton"

@@ -252,7 +252,7 @@ def test_the_table_says_where_old_samples_add_something(recalibration, results):
     # 80 against 80 and 83: a loss that two seeds do not show.
     assert rows["HDC", "old and new, equal votes"][
         "Above new alone, N_new = 50, points"
-    ].startswith("-1.5 [")
+    ].startswith("−1.5 [")
     assert rows["HDC", "old and new, equal votes"][add] == "none"
     assert rows["Ridge read-out", "new, from the old weights"][add] == "none"
     assert rows["HDC", "new samples alone, p = 1"]["New environment, N_new = 50, %"][:4] == "81.5"

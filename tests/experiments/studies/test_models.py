@@ -3,7 +3,6 @@
 import pytest
 
 from experiments.records.results import Results
-from experiments.studies.models import view
 from experiments.studies.models.view import STUDY
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -41,26 +40,6 @@ def test_measured_optics_stand_first(tmp_path, runs):
     assert "Not run: fibre, tactile, spatial." in table.note
 
 
-def test_differences_are_of_common_seeds(tmp_path, runs):
-    found = {(d["scene"], d["model"]): d for d in view.differences(Results(tmp_path))}
-    assert list(found) == [
-        ("fibre_grouped", "linear_bits"),
-        ("fibre_grouped", "ridge"),
-        ("touch", "softmax"),
-        ("finger", "ridge"),
-    ]
-    ridge = found["fibre_grouped", "ridge"]
-    assert ridge["origin"] == "measured"
-    assert (ridge["hdc"], ridge["other"]) == pytest.approx((0.8, 0.95))
-    assert ridge["difference"] == pytest.approx(-0.15)
-    assert ridge["low"] < -0.15 < ridge["high"]
-    assert (ridge["seeds"], ridge["ahead"]) == (2, 0)
-    assert found["touch", "softmax"]["ahead"] == 2
-    finger = found["finger", "ridge"]
-    assert finger["seeds"] == 1
-    assert (finger["hdc"], finger["other"]) == pytest.approx((13 / 14, 1.0))
-
-
 def test_the_figure_has_a_panel_a_scene(runs, drawn):
     words = drawn(STUDY)["all_scenes"]
     for expected in ("fibre, other positions measured", "touch simulated", "finger simulated",
@@ -72,4 +51,3 @@ def test_the_figure_has_a_panel_a_scene(runs, drawn):
 def test_without_runs_there_is_nothing(tmp_path):
     assert not list(STUDY.tables(Results(tmp_path)))
     assert not list(STUDY.plots(Results(tmp_path)))
-    assert view.differences(Results(tmp_path)) == []
