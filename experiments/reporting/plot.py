@@ -67,6 +67,8 @@ def save(figure: Figure, kind: str) -> bytes:
     with plt.rc_context(STYLE):
         stream = io.BytesIO()
         options: dict[str, Any] = {"metadata": {"Date": None}} if kind == "svg" else {}
+        if kind == "webp":  # speckle does not compress; this is what a page can carry
+            options = {"pil_kwargs": {"quality": 55}}
         figure.savefig(stream, format=kind, dpi=150, **options)
     plt.close(figure)
     return _smaller(stream.getvalue()) if kind == "svg" else stream.getvalue()
@@ -80,6 +82,15 @@ def _smaller(svg: bytes) -> bytes:
     text = re.sub(r' id="([^"]*)"', lambda m: m[0] if m[1] in used else "", text)
     text = re.sub(r'\b(d|x|y|points)="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)
     text = re.sub(r'(?<= d=")[^"]*', lambda m: re.sub(r"\s*([A-Za-z])\s*", r"\1", m[0]), text)
+    opened: list[bool] = []  # of the groups around a place, which say something
+
+    def group(tag: re.Match[str]) -> str:
+        if tag[0] == "</g>":
+            return tag[0] * opened.pop()
+        opened.append(tag[0] != "<g>")
+        return tag[0] * opened[-1]
+
+    text = re.sub(r"<g( [^>]*[^/])?>|</g>", group, text)
     return re.sub(r"\n\s*", "\n", text).encode()
 
 
