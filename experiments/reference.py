@@ -25,6 +25,7 @@ from rich.console import Console
 from experiments import report, reproduce
 from experiments.records import archive
 from experiments.records.files import REFERENCE, ROOT, results_dir, write_atomically
+from experiments.records.record import to_csv
 from experiments.records.results import Results, Run
 from experiments.reporting.measured import with_places
 from experiments.reporting.table import markdown_text
@@ -90,8 +91,8 @@ def adopt(own: Path, reference: Path) -> None:
             target = reference / "measured" / f"{name}{'_fibre' if place else ''}"
             shutil.rmtree(target, ignore_errors=True)
             shutil.copytree(found.folder, target, ignore=shutil.ignore_patterns(".*"))
-    if (own / reproduce.FILE).is_file():
-        shutil.copy(own / reproduce.FILE, reference / reproduce.FILE)
+    if steps := reproduce.read(reference) | reproduce.read(own):
+        write_atomically(reference / reproduce.FILE, to_csv(list(steps.values())))
 
 
 def _asked(run: Run) -> tuple[str, str, Any]:
@@ -168,7 +169,9 @@ def _reproduction() -> str:
             most = sorted(done, key=lambda row: -int(row["peak_bytes"]))[:2]
             memory = ", ".join(f"{int(x['peak_bytes']) / 1e9:.2f} GB ({x['step']})" for x in most)
             time = reproduce.span(sum(float(row["seconds"]) for row in done))
-            lines.append(f"| `{command}` | {len(done)} | {time} | {memory} |")
+            steps = len(reproduce.steps(mode))
+            of = f" of {steps}" * (len(done) < steps)
+            lines.append(f"| `{command}` | {len(done)}{of} | {time} | {memory} |")
     return "\n".join(lines) if len(lines) > 2 else "*missing: no whole reproduction was timed*"
 
 
