@@ -68,7 +68,7 @@ def save(figure: Figure, kind: str) -> bytes:
         stream = io.BytesIO()
         options: dict[str, Any] = {"metadata": {"Date": None}} if kind == "svg" else {}
         if kind == "webp":  # speckle does not compress; this is what a page can carry
-            options = {"pil_kwargs": {"quality": 55}}
+            options = {"pil_kwargs": {"quality": 40}}
         figure.savefig(stream, format=kind, dpi=150, **options)
     plt.close(figure)
     return _smaller(stream.getvalue()) if kind == "svg" else stream.getvalue()

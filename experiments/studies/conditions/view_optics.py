@@ -390,9 +390,11 @@ def networks_figure(measured: Measured) -> Figure:
             axes.set_ylabel("accuracy (%)")
             axes.set_ylim(0, 104)
         panels[-1, 0].set_xlabel("steps of the optimiser")
+        shown_starts = {start for _, start, _ in found}
         handles: list[Any] = [
             Line2D([], [], color=colour, label=f"weights {name}")
-            for name, colour in STARTS.values()
+            for start, (name, colour) in STARTS.items()
+            if start in shown_starts
         ]
         handles += [
             Line2D([], [], color="0.3", ls="-", label="test"),
