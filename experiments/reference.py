@@ -95,9 +95,10 @@ def adopt(own: Path, reference: Path) -> None:
         write_atomically(reference / reproduce.FILE, to_csv(list(steps.values())))
 
 
-def _asked(run: Run) -> tuple[str, str, Any]:
-    """Scene, model and number of training samples."""
-    return run.scene, run.model, run.record.config["split"]["n_train"]
+def _asked(run: Run) -> tuple[str, str, Any, Any]:
+    """Scene, model, and how many training samples and pixels."""
+    config = run.record.config
+    return run.scene, run.model, config["split"]["n_train"], config["data"]["pixels"]
 
 
 def outdated(results: Results) -> dict[str, list[str]]:

@@ -46,7 +46,7 @@ def encode(
     `first`, for frames that are a part of more. ``backend="compiled"`` encodes 8-bit frames on the
     CPU by :mod:`hdc.compiled`, with the same result; other types take the same way as without.
     Words of an `out` of at least as many rows are overwritten and returned, for frames that come
-    in parts: new memory takes a third of the time that the compiled kernels do.
+    in parts: new memory takes long to come by.
 
     Besides the result it takes some bytes a pixel of one frame (or of 2^20 pixels), however many
     frames there are; only ``"compiled"`` copies frames that do not lie in one piece.

@@ -1,6 +1,7 @@
 """Own results become the reference: what is adopted, what is filled in, what may stand."""
 
 import re
+import shutil
 
 import pytest
 from omegaconf import OmegaConf
@@ -47,6 +48,16 @@ def test_finished_runs_are_adopted_and_what_was_there_stays(tmp_path, target, wr
     write_run("hdc", wrong=range(5))
     reference.adopt(tmp_path, target)
     assert Results(target).group("touch", "hdc").right.sum() == 95
+
+
+def test_of_older_code_only_what_was_made_again_goes(tmp_path, target, write_run):
+    write_run("hdc", seed=1, environment=OLD)
+    fewer = write_run("hdc", pixels=100, environment=OLD)  # of another question
+    reference.adopt(tmp_path, target)
+    shutil.rmtree(tmp_path / "runs")
+    again = write_run("hdc")
+    reference.adopt(tmp_path, target)
+    assert {run.record.id for run in Results(target).runs} == {fewer, again}
 
 
 def test_measurements_of_the_experiments_own_scene_are_adopted(tmp_path, target, write_measurement):
