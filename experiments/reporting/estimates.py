@@ -80,33 +80,53 @@ def least_variance(shares: Sequence[float], n: float) -> float:
     return p * (1 - p) / n
 
 
-def mean_share(right: Sequence[int], n: Sequence[int]) -> Estimate:
+def mean_share(shares: Sequence[float], n: float) -> Estimate:
     """Share of right samples, mean over seeds with Student's interval; of one seed Wilson's.
 
     Args:
-        right, n: right and all samples of each seed.
+        shares: one a seed.
+        n: samples of each.
     """
-    if len(right) < 2:
-        return Estimate(right[0] / n[0], *evaluate.wilson(right[0], n[0]))
-    return mean_interval(*_shares(right, n)).within(0, 1)
+    if len(shares) < 2:
+        return Estimate(shares[0], *evaluate.wilson(round(shares[0] * n), round(n)))
+    return mean_interval(shares, least_variance(shares, n)).within(0, 1)
+
+
+def mean_difference(
+    differences: Sequence[float], n: float, disagree: float | None = None
+) -> Estimate:
+    """Difference of two shares on the same samples, mean over seeds with Student's interval.
+
+    Its least variance is that of the samples on which the two disagree, with one more of them
+    added (Agresti and Min, Stat. Med. 24, 729 (2005)).
+
+    Args:
+        differences: one a seed.
+        n: samples of each.
+        disagree: how many the two disagree on, all seeds together; where that is not known, as few
+            as the differences leave.
+    """
+    if disagree is None:
+        disagree = n * sum(map(abs, differences))
+    least = (disagree + 1) / (n * len(differences) + 2) / n
+    return mean_interval(differences, least).within(-1, 1)
 
 
 def share(group: Group) -> Estimate:
     """Test accuracy, as :func:`mean_share`."""
-    return mean_share(*_counts(group))
+    return mean_share(*_shares(group))
 
 
 def share_of_one_sensor(group: Group) -> Estimate:
     """Test accuracy, mean over seeds with the interval for one more sensor."""
-    return one_sensor(*_shares(*_counts(group))).within(0, 1)
+    shares, n = _shares(group)
+    return one_sensor(shares, least_variance(shares, n)).within(0, 1)
 
 
 def difference(runs: Sequence[Run], reference: Sequence[Run]) -> Difference | None:
     """Differences in test accuracy, of each seed that both have; None without any.
 
-    That test samples are the same is proven by the digest of their frames and labels. The least
-    variance of a difference is that of the samples on which the two disagree, with one more of
-    them added (Agresti and Min, Stat. Med. 24, 729 (2005)).
+    That test samples are the same is proven by the digest of their frames and labels.
     """
     theirs = {(run.seeds, run.record.data_sha256.test): run.record.right for run in reference}
     pairs = {
@@ -117,11 +137,10 @@ def difference(runs: Sequence[Run], reference: Sequence[Run]) -> Difference | No
     if not pairs:
         return None
     each = {seeds: float(a.mean() - b.mean()) for seeds, (a, b) in pairs.items()}
-    n = sum(len(a) for a, _ in pairs.values())
+    n = float(np.mean([len(a) for a, _ in pairs.values()]))
     disagree = sum(int((a != b).sum()) for a, b in pairs.values())
-    least = (disagree + 1) / (n + 2) / (n / len(pairs))
     above, below = (sum(sign * d > 0 for d in each.values()) for sign in (1, -1))
-    share = mean_interval(list(each.values()), least).within(-1, 1)
+    share = mean_difference(list(each.values()), n, disagree)
     return Difference(share, above, below, each)
 
 
@@ -183,13 +202,9 @@ def _student(values: Sequence[float], least: float, parts: float) -> Estimate:
     return Estimate(mean, mean - half, mean + half)
 
 
-def _counts(group: Group) -> tuple[list[int], list[int]]:
-    """Right and all test samples of each run."""
+def _shares(group: Group) -> tuple[list[float], float]:
+    """Share of right test samples in each run, and how many test samples a run has."""
     records = [run.record for run in group.runs]
-    return [int(record.right.sum()) for record in records], [record.n_test for record in records]
-
-
-def _shares(right: Sequence[int], n: Sequence[int]) -> tuple[list[float], float]:
-    """Share of each seed, and the variance that it has at least."""
-    shares = [one / of for one, of in zip(right, n, strict=True)]
-    return shares, least_variance(shares, float(np.mean(n)))
+    return [float(record.right.mean()) for record in records], float(
+        np.mean([record.n_test for record in records])
+    )

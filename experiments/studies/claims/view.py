@@ -17,7 +17,14 @@ from experiments.records import configs
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting import published
-from experiments.reporting.estimates import Difference, Estimate, difference, mean_interval, share
+from experiments.reporting.estimates import (
+    Difference,
+    Estimate,
+    difference,
+    mean_difference,
+    mean_interval,
+    share,
+)
 from experiments.reporting.measured import with_places
 from experiments.reporting.rows import display_name
 from experiments.reporting.study import RUN, Quantity, Study
@@ -29,7 +36,7 @@ from experiments.studies.conditions.view_linear import ADAM, SECONDS
 from experiments.studies.conditions.view_linear import NAME as CONDITIONS
 from experiments.studies.correlation.view import contrast, matrices
 from experiments.studies.crossing.view import crossings
-from experiments.studies.drift.view import N_NEW, PAPERS
+from experiments.studies.drift.view import N_NEW, PAPERS, n_tested
 from experiments.studies.drift.view import Key as RecalibratedBy
 from experiments.studies.drift.view import accuracies as recalibrated
 from experiments.studies.models.view import EXPERIMENT as ALL_SCENES
@@ -478,9 +485,11 @@ def recalibration(results: Results) -> Claim:
 
     old, mixed = values("stored", 0), values("replace", N_NEW, *PAPERS)
     new = values("new", N_NEW)
-    if old is None or mixed is None or new is None:
+    if measured is None or old is None or mixed is None or new is None:
         return Claim(*claim, missing(f"{RUN}drift"), none, "–", "not decided: not measured yet")
-    restored, gain = (mean_interval((mixed - other).tolist()) for other in (old, new))
+    restored, gain = (
+        mean_difference((mixed - other).tolist(), n_tested(measured)) for other in (old, new)
+    )
     return Claim(
         *claim,
         f"before {percent(old.mean())} %, with {N_NEW} new samples, the first in time, p = 0.5 or "

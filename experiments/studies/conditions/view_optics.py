@@ -25,7 +25,7 @@ from experiments.records import configs
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting import published
-from experiments.reporting.estimates import Estimate, mean_interval
+from experiments.reporting.estimates import mean_difference, mean_share
 from experiments.reporting.measured import with_places
 from experiments.reporting.plot import (
     STYLE,
@@ -112,9 +112,9 @@ def accuracies(measured: Measured) -> Accuracies:
     return found
 
 
-def over_sensors(by_sensor: Mapping[str, float]) -> Estimate:
-    """Mean accuracy and Student's interval over the sensors, within 0 and 1."""
-    return mean_interval(list(by_sensor.values())).within(0, 1)
+def n_tested(measured: Measured) -> dict[str, int]:
+    """Test samples of a sensor, by condition."""
+    return {row["condition"]: int(row["n_test"]) for row in measured.rows}
 
 
 def verdict(hdc: float, softmax: Mapping[str, float]) -> str:
@@ -148,14 +148,15 @@ def _optics_row(
 ) -> dict[str, Any]:
     config = measured.record.config
     row: dict[str, Any] = {"condition": case[0], "level": case[1]}
-    means = {model: over_sensors(by_sensor) for model, by_sensor in found.items()}
+    n = n_tested(measured)[case[0]]
+    means = {model: mean_share([*by_sensor.values()], n) for model, by_sensor in found.items()}
     for model, one in means.items():
         row |= one.columns(model)
     best = max(config["linear"], key=lambda model: means[model].value)
     paired = [found["hdc"][sensor] - found[best][sensor] for sensor in found["hdc"]]
     return row | {
         "best_linear": best,
-        **mean_interval(paired).columns("difference"),
+        **mean_difference(paired, n).columns("difference"),
         "ahead": sum(x > 0 for x in paired),
         "behind": sum(x < 0 for x in paired),
         "sensors": len(paired),
@@ -192,10 +193,10 @@ def _of_optics(place: str, measured: Measured) -> Table:
             ),
             "Softmax as published, HDC not less": lambda row: row["verdict"],
         },
-        "Means over sensors, in square brackets Student's 95 % interval over them (of no width "
-        "where all are alike); differences are taken sensor by sensor, from the linear model of "
-        "the highest mean, which favours it. Last column: yes if a softmax regression has a mean "
-        f"within the published one's interval, {low} to {high} %, and HDC at least "
+        "Means over sensors, in square brackets Student's 95 % interval over them; differences are "
+        "taken sensor by sensor, from the linear model of the highest mean, which favours it. Last "
+        "column: yes if a softmax regression has a mean within the published one's interval, "
+        f"{low} to {high} %, and HDC at least "
         f"{percent(criterion().hdc_at_least)} %; HDC falls too: it is below that, and one of them "
         "at or below the interval. Laser gain, stray light, glare and movement differ from frame "
         f"to frame; wrong labels are in training alone.{''.join(epochs)}",
@@ -230,7 +231,7 @@ def optics_figure(measured: Measured) -> Figure:
         for axes in panels.flat[len(conditions) :]:
             axes.set_visible(False)
         for axes, letter, name in zip(panels.flat, "abcdefghijkl", conditions, strict=False):
-            _condition(axes, found, models, name)
+            _condition(axes, measured, found, name)
             panel(axes, letter, "")
         for axes in panels[:, 0]:
             axes.set_ylabel("test accuracy (%)")
@@ -247,12 +248,15 @@ def optics_figure(measured: Measured) -> Figure:
     return figure
 
 
-def _condition(axes: Axes, found: Accuracies, models: Sequence[str], name: str) -> None:
+def _condition(axes: Axes, measured: Measured, found: Accuracies, name: str) -> None:
     text, unit, units = CONDITIONS[name]
+    n = n_tested(measured)
     cases = [case for case in found if case[0] in ("none", name)]
     axes.axhspan(*(100 * bound for bound in _published_interval("softmax")), color=BAND, lw=0)
+    models = measured.record.config["models"]
     for k, model in enumerate(models):
-        y, spread = errors([over_sensors(found[case][model]) for case in cases], 100)
+        shares = [(list(found[case][model].values()), n[case[0]]) for case in cases]
+        y, spread = errors([mean_share(*of) for of in shares], 100)
         x = np.arange(len(cases)) + 0.09 * (k - (len(models) - 1) / 2)
         bars(axes, model, x, y, spread, lw=0.8, elinewidth=0.5, markersize=2.5)
     levels = (f"{units * level:g}" for _, level in cases[1:])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting import published
-from experiments.reporting.estimates import Estimate, crossing, mean_interval
+from experiments.reporting.estimates import Estimate, crossing, mean_interval, mean_share
 from experiments.reporting.measured import with_places
 from experiments.reporting.plot import (
     STYLE,
@@ -131,7 +131,7 @@ def _crossings(found: Experiments, reading: str) -> list[Crossing]:
                 model,
                 reading,
                 Estimate(*map(float, (median, low, high))),
-                *(_share(share.mean(1)) for share in shares),
+                *(mean_share(share.mean(1).tolist(), share.shape[1]) for share in shares),
             )
         )
     return result
@@ -148,11 +148,6 @@ def firsts(found: Experiments, accuracy: NDArray[np.float64], reading: str) -> N
 
 def _asked(found: Experiments, reading: str) -> NDArray[np.bool_]:
     return found.equal if READINGS[reading][0] else np.ones(len(found.n), bool)
-
-
-def _share(of_sensors: NDArray[np.float64]) -> Estimate:
-    """Mean over sensors; Student's interval ends where shares do."""
-    return mean_interval(of_sensors.tolist()).within(0, 1)
 
 
 def theory_error(found: Experiments, name: str) -> tuple[float, float]:
@@ -214,12 +209,23 @@ def _row(one: Crossing) -> dict[str, Any]:
 
 
 def _curve_rows(found: Experiments) -> Iterator[dict[str, Any]]:
-    curves = {m: values.mean(1) for m, values in found.accuracy.items()} | dict(found.theory)
+    curves = {model: mean_curve(found, model) for model in found.accuracy}
+    curves |= {
+        name: [mean_interval(column).within(0, 1) for column in values.T.tolist()]
+        for name, values in found.theory.items()
+    }
     for k in np.flatnonzero(found.equal):
         row: dict[str, Any] = {"n": int(found.n[k])}
         for name, values in curves.items():
-            row |= _share(values[:, k]).columns(name)
+            row |= values[k].columns(name)
         yield row
+
+
+def mean_curve(found: Experiments, model: str) -> list[Estimate]:
+    """Mean accuracy at every N; the test samples of a sensor are those of all its experiments."""
+    by_n = found.accuracy[model].mean(1).T.tolist()
+    tested = found.n_test * found.accuracy[model].shape[1]
+    return [mean_share(of_sensors, tested) for of_sensors in by_n]
 
 
 def _whole(n: float) -> str:
@@ -318,8 +324,8 @@ def figure(measured: Measured) -> Figure:
 def _curve(axes: Axes, found: Experiments, model: str, chosen: NDArray[np.bool_]) -> None:
     """Mean accuracy with its band over sensors."""
     colour, marker, line = style_of(model)
-    n, of_sensors = found.n[chosen], found.accuracy[model].mean(1)[:, chosen]
-    value, spread = errors([mean_interval(column) for column in of_sensors.T.tolist()], 100)
+    n = found.n[chosen]
+    value, spread = errors([mean_curve(found, model)[k] for k in np.flatnonzero(chosen)], 100)
     axes.plot(n, value, color=colour, marker=marker, ms=2.2, ls=line, lw=0.9)
     axes.fill_between(n, value - spread[0], value + spread[1], color=colour, alpha=0.13, lw=0)
 

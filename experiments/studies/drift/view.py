@@ -21,7 +21,8 @@ from experiments.reporting.estimates import (
     ONE_SENSOR,
     Estimate,
     least_variance,
-    mean_interval,
+    mean_difference,
+    mean_share,
     one_sensor,
 )
 from experiments.reporting.measured import with_places
@@ -96,21 +97,26 @@ def accuracies(measured: Measured) -> Accuracies:
     }
 
 
-def gains(found: Accuracies, key: Key) -> dict[int, Estimate]:
+def n_tested(measured: Measured, session: str = "new") -> int:
+    """Test samples of a seed."""
+    return int(measured.rows[0][f"n_test_{session}"])
+
+
+def gains(measured: Measured, found: Accuracies, key: Key) -> dict[int, Estimate]:
     """Accuracy in the new environment above that of the new samples alone, by N_new; the same
-    sensors and samples on both sides, Student over sensors."""
+    sensors and samples on both sides."""
     alone = found.get(key._replace(method="new", parameter=""), {})
     return {
-        n: mean_interval((values - alone[n])[:, 0].tolist())
+        n: mean_difference((values - alone[n])[:, 0].tolist(), n_tested(measured))
         for n, values in found[key].items()
         if n in alone
     }
 
 
-def _mean(values: NDArray[np.float64], session: str) -> Estimate:
-    """Over sensors; Student's interval ends where fractions do."""
+def _mean(measured: Measured, values: NDArray[np.float64], session: str) -> Estimate:
+    """Over sensors."""
     column = values[:, ("new", "old").index(session)]
-    return mean_interval(column.tolist()).within(0, 1)
+    return mean_share(column.tolist(), n_tested(measured, session))
 
 
 # Table --------------------------------------------------------------------------------------------
@@ -120,7 +126,7 @@ def tables(results: Results) -> Iterator[Table]:
     """Every model and update, and where the old samples add something."""
     for place, measured in with_places(results, "drift"):
         found = accuracies(measured)
-        rows = [_row(found, key) for key in found if key.method != "stored"]
+        rows = [_row(measured, found, key) for key in found if key.method != "stored"]
         first = measured.rows[0]
         shown = [n for n in _SHOWN if any(f"new_{n}" in row for row in rows)]
         yield Table(
@@ -149,12 +155,12 @@ def tables(results: Results) -> Iterator[Table]:
         )  # fmt: skip
 
 
-def _row(found: Accuracies, key: Key) -> dict[str, Any]:
+def _row(measured: Measured, found: Accuracies, key: Key) -> dict[str, Any]:
     row: dict[str, Any] = {"order": key.order, "model": key.model, "update": key.label}
     for n, values in found[key].items():
         for session in ("new", "old"):
-            row |= _mean(values, session).columns(f"{session}_{n}")
-    above = {} if key.method == "new" else gains(found, key)
+            row |= _mean(measured, values, session).columns(f"{session}_{n}")
+    above = {} if key.method == "new" else gains(measured, found, key)
     for n, gain in above.items():
         row |= gain.columns(f"gain_{n}")
     for name, holds in (
@@ -171,7 +177,7 @@ def _stored(found: Accuracies) -> str:
     """Accuracies of the stored models, of the first order."""
     first = next(iter(found)).order
     said = [
-        f"{display_name(key.model)} {percent(_mean(values[0], 'new').value)} %"
+        f"{display_name(key.model)} {percent(values[0][:, 0].mean())} %"
         for key, values in found.items()
         if key.method == "stored" and key.order == first
     ]
@@ -227,10 +233,10 @@ def recalibration(measured: Measured) -> Figure:
             (old, "old", "b", "HDC, remembered: accuracy in the old environment"),
         ):
             for k, (key, look) in enumerate(hdc):
-                values = {n: _mean(v, session) for n, v in found[key].items()}
+                values = {n: _mean(measured, v, session) for n, v in found[key].items()}
                 _curve(axes, values, look, k - len(hdc) // 2)
             if stored:
-                before = 100 * _mean(stored[0], session).value
+                before = 100 * _mean(measured, stored[0], session).value
                 axes.axhline(before, color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0)
             axes.set_ylim(15, 103)
             axes.set_ylabel("accuracy (%)")
@@ -238,7 +244,7 @@ def recalibration(measured: Measured) -> Figure:
         of_hdc = [(key, look) for key, look in hdc if key.method in ("replace", "balanced")]
         shown = of_hdc + others
         for k, (key, look) in enumerate(shown):
-            _curve(added, gains(found, key), look, k - len(shown) // 2)
+            _curve(added, gains(measured, found, key), look, k - len(shown) // 2)
         added.axhline(0, color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0)
         added.set_ylabel("above the same model,\nnew samples alone (points)")
         panel(added, "c", "what the old samples add in the new environment")
@@ -294,13 +300,14 @@ Sweep = Mapping[tuple[str, str], Mapping[float, Estimate]]
 def sweep(measured: Measured) -> Sweep:
     """Accuracy by (method, model) and offset in K, over seeds."""
     found: dict[tuple[str, str], dict[float, list[float]]] = {}
-    for row in measured.rows:
-        if "offset" in row:
-            by_offset = found.setdefault((row["method"], row["model"]), {})
-            share = int(row["right_new"]) / int(row["n_test_new"])
-            by_offset.setdefault(float(row["offset"]), []).append(share)
+    rows = [row for row in measured.rows if "offset" in row]
+    for row in rows:
+        by_offset = found.setdefault((row["method"], row["model"]), {})
+        share = int(row["right_new"]) / int(row["n_test_new"])
+        by_offset.setdefault(float(row["offset"]), []).append(share)
+    n = int(rows[0]["n_test_new"])
     return {
-        key: {offset: _mean(np.array([shares]).T, "new") for offset, shares in by_offset.items()}
+        key: {offset: mean_share(shares, n) for offset, shares in by_offset.items()}
         for key, by_offset in found.items()
     }
 
@@ -379,7 +386,7 @@ def quantities(results: Results) -> Iterator[Quantity]:
     if measured is None:
         return
     found = accuracies(measured)
-    tested = int(measured.rows[0]["n_test_new"])
+    n_test = n_tested(measured)
     for name, ways, n in (
         ("stored_accuracy", [("stored", "")], 0),
         ("recovered_accuracy", [("replace", p) for p in PAPERS], N_NEW),
@@ -395,10 +402,10 @@ def quantities(results: Results) -> Iterator[Quantity]:
             said = [ORDERS[order], *(f"{ORDERS[o]}: {100 * v.mean():.3g} %" for o, v in others)]
             yield Quantity.of(
                 f"drift/{name}",
-                one_sensor(values.tolist(), least_variance(values.tolist(), tested)).within(0, 1),
+                one_sensor(values.tolist(), least_variance(values.tolist(), n_test)).within(0, 1),
                 ONE_SENSOR,
                 100,
-                n=tested * len(values),
+                n=n_test * len(values),
                 seeds=len(values),
                 made_by=measured.record.command,
                 note="; ".join(said) if n else "",

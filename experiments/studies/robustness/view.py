@@ -96,11 +96,10 @@ def accuracies(measured: Measured) -> Accuracies:
 
 
 def _pooled(disturbance: str, rows: Sequence[Mapping[str, str]]) -> Estimate:
-    right, n = ([int(row[key]) for row in rows] for key in ("right", "n_test"))
+    shares = [int(row["right"]) / int(row["n_test"]) for row in rows]
     if disturbance not in FLIPS:
-        return mean_share(right, n)  # a row a seed
-    drawn = [float(row["accuracy"]) for row in rows]
-    return Estimate(sum(right) / sum(n), min(drawn), max(drawn))
+        return mean_share(shares, int(rows[0]["n_test"]))  # a row a seed
+    return Estimate(float(np.mean(shares)), min(shares), max(shares))
 
 
 def _frames(measured: Measured) -> str:

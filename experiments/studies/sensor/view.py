@@ -214,7 +214,9 @@ def confusions(group: Group) -> Table:
         others = zip(group.classes, line, strict=True)
         wrong = {name: int(k) for name, k in others if k and name != label}
         of_label = [run.record.right[np.equal(run.record.test_labels, k)] for run in group.runs]
-        right = mean_share([int(one.sum()) for one in of_label], [len(one) for one in of_label])
+        right = mean_share(
+            [float(one.mean()) for one in of_label], float(np.mean([len(one) for one in of_label]))
+        )
         taken = sorted(wrong, key=wrong.__getitem__, reverse=True)
         rows.append(
             {

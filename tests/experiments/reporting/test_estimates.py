@@ -132,3 +132,10 @@ def test_models_that_agree_on_every_sample_may_differ_on_others(tmp_path, write_
     share, *_ = estimates.difference(*runs)
     half = 4.302652730 * math.sqrt(1 / 302 / 100 / 3)
     assert share == pytest.approx((0, -half, half))
+    assert estimates.mean_difference([0, 0, 0], 100) == share
+
+
+def test_where_models_disagree_at_least_is_what_they_differ_by():
+    half = 12.7062 * math.sqrt((4 + 1) / 202 / 100 / 2)  # 2 and 2 of 100 samples
+    found = estimates.mean_difference([0.02, 0.02], 100)
+    assert found == pytest.approx((0.02, 0.02 - half, 0.02 + half), abs=1e-4)

@@ -256,5 +256,5 @@ def test_fault_tolerance_is_parted_from_the_number_format(
 )
 def test_texture_is_parted_from_thickness(texture, depth, expected):
     wrong = {"tactile": 1, "tactile_texture": texture, "tactile_depth": depth}
-    found = {scene: mean_share([100 - n] * 3, [100] * 3) for scene, n in wrong.items()}
+    found = {scene: mean_share([1 - n / 100] * 3, 100) for scene, n in wrong.items()}
     assert view._recognised(found, 1 / 3).endswith(expected)

@@ -11,6 +11,8 @@ from baselines.ridge import RidgeReadout
 from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.records import configs, measurement
 from experiments.records.results import Results
+from experiments.reporting.estimates import mean_share
+from experiments.reporting.table import bounded
 from experiments.studies.drift import measure as drift
 from experiments.studies.drift import view
 from experiments.studies.drift.measure import Sessions, choose, subsets, updates
@@ -197,18 +199,18 @@ def test_a_scene_of_one_session_is_refused():
 
 @pytest.fixture
 def recalibration(write_measurement):
-    """Two seeds: stored 30 of 100 right, with p = 0.5 90 and 94, new alone 80 and 83, else 80; 10
-    less of all at N_new = 5, but not with p = 0.5. Ridge is at 70 whatever it starts from."""
+    """Two seeds: stored 30 % right, with p = 0.5 90 and 94, new alone 80 and 83, else 80; 10 less
+    of all at N_new = 5, but not with p = 0.5. Ridge is at 70 whatever it starts from."""
     methods = [("replace", p) for p in (0.25, 0.5, 0.75)]
     methods += [("new", None), ("balanced", None), ("pooled", None)]
     updates_ = [("hdc", *method) for method in methods]
     updates_ += [("ridge", "new", None), ("ridge", "from_old", None)]
-    tests = {"origin": "simulated", "n_test_new": 100, "n_test_old": 50, "n_old": 400}
+    tests = {"origin": "simulated", "n_test_new": 10_000, "n_test_old": 50, "n_old": 400}
     rows = []
     for seed in (0, 1):
         of = {"seed": seed, "order": "time", **tests}
-        rows.append({**of, "model": "hdc", "method": "stored", "n_new": 0, "right_new": 30,
-                     "right_old": 50})  # fmt: skip
+        rows.append({**of, "model": "hdc", "method": "stored", "n_new": 0,
+                     "right_new": 3000, "right_old": 50})  # fmt: skip
         for draw in (0, 1):
             for n_new in (5, 50):
                 for model, method, parameter in updates_:
@@ -217,7 +219,8 @@ def recalibration(write_measurement):
                     value = {} if parameter is None else {"parameter": parameter}
                     rows.append({
                         **of, "draw": draw, "n_new": n_new, "model": model, "method": method,
-                        "right_new": 70 if model == "ridge" else right, "right_old": 45, **value,
+                        "right_new": 100 * (70 if model == "ridge" else right), "right_old": 45,
+                        **value,
                     })  # fmt: skip
         rows += [
             {"origin": "simulated", "seed": seed, "model": "hdc", "method": method,
@@ -229,8 +232,8 @@ def recalibration(write_measurement):
 
 def test_draws_of_a_seed_are_not_independent_of_each_other(recalibration, number, results):
     stored = number(view.STUDY, "drift/stored_accuracy")
-    assert (stored.value, stored.n, stored.seeds) == (30, 200, 2)
-    assert stored.low < 30 < stored.high  # both seeds have 30 %, of 100 samples each
+    assert (stored.value, stored.n, stored.seeds) == (30, 20_000, 2)
+    assert stored.low < 30 < stored.high  # both seeds have 30 %
     found = number(view.STUDY, "drift/recovered_accuracy")
     assert found.value == pytest.approx((92 + 80) / 2)
     assert found.note.startswith("new samples first in time")
@@ -257,13 +260,16 @@ def test_the_table_says_where_old_samples_add_something(recalibration, results):
     assert rows["Ridge read-out", "new, from the old weights"][add] == "none"
     assert rows["HDC", "new samples alone, p = 1"]["New environment, N_new = 50, %"][:4] == "81.5"
     assert "HDC 30 %" in table.note
+    old = mean_share([0.9, 0.9], 50)  # of samples, even where seeds do not differ
+    assert half["Old environment, N_new = 50, %"] == bounded("x", old.columns("x"))
+    assert old.low < 0.9
 
 
 @pytest.mark.filterwarnings("error")
 def test_the_figures_say_what_they_are_of(recalibration, drawn):
     words = drawn(view.STUDY)
     for expected in ("simulated frames, 2 seeds, new samples first in time", "p = 0.75", "paper:",
-                     "400 old samples", "100 new and 50 old test samples",
+                     "400 old samples", "10000 new and 50 old test samples",
                      "ridge, from old weights"):  # fmt: skip
         assert expected in words["fig8_drift"]
     assert "20 test samples each" in words["drift_size"]
