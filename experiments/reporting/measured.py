@@ -14,7 +14,7 @@ def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
     if (own := results.measured(name)) is not None:
         yield "", own
     for other in results.measured_elsewhere(name):
-        yield f"_{other.folder.name.rpartition('-')[2]}", other
+        yield f"_{other.folder.name.removeprefix(name)[1:]}", other
 
 
 def machine(measured: Measured) -> str:
