@@ -11,14 +11,15 @@ from rich.progress import Progress
 
 from experiments.protocol import data
 from experiments.protocol.trial import instantiate
+from experiments.records.configs import SEEDS
 from experiments.records.files import results_dir
 from scenes.frames import Scene
 
 
 def at_seed(config: Any, seed: int) -> Any:
-    """The resolved config of a scene with every ``seed`` in it set, as ``seed.run`` sets them."""
+    """The resolved config of a scene with every seed in it set, as ``seed.run`` sets them."""
     if isinstance(config, Mapping):
-        return {k: seed if k == "seed" else at_seed(v, seed) for k, v in config.items()}
+        return {k: seed if k in SEEDS else at_seed(v, seed) for k, v in config.items()}
     return [at_seed(part, seed) for part in config] if isinstance(config, list | tuple) else config
 
 

@@ -15,6 +15,7 @@ from omegaconf import OmegaConf
 from experiments.records.files import ROOT
 
 CONFIGS = ROOT / "configs"
+SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to repetition
 
 
 @functools.cache

@@ -27,7 +27,6 @@ from experiments.records.timing import unlike_siblings
 STOPS = ("paper", "long", "quick", "reached")
 # What a row asks for by number; and where a recording lies, which is known by its content.
 _COORDINATES = ("split.n_train", "data.pixels", "scene.path")
-_SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to repetition
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
 
 
@@ -333,7 +332,7 @@ def _task(measured: Measured) -> dict[str, Any]:
 def _core(config: Any) -> Any:
     """A config without what differs from seed to seed, or from device to device."""
     if isinstance(config, Mapping):
-        kept = (key for key in config if key not in (*_SEEDS, "device"))
+        kept = (key for key in config if key not in (*configs.SEEDS, "device"))
         return {key: _core(config[key]) for key in kept}
     return [_core(part) for part in config] if isinstance(config, list | tuple) else config
 
@@ -342,9 +341,9 @@ def _seeds(config: Any) -> list[Any]:
     """Every seed in a config, in the order of its sorted keys."""
     if isinstance(config, Mapping):
         return [
-            config[key] if key in _SEEDS else _seeds(config[key])
+            config[key] if key in configs.SEEDS else _seeds(config[key])
             for key in sorted(config)
-            if key in _SEEDS or isinstance(config[key], Mapping | list | tuple)
+            if key in configs.SEEDS or isinstance(config[key], Mapping | list | tuple)
         ]
     return [_seeds(part) for part in config] if isinstance(config, list | tuple) else []
 
