@@ -26,9 +26,8 @@ def browser():
     found = next(filter(None, map(shutil.which, names)), None)
     if found is None:
         pytest.skip(f"no browser here: looked for {', '.join(names)}")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as driver:
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
         chromium = driver.chromium.launch(
             executable_path=found, args=["--no-sandbox", "--disable-gpu"], timeout=120_000
         )
@@ -36,7 +35,7 @@ def browser():
         chromium.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def one_thread():
     """Torch computes with one thread: a forked process misses all others."""
     import torch

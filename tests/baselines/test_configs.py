@@ -8,7 +8,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from matplotlib.lines import Line2D
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from baselines.base import Classifier
 
@@ -36,12 +36,6 @@ def test_makes_a_model_and_says_how_it_is_shown(name):
     assert model.device == "cpu"
     assert model.get_params().get("seed", 5) == 5
     assert isinstance(model, Classifier) == cfg.model._target_.startswith("baselines.")
-
-
-def test_no_two_models_look_or_are_called_alike():
-    shown = [OmegaConf.load(CONFIGS / "model" / f"{name}.yaml").display for name in NAMES]
-    assert len({display.name for display in shown}) == len(NAMES)
-    assert len({(display.colour, display.marker, display.line) for display in shown}) == len(NAMES)
 
 
 def test_keys_of_a_model_are_set_by_words_and_one_model_leaves_none_to_another():

@@ -20,7 +20,6 @@ NOT_RUN = {
     "make": "sets up .venv first; its recipes are the commands below",
     "torchrun ": "starts processes: tests/experiments/protocol/test_ranks.py does",
     "python -m experiments.report": "reads all records: tests/experiments/test_report.py does",
-    "python -m scenes.export": "simulates hundreds of frames: tests/scenes/test_export.py does",
     "hdc live": "waits for a browser: tests/live/test_start.py does",
     "python -m scenes.live": "waits for a browser: tests/live/test_page.py does",
 }

@@ -142,12 +142,6 @@ def test_a_folder_without_results_is_reported_on(tmp_path, alone):
     assert {row["verdict"] for row in rows_of(files["comparison.csv"])} == {"missing"}
 
 
-def test_a_device_is_asked_for_by_name(tmp_path, write_run, alone):
-    write_run("hdc", change={"device": "cuda"})
-    assert not Results(tmp_path).runs
-    assert [run.record.config["device"] for run in Results(tmp_path, "cuda").runs] == ["cuda"]
-
-
 # What was changed ---------------------------------------------------------------------------------
 
 
@@ -364,11 +358,3 @@ def test_a_terminal_without_the_characters_ends_nothing(tmp_path):
         done = command("-m", *words, RESULTS_DIR=str(tmp_path), PYTHONIOENCODING="ascii")
         assert done.returncode == 0, done.stderr
         assert "\\u" in done.stdout
-
-
-def test_a_run_imports_neither_matplotlib_nor_pandas():
-    code = (
-        "import sys, experiments.run;"
-        "print([m for m in ('matplotlib', 'pandas') if m in sys.modules])"
-    )
-    assert command("-c", code).stdout.strip() == "[]"

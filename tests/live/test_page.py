@@ -3,7 +3,6 @@
 import contextlib
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -65,21 +64,6 @@ def address(tmp_path_factory):
     with running(folder, "--host", "127.0.0.1") as address:
         yield address
     assert list(folder.iterdir()) == []  # nothing is written
-
-
-@pytest.fixture(scope="module")
-def browser():
-    playwright = pytest.importorskip(
-        "playwright.sync_api", reason="the page is tested in a browser by playwright: none here"
-    )
-    known = ("chromium", "chromium-browser", "google-chrome")
-    found = next(filter(None, map(shutil.which, known)), None)
-    if found is None:
-        pytest.skip("the page is tested in a browser: no chromium here")
-    with playwright.sync_playwright() as p:
-        browser = p.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 class Reader:

@@ -18,20 +18,6 @@ def test_parts_of_configs_are_resolved_or_none():
         assert of("nowhere") is None
 
 
-def test_every_model_says_how_it_is_shown():
-    shown = {
-        path.stem: configs.display(path.stem)
-        for path in sorted((configs.CONFIGS / "model").glob("*.yaml"))
-    }
-    assert shown["hdc"]["name"] == "HDC"
-    for name, parts in shown.items():
-        assert set(parts) == {"name", "colour", "marker", "line", "family"}, name
-        assert parts["family"] != "own", name
-    looks = [(parts["colour"], parts["marker"], parts["line"]) for parts in shown.values()]
-    assert len(set(looks)) == len(looks)
-    assert configs.display("mine")["name"] == "mine"
-
-
 def test_an_experiment_has_a_task_or_a_sweep():
     assert configs.task("drift")["_target_"] == "experiments.studies.drift.measure.run"
     assert configs.task("table1") == configs.task("nowhere") == {}

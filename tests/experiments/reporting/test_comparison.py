@@ -52,6 +52,7 @@ def ours(value, low=None, high=None):
         (paper(calibration="fitted"), ours(88.0, 80.0, 96.0), "fitted, uninformative"),
         (paper(calibration="fitted"), ours(80.0, 79.0, 81.0), "fitted, differs"),
         (paper(calibration="watched"), ours(88.0, 85.5, 90.5), "watched, agrees"),
+        (paper(calibration="watched"), ours(90.0, 50.0, 91.0), "watched, uninformative"),
         # Ratios are off by factors.
         (paper(100.0, unit="×", margin=2.0), ours(60.0, 40.0, 90.0), "agrees"),
         (paper(100.0, unit="×", margin=2.0), ours(40.0, 30.0, 60.0), "differs"),
@@ -72,13 +73,6 @@ def test_imprecision_never_makes_a_number_agree(value, known, half, margin):
     assert wide == ("differs" if abs(value - known) > half + 1.1 * margin else "uninformative")
     if narrow == "agrees":
         assert max(abs(value - known), half) <= margin * (1 + 1e-6)
-
-
-def test_what_a_fit_looked_at_is_never_foretold():
-    for calibration in ("fitted", "watched"):
-        for low in (89.0, 50.0):
-            said = verdict(paper(calibration=calibration), ours(90.0, low, 91.0))
-            assert said.startswith(calibration)
 
 
 def test_every_published_number_has_a_row_whatever_is_missing():

@@ -20,15 +20,9 @@ from experiments.studies.conditions.view import STUDY
 from hdc import HDCClassifier, bits
 from scenes.frames import Frames
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 LEVELS = Levels(0.9, 0.992, (0.826, 0.9, 0.945), 2, 200, 0.01)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture

@@ -83,8 +83,7 @@ def test_the_exact_mean_is_that_of_numpy_and_refuses_what_it_could_not_hold():
         exact_mean(frames * 10**8)
 
 
-def test_the_figure_has_a_panel_a_problem(measured, tmp_path):
-    assert list(STUDY.plots(Results(tmp_path))) == []
+def test_the_figure_has_a_panel_a_problem(measured):
     (plot,) = STUDY.plots(Results(measured))
     figure = plot.draw()
     assert len(figure.axes) == len(PANELS)

@@ -61,4 +61,3 @@ def test_other_prototypes_are_said_to_be_so(tmp_path, write_measurement):
     write_measurement("distributed", list(digests), config=config)
     (table,) = STUDY.tables(Results(tmp_path))
     assert "NOT the same" in table.note
-    assert not list(STUDY.tables(Results(tmp_path / "elsewhere")))

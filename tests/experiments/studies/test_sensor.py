@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,6 +22,8 @@ from hdc import bits
 from hdc.encode import encode
 from scenes.export import compose
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 SPLIT = {"kind": "random", "test_fraction": 0.25, "n_train": None}
 DRIFT = {"n_test": 4, "n_new": 4, "p": 0.5}
 CONTROLS = ("tactile_texture", "tactile_same_patch", "tactile_precise", "tactile_depth")
@@ -33,14 +33,6 @@ CONTROLS = ("tactile_texture", "tactile_same_patch", "tactile_precise", "tactile
 def results(tmp_path, monkeypatch):
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
     return tmp_path
-
-
-@pytest.fixture(autouse=True, scope="module")
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 def tables(results):
@@ -58,11 +50,6 @@ def test_the_calibration_judges_what_the_comparison_shows(results, write_run, wr
     assert [same[key] for key in ("measured", "low", "high", "published")] == [
         row[key] for key in ("here", "low", "high", "paper")
     ]
-
-
-def test_without_records_there_is_nothing(results):
-    assert not tables(results)
-    assert not list(view.STUDY.plots(Results(results)))
 
 
 # Fit ----------------------------------------------------------------------------------------------
@@ -219,11 +206,3 @@ def test_examples_are_few():
         chosen = pictures.examples(made)
         assert len(chosen) == count
         assert len({(made.labels[i], made.samples["session"][i]) for i in chosen}) == count
-
-
-def test_the_view_loads_nothing_that_measures():
-    program = "import sys, experiments.studies.sensor.view; print('torch' in sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "False"

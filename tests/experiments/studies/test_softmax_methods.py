@@ -15,6 +15,8 @@ from experiments.reporting.table import records
 from experiments.studies.stiffness import methods as softmax_methods
 from experiments.studies.stiffness.view import STUDY
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 SETTINGS = {
     "C": 0.1,
     "budget_s": 0.05,
@@ -24,14 +26,6 @@ SETTINGS = {
     "dual_steps": [3, 300],
     "newton_steps": 4,
 }
-
-
-@pytest.fixture(autouse=True, scope="module")
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")

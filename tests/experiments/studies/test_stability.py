@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import pytest
-import torch
 from rich.console import Console
 
 from experiments.protocol.scenes import scene_at
@@ -17,18 +16,12 @@ from experiments.studies.stability.case import CASES, Case, Trial, case
 from experiments.studies.stability.cases.prototypes import touch
 from experiments.studies.stability.view import STUDY
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 # Differences of accuracies mean something on enough frames only.
 STATISTICAL = [c for c in CASES.values() if c.name.startswith("majority ties")]
 EXACT = [c for c in CASES.values() if c not in STATISTICAL]
 WORDS = dict.fromkeys(("extreme", "expected", "reference", "unit", "naive", "ours"), "words")
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 def made(naive, ours, error, **of_trial):
@@ -118,7 +111,6 @@ def test_the_touches_are_those_of_the_config():
 
 def test_rows_become_a_table(tmp_path, monkeypatch):
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
-    assert list(STUDY.tables(Results(tmp_path))) == []
     stability.run(parts=["correlations"], repeats=1, budget_s=0.0, small=True)
     found = Results(tmp_path).measured("stability")
     assert found.outdated == []
