@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from experiments.records import configs
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.rows import Row, display_name, origin
+from experiments.reporting.rows import Row, display_name, frames_of
 from experiments.reporting.table import printable
 
 WIDTH = 3.4  # in, one column
@@ -75,11 +75,19 @@ def save(figure: Figure, kind: str) -> bytes:
 
 
 def _smaller(svg: bytes) -> bytes:
-    """Without what nobody sees: metadata, names that nothing refers to, indentation, and of
-    coordinates what is below a hundredth of a point."""
+    """Without what nobody sees: metadata, names that nothing refers to, indentation, of coordinates
+    what is below a hundredth of a point; every style is written once."""
     text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", svg.decode(), flags=re.DOTALL)
-    used = set(re.findall(r'#([^")]+)[")]', text))
-    text = re.sub(r' id="([^"]*)"', lambda m: m[0] if m[1] in used else "", text)
+    text = re.sub(r' transform="rotate\(-0 [^"]*"', "", text)
+    place = r'((?:href="|url\()#)([^")]*)'
+    short = {name: f"i{k}" for k, (_, name) in enumerate(dict.fromkeys(re.findall(place, text)))}
+    text = re.sub(place, lambda m: f"{m[1]}{short[m[2]]}", text)
+    text = re.sub(r' id="([^"]*)"', lambda m: f' id="{short[m[1]]}"' * (m[1] in short), text)
+    styles = dict.fromkeys(re.findall(r' style="([^"]*)"', text))
+    known = {style: f"s{k}" for k, style in enumerate(styles)}
+    text = re.sub(r' style="([^"]*)"', lambda m: f' class="{known[m[1]]}"', text)
+    rules = "".join(f".{name}{{{style}}}" for style, name in known.items())
+    text = text.replace("</style>", f"{rules}</style>", 1)
     text = re.sub(r'\b(d|x|y|points)="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)
     text = re.sub(r'(?<= d=")[^"]*', lambda m: re.sub(r"\s*([A-Za-z])\s*", r"\1", m[0]), text)
     opened: list[bool] = []  # of the groups around a place, which say something
@@ -161,7 +169,7 @@ def title(
     lines = textwrap.wrap(text, _LINE)
     if seeds:
         count = seeds_of(seeds[0]) if len(seeds) == 1 else f"{seeds[0]}–{seeds[-1]} seeds"
-        lines += [f"{origin(rows)} frames, {count}, 95 % intervals{strip}"]
+        lines += textwrap.wrap(f"{frames_of(rows)}, {count}, 95 % intervals{strip}", _LINE)
     # Lines break between names, not within one.
     missing = [literal(display_name(m)) for m in dict.fromkeys(wanted) if m not in shown]
     if missing:
