@@ -159,11 +159,11 @@ def write(folder: Path, device: str, console: Console) -> Path:
     mine.draw()
     reference.draw(REFERENCE / "figures")
     (mine if mine.results else reference).write(folder)
-    compared = _side_by_side(sets, "comparison", "comparison")
+    compared = _side_by_side(sets, "comparison")
     sections = [_section(study, sets) for study in questions]
     sections.insert(
         sum(study.front for study in questions),
-        Section("comparison", "Every published number", comparison.HOW, [Block("", [compared])]),
+        Section("comparison", "Every published number", "", [Block("", [compared])]),
     )
     if mine in sets:
         sections.append(Section("runs", "Every run", "", [Block("", mine.tables["runs"])]))
@@ -184,7 +184,7 @@ def _section(study: Study, sets: Sequence[Answers]) -> Section:
     another."""
     joined = {"table1"} if len(sets) > 1 else set()
     there = joined & {table.name for a in sets for table in a.tables[study.name]}
-    blocks = [Block("", [_side_by_side(sets, study.name, name)]) for name in sorted(there)]
+    blocks = [Block("", [_side_by_side(sets, name)]) for name in sorted(there)]
     for answers in sets:
         tables = [table for table in answers.tables[study.name] if table.name not in joined]
         pictures = answers.pictures[study.name]
@@ -193,9 +193,9 @@ def _section(study: Study, sets: Sequence[Answers]) -> Section:
     return Section(study.name, study.title, study.question, blocks, study.front)
 
 
-def _side_by_side(sets: Sequence[Answers], study: str, name: str) -> Table:
-    """One table of all sets of results."""
-    found = [table for a in sets for table in a.tables[study] if table.name == name]
+def _side_by_side(sets: Sequence[Answers], name: str) -> Table:
+    """The table of all sets of results that is called as its study is."""
+    found = [table for a in sets for table in a.tables[name] if table.name == name]
     return found[0] if len(found) == 1 else beside(found[0], found[1])
 
 

@@ -43,7 +43,8 @@ HOW = (
     "paper concludes anything, for ratios of times a factor of 2, for numbers of samples half. Not "
     "comparable: seconds of another machine, and what depends on what the paper does not say. "
     "Fitted: it chose a parameter of the simulated sensor; watched: the calibration looked at it "
-    "and it chose none."
+    "and it chose none. n: of test samples (of training accuracies: training samples; of times: "
+    "runs), all seeds together."
 )
 COLUMNS = (
     "experiment",
@@ -94,6 +95,7 @@ def compare(quantities: Iterable[Quantity]) -> Table:
             "Note": lambda row: row["note"] or "–",
             "Made by": lambda row: row["made_by"],
         },
+        HOW,
         key=("Quantity",),
         common=("Paper", "Margin", "Unit", "Note", "Made by"),
     )

@@ -254,9 +254,11 @@ def columns(*heads: str) -> Columns:
 # What stands around them --------------------------------------------------------------------------
 
 
-def origin(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Where the frames of a table come from: ``simulated``, ``recorded`` …"""
-    return " and ".join(sorted({str(r["origin"]) for r in rows if r.get("origin")})) or "no"
+def frames_of(rows: Iterable[Mapping[str, Any]]) -> str:
+    """What frames they are of: ``simulated frames``, ``recorded frames`` …"""
+    origins = sorted({str(r["origin"]) for r in rows if r.get("origin")})
+    computed = {"measured": "frames of measured matrices"}  # of a fibre; no camera took them
+    return " and ".join(computed.get(one, f"{one} frames") for one in origins) or "no frames"
 
 
 def caption(rows: Sequence[Mapping[str, Any]], what: str) -> str:
@@ -267,24 +269,40 @@ def caption(rows: Sequence[Mapping[str, Any]], what: str) -> str:
     )
     if not any(line["seeds"] for line in rows):
         return f"{what}, on the scene {scene}: no runs."
-    text = f"{what}, on {origin(rows)} frames of the scene {scene}."
+    text = f"{what}, on {frames_of(rows)}, scene {scene}."
     return f"{text} Measured on {machine}." if machine else text
 
 
-def notes(rows: Sequence[Mapping[str, Any]]) -> str:
-    """How to read a table's numbers."""
-    text = (
-        "Training time: of a model that learns step by step, until its training accuracy exceeded "
-        "90 %; of any other, until it is done (HDC: until the prototypes are made). Times are "
-        "medians (quartiles) and accuracies means over the seeds; maxima are over a run, the final "
-        "accuracy is the last model's. Intervals: Student, 95 %, over seeds, none of which spreads "
-        "less than its test samples make it (of one seed, and the paper's: Wilson); maxima and "
-        "training accuracies have none. − HDC: difference on the same test samples, seed by seed; "
-        "beside it, in how many seeds more are right, and fewer."
+# What a column needs said, and why a run stopped: printed where there is such a one.
+_NOTES = {
+    "Training time, s": "Training time: of a model that reports a loss, until its training "
+    "accuracy exceeded 90 %; of any other, until it is done (HDC: until the prototypes are made).",
+    "Test accuracy, %, maximum": "Maxima are over a run and have no interval, nor have training "
+    "accuracies; the final accuracy is the last model's.",
+    "− HDC, points [95 %]": "− HDC: difference in accuracy on the same test samples, seed by seed; "
+    "above zero, the model is better. Beside it, in how many seeds it is, and in how many worse.",
+}
+_STOPS = {
+    "finished": "finished: learns in one pass, or found nothing left to do",
+    "trained": "trained: until its loss had come down",
+    "reached": "reached: stopped at 90 % in training, later accuracies may be higher",
+    "steps": "steps: its last step came before its loss had come down",
+    "budget": "budget: its time was up before its loss had come down",
+}
+
+
+def notes(rows: Sequence[Mapping[str, Any]], shown: Columns) -> str:
+    """How to read the numbers of a table with these columns."""
+    stops = {stop for line in rows for stop in (line.get("stop") or "").split("; ")}
+    said = [text for head, text in _NOTES.items() if head in shown]
+    said.append(
+        "Times are medians (quartiles), accuracies means over the seeds. Intervals: Student, 95 %, "
+        "over seeds, none of which spreads less than its test samples make it (of one seed, and "
+        "the paper's: Wilson)."
     )
-    if any("reached" in (line.get("stop") or "").split("; ") for line in rows):
-        text += " Runs marked reached were stopped at 90 %: later accuracies may be higher."
-    return text
+    if found := [text for stop, text in _STOPS.items() if stop in stops]:
+        said.append(f"Status: {'; '.join(found)}.")
+    return " ".join(said)
 
 
 def commands(groups: Iterable[Group]) -> list[str]:

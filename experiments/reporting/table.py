@@ -28,6 +28,7 @@ class Table:
         commands: what makes it again.
         key: heads of the columns that tell its rows apart, for :func:`beside`.
         common: heads of columns that are the same whoever measured.
+        folded: whether the page shows it only when it is asked for.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Table:
     commands: Sequence[str] = ()
     key: Sequence[str] = ()
     common: Sequence[str] = ()
+    folded: bool = False
 
     @property
     def heads(self) -> list[str]:
@@ -174,11 +176,14 @@ def percent(value: float | None) -> str:
 
 
 def points(difference: float | None) -> str:
-    """A difference of two fractions in percentage points, with its sign; one decimal."""
+    """A difference of two fractions in percentage points, with its sign; one decimal, or one digit
+    of what would be nothing by that."""
     if difference is None or difference != difference:
         return "–"
-    rounded = round(100 * difference, 1) + 0.0  # no minus before nothing
-    return f"{rounded:+.1f}".replace("-", "−") if rounded else "0"
+    value = 100 * difference
+    if abs(value) < 1e-9:
+        return "0"
+    return (f"{value:+.1f}" if abs(value) >= 0.05 else f"{value:+.1g}").replace("-", "−")
 
 
 def interval(value: str, low: str, high: str) -> str:

@@ -83,6 +83,4 @@ def test_every_number_in_prose_is_what_its_source_says(page):
 
 def test_the_blocks_of_the_readme_are_those_of_the_reference():
     text = (CHECKOUT / "README.md").read_text(encoding="utf-8")
-    assert text == reference.fill(text, reference.blocks()), (
-        "python -m experiments.reference --tables"
-    )
+    assert text == reference.fill(text, reference.blocks()), AGAIN

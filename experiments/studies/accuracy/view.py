@@ -39,6 +39,18 @@ from experiments.reporting.table import Table, frame
 # Where the published accuracies are drawn: all at N = 400, the two equal ones side by side.
 PUBLISHED_N = {"hdc": 400, "softmax": 400, "cnn1": 380, "cnn3": 421}
 
+_COLUMNS = columns(
+    "Model",
+    "N",
+    "D",
+    "Seeds",
+    "Test accuracy, %, maximum",
+    "Test accuracy, %, final [95 %]",
+    "Training time, s",
+    "Prediction, ms a frame",
+    "Size",
+    "Status",
+)
 _TITLES = {
     "accuracy_vs_n": "Accuracy against the number N of training samples",
     "accuracy_vs_d": "Accuracy against the number D of pixels seen",
@@ -69,19 +81,8 @@ def tables(results: Results) -> Iterator[Table]:
                 name,
                 rows_of.caption(lines, what),
                 frame(lines, VALUES),
-                columns(
-                    "Model",
-                    "N",
-                    "D",
-                    "Seeds",
-                    "Test accuracy, %, maximum",
-                    "Test accuracy, %, final [95 %]",
-                    "Training time, s",
-                    "Prediction, ms a frame",
-                    "Size",
-                    "Status",
-                ),
-                rows_of.notes(lines),
+                _COLUMNS,
+                rows_of.notes(lines, _COLUMNS),
                 [f"{RUN}{experiment}" for experiment in _EXPERIMENTS.get(name, (name,))],
             )
 

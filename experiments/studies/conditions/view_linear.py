@@ -127,7 +127,7 @@ def _columns(starts: Mapping[str, Mapping[str, Any]]) -> Columns:
             if row["seconds_low"] is None
             else f"{number(row['seconds_low'], 2)}…{number(row['seconds_high'], 2)}"
         ),
-        "× HDC, nearest": lambda row: (
+        "× HDC, where seconds are nearest": lambda row: (
             "–" if row["nearest"] is None else f"{number(row['times_hdc'])} ({row['nearest']})"
         ),
         **{f"Training / test, %, {rule.upper()}": both(rule) for rule in RULES},

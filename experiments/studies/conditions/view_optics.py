@@ -36,7 +36,7 @@ from experiments.reporting.plot import (
     head,
     panel,
 )
-from experiments.reporting.rows import display_name
+from experiments.reporting.rows import display_name, frames_of
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Table, bounded, frame, number, percent, points
 from experiments.studies.conditions.readings import Curve, Levels, read
@@ -117,6 +117,19 @@ def n_tested(measured: Measured) -> dict[str, int]:
     return {row["condition"]: int(row["n_test"]) for row in measured.rows}
 
 
+def explaining(results: Results) -> list[str]:
+    """The conditions that make the published pair of accuracies, each with who has them."""
+    if (measured := results.measured(OPTICS)) is None:
+        return []
+    rows = [_optics_row(*found, measured) for found in accuracies(measured).items()]
+    return [
+        f"{CONDITIONS[row['condition']][0]}, {_level(row['condition'], row['level'])} "
+        f"(HDC {percent(row['hdc'])} %)"
+        for row in rows
+        if row["verdict"].startswith("yes")
+    ]
+
+
 def verdict(hdc: float, softmax: Mapping[str, float]) -> str:
     """Whether a condition makes the published pair of accuracies.
 
@@ -179,8 +192,7 @@ def _of_optics(place: str, measured: Measured) -> Table:
 
     return Table(
         f"{OPTICS}{place}",
-        "Test accuracy, %, when one thing goes wrong in training and testing alike, on "
-        f"{measured.rows[0]['origin']} frames",
+        f"Test accuracy, %, when one thing goes wrong, on {frames_of(measured.rows)}",
         frame(_optics_row(*found, measured) for found in accuracies(measured).items()),
         {
             "Condition": lambda row: CONDITIONS[row["condition"]][0],
@@ -198,8 +210,9 @@ def _of_optics(place: str, measured: Measured) -> Table:
         "column: yes if a softmax regression has a mean within the published one's interval, "
         f"{low} to {high} %, and HDC at least "
         f"{percent(criterion().hdc_at_least)} %; HDC falls too: it is below that, and one of them "
-        "at or below the interval. Laser gain, stray light, glare and movement differ from frame "
-        f"to frame; wrong labels are in training alone.{''.join(epochs)}",
+        "at or below the interval. It goes wrong in training and testing alike, but for wrong "
+        "labels, which are in training alone, and the next session, which tests. Laser gain, stray "
+        f"light, glare and movement differ from frame to frame.{''.join(epochs)}",
         [measured.record.command],
     )
 
@@ -242,8 +255,8 @@ def optics_figure(measured: Measured) -> Figure:
         figure.legend(handles=handles, loc="outside lower center", ncols=2)
         head(
             figure,
-            "Test accuracy when one thing goes wrong, in training and testing",
-            [f"{measured.rows[0]['origin']} frames, 95 % intervals over {_sensors(measured)}"],
+            "Test accuracy when one thing goes wrong",
+            [f"{frames_of(measured.rows)}, 95 % intervals over {_sensors(measured)}"],
         )
     return figure
 
@@ -345,7 +358,7 @@ def _of_networks(place: str, measured: Measured) -> Table:
     return Table(
         f"{NETWORKS}{place}",
         "What one reads off the training of a convolutional network, by its initial weights and "
-        f"the scale of its pixels, on {measured.rows[0]['origin']} frames",
+        f"the scale of its pixels, on {frames_of(measured.rows)}",
         frame(_network_rows(measured)),
         {
             "Network": lambda row: display_name(row["model"]),
@@ -409,6 +422,6 @@ def networks_figure(measured: Measured) -> Figure:
         head(
             figure,
             "Accuracy of the networks by their initial weights",
-            [f"{measured.rows[0]['origin']} frames, {_sensors(measured)}, a line each"],
+            [f"{frames_of(measured.rows)}, {_sensors(measured)}, a line each"],
         )
     return figure

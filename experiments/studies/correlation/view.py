@@ -28,6 +28,7 @@ from experiments.reporting.plot import (
     seeds_of,
     star,
 )
+from experiments.reporting.rows import frames_of
 from experiments.reporting.study import Plot, Quantity, Study
 from experiments.studies.correlation.kinds import KINDS, REDUCED
 
@@ -158,7 +159,7 @@ def speckle_images(measured: Measured) -> Figure:
             figure,
             "Speckle, hypervector and prototype of each class (Fig. 4(a))",
             [
-                f"{_origin(measured)} frames, seed {config['seeds'][0]}; {edge} × {edge} pixels of "
+                f"{frames_of(measured.rows)}, seed {config['seeds'][0]}; {edge} × {edge} pixels of "
                 f"a frame, the same place in each row; last row: whole, averaged over {REDUCED} × "
                 f"{REDUCED} pixels; white: 1, black: 0",
             ],
@@ -187,7 +188,7 @@ def correlations(measured: Measured) -> Figure:
             figure,
             "Mean correlations within and between classes (Fig. 4(b–e))",
             [
-                f"{_origin(measured)} frames, mean over {seeds_of(len(values))}; (b, c) {n} "
+                f"{frames_of(measured.rows)}, mean over {seeds_of(len(values))}; (b, c) {n} "
                 f"samples a class, (d) prototypes of {n - held_out} (rows) with the other "
                 f"{held_out} (columns); (e) 95 % intervals over seeds",
                 f"largest $C^s_{{ll}}$ {diagonal:.3f}, paper {known:g}",
@@ -216,11 +217,6 @@ def _contrasts(axes: Axes, measured: Measured) -> None:
     axes.set_ylim(0, 1.3 * axes.get_ylim()[1])
     axes.legend(handles=[star("paper")], loc="upper left", handlelength=1)
     panel(axes, "e", "contrast $ΔC$")
-
-
-def _origin(measured: Measured) -> str:
-    """Where its frames come from: ``simulated``, ``recorded`` …"""
-    return " and ".join(sorted({row["origin"] for row in measured.rows}))
 
 
 STUDY = Study(

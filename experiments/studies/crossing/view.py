@@ -28,9 +28,9 @@ from experiments.reporting.plot import (
     seeds_of,
     style_of,
 )
-from experiments.reporting.rows import display_name
+from experiments.reporting.rows import display_name, frames_of
 from experiments.reporting.study import Plot, Study
-from experiments.reporting.table import Table, bounded, frame, interval, number
+from experiments.reporting.table import Table, bounded, frame, number
 
 LEVEL = 0.9
 PUBLISHED = "accuracy_vs_n/n_for_90_percent"
@@ -172,9 +172,7 @@ def tables(results: Results) -> Iterator[Table]:
             {
                 "Model": lambda row: display_name(row["model"]),
                 "Reading": lambda row: row["reading"],
-                "First N, median [95 % of experiments]": lambda row: interval(
-                    *(_whole(row[key]) for key in ("first", "first_low", "first_high"))
-                ),
+                "First N, median [95 % of experiments]": partial(bounded, "first", show=_whole),
                 f"P(first N ≤ {limit:g}), % [95 %]": partial(bounded, "p_at_most_published"),
                 f"P(first N is the next after {limit:g}), % [95 %]": partial(bounded, "p_next"),
             },
@@ -234,8 +232,7 @@ def _whole(n: float) -> str:
 
 def _frames(measured: Measured, found: Experiments) -> str:
     sensors, draws = next(iter(found.accuracy.values())).shape[:2]
-    origin = measured.rows[0]["origin"]
-    return f"{origin} frames, {seeds_of(sensors)} with {draws} experiments each"
+    return f"{frames_of(measured.rows)}, {seeds_of(sensors)} with {draws} experiments each"
 
 
 def _theory_note(found: Experiments) -> str:

@@ -38,7 +38,7 @@ from experiments.reporting.plot import (
     seeds_of,
     star,
 )
-from experiments.reporting.rows import display_name
+from experiments.reporting.rows import display_name, frames_of
 from experiments.reporting.study import Plot, Quantity, Study
 from experiments.reporting.table import Table, bounded, frame, percent, points
 
@@ -185,7 +185,7 @@ def _stored(found: Accuracies) -> str:
 
 
 def _frames(measured: Measured) -> str:
-    return f"{measured.rows[0]['origin']} frames, {_seeds(measured)}"
+    return f"{frames_of(measured.rows)}, {_seeds(measured)}"
 
 
 def _seeds(measured: Measured) -> str:

@@ -1,4 +1,4 @@
-"""Every model on every scene: test errors, and what HDC is ahead or behind by, seed by seed.
+"""Models by scene: test errors, and what HDC is ahead or behind by, seed by seed.
 
 Scenes made with measured optics come first and apart from simulated ones.
 """
@@ -68,28 +68,28 @@ def tables(results: Results) -> Iterator[Table]:
     lines = rows(results)
     if lines:
         missing = [scene for scene in scenes() if scene not in {line["scene"] for line in lines}]
+        shown = {
+            "Scene": lambda line: f"{name(line['scene'])} ({line['origin']})",
+            **columns("Model", "Seeds"),
+            "Test error, % [95 %]": _error,
+            **columns(
+                "− HDC, points [95 %]",
+                "Seeds above, below HDC",
+                "Training time, s",
+                "Size",
+                "Status",
+            ),
+        }
         absent = f" Not run: {', '.join(missing)}." if missing else ""
         yield Table(
             EXPERIMENT,
-            "Every model on every scene: test error of the last model. Fibre: frames computed from "
-            "measured transmission matrices; all other scenes are simulated",
+            "Models by scene: test error of the last model. Fibre: frames computed from measured "
+            "transmission matrices; all other scenes are simulated",
             frame(lines, VALUES),
-            {
-                "Scene": lambda line: f"{name(line['scene'])} ({line['origin']})",
-                **columns("Model", "Seeds"),
-                "Test error, % [95 %]": _error,
-                **columns(
-                    "− HDC, points [95 %]",
-                    "Seeds above, below HDC",
-                    "Training time, s",
-                    "Size",
-                    "Status",
-                ),
-            },
-            rows_of.notes(lines)
-            + " − HDC is of accuracies: above zero, the model is better. “Other positions”: no "
-            "actuator position of a test sample was trained on. What learns by steps is left out "
-            "on spatial, where an epoch is 204 steps." + absent,
+            shown,
+            f"{rows_of.notes(lines, shown)} “Other positions”: no actuator position of a test "
+            "sample was trained on. What learns by steps is left out on spatial, where an epoch is "
+            f"204 steps.{absent}",
             COMMANDS,
         )
 
@@ -100,7 +100,7 @@ def plots(results: Results) -> Iterator[Plot]:
     if lines:
         yield Plot(
             EXPERIMENT,
-            "Test error of every model on every scene against its training time. Fibre: frames "
+            "Test error against training time, by scene. Fibre: frames "
             "computed from measured transmission matrices; all other scenes are simulated.",
             lambda: errors_by_scene(lines),
             COMMANDS,
@@ -130,7 +130,7 @@ def errors_by_scene(lines: list[Row]) -> Figure:
         title(
             figure,
             panels[0, 0],
-            "Test error of every model on every scene",
+            "Test error by scene and model",
             lines,
             shown,
             models(),
@@ -183,7 +183,7 @@ def _error(line: Mapping[str, Any]) -> str:
 
 STUDY = Study(
     "models",
-    "Every model on every scene",
+    "Models by scene",
     "Where not all are right, is HDC the best, and of what can be made of its own bits?",
     2.2,
     tables,

@@ -29,7 +29,7 @@ from experiments.reporting.plot import (
     head,
     seeds_of,
 )
-from experiments.reporting.rows import display_name
+from experiments.reporting.rows import display_name, frames_of
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.table import Table, frame, interval, percent, size
 
@@ -104,8 +104,8 @@ def _pooled(disturbance: str, rows: Sequence[Mapping[str, str]]) -> Estimate:
 
 def _frames(measured: Measured) -> str:
     """``simulated frames of 5 classes``."""
-    first = measured.rows[0]
-    return f"{first['origin']} frames of {round(1 / float(first['chance']))} classes"
+    classes = round(1 / float(measured.rows[0]["chance"]))
+    return f"{frames_of(measured.rows)}, {classes} classes"
 
 
 # Table --------------------------------------------------------------------------------------------
@@ -143,9 +143,10 @@ def _note(measured: Measured) -> str:
     text = (
         f"{_seeds(measured)}. Laser power: another factor for every frame. Dead pixels read zero, "
         "the same in all frames. In square brackets: Student, 95 %, over seeds (of one: "
-        "Wilson). Bit error rate: of the bytes of every stored tensor; in round brackets the "
-        "lowest and the highest draw. 8-bit numbers: the same with every float32 rounded to one of "
-        "255 equal steps before. Heads: bytes of the stored model."
+        "Wilson). Bit error rate: of the bytes of every stored tensor but the labels of nearest "
+        "neighbour; in round brackets the lowest and the highest draw. 8-bit numbers: the same "
+        "with every float32 rounded to one of 255 equal steps before. Heads: bytes of the stored "
+        "model."
     )
     if early:
         text += (

@@ -51,6 +51,22 @@ PAPER = {
     "spatial": ("Fig. 7(b)", "spatial/test_accuracy", "positions"),
     "tactile": ("Fig. 9(d)", "tactile/test_accuracy", "objects"),
 }
+_COLUMNS = columns(
+    "Model",
+    "N",
+    "Seeds",
+    "Training time, s",
+    "Until it stopped, s",
+    "× HDC",
+    "Training accuracy, %",
+    "Test accuracy, %, maximum",
+    "Test accuracy, %, final [95 %]",
+    "− HDC, points [95 %]",
+    "Seeds above, below HDC",
+    "Prediction, ms a frame",
+    "Size",
+    "Status",
+)
 _NAMES = {"touch": "fig5_confusion", "finger": "fig6_confusion", "tactile": "fig9_confusion"}
 
 
@@ -64,23 +80,8 @@ def tables(results: Results) -> Iterator[Table]:
                 f"scene_{stem(scene)}",
                 rows_of.caption(lines, "Every model"),
                 frame(lines, VALUES),
-                columns(
-                    "Model",
-                    "N",
-                    "Seeds",
-                    "Training time, s",
-                    "Until it stopped, s",
-                    "× HDC",
-                    "Training accuracy, %",
-                    "Test accuracy, %, maximum",
-                    "Test accuracy, %, final [95 %]",
-                    "− HDC, points [95 %]",
-                    "Seeds above, below HDC",
-                    "Prediction, ms a frame",
-                    "Size",
-                    "Status",
-                ),
-                rows_of.notes(lines),
+                _COLUMNS,
+                rows_of.notes(lines, _COLUMNS),
                 rows_of.commands(groups),
             )
 
@@ -277,11 +278,12 @@ def _details(group: Group) -> list[str]:
     """Origin, samples, accuracy and the paper's."""
     value, low, high = (100 * part for part in share(group))
     record = group.runs[0].record
+    frames = rows_of.frames_of([{"origin": record.scene.origin}])
     known = PAPER.get(group.scene)
     paper = f"; paper {100 * (published.value(known[1]) or 0):.3g} %" if known else ""
     return [
-        f"{record.scene.origin} frames, {seeds_of(len(group.runs))}, {record.n_train} training, "
-        f"{record.n_test} test samples each",
+        f"{frames}, {seeds_of(len(group.runs))}, {record.n_train} training, {record.n_test} test "
+        "samples each",
         f"accuracy {value:.1f} % [{low:.1f}, {high:.1f}] (95 %){paper}",
     ]
 

@@ -121,19 +121,20 @@ COLUMNS: Columns = {
 
 
 def published_rate(rows: Sequence[Row]) -> str:
-    """Where the published learning rate lies among the predicted limits of :func:`limits`."""
+    """Where the published learning rate lies among the limits of :func:`limits`."""
     rate = published.value("table1/learning_rate")
     from_zero = [row for row in rows if (row["model"], row["start"]) == ("softmax", "zero")]
     if rate is None or not from_zero:
         return ""
     found = (
-        f"{number(row['predicted'])} ({_PIXELS[row['pixels']][0]}, {_METHODS[row['method']]})"
+        f"{COLUMNS['Loss exceeds the start above'](row)} ({_PIXELS[row['pixels']][0]}, "
+        f"{_METHODS[row['method']]})"
         for row in from_zero
-        if row["method"] == "GD" or row["pixels"] == "unit"
     )
     return (
         f"The published rate is {number(rate)}, with an optimiser and a scaling of the pixels that "
-        f"are not; the limits predicted for softmax regression are {', '.join(found)}."
+        "are not; from zero weights the loss of softmax regression exceeds its start above "
+        f"{', '.join(found)}."
     )
 
 

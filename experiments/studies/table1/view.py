@@ -54,6 +54,24 @@ _DRAWN = (
     "cnn3_fast",
 )
 _PUBLISHED_COMPUTER = "paper: Apple M1"
+_COLUMNS = columns(
+    "Model",
+    "Seeds",
+    "Training time, s, paper",
+    "Training time, s",
+    "× HDC, paper",
+    "× HDC",
+    "× HDC by ordinary routes",
+    "Training accuracy, %, paper",
+    "Training accuracy, %",
+    "Test accuracy, %, paper [95 %]",
+    "Test accuracy, %, maximum",
+    "Test accuracy, %, final [95 %]",
+    "− HDC, points [95 %]",
+    "Seeds above, below HDC",
+    "Size",
+    "Status",
+)
 
 
 def tables(results: Results) -> Iterator[Table]:
@@ -69,25 +87,8 @@ def tables(results: Results) -> Iterator[Table]:
         "table1",
         rows_of.caption(rows, "Table I, published and measured"),
         frame(rows, (*VALUES, *PUBLISHED)),
-        columns(
-            "Model",
-            "Seeds",
-            "Training time, s, paper",
-            "Training time, s",
-            "× HDC, paper",
-            "× HDC",
-            "× HDC by ordinary routes",
-            "Training accuracy, %, paper",
-            "Training accuracy, %",
-            "Test accuracy, %, paper [95 %]",
-            "Test accuracy, %, maximum",
-            "Test accuracy, %, final [95 %]",
-            "− HDC, points [95 %]",
-            "Seeds above, below HDC",
-            "Size",
-            "Status",
-        ),
-        " ".join([rows_of.notes(rows), *_of_few_seeds(rows), ORDINARY_NOTE]),
+        _COLUMNS,
+        " ".join([rows_of.notes(rows, _COLUMNS), *_of_few_seeds(rows), ORDINARY_NOTE]),
         made or [f"{RUN}table1"],
         key=("Model",),
         common=PAPER_HEADS,

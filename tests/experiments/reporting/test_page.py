@@ -4,6 +4,7 @@ import base64
 import io
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from html.parser import HTMLParser
 from urllib.parse import unquote_to_bytes
 
@@ -144,9 +145,9 @@ def test_what_was_left_out_is_said():
     assert "a record: broken" in found.text
 
 
-@pytest.mark.parametrize(("rows", "folded"), [(30, 0), (31, 1)])
-def test_long_tables_are_folded_away_whole(rows, folded):
-    found = built(Block("", [a_table(rows=rows)]))
+@pytest.mark.parametrize(("rows", "asked", "folded"), [(30, 0, 0), (31, 0, 1), (2, 1, 1)])
+def test_long_tables_are_folded_away_whole(rows, asked, folded):
+    found = built(Block("", [replace(a_table(rows=rows), folded=bool(asked))]))
     assert sum(tag == "details" for tag, _ in found.elements) == 1 + folded  # the section, too
     assert len(found.tables["table-some"]) == 1 + rows
 

@@ -123,12 +123,6 @@ def test_failures_and_their_errors_are_told(tmp_path, write_run):
     assert line(tmp_path, "cnn3")["seeds"] == 1
 
 
-def test_a_run_timed_beside_others_has_not_failed(tmp_path, write_run):
-    made = {"cpu": "A", "threads": 2, "exclusive": False, "code": "c", "sources": {}}
-    write_run("hdc", environment=made)
-    assert line(tmp_path, "hdc")["status"] == "1 timed beside other runs"
-
-
 def test_a_sweep_has_a_row_for_all_that_it_asks_for(tmp_path, a_full_set):
     params = configs.sweep("accuracy_vs_n")
     found = swept(Results(tmp_path), ["accuracy_vs_n"])
@@ -168,16 +162,27 @@ def test_a_caption_says_where_the_frames_are_from_and_on_what_they_were_timed(tm
     assert rows.caption([line(tmp_path, "hdc")], "Some") == ("Some, on the scene “touch”: no runs.")
     write_run("hdc")
     assert rows.caption([line(tmp_path, "hdc")], "Some") == (
-        "Some, on simulated frames of the scene “touch”. Measured on A CPU, 2 threads."
+        "Some, on simulated frames, scene “touch”. Measured on A CPU, 2 threads."
     )
 
 
 def test_notes_name_what_was_stopped_early(tmp_path, write_run):
     write_run("hdc")
     write_run("cnn1", curve=epochs(0.95), stop="reached")
-    assert "marked reached" not in rows.notes([line(tmp_path, "hdc")])
-    stopped = {**line(tmp_path, "cnn1"), "stop": "plateau; reached"}
-    assert "Runs marked reached were stopped at 90 %" in rows.notes([stopped])
+    shown = rows.columns("Model", "Status")
+    assert "reached" not in rows.notes([line(tmp_path, "hdc")], shown)
+    stopped = {**line(tmp_path, "cnn1"), "stop": "steps; reached"}
+    assert "reached: stopped at 90 % in training" in rows.notes([stopped], shown)
+
+
+def test_notes_are_of_the_columns_that_are_there(tmp_path, write_run):
+    write_run("hdc")
+    lines = [line(tmp_path, "hdc")]
+    for head in ("Training time, s", "− HDC, points [95 %]"):
+        said = rows.notes(lines, rows.columns(head))
+        assert [name in said for name in ("Training time:", "− HDC:")] == [
+            head.startswith(name) for name in ("Training", "−")
+        ]
 
 
 def test_a_command_for_all_models_with_the_same_seeds(tmp_path, write_run):

@@ -380,8 +380,3 @@ def test_figures_name_conditions_and_starts_and_fit_in_a_column(shown):
     assert found[OPTICS].axes[0].get_xlabel() == "frames moved by ±\n(px)"
     assert [len(axes.lines) for axes in found[NETWORKS].axes] == [12, 12, 12]
     plt.close("all")
-
-
-def test_without_records_there_is_nothing(tmp_path):
-    assert list(view_optics.tables(Results(tmp_path))) == []
-    assert list(view_optics.plots(Results(tmp_path))) == []

@@ -198,7 +198,6 @@ def test_the_figures_say_what_they_are_of(measured, drawn):
     assert set(found) == {"fig4_images", "fig4_correlations"}
     for words in found.values():
         assert "simulated frames" in words
-        assert "made by other code" not in words
     assert "paper0.178" in found["fig4_correlations"]
     assert ".250" in found["fig4_correlations"]
 

@@ -39,7 +39,7 @@ def test_every_model_of_a_scene_is_in_its_table(tmp_path, write_scene, everythin
     rows = found["scene_finger"].data
     assert rows["model"].tolist() == ["hdc", "ridge"]
     assert rows["test_accuracy_final"].tolist() == pytest.approx([12 / 14, 13 / 14])
-    assert "simulated frames of the scene “finger”" in found["scene_finger"].title
+    assert "simulated frames, scene “finger”" in found["scene_finger"].title
 
 
 def test_accuracies_are_means_over_the_seeds(number, everything):
@@ -64,7 +64,6 @@ def test_every_figure_says_what_it_is_of(everything, drawn):
     for name, words in found.items():
         assert "simulated frames" in words, name
         assert "2 seeds" in words, name
-        assert "made by other code" not in words, name
     assert "85.7 % [0.0, 100.0] (95 %); paper 87.9 %" in found["fig6_confusion"]
     assert "50" in found["fig6_confusion"].split()  # % of a row, in a cell
     assert "no measurement" in found["fig7_spatial"]

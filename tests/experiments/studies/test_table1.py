@@ -46,7 +46,7 @@ def test_the_three_forms_have_a_cell_for_every_column(tmp_path, a_full_set):
     body = [line for line in made.markdown().splitlines() if line.startswith("|")]
     assert {line.count("|") for line in body} == {len(made.heads) + 1}
     assert made.latex().count(r" \\" + "\n") == 6
-    assert "simulated frames of the scene “touch”" in made.title
+    assert "simulated frames, scene “touch”" in made.title
     assert made.commands == [
         "python -m experiments.run -m scene=touch model=cnn1,hdc,softmax stop=paper seed.run=0,1"
     ]
