@@ -82,7 +82,7 @@ def _smaller(svg: bytes) -> bytes:
     place = r'((?:href="|url\()#)([^")]*)'
     short = {name: f"i{k}" for k, (_, name) in enumerate(dict.fromkeys(re.findall(place, text)))}
     text = re.sub(place, lambda m: f"{m[1]}{short[m[2]]}", text)
-    text = re.sub(r' id="([^"]*)"', lambda m: f' id="{short[m[1]]}"' * (m[1] in short), text)
+    text = re.sub(r' id="([^"]*)"', lambda m: f' id="{short[m[1]]}"' if m[1] in short else "", text)
     styles = dict.fromkeys(re.findall(r' style="([^"]*)"', text))
     known = {style: f"s{k}" for k, style in enumerate(styles)}
     text = re.sub(r' style="([^"]*)"', lambda m: f' class="{known[m[1]]}"', text)

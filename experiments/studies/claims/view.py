@@ -61,7 +61,8 @@ RULES = (
     "holds where HDC is ahead of every rival that was run there, does not hold where one is ahead "
     "of HDC; none ahead: neither. Time: holds if a rival takes "
     f"{TIMES} times as long by both ways to compute HDC, at the lower end of the interval of one "
-    "run; an effect of how HDC is written if by one way only. Few samples: mean over all N up to "
+    "run (of fewer than three, at the ratio over its margin in published.csv); an effect of how "
+    "HDC is written if by one way only. Few samples: mean over all N up to "
     f"{FEW} that were asked. Contrast: holds if that of prototypes, on samples outside of them, is "
     "larger than that of speckle and of hypervectors; an effect of averaging if theory comes "
     "within the margin of published.csv. Recalibration: holds if more accurate than before; beside "
@@ -306,16 +307,27 @@ def _ratio(one: Quantity) -> str:
 
 
 def _time_verdict(ways: Sequence[Quantity]) -> str:
-    known = [one for one in ways if one.low is not None and one.high is not None]
+    known = [bounds for one in ways if (bounds := _bounds(one)) is not None]
     if len(known) < len(ways):
         return f"not decided without {ORDINARY}" if known else "not decided"
-    holds = [one.low >= TIMES for one in known if one.low is not None]
-    fails = [one.high < TIMES for one in known if one.high is not None]
+    few = "" if all(one.low is not None for one in ways) else " (fewer than three runs)"
+    holds = [low >= TIMES for low, _ in known]
+    fails = [high < TIMES for _, high in known]
     if all(holds):
-        return "holds"
+        return f"holds{few}"
     if all(fails):
-        return "does not hold"
-    return "an effect of how HDC is written" if any(holds) and any(fails) else "not decided"
+        return f"does not hold{few}"
+    return f"an effect of how HDC is written{few}" if any(holds) and any(fails) else "not decided"
+
+
+def _bounds(ratio: Quantity) -> tuple[float, float] | None:
+    """Its interval or, of too few runs for one, as far as published.csv's margin."""
+    if ratio.low is not None and ratio.high is not None:
+        return ratio.low, ratio.high
+    margin = published.numbers()[ratio.name].margin
+    if not isinstance(ratio.value, float) or margin is None:
+        return None
+    return ratio.value / margin, ratio.value * margin
 
 
 def _why_slow() -> str:
@@ -481,8 +493,8 @@ def _sharpening(measured: Measured) -> Sharpening:
     of = {kind: [contrast(c) for c in matrices(measured, kind, "all")[1]] for kind in SYMBOLS}
     of["prototype"] = [contrast(c) for c in matrices(measured, "prototype", "held-out")[1]]
     ratios = {
-        kind: [p / other for p, other in zip(of["prototype"], of[kind], strict=True)]
-        for kind in ("speckle", "hypervector")
+        words: [p / other for p, other in zip(of["prototype"], of[kind], strict=True)]
+        for kind, words in (("speckle", "speckle"), ("hypervector", "hypervectors"))
     }
     return Sharpening(
         measured.rows[0]["origin"],

@@ -123,6 +123,21 @@ def test_time_is_judged_by_both_ways_to_compute_hdc(
     assert "HDC as written here: ×40.0 [40.0, 40.0]" in row["On simulated frames"]
 
 
+@pytest.mark.parametrize(
+    ("seconds", "expected"), [(20.0, "holds"), (8.0, "not decided"), (2.0, "does not hold")]
+)
+def test_of_few_runs_times_are_judged_with_the_margin(
+    write_run, write_measurement, claims, seconds, expected
+):
+    write_run("hdc", curve=[{"training_s": 0.5}])
+    write_run("softmax", curve=[{"training_s": seconds, "loss": 1.0, "train_accuracy": 0.95}])
+    write_measurement("benchmark", [{
+        "operation": "train", "route": "torch.median, torchhd.multiset", "frames": "speckle",
+        "n": 400, "d": 250_000, "l": 5, "median_s": 0.5, "status": "ok"}])  # fmt: skip
+    few = "" if expected == "not decided" else " (fewer than three runs)"
+    assert claims()["time"]["What holds"] == f"as trained here, Softmax: {expected}{few}"
+
+
 def test_few_samples_is_a_question_of_all_n_together(write_run, claims, monkeypatch):
     monkeypatch.setattr(view, "FEW", 10)
     for n in (5, 10):
@@ -160,8 +175,8 @@ FACTOR = np.sqrt(2 / np.pi * 80 / (1 + 79 * 0.15))
         (FACTOR, "simulated: holds, as an effect of averaging"),
         (3 * FACTOR, "simulated: holds, by more than averaging"),
         (0.85 * FACTOR, "simulated: holds, by less than averaging"),
-        (1.25, "simulated: does not hold, below speckle, above hypervector"),
-        (0.5, "simulated: does not hold, below speckle and hypervector"),
+        (1.25, "simulated: does not hold, below speckle, above hypervectors"),
+        (0.5, "simulated: does not hold, below speckle and hypervectors"),
     ],
 )
 def test_contrast_beside_what_averaging_makes_of_it(write_measurement, claims, factor, expected):
