@@ -19,7 +19,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from omegaconf import OmegaConf
 from rich.console import Console
 
 from experiments import report, reproduce
@@ -31,7 +30,6 @@ from experiments.reporting.measured import with_places
 from experiments.reporting.table import markdown_text
 
 MEASURED_LIGHT = "scenes.fibre.FibreScene"  # public; other scenes of a study are one's own
-STANDS = REFERENCE / "stands.yaml"
 README = ROOT / "README.md"
 _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 
@@ -103,7 +101,7 @@ def _asked(run: Run) -> tuple[str, str, Any, Any]:
 
 def outdated(results: Results) -> dict[str, list[str]]:
     """Files that have changed without a reason to stand → names of the records they made."""
-    reasons: Any = OmegaConf.load(STANDS) if STANDS.is_file() else {}
+    reasons = report.stands()
     found: dict[str, list[str]] = {}
     made = [(run.record.id, run.outdated) for run in results.runs]
     made += [(one.record.name, one.outdated) for one in results.measurements]

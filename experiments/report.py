@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from omegaconf import OmegaConf
 from rich import box
 from rich.console import Console
 from rich.markup import escape
@@ -31,12 +32,14 @@ from experiments.records.results import Results, Run
 from experiments.reporting import comparison
 from experiments.reporting.page import page
 from experiments.reporting.page.page import Block, Picture, Section
+from experiments.reporting.rows import EARLY, STAR
 from experiments.reporting.runs import runs_table
 from experiments.reporting.study import Plot, Quantity, Study
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table, beside, printable
 from experiments.reporting.terminal import in_any_encoding
 
+STANDS = REFERENCE / "stands.yaml"
 WIDTH = 100  # columns of the terminal that Table I needs
 _NAMED = 3  # files of changed code that are named
 # What rows raise that other code made, or an editor: they lack a key, or count no samples.
@@ -185,7 +188,7 @@ def _section(study: Study, sets: Sequence[Answers]) -> Section:
     joined = {"table1"} if len(sets) > 1 else set()
     there = joined & {table.name for a in sets for table in a.tables[study.name]}
     blocks = [Block("", [_side_by_side(sets, name)]) for name in sorted(there)]
-    for answers in sets:
+    for answers in reversed(sets):  # what was measured whole stands before one's first looks
         tables = [table for table in answers.tables[study.name] if table.name not in joined]
         pictures = answers.pictures[study.name]
         if tables or pictures:
@@ -206,14 +209,20 @@ def _about(answers: Answers) -> str:
     machines = {(r.environment.cpu, r.environment.threads) for r in (m.record for m in made)}
     where = "; ".join(f"{cpu}, {threads} threads" for cpu, threads in sorted(machines))
     counts = f"{len(results.runs)} runs and {len(results.measurements)} measurements on {where}"
-    old = [one for one in made if one.outdated]
+    old = [one for one in made if not set(one.outdated) <= set(stands())]
     if not old:
-        return f"{counts}, all by the code as it is"
+        return f"{counts}, all by the code as it is, or that computes the same"
     files = sorted({name for one in old for name in one.outdated})
     more = f" and {len(files) - _NAMED} more" if len(files) > _NAMED else ""
     return (
         f"{counts}; {len(old)} by other code than this: {', '.join(files[:_NAMED])}{more} changed"
     )
+
+
+def stands() -> dict[str, str]:
+    """Files that have changed since committed records were made → why the records may stand."""
+    found: Any = OmegaConf.load(STANDS) if STANDS.is_file() else {}
+    return dict(found)
 
 
 def _drawn(plot: Plot) -> bytes:
@@ -246,6 +255,8 @@ def terminal_table(sets: Sequence[Answers]) -> TerminalTable:
         cells += [row["Test accuracy, %, paper [95 %]"]]
         cells += (r[model]["Test accuracy, %, final [95 %]"] for r in rows)
         table.add_row(*(Text(printable(cell)) for cell in (model, *cells)))
+        if any(cell.endswith(STAR) for cell in cells):
+            table.caption, table.caption_justify = f"{STAR} {EARLY}", "left"
     return table
 
 

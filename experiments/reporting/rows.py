@@ -40,6 +40,8 @@ from experiments.reporting.table import (
 )
 
 Row = dict[str, Any]
+STAR = "*"
+EARLY = "stopped at 90 % in training, later accuracies may be higher"
 
 # Columns of the CSV of a table of runs.
 # fmt: off
@@ -192,9 +194,13 @@ def time_cell(line: Mapping[str, Any]) -> str:
 
 
 def accuracy_cell(line: Mapping[str, Any]) -> str:
-    """Final test accuracy with its interval."""
+    """Final test accuracy with its interval, and a star if a run was stopped before its best."""
     keys = ("test_accuracy_final", "test_ci_low", "test_ci_high")
-    return interval(*(percent(line.get(key)) for key in keys))
+    return interval(*(percent(line.get(key)) for key in keys)) + STAR * ("reached" in _stops(line))
+
+
+def _stops(line: Mapping[str, Any]) -> list[str]:
+    return (line.get("stop") or "").split("; ")
 
 
 def _published_accuracy(line: Mapping[str, Any]) -> str:
@@ -285,7 +291,7 @@ _NOTES = {
 _STOPS = {
     "finished": "finished: learns in one pass, or found nothing left to do",
     "trained": "trained: until its loss had come down",
-    "reached": "reached: stopped at 90 % in training, later accuracies may be higher",
+    "reached": f"reached ({STAR}): {EARLY}",
     "steps": "steps: its last step came before its loss had come down",
     "budget": "budget: its time was up before its loss had come down",
 }
@@ -293,14 +299,17 @@ _STOPS = {
 
 def notes(rows: Sequence[Mapping[str, Any]], shown: Columns) -> str:
     """How to read the numbers of a table with these columns."""
-    stops = {stop for line in rows for stop in (line.get("stop") or "").split("; ")}
+    stops = {stop for line in rows for stop in _stops(line)}
     said = [text for head, text in _NOTES.items() if head in shown]
     said.append(
         "Times are medians (quartiles), accuracies means over the seeds. Intervals: Student, 95 %, "
         "over seeds, none of which spreads less than its test samples make it (of one seed, and "
         "the paper's: Wilson)."
     )
-    if found := [text for stop, text in _STOPS.items() if stop in stops]:
+    found = [text for stop, text in _STOPS.items() if stop in stops]
+    if any("left out" in line["status"] for line in rows):
+        found.append("left out: runs of the same by other code or another stopping rule")
+    if found:
         said.append(f"Status: {'; '.join(found)}.")
     return " ".join(said)
 

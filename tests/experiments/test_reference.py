@@ -19,7 +19,7 @@ def target(tmp_path, monkeypatch):
     folder = tmp_path / "reference"
     folder.mkdir()
     monkeypatch.setattr(reference, "REFERENCE", folder)
-    monkeypatch.setattr(reference, "STANDS", folder / "stands.yaml")
+    monkeypatch.setattr(reference.report, "STANDS", folder / "stands.yaml")
     monkeypatch.setattr(reference, "README", tmp_path / "README.md")
     monkeypatch.setattr(reference.report, "REFERENCE", folder)
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
@@ -110,14 +110,14 @@ def test_a_reason_lets_them_stand(target, tmp_path, write_run, write_measurement
     write_measurement("drift", [{"a": 1}], environment={**OLD, "sources": {"hdc/encode.py": "0"}})
     results = Results(tmp_path)
     assert set(reference.outdated(results)) == {"hdc/bits.py", "hdc/encode.py"}
-    reference.STANDS.write_text("hdc/bits.py: only what an error says\n")
+    reference.report.STANDS.write_text("hdc/bits.py: only what an error says\n")
     assert reference.outdated(results) == {"hdc/encode.py": ["drift"]}
 
 
 def test_reasons_are_given_for_files_that_are_there():
-    if not reference.STANDS.is_file():
+    if not reference.report.STANDS.is_file():
         pytest.skip("every committed record is of today's code: there is no stands.yaml")
-    for path, reason in OmegaConf.load(reference.STANDS).items():
+    for path, reason in OmegaConf.load(reference.report.STANDS).items():
         assert (ROOT / path).is_file()
         assert len(str(reason)) > 10
 

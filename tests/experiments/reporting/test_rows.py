@@ -172,7 +172,7 @@ def test_notes_name_what_was_stopped_early(tmp_path, write_run):
     shown = rows.columns("Model", "Status")
     assert "reached" not in rows.notes([line(tmp_path, "hdc")], shown)
     stopped = {**line(tmp_path, "cnn1"), "stop": "steps; reached"}
-    assert "reached: stopped at 90 % in training" in rows.notes([stopped], shown)
+    assert "reached (*): stopped at 90 % in training" in rows.notes([stopped], shown)
 
 
 def test_notes_are_of_the_columns_that_are_there(tmp_path, write_run):
