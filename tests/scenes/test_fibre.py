@@ -179,6 +179,7 @@ def test_a_missing_repository_is_named(tmp_path, monkeypatch):
         FileNotFoundError, match=r"scene.path: .*wavefrontshaping/article_MMF_disor"
     ):
         FibreScene(tmp_path)
+    monkeypatch.delenv("FIBRE_DATA", raising=False)
     monkeypatch.setattr(fibre, "CANDIDATES", (tmp_path / "a", tmp_path / "b"))
     with pytest.raises(FileNotFoundError, match=r"found no folder .*a/Data and .*b/Data"):
         FibreScene()
