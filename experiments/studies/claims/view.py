@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,8 +61,8 @@ RULES = (
     "holds where HDC is ahead of every rival that was run there, does not hold where one is ahead "
     "of HDC; none ahead: neither. Time: holds if a rival takes "
     f"{TIMES} times as long by both ways to compute HDC, at the lower end of the interval of one "
-    "run (of fewer than three, at the ratio over its margin in published.csv); an effect of how "
-    "HDC is written if by one way only. Few samples: mean over all N up to "
+    "run, which fewer than three runs have not; an effect of how HDC is written if by one way "
+    "only. Few samples: mean over all N up to "
     f"{FEW} that were asked. Contrast: holds if that of prototypes, on samples outside of them, is "
     "larger than that of speckle and of hypervectors; an effect of averaging if theory comes "
     "within the margin of published.csv. Recalibration: holds if more accurate than before; beside "
@@ -188,15 +188,21 @@ def _both(fibre: str, simulated: str) -> str:
 
 def _conditions(results: Results) -> str:
     """What would have to be true for the published row of softmax regression."""
-    measured, adam, seconds = map(results.measured, (CONDITIONS, ADAM, SECONDS))
+    measured = results.measured(CONDITIONS)
     if measured is None:
         return f"What makes the published row: {missing(f'{RUN}{CONDITIONS}')}"
-    rows = [row for one in (measured, adam) for row in conditions.rows_of(one)]
-    lines = conditions.conditions(rows, conditions.rows_of(seconds), conditions.criterion())
+    lines = _lines(results)
     text = conditions.conclusion(lines, measured.record.config["starts"]).removesuffix(".")
     if alone := explaining(results):
         text += f". Test accuracies alone would also be explained by {'; '.join(alone)}"
     return text
+
+
+def _lines(results: Results) -> list[dict[str, Any]]:
+    """Every condition of softmax regression, with its verdict."""
+    measured, adam, seconds = map(results.measured, (CONDITIONS, ADAM, SECONDS))
+    rows = [row for one in (measured, adam) for row in conditions.rows_of(one)]
+    return conditions.conditions(rows, conditions.rows_of(seconds), conditions.criterion())
 
 
 def _over_hdc(
@@ -307,27 +313,16 @@ def _ratio(one: Quantity) -> str:
 
 
 def _time_verdict(ways: Sequence[Quantity]) -> str:
-    known = [bounds for one in ways if (bounds := _bounds(one)) is not None]
+    known = [one for one in ways if one.low is not None and one.high is not None]
     if len(known) < len(ways):
         return f"not decided without {ORDINARY}" if known else "not decided"
-    few = "" if all(one.low is not None for one in ways) else " (fewer than three runs)"
-    holds = [low >= TIMES for low, _ in known]
-    fails = [high < TIMES for _, high in known]
+    holds = [one.low >= TIMES for one in known if one.low is not None]
+    fails = [one.high < TIMES for one in known if one.high is not None]
     if all(holds):
-        return f"holds{few}"
+        return "holds"
     if all(fails):
-        return f"does not hold{few}"
-    return f"an effect of how HDC is written{few}" if any(holds) and any(fails) else "not decided"
-
-
-def _bounds(ratio: Quantity) -> tuple[float, float] | None:
-    """Its interval or, of too few runs for one, as far as published.csv's margin."""
-    if ratio.low is not None and ratio.high is not None:
-        return ratio.low, ratio.high
-    margin = published.numbers()[ratio.name].margin
-    if not isinstance(ratio.value, float) or margin is None:
-        return None
-    return ratio.value / margin, ratio.value * margin
+        return "does not hold"
+    return "an effect of how HDC is written" if any(holds) and any(fails) else "not decided"
 
 
 def _why_slow() -> str:
@@ -341,11 +336,7 @@ def _why_slow() -> str:
 
 def _range(results: Results) -> str:
     """How long softmax regression takes over all conditions."""
-    measured, seconds = map(results.measured, (CONDITIONS, SECONDS))
-    lines = conditions.conditions(
-        conditions.rows_of(measured), conditions.rows_of(seconds), conditions.criterion()
-    )
-    times = [line["times_hdc"] for line in lines if line["times_hdc"] is not None]
+    times = [line["times_hdc"] for line in _lines(results) if line["times_hdc"] is not None]
     if not times:
         return ""
     low, high = number(min(times)), number(max(times))

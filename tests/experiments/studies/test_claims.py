@@ -123,21 +123,6 @@ def test_time_is_judged_by_both_ways_to_compute_hdc(
     assert "HDC as written here: ×40.0 [40.0, 40.0]" in row["On simulated frames"]
 
 
-@pytest.mark.parametrize(
-    ("seconds", "expected"), [(20.0, "holds"), (8.0, "not decided"), (2.0, "does not hold")]
-)
-def test_of_few_runs_times_are_judged_with_the_margin(
-    write_run, write_measurement, claims, seconds, expected
-):
-    write_run("hdc", curve=[{"training_s": 0.5}])
-    write_run("softmax", curve=[{"training_s": seconds, "loss": 1.0, "train_accuracy": 0.95}])
-    write_measurement("benchmark", [{
-        "operation": "train", "route": "torch.median, torchhd.multiset", "frames": "speckle",
-        "n": 400, "d": 250_000, "l": 5, "median_s": 0.5, "status": "ok"}])  # fmt: skip
-    few = "" if expected == "not decided" else " (fewer than three runs)"
-    assert claims()["time"]["What holds"] == f"as trained here, Softmax: {expected}{few}"
-
-
 def test_few_samples_is_a_question_of_all_n_together(write_run, claims, monkeypatch):
     monkeypatch.setattr(view, "FEW", 10)
     for n in (5, 10):
