@@ -17,6 +17,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from baselines.base import Classifier, FrameSource
+from baselines.dual import Products
 
 CHUNK = 20  # frames; float32 sums of 20 16-bit pixels are exact
 
@@ -55,6 +56,18 @@ class CorrelationClassifier(Classifier):
         """r of each frame with each class, float32 [n, L]; −∞ for a class not seen yet."""
         r = _normalise(batch.flatten(1).float()) @ self.templates_.T
         return r.masked_fill(self._counts == 0, -torch.inf)
+
+    def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
+        """:meth:`scores` from products of frames, but for a factor a frame; see
+        :meth:`baselines.dual.Products.scores`."""
+        member = F.one_hot(products.labels[train], products.n_classes).double()
+        member /= member.sum(0)
+        (first, _), d = products.moments, products.dimension
+        inside, across = (
+            products.greys[np.ix_(rows, train)] - torch.outer(first[rows], first[train]) / d
+            for rows in (train, queries)
+        )
+        return across @ member / torch.einsum("kc,kj,jc->c", member, inside, member).sqrt()
 
     def state_tensors(self) -> dict[str, Tensor]:
         """templates [L, D]."""
