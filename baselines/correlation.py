@@ -61,13 +61,16 @@ class CorrelationClassifier(Classifier):
         """:meth:`scores` from products of frames, but for a factor a frame; see
         :meth:`baselines.dual.Products.scores`."""
         member = F.one_hot(products.labels[train], products.n_classes).double()
-        member /= member.sum(0)
+        counts = member.sum(dim=0)
+        member /= counts.clamp(min=1)
         (first, _), d = products.moments, products.dimension
         inside, across = (
             products.greys[np.ix_(rows, train)] - torch.outer(first[rows], first[train]) / d
             for rows in (train, queries)
         )
-        return across @ member / torch.einsum("kc,kj,jc->c", member, inside, member).sqrt()
+        length = torch.einsum("kc,kj,jc->c", member, inside, member).clamp(min=0).sqrt()
+        r = across @ member / torch.where(length > 0, length, 1.0)
+        return r.masked_fill(counts == 0, -torch.inf)
 
     def state_tensors(self) -> dict[str, Tensor]:
         """templates [L, D]."""
