@@ -32,7 +32,7 @@ from omegaconf.errors import OmegaConfBaseException
 from rich.console import Console
 from rich.markup import escape
 
-from experiments.protocol import job, machine, ranks
+from experiments.protocol import job, machine
 from experiments.records import locks, sweep
 from experiments.records.files import results_dir
 from experiments.reporting.terminal import in_any_encoding, summarise
@@ -70,17 +70,15 @@ def main(cfg: DictConfig) -> None:
 def _job(cfg: DictConfig) -> None:
     try:
         hydra_cfg = HydraConfig.get()
-        local = ranks.local_ranks()
-        torch.set_num_threads(machine.threads(cfg.threads, hydra_cfg.launcher, local))
+        machine.keep_memory()
+        torch.set_num_threads(machine.threads(cfg.threads, hydra_cfg.launcher))
         if cfg.task is not None:
             job.check(cfg)
             with job.exclusive(cfg, console):
                 hydra.utils.instantiate(cfg.task, _recursive_=False, _convert_="all")
             return
-        carry_out = job.run_sharded if ranks.launched() else job.run
         chosen, typed = dict(hydra_cfg.runtime.choices), list(hydra_cfg.overrides.task)
-        if (done := carry_out(cfg, chosen, typed, console)) is not None:
-            summarise(console, *done)
+        summarise(console, *job.run(cfg, chosen, typed, console))
     except locks.Held as held:
         console.print(str(held), style="yellow", markup=False, soft_wrap=True)
         sweep.note(sweep.LEFT, held.what)
@@ -88,8 +86,6 @@ def _job(cfg: DictConfig) -> None:
         if _TRACEBACKS in os.environ:
             raise
         _complain(error)
-        if ranks.launched():
-            sys.exit(1)  # the others wait for this rank, and torchrun ends them now
         if os.getpid() == _process:
             _failures.append(error)
         elif not sweep.note(sweep.FAILED, f"{_overrides()}: {type(error).__name__}: {error}"):
@@ -166,7 +162,6 @@ def entry_point() -> None:
         signal.signal(number, lambda number, _: sys.exit(128 + number))
     try:
         main()
-        ranks.leave()
     except KeyboardInterrupt:
         stderr.print("interrupted; the same command goes on")
         sys.exit(128 + signal.SIGINT)

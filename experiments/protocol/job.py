@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import copy
 import traceback
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
 import torch
-from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 
-from experiments.protocol import data, machine, ranks
+from experiments.protocol import machine
 from experiments.protocol.trial import instantiate, train_and_test
 from experiments.records import configs, locks
 from experiments.records import record as records
@@ -148,45 +146,9 @@ def run(
     return done, folder, False
 
 
-def run_sharded(
-    cfg: DictConfig,
-    choices: Mapping[str, str | None],
-    overrides: Sequence[str],
-    console: Console,
-) -> tuple[Finished, Path, bool] | None:
-    """:func:`run` on rank 0 of torchrun; the other ranks train their shards, write nothing and
-    return None."""
-    ranks.join(cfg.device)
-    cfg = copy.deepcopy(cfg)
-    with open_dict(cfg):
-        cfg.model = {
-            "_target_": "experiments.protocol.ranks.Sharded",
-            "model": cfg.model,
-            "ranks": ranks.ranks(),
-        }
-
-    def lead(start: Callable[[], None]) -> tuple[Finished, Path, bool]:
-        def make_frames_and_start() -> None:
-            if cfg.cache:  # by one rank, not by all
-                data.cached(instantiate(cfg.scene, "scene"), cache_dir(), lambda *_: None)
-            start()
-
-        instantiate(cfg.model, "model")  # one line for a model that cannot, and no record
-        return run(cfg, choices, overrides, console, make_frames_and_start)
-
-    def follow() -> None:
-        scene, quiet = instantiate(cfg.scene, "scene"), Console(quiet=True)
-        names = {key: str(name) for key, name in choices.items()}
-        cache = cache_dir() if cfg.cache else None
-        with warnings.catch_warnings(action="ignore"):  # rank 0 gives them, too
-            train_and_test(cfg, scene, names, [], {}, cache, quiet)
-
-    return ranks.together(lead, follow)
-
-
 def exclusive(cfg: DictConfig, console: Console) -> AbstractContextManager[None]:
     """The cores to oneself, unless the config says otherwise."""
-    n = torch.get_num_threads() * ranks.local_ranks()
+    n = torch.get_num_threads()
 
     def waiting() -> None:
         console.print(
