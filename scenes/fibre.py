@@ -28,6 +28,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from scenes.frames import level_classes
 from scenes.source import DATA as MEASURED
 from scenes.source import Source
 from scenes.validate import is_number, require, require_integer, require_number
@@ -83,6 +84,7 @@ class FibreScene:
     Attributes:
         labels, classes, shape, samples, values, origin: see :class:`scenes.frames.Scene`; shape is
             (side, 2·side·K), both polarisations side by side. ``samples["depth"]`` is Δx in m.
+        source, sha256: where the matrices come from, and the digest of their files.
 
     Raises:
         FileNotFoundError: a repository is not there.
@@ -108,7 +110,6 @@ class FibreScene:
         file: str | None = None,
         step: float | None = None,
     ) -> None:
-        edges = _edges(depth_edges)
         require_integer("scene.samples_per_class", samples_per_class, 1)
         require_number("scene.perturbation", perturbation, 0)
         require_number("scene.photons", photons, 0)
@@ -124,19 +125,22 @@ class FibreScene:
         self.source = PRESSED
         if source is None:
             depths, self._matrices = _pressed(data, 2 * len(self._modes))
+            files = [file.name for file in data.glob("TM_modes_*.npz")]
+            self.sha256 = PRESSED.check(data, [*files, "modes_out_after_correction.npy"])
         else:
             self.source = source if isinstance(source, Source) else Source(**source)
             depths, self._matrices = _stepped(self.source, file, step, 2 * len(self._modes))
-        class_of = np.searchsorted(edges, depths)  # Δx ≤ edges[0] → 0; deeper than all → L
-        members = [np.flatnonzero(class_of == c) for c in range(len(edges))]
-        for c, positions in enumerate(members):
-            measured = f"some of the {len(depths)} measured depths in class {c}, "
-            measured += f"{_class_name(edges, c)}, within {depths[0]:g} … {depths[-1]:g} m"
-            require(len(positions) > 0, "scene.depth_edges", depth_edges, measured)
+            self.sha256 = self.source.check(self.source.folder(), [str(file)])
+        self.classes, class_of = level_classes(
+            depths, depth_edges, "µm", key="scene.depth_edges", scale=1e6
+        )
+        members = [np.flatnonzero(class_of == c) for c in range(len(self.classes))]
+        for name, positions in zip(self.classes, members, strict=True):
+            expected = f"some of the {len(depths)} measured depths in class {name}"
+            require(len(positions) > 0, "scene.depth_edges", depth_edges, expected)
 
-        n = len(edges) * samples_per_class
-        self.classes = tuple(_class_name(edges, c) for c in range(len(edges)))
-        self.labels = np.arange(n) % len(edges)
+        n = len(self.classes) * samples_per_class
+        self.labels = np.arange(n) % len(self.classes)
         self.shape = (side, 2 * side * n_fields)
         self._perturbation, self._photons = float(perturbation), float(photons)
         self._sampling_seed = sampling_seed
@@ -155,7 +159,12 @@ class FibreScene:
         self._mean = float(np.mean(means))
         self._full_scale = float(saturation) * self._mean
         self._interpolate = _dirichlet(side, self._grid) if side > self._grid else None
-        settings = (tuple(edges), samples_per_class, self._perturbation, self._photons)
+        settings = (
+            tuple(np.asarray(depth_edges, float)),
+            samples_per_class,
+            self._perturbation,
+            self._photons,
+        )
         more = (n_fields,) if n_fields > 1 else ()
         self._settings = (*settings, float(saturation), side, seed, sampling_seed, *more)
 
@@ -222,7 +231,7 @@ def _locate(path: str | Path | None) -> Path:
     places = " and ".join(str(folder / "Data") for folder in tried)
     raise FileNotFoundError(
         f"scene.path: expected a copy of github.com/{PRESSED.repository} there or in {MEASURED}, "
-        f"found no folder {places}"
+        f"found no folder {places}; get it by: {PRESSED.command()}"
     )
 
 
@@ -249,7 +258,6 @@ def _stepped(
     assert step is not None
     root = source.folder()
     matrices = _array(root / file, (None, size, None))
-    source.check(root, [file])
     return np.round(np.arange(len(matrices)) * step, 9), matrices
 
 
@@ -298,16 +306,3 @@ def _dirichlet(side: int, grid: int) -> np.ndarray:
 def _complex_normal(rng: np.random.Generator, n: int) -> np.ndarray:
     """n circular complex numbers of mean square 1."""
     return rng.standard_normal((n, 2)).view(np.complex128)[:, 0] / np.sqrt(2)
-
-
-def _edges(depth_edges: Sequence[float]) -> np.ndarray:
-    numbers = isinstance(depth_edges, Sequence) and all(map(is_number, depth_edges))
-    edges = np.asarray(depth_edges if numbers else [], dtype=np.float64)
-    increasing = len(edges) >= 2 and bool((np.diff(edges) > 0).all())
-    require(increasing, "scene.depth_edges", depth_edges, "two or more increasing depths in m")
-    return edges
-
-
-def _class_name(edges: np.ndarray, c: int) -> str:
-    um = [f"{edge * 1e6:g}" for edge in edges]
-    return f"≤ {um[0]} µm" if c == 0 else f"{um[c - 1]}–{um[c]} µm"

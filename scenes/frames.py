@@ -9,13 +9,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from scenes.validate import require
+from scenes.validate import is_number, require
 
 
 @runtime_checkable
@@ -100,3 +101,27 @@ class Frames:
         # The order is part of it: a split by time depends on it.
         order = np.ascontiguousarray(self.samples["order"], dtype="<f8").tobytes()
         return hashlib.sha256(content.hexdigest().encode() + order).hexdigest()
+
+
+def level_classes(
+    values: np.ndarray,
+    edges: Sequence[float],
+    unit: str,
+    key: str = "scene.levels.edges",
+    scale: float = 1.0,
+) -> tuple[tuple[str, ...], np.ndarray]:
+    """Classes of a continuous value: names [L], and the index of each value's [N].
+
+    Args:
+        values: float [N].
+        edges: upper ends of the L classes, increasing: the first has values ≤ edges[0], the next
+            edges[0] < value ≤ edges[1], ...; values above all get the index L.
+        unit: of the names, in which an edge is shown after multiplication by ``scale``.
+        key: of the edges in the configuration, for errors.
+    """
+    numbers = isinstance(edges, Sequence) and all(map(is_number, edges))
+    increasing = numbers and len(edges) >= 2 and bool((np.diff(edges) > 0).all())
+    require(increasing, key, edges, "two or more increasing numbers")
+    texts = [f"{edge * scale:g}" for edge in edges]
+    names = [f"{low}–{high} {unit}" for low, high in pairwise(texts)]
+    return (f"≤ {texts[0]} {unit}", *names), np.searchsorted(np.asarray(edges, float), values)

@@ -59,7 +59,7 @@ class Source:
 
     def command(self) -> str:
         """The git commands that make the checkout."""
-        place = f"{os.environ.get(DATA, f'${DATA}')}/{self.repository.split('/')[1]}"
+        place = f"{os.environ.get(DATA) or f'${DATA}'}/{self.repository.split('/')[1]}"
         clone = f"git clone https://github.com/{self.repository} {place}"
         return f"{clone} && git -C {place} checkout {self.commit}"
 

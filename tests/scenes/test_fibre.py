@@ -186,7 +186,7 @@ def test_matrices_of_another_fibre(tmp_path, monkeypatch):
         ({"depth_edges": [0.0]}, "scene.depth_edges: expected two or more increasing"),
         ({"depth_edges": [0.0, 0.0]}, "scene.depth_edges: expected two or more increasing"),
         ({"depth_edges": "deep"}, "scene.depth_edges: .* found 'deep'"),
-        ({"depth_edges": [0.0, 1e-6]}, r"some of the 15 measured depths in class 1, 0–1 µm"),
+        ({"depth_edges": [0.0, 1e-6]}, r"some of the 15 measured depths in class 0–1 µm"),
     ],
 )
 def test_settings_out_of_range_are_named(setting, message):
