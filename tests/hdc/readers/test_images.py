@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from hdc.readers import BadFrame, Options, Window, images, open_recording, open_stream
+from hdc.readers import BadFrame, Window, images, open_recording
 from hdc.readers.listing import image_files
 
 
