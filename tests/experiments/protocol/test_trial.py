@@ -41,21 +41,6 @@ def test_a_model_that_diverges_keeps_its_curve(carry_out, fake):
     assert re.fullmatch(r"[\d.e-]+,40,nan,,", last)
 
 
-def test_softmax_with_an_absurd_step_diverges(carry_out):
-    overrides = ("model=softmax", "model.optimizer=SGD", "model.lr=1e38")
-    assert carry_out(*overrides).stop == "diverged"
-
-
-def test_a_model_that_diverges_at_once_has_no_accuracy_and_can_be_read(carry_out, fake):
-    fake({"samples_seen": 1, "loss": float("nan")})
-    entry = carry_out()
-    assert (entry.stop, entry.train_accuracy_max, entry.test_accuracy_max) == (
-        "diverged",
-        None,
-        None,
-    )
-
-
 @pytest.mark.parametrize(
     ("overrides", "stop", "reports"),
     [
@@ -129,20 +114,6 @@ def test_only_training_counts(carry_out, fake, monkeypatch):
     assert entry.predict_batch_s_per_frame == 100
 
 
-def test_the_trained_model_is_not_the_one_that_was_warmed_up(carry_out, fake):
-    trained = []
-
-    def train(self, frames, labels):
-        trained.append((id(self), tuple(frames.shape)))
-        yield {"samples_seen": 1}
-
-    fake(train=train)
-    carry_out()
-    (warm, warm_shape), (real, shape) = trained
-    assert warm != real
-    assert warm_shape == shape == (40, 16, 16)
-
-
 # Many frames --------------------------------------------------------------------------------------
 
 
@@ -192,11 +163,6 @@ def test_frames_are_never_all_in_memory_where_there_are_too_many(
     )
     carry_out(f"model={model}", "split.test_fraction=0.5", "exclusive=false", scene=path)
     assert max(asked) <= most
-
-
-def test_the_size_of_a_model_is_that_of_its_tensors():
-    model = hdc.HDCClassifier().fit(np.arange(36, dtype=np.uint8).reshape(4, 3, 3), [0, 1, 0, 1])
-    assert trial.model_bytes(model) == sum(t.nbytes for t in model.state_tensors().values())
 
 
 # What a model does wrong --------------------------------------------------------------------------
