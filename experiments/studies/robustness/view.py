@@ -40,9 +40,6 @@ LEVELS = {
     "power": ("laser power ±", "%", 100),
     "dead_pixels": ("dead pixels", "%", 100),
     "shift": ("camera shifted", "px", 1),
-    "offset": ("stray light up to", "% of full scale", 100),
-    "glare": ("glare spot", "% of full scale", 100),
-    "jitter": ("frames moved by ±", "px", 1),
     "bit_flips": ("bit error rate", "", 1),
     "bit_flips_int8": ("bit error rate, 8-bit numbers", "", 1),
 }

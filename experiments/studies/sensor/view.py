@@ -19,14 +19,13 @@ from experiments.reporting import published
 from experiments.reporting import rows as rows_of
 from experiments.reporting.estimates import crossing, mean_interval, mean_share, share
 from experiments.reporting.published import Published
-from experiments.reporting.study import RUN, Plot, Quantity, Study
+from experiments.reporting.study import RUN, Quantity, Study
 from experiments.reporting.table import Row, Table, frame, interval, number, percent
 from experiments.studies.accuracy.view import quantities as of_accuracy
 from experiments.studies.correlation.view import contrast, matrices
 from experiments.studies.correlation.view import quantities as of_correlation
 from experiments.studies.drift.view import quantities as of_drift
 from experiments.studies.scenes.view import quantities as of_scenes
-from experiments.studies.sensor.figures import pictures
 from experiments.studies.table1.view import quantities as of_table1
 
 _MEASURED_BY = (of_table1, of_accuracy, of_correlation, of_scenes, of_drift)
@@ -37,13 +36,6 @@ _CONTROLS = {
     "tactile_same_patch": "texture only, every touch meets the same patch",
     "tactile_precise": "the same, depth repeated to 0.1 %, place to 10 µm",
     "tactile_depth": "thickness only: all objects smooth",
-}
-_PICTURED = {
-    "touch": "five labels, touched by a robot",
-    "finger": "seven labels, touched by a finger",
-    "spatial": "every tenth of 51 positions",
-    "drift": "some touches on the first day and after 16 days",
-    "tactile": "three objects",
 }
 
 
@@ -56,8 +48,6 @@ def tables(results: Results) -> Iterator[Table]:
     if finger.runs:
         yield confusions(finger)
     yield from controls(results)
-    if (measured := results.measured("sensor_precision")) is not None:
-        yield precision(measured)
 
 
 # Calibration --------------------------------------------------------------------------------------
@@ -282,46 +272,6 @@ def controls(results: Results) -> Iterator[Table]:
     )
 
 
-def precision(measured: Measured) -> Table:
-    """Error against CPU time."""
-    rows = [
-        {**row, "error": float(row["error"]), "time_s": float(row["time_s"])}
-        for row in measured.rows
-    ]
-    return Table(
-        "sensor_precision",
-        "Error against CPU time of what the simulated sensor approximates",
-        frame(rows),
-        {
-            "Knob": lambda row: row["knob"],
-            "Setting": lambda row: row["setting"],
-            "Error": lambda row: f"{number(row['error'], 2)} {row['unit']}",
-            "CPU time, ms": lambda row: number(1e3 * row["time_s"]),
-        },
-        f"One thread of {measured.record.environment.cpu}.",
-        [measured.record.command],
-    )
-
-
-# Pictures -----------------------------------------------------------------------------------------
-
-
-def plots(results: Results) -> Iterator[Plot]:
-    """Frames of every scene that was pictured."""
-    measured = results.measured("sensor_pictures")
-    if measured is None:
-        return
-    for scene in dict.fromkeys(row["scene"] for row in measured.rows):
-        yield Plot(
-            f"sensor_{scene}",
-            f"Frames of the scene “{scene}”, {_PICTURED.get(scene, 'its classes')}: whole, "
-            "enlarged, as hypervectors, and what a touch changes.",
-            partial(pictures, measured, scene),
-            [measured.record.command],
-            kind="webp",
-        )
-
-
 STUDY = Study(
     "sensor",
     "The simulated sensor",
@@ -329,5 +279,4 @@ STUDY = Study(
     "does it tell objects apart by?",
     3.5,
     tables,
-    plots,
 )

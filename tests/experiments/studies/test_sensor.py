@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
-import torch
 from hydra.utils import instantiate
-from matplotlib import pyplot as plt
 
 from experiments.protocol.scenes import at_seed
 from experiments.records import configs, measurement
@@ -16,10 +13,8 @@ from experiments.records.results import Group, Results
 from experiments.reporting import comparison
 from experiments.reporting.table import records
 from experiments.studies.correlation import measure as correlation
-from experiments.studies.sensor import figures, fit, pictures, precision, view
+from experiments.studies.sensor import fit, view
 from experiments.studies.table1.view import quantities
-from hdc import bits
-from hdc.encode import encode
 from scenes.export import compose
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -165,44 +160,3 @@ def test_a_control_is_the_scene_but_for_what_it_controls(name):
     offsets, spacings = zip(*((c.offset, c.spacing) for c in made.contacts), strict=True)
     assert (set(offsets) == {0.0}) == (name != "tactile_depth")
     assert (set(spacings) == {None}) == (name == "tactile_depth")
-
-
-# Precision and pictures ---------------------------------------------------------------------------
-
-
-def test_accuracy_is_bought_with_terms_and_paths(results):
-    found = measurement.read(precision.run(touches=3, pupils=[12, 48], sensors=40))
-    error = {row["setting"]: float(row["error"]) for row in found.rows}
-    assert error["0"] > 10 * error["1"] > 20 * error["2"] > error["looked up"] == 0
-    few, many = (float(row["error"]) for row in found.rows if row["knob"] == "paths")
-    assert few / many == pytest.approx(4, rel=0.5)  # one over the root of the paths
-    assert len(tables(results)["sensor_precision"].cells()) == len(found.rows) == 6
-
-
-def test_pictures_show_parts_of_frames(results, small_scene):
-    folder = pictures.run({"touch": small_scene}, seed=2, crop=[4, 8, 20])
-    rows = measurement.read(folder).rows
-    assert [row["class"] for row in rows] == ["L1", "None"]
-    made = instantiate(at_seed(small_scene, 2), _convert_="all")
-    stored = np.load(folder / "touch.npz")
-    for k, row in enumerate(rows):
-        frame = made.frames([int(row["sample"])])
-        ones = bits.unpack(encode(frame), 3600).view(60, 60)
-        for name, image in (("part", frame[0]), ("ones", ones)):
-            assert torch.equal(torch.from_numpy(stored[name][k]), image[4:24, 8:28])
-        assert stored["frame"][k].mean() == pytest.approx(frame.float().mean().item(), rel=0.1)
-    assert np.abs(stored["change"][0].astype(int)).max() > 20
-    assert not stored["change"][1].any()  # nobody touches
-    figure = figures.pictures(measurement.read(folder), "touch")
-    assert len([axes for axes in figure.axes if axes.images]) == 4 * 2
-    plt.close(figure)
-
-
-def test_examples_are_few():
-    small = ("grid=64", "crop=60", "pupil=24")
-    camera = [f"+scene.sensor.camera.{one}" for one in small]
-    for name, count in (("touch", 5), ("spatial", 6), ("drift", 6)):
-        made = compose([f"scene={name}", *camera])
-        chosen = pictures.examples(made)
-        assert len(chosen) == count
-        assert len({(made.labels[i], made.samples["session"][i]) for i in chosen}) == count
