@@ -139,6 +139,11 @@ def standardise(samples: Any, dtype: DTypeLike = np.float64) -> NDArray[Any]:
     return x.astype(dtype, copy=False)
 
 
+def contrast(correlation: NDArray[np.float64]) -> float:
+    """ΔC = max_ll′ |C_ll − C_ll′| of a matrix [L, L]."""
+    return float(np.abs(np.diag(correlation)[:, None] - correlation).max())
+
+
 def _constant(samples: NDArray[Any]) -> NDArray[np.bool_]:
     return samples.max(1) == samples.min(1)
 
