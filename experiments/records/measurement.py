@@ -41,6 +41,7 @@ class Entry(msgspec.Struct, kw_only=True):
         name: the experiment's.
         identity: hash of config, code and device.
         config: everything that determines the rows.
+        scene: name of the scene's config, where it has one.
         seconds: of the call that made the rows.
         proven: how code that differs was shown to compute the same, see experiments.reference.
     """
@@ -51,6 +52,7 @@ class Entry(msgspec.Struct, kw_only=True):
     identity: str
     config: dict[str, Any]
     environment: Environment
+    scene: str = ""
     command: str = ""
     seconds: float | None = None
     error: str | None = None
@@ -97,6 +99,7 @@ def measure(
     config: Mapping[str, Any],
     compute: Callable[[], Iterable[Row]],
     *,
+    scene: str = "",
     device: str = "cpu",
     force: bool = False,
     console: Console | None = None,
@@ -111,6 +114,7 @@ def measure(
         config: everything that determines the rows; each ``_target_`` in it says which code makes
             them.
         compute: makes the rows.
+        scene: name of the scene's config, where it has one.
         device: where it does so.
         force: compute even if the same code did so for the same config.
         console: for a line at the end.
@@ -129,6 +133,7 @@ def measure(
     entry: Row = {
         "schema": SCHEMA,
         "name": name,
+        "scene": scene,
         "identity": digest_of([config, made_by["code"], device]),
         "command": command(),
         "config": config,
