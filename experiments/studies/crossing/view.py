@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from experiments.records import configs
 from experiments.reporting import published
 from experiments.reporting.columns import Column, display_name
-from experiments.reporting.estimates import Estimate, crossing, mean_interval, mean_share
+from experiments.reporting.estimates import Estimate, crossing, mean_share
 from experiments.reporting.plot import handle, head, line_plot, panel, seeds_of, style_of
 from experiments.reporting.study import Study, frames_of
 from experiments.reporting.text import number, percent
@@ -36,6 +36,10 @@ THEORY = {
 _LIMIT = published.numbers()[PUBLISHED].value
 
 
+def _whole(n: float) -> str:
+    return "∞" if np.isinf(n) else f"{n:g}"
+
+
 def tidy(rows: pd.DataFrame) -> pd.DataFrame:
     """A row for each n: ``seed``, ``draw``, ``model``, ``n``, ``accuracy``, and whether classes
     are ``equal``."""
@@ -46,8 +50,8 @@ def tidy(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def first_crossings(rows: pd.DataFrame) -> pd.DataFrame:
-    """First n of each experiment above 90 %, asked where every class has as many samples, as in
-    the paper: ``model``, ``seed``, ``draw``, ``first`` (infinite where the last n is not enough)."""
+    """First n of each experiment above 90 %, among those with as many samples of every class:
+    ``model``, ``seed``, ``draw``, ``first`` (infinite where the last n is not enough)."""
     every = tidy(rows)
     every = every[every.equal]
     n = every.n.where(every.accuracy > LEVEL, np.inf)
@@ -55,11 +59,16 @@ def first_crossings(rows: pd.DataFrame) -> pd.DataFrame:
     return every.assign(first=n).groupby(keys, sort=False)["first"].min().reset_index()
 
 
+def _expected(rows: pd.DataFrame) -> list[str]:
+    """Theories that were computed."""
+    return [name for name in THEORY if rows[name].notna().any()]
+
+
 @STUDY.table(
     "crossing", of="crossing",
     title=f"First N at which one experiment exceeds {LEVEL:.0%}, on {{frames}}",
     columns={
-        "first": Column("First N, median [95 % of experiments]", lambda n: f"{n:g}".replace("inf", "∞")),
+        "first": Column("First N, median [95 % of experiments]", _whole),
         "p_at_most_published": Column(f"P(first N ≤ {_LIMIT:g}), % [95 %]", percent),
         "p_next": Column(f"P(first N is the next after {_LIMIT:g}), % [95 %]", percent),
     },
@@ -75,7 +84,9 @@ def first(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     table = []
     for model, of_model in first_crossings(rows).groupby("model", sort=False):
         # Every sensor has as many experiments; an infinity is no number to average.
-        low, median, high = np.quantile(of_model["first"], (0.025, 0.5, 0.975), method="inverted_cdf")
+        low, median, high = np.quantile(
+            of_model["first"], (0.025, 0.5, 0.975), method="inverted_cdf"
+        )
         line = {"model": model, **Estimate(median, low, high).columns("first")}
         for name, met in (
             ("p_at_most_published", of_model["first"] <= _LIMIT),
@@ -128,14 +139,16 @@ def theory(rows: pd.DataFrame, expected: pd.DataFrame, config: Mapping[str, Any]
     """How far each theory is from its model."""
     every = tidy(rows).query("equal")
     table = []
-    for name, (model, _, _) in THEORY.items():
-        if name in expected and model in set(every.model):
+    for name in _expected(expected):
+        model = THEORY[name][0]
+        if model in set(every.model):
             measured = every[every.model == model].groupby("n").accuracy.mean()
             mean = expected.groupby("n")[name].mean().reindex(measured.index)
             distance = (mean - measured).abs()
             table.append({
                 "theory": name, "error": distance.mean(), "largest": distance.max(),
-                "first_n": crossing(measured.index, measured), "theory_n": crossing(mean.index, mean),
+                "first_n": crossing(measured.index, measured),
+                "theory_n": crossing(mean.index, mean),
             })  # fmt: skip
     return pd.DataFrame(table)
 
@@ -152,7 +165,7 @@ def figure(
     every = tidy(rows).assign(percent=lambda frame: 100 * frame.accuracy)
     equal, unequal, share = figure.subplots(3, 1, sharex=True)
     few = every[every.model.isin(["hdc", "ridge", "correlation"])]
-    shown = [name for name in THEORY if name in expected]
+    shown = _expected(expected)
     for axes, frame in ((equal, every[every.equal]), (unequal, few)):
         line_plot(axes, frame, "n", "percent", ms=2.2, elinewidth=0.4)
         for name in shown:
@@ -167,7 +180,10 @@ def figure(
         passed = [100 * (of_model["first"] <= k).mean() for k in n]
         share.step(n, passed, where="post", color=colour, ls=line, lw=0.9)
         share.plot(n, passed, color=colour, marker=marker, ms=2.2, ls="")
-    share.set(ylabel="experiments that have\nexceeded 90 % (%)", xlabel="training samples of all classes, N")
+    share.set(
+        ylabel="experiments that have\nexceeded 90 % (%)",
+        xlabel="training samples of all classes, N",
+    )
     share.text(_LIMIT + 0.7, 3, f"paper: > 90 % only for N > {_LIMIT:g}", fontsize=6, color="0.3")
     for axes, letter, title in (
         (equal, "a", "as many samples of every class"),
@@ -177,7 +193,9 @@ def figure(
         panel(axes, letter, title)
         axes.axvline(_LIMIT, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
         axes.set_xlim(every.n.min() - 1, every.n.max() + 1)
-    lines = [Line2D([], [], color="black", ls=THEORY[name][2], label=THEORY[name][1]) for name in shown]
+    lines = [
+        Line2D([], [], color="black", ls=THEORY[name][2], label=THEORY[name][1]) for name in shown
+    ]
     handles = [*map(handle, firsts.model.unique()), *lines]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
     frames = frames_of(rows[["origin"]].to_dict("records"))

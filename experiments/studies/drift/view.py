@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -67,7 +66,6 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     return by_seed.assign(gain=by_seed.new.array - by_seed.set_index(same).index.map(alone))
 
 
-# fmt: off
 @STUDY.table(
     "drift", of="drift", title="Recalibration and training again, on {frames}",
     shown=("order", "model", "update", *(f"new_{n}" for n in _SHOWN), f"old_{_SHOWN[0]}",
@@ -85,8 +83,7 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     "each a sensor; differences are paired by seed. Add, cost: the interval of the difference is "
     "above, below zero, at each N_new by itself. Equal votes: a new sample counts N_old/N_new "
     "times. From the old weights: the penalty is on the distance from them.",
-)
-# fmt: on
+)  # fmt: skip
 def recalibration(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """Every model and update, and where the old samples add something."""
     n_test = {room: int(rows[f"n_test_{room}"].iloc[0]) for room in ROOMS}

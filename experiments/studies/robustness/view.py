@@ -56,7 +56,7 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def tolerated(rows: pd.DataFrame, loss: float = 0.01) -> pd.DataFrame:
-    """Largest bit error rate up to which each model loses at most `loss` of its accuracy: ``model``,
+    """Largest bit error rate up to which a model loses at most `loss` of its accuracy: ``model``,
     ``disturbance`` (of :data:`FLIPS`), ``rate`` (0 where the smallest one costs more)."""
     means = accuracies(rows)
     clean = means[means.disturbance == "none"].set_index("model").accuracy
@@ -68,6 +68,14 @@ def tolerated(rows: pd.DataFrame, loss: float = 0.01) -> pd.DataFrame:
             rate = by_rate.level[held].max() if held.any() else 0.0
             table.append({"model": model, "disturbance": kind, "rate": rate})
     return pd.DataFrame(table)
+
+
+NOTE = (
+    "Laser power: another factor for every frame. Dead pixels read zero, the same in all frames. "
+    "In brackets: Student, 95 %, over seeds; of bit error rates the lowest and the highest draw. "
+    "Bit error rate: of the bytes of every stored tensor but the labels of nearest neighbour. "
+    "8-bit numbers: every float32 was rounded to one of 255 equal steps before."
+)
 
 
 def _level(row: Mapping[str, Any]) -> str:
@@ -85,10 +93,6 @@ def _level(row: Mapping[str, Any]) -> str:
         **{m.stem: Column(display_name(m.stem), percent)
            for m in (configs.CONFIGS / "model").glob("*.yaml")},
     },
-    note="Laser power: another factor for every frame. Dead pixels read zero, the same in all "
-    "frames. In brackets: Student, 95 %, over seeds; of bit error rates the lowest and the highest "
-    "draw. Bit error rate: of the bytes of every stored tensor but the labels of nearest "
-    "neighbour. 8-bit numbers: every float32 was rounded to one of 255 equal steps before.",
 )  # fmt: skip
 def disturbed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """Accuracy of each model, a column, under each disturbance."""
@@ -102,13 +106,11 @@ def disturbed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     models = list(rows.model.unique())
     table = wide[[f"{model}{end}" for model in models for end in columns.values()]].reset_index()
     sizes = rows.groupby("model", sort=False).model_bytes.first()
+    stored = "; ".join(f"{display_name(str(m))} {size(int(n))}" for m, n in sizes.items())
     stops = config.get("stops", {})
-    early = [display_name(m) for m in models if stops.get(m, {}).get("reached_after_s") is not None]
-    said = "; ".join(f"{display_name(model)} {size(int(n))}" for model, n in sizes.items())
-    table.attrs["note"] = (
-        f"{_NOTE} Stored: {said}."
-        + (f" Trained only until the training accuracy exceeded 90 %: {', '.join(early)}." if early else "")
-    )
+    early = [m for m in models if stops.get(m, {}).get("reached_after_s") is not None]
+    stopped = ", ".join(map(display_name, early)) or "none"
+    table.attrs["note"] = f"{NOTE} Stored: {stored}. Stopped at 90 % in training: {stopped}."
     return table
 
 
@@ -169,7 +171,9 @@ def _flips(axes: Axes, means: pd.DataFrame, models: Sequence[str], name: str) ->
         of_model = means[means.model == model]
         shown = name if (of_model.disturbance == name).any() else "bit_flips"
         clean = of_model[of_model.disturbance == "none"]
-        points = pd.concat([clean, of_model[(of_model.disturbance == shown) & (of_model.level > 0)]])
+        points = pd.concat(
+            [clean, of_model[(of_model.disturbance == shown) & (of_model.level > 0)]]
+        )
         x = points.level.where(points.level > 0, none) * 1.03 ** (k - len(models) // 2)
         _points(axes, points, model, x, elinewidth=0.4)
     decades = [10.0**k for k in range(-12, 1) if none < 10.0**k <= 1]

@@ -144,12 +144,12 @@ def confusions(results: Results) -> pd.DataFrame | None:
     for k, (label, line) in enumerate(zip(group.classes, group.confusion(), strict=True)):
         right = [run.record.right[np.equal(run.record.test_labels, k)] for run in group.runs]
         n, tested = int(line.sum()), float(np.mean([len(part) for part in right]))
-        wrong = {name: m for name, m in zip(group.classes, line, strict=True) if m and name != label}
-        taken = sorted(wrong, key=wrong.__getitem__, reverse=True)
+        counts = {t: int(m) for t, m in zip(group.classes, line, strict=True) if m and t != label}
+        taken = sorted(counts, key=counts.__getitem__, reverse=True)
         table.append({
             "label": label, "n": n,
             **mean_share([float(part.mean()) for part in right], tested).columns("accuracy"),
-            "taken_for": ", ".join(f"{name} {percent(wrong[name] / n)} %" for name in taken) or None,
+            "taken_for": ", ".join(f"{t} {percent(counts[t] / n)} %" for t in taken) or None,
         })  # fmt: skip
     return pd.DataFrame(table)
 
