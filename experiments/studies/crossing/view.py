@@ -167,7 +167,7 @@ def figure(
     few = every[every.model.isin(["hdc", "ridge", "correlation"])]
     shown = _expected(expected)
     for axes, frame in ((equal, every[every.equal]), (unequal, few)):
-        line_plot(axes, frame, "n", "percent", ms=2.2, elinewidth=0.4)
+        line_plot(axes, frame, "n", "percent", ms=2.2)
         for name in shown:
             mean = 100 * expected[expected.n.isin(frame.n)].groupby("n")[name].mean()
             axes.plot(mean.index, mean, color="black", ls=THEORY[name][2], lw=0.9, zorder=4)

@@ -137,6 +137,7 @@ def fig8(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     panels = figure.subplots(2, 1, sharex=True)
     for axes, room, letter in zip(panels, ROOMS, "ab", strict=True):
         shown = by_seed[by_seed.way.isin(looks)].assign(percent=100 * by_seed[room])
+        shown = shown.sort_values("way", key=lambda ways: ways.map(list(looks).index))
         handles = line_plot(axes, shown, "n_new", "percent", by="way", looks=looks)
         stored = by_seed[(by_seed.model == "hdc") & (by_seed.method == "stored")]
         axes.axhline(100 * stored[room].mean(), color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -161,25 +160,22 @@ def _points(axes: Axes, rows: pd.DataFrame, model: str, x: Sequence[float], **lo
 
 
 def _flips(axes: Axes, means: pd.DataFrame, models: Sequence[str], name: str) -> None:
-    """Means over a logarithmic rate, from lowest to highest draw; no flips at its left end.
+    """Means against the rate, from lowest to highest draw; a place for every rate, since what
+    matters lies between 0.1 and 0.4.
 
     A model that stores no floating-point numbers is drawn with its bits as they are.
     """
-    flips = means[means.disturbance.isin(FLIPS) & (means.level > 0)]
-    none = flips.level.min() / 10
+    rates = sorted({0.0, *means.level[means.disturbance.isin(FLIPS)]})
     for k, model in enumerate(models):
         of_model = means[means.model == model]
         shown = name if (of_model.disturbance == name).any() else "bit_flips"
-        clean = of_model[of_model.disturbance == "none"]
-        points = pd.concat(
-            [clean, of_model[(of_model.disturbance == shown) & (of_model.level > 0)]]
-        )
-        x = points.level.where(points.level > 0, none) * 1.03 ** (k - len(models) // 2)
+        flipped = (of_model.disturbance == shown) & (of_model.level > 0)
+        points = of_model[flipped | (of_model.disturbance == "none")]
+        x = [rates.index(rate) + 0.06 * (k - len(models) / 2) for rate in points.level]
         _points(axes, points, model, x, elinewidth=0.4)
-    decades = [10.0**k for k in range(-12, 1) if none < 10.0**k <= 1]
-    axes.set(xscale="log", ylabel="test accuracy (%)", xlim=(none / 2, 1))
-    axes.set_xticks([none, *decades], ["0", *(f"$10^{{{np.log10(d):.0f}}}$" for d in decades)])
-    axes.set_xticks([], minor=True)
+    labels = [f"{rate:g}" if rate >= 1e-3 or not rate else f"{rate:.0e}" for rate in rates]
+    axes.set_xticks(range(len(rates)), labels, rotation=90)
+    axes.set_ylabel("test accuracy (%)")
 
 
 def _disturbed(axes: Axes, means: pd.DataFrame, models: Sequence[str], name: str) -> None:
