@@ -43,15 +43,9 @@ def correlation(
 ) -> Iterator[Row]:
     """One row: mean correlation of two classes, C_ij of Eq. 4, 5 or 6, on one sensor.
 
-    Columns: ``origin``; ``seed``; ``kind`` and ``samples``, see :data:`KINDS` and :data:`SAMPLES`;
-    ``class_i`` (of the prototype in Eq. 6) and ``class_j``; ``value``; ``n``, samples a class;
-    ``undefined``, constant samples among those of the two classes.
-
-    Args:
-        run: makes the scenes.
-        scene, split: configurations; the training samples make the prototypes.
-        seeds: of scene and split.
-        kinds, samples: which rows.
+    ``class_i`` is that of the prototype in Eq. 6; ``n`` counts the samples of a class,
+    ``undefined`` the constant ones among those of both.
+    Arguments: configs/experiment/correlation.yaml.
 
     Raises:
         ValueError: naming the key that is wrong.
@@ -71,14 +65,9 @@ def correlation_images(
 ) -> Iterator[Row]:
     """One row: a picture of a class, a PNG in base64 (``png``).
 
-    Columns besides: ``origin``; ``class``; ``picture``: ``speckle`` and ``hypervector`` of a
-    sample and the ``prototype``, all cropped, or ``whole``: the whole prototype, reduced by
-    :data:`REDUCED`.
-
-    Args:
-        run: makes the scene.
-        scene, split, seed: of the frames; the training samples make the prototypes.
-        crop: top, left and edge of a square in pixels.
+    ``picture`` is ``speckle`` or ``hypervector`` of a sample, or the ``prototype``, all cropped, or
+    the ``whole`` prototype, reduced by :data:`REDUCED`.
+    Arguments: configs/experiment/correlation_images.yaml.
 
     Raises:
         ValueError: if the square is not within a frame.

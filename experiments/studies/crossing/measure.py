@@ -23,8 +23,6 @@ from hdc.encode import encode
 from hdc.prototypes import Counters
 from scenes.split import learning_curve_subsets, split
 
-_PIXELS = 32768  # columns of the frames handled at a time
-
 
 @experiment
 def crossing(
@@ -38,17 +36,8 @@ def crossing(
 ) -> Iterator[Row]:
     """One row: one model in one experiment; ``right`` of ``n_test`` test samples after each ``n``.
 
-    Columns besides: ``origin``, ``seed``, ``draw``, ``model``, ``n_classes``. ``n`` and ``right``
-    are lists, which ``rows.explode(["n", "right"])`` makes tidy.
-
-    Args:
-        run: makes the scenes.
-        scene: configuration.
-        models: by name, content of a file of ``configs/model``; only its part ``model`` counts.
-        seeds: of the scene: sensors.
-        draws: experiments with every sensor.
-        n_train: first and last n.
-        n_test: test samples of an experiment.
+    ``n`` and ``right`` are lists; ``rows.explode(["n", "right"])`` makes them tidy.
+    Arguments: configs/experiment/crossing.yaml.
 
     Raises:
         ValueError: naming the key that is wrong.
@@ -81,26 +70,19 @@ def crossing_theory(
 ) -> Iterator[Row]:
     """One row: accuracies that theory expects after ``n`` samples of the classes of one sensor.
 
-    Columns besides: ``origin``, ``seed``, ``n_classes``; ``hdc``, with the measured skewness of
-    single correlations, and ``hdc_gaussian``, without any; ``mean_image``, of the classifier that
+    ``hdc`` has the measured skewness of single correlations, ``hdc_gaussian`` none; ``mean_image``
     correlates a frame with the mean frames of the classes. See :mod:`.theory`.
-
-    Args:
-        run: makes the scenes.
-        scene: configuration.
-        seeds: of the scene: sensors.
-        n_train: first and last n.
-
-    Raises:
-        ValueError: naming the key that is wrong.
+    Arguments: configs/experiment/crossing_theory.yaml.
     """
     sizes = _sizes(n_train)
     for seed, sensor in run.scenes(scene, seeds):
-        frames = sensor.frames(np.arange(len(sensor.labels))).cpu()
+        everyone, labels = np.arange(len(sensor.labels)), sensor.labels
+        frames = sensor.frames(everyone).cpu()
         dimension = frames[0].numel()
-        bit_pairs = bit_correlations(encode(frames), dimension)
-        of_bits = theory.correlations(bit_pairs, sensor.labels)
-        of_frames = theory.correlations(frame_correlations(frames), sensor.labels)
+        of_bits = theory.correlations(bit_correlations(encode(frames), dimension), labels)
+        products = Products(frames, labels, len(sensor.classes))
+        standardised, _ = products.kernel(everyone, everyone[:0], "standardised")
+        of_frames = theory.correlations(standardised.numpy() / dimension, labels)
         gaussian = of_bits._replace(skew=np.zeros_like(of_bits.skew))
         for n in sizes:
             yield {
@@ -132,13 +114,10 @@ def hdc_right(
     A further sample changes one class only: its counters, its prototype, its distances.
 
     Args:
-        words: hypervectors int64 [N, W].
-        labels: int64 [N].
-        order: training indices; the first sizes[0] have every class.
-        test: test indices.
+        words, labels: hypervectors int64 [N, W] of D = `dimension`, and classes int64 [N].
+        order, test: indices; the first sizes[0] of `order` have every class.
         sizes: increasing by one.
-        model: whose rule of ties decides.
-        dimension: D.
+        model: its rule of ties decides.
     """
     counters = Counters(int(labels.max()) + 1, dimension)
     distances = np.empty((len(test), len(counters.n)), np.int64)
@@ -159,15 +138,3 @@ def bit_correlations(words: Tensor, dimension: int) -> np.ndarray:
     both = (ones[:, None] + ones - bits.hamming(words, words).numpy() / dimension) / 2
     deviation = np.sqrt(ones * (1 - ones))
     return (both - np.outer(ones, ones)) / np.outer(deviation, deviation)
-
-
-def frame_correlations(frames: Tensor) -> np.ndarray:
-    """Correlation coefficients of all pairs of frames [N, H, W], float64 [N, N]."""
-    pixels = frames.flatten(1)
-    mean = pixels.mean(1, dtype=torch.float64)[:, None]
-    gram = torch.zeros(len(pixels), len(pixels), dtype=torch.float64)
-    for block in pixels.split(_PIXELS, dim=1):
-        centred = block.double() - mean
-        gram += centred @ centred.T
-    norm = gram.diagonal().sqrt()
-    return (gram / torch.outer(norm, norm)).numpy()

@@ -26,12 +26,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.ridge import RidgeReadout
-from baselines.softmax_dual import DualSoftmaxRegression
+from baselines.dual import PenalisedClassifier
 from experiments.protocol import data
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.protocol.subsets import Model, Products, models_of
-from experiments.studies.drift.prior import scores_from_old
+from experiments.protocol.subsets import Products, models_of
 from hdc import HDCClassifier, bits
 from hdc.encode import encode
 from hdc.prototypes import Counters, recalibrate
@@ -61,21 +59,10 @@ def drift(
 ) -> Iterator[Row]:
     """One row: a stored model, or one of its updates, tested on both sessions.
 
-    Columns: ``origin``, ``seed``, ``order``, ``model``, ``method`` and its ``p``, ``n_old``,
-    ``n_new``, ``draw``; test samples that are right, ``right_new`` of ``n_test_new`` of the second
-    session and ``right_old`` of ``n_test_old`` of the first.
+    ``right_new`` of ``n_test_new`` test samples are of the second session, ``right_old`` of
+    ``n_test_old`` of the first; ``draw`` is the choice of the ``n_new`` samples.
 
-    Args:
-        run: makes the scenes.
-        scene: configuration of a scene of two sessions.
-        old_split: configuration of the split of the first session; its training samples are N_old.
-        models: by name, content of a file of ``configs/model``; only its part ``model`` counts.
-        seeds: of scene, splits and masks.
-        n_test: test samples of the second session; all its others may recalibrate.
-        n_new: numbers of samples to recalibrate with.
-        p: parameters of ``replace``.
-        order: which of :data:`ORDERS`.
-        draws: choices of the recalibrating samples for every seed, in random order.
+    Arguments: configs/experiment/drift.yaml.
 
     Raises:
         ValueError: naming the key that is wrong.
@@ -107,14 +94,10 @@ def drift_size(
 ) -> Iterator[Row]:
     """One row: a model that is not recalibrated, in a room of another temperature.
 
-    Columns: ``origin``, ``seed``, ``model``, ``offset`` of the room in K, ``n_old`` and ``n_new``
-    training samples of the two sessions (``method`` stored: of the first only; two_sessions: half
-    of each), ``right`` of ``n_test``.
+    ``offset`` of the room is in K; ``method`` stored is trained on ``n_old`` samples of the first
+    session, two_sessions on half as many and on ``n_new`` of the second.
 
-    Args:
-        run, scene, old_split, models, seeds, n_test: as in :func:`drift`; of a simulated scene.
-        offsets: room temperatures of further sessions, K above the first.
-        n_test_offset: test samples in each of these rooms.
+    Arguments: configs/experiment/drift_size.yaml.
 
     Raises:
         ValueError: for a scene without two rooms.
@@ -233,7 +216,7 @@ class Sessions:
         """The class of the nearest prototype [L, W] for these samples."""
         return bits.hamming(self.words[asked], prototypes).argmin(1).numpy()
 
-    def trained(self, model: Model, train: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    def trained(self, model: Any, train: np.ndarray, asked: np.ndarray) -> np.ndarray:
         """Predictions of a model trained on some samples for others."""
         if isinstance(model, HDCClassifier):
             return self.nearest(self.count(train).majority(model.ties, model.seed), asked)
@@ -243,7 +226,7 @@ class Sessions:
 def updates(
     sessions: Sessions,
     choice: Choice,
-    model: Model,
+    model: Any,
     n_new: Sequence[int],
     p: Sequence[float],
     order: str,
@@ -311,6 +294,6 @@ def of_linear(
         ("pooled", np.concatenate([old, new])),
     ):
         yield method, None, sessions.trained(model, train, asked)
-    if isinstance(model, RidgeReadout | DualSoftmaxRegression):
-        scores = scores_from_old(sessions.products, model, old, new, asked)
+    if isinstance(model, PenalisedClassifier):
+        scores = model.scores_from_old(sessions.products, old, new, asked)
         yield "from_old", None, scores.argmax(1).numpy()

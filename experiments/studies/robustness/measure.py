@@ -49,20 +49,8 @@ def robustness(
 ) -> Iterator[Row]:
     """One row: a trained model under one disturbance, ``right`` of ``n_test`` samples.
 
-    Columns besides: ``origin``, ``model``, ``seed``, ``n_classes``, ``model_bytes``;
-    ``disturbance``, its ``level`` and the ``draw`` of its bits.
-
-    Args:
-        run: makes the scenes; on the CPU, in whose memory bits are flipped.
-        scene, split: configurations.
-        models: by name, content of a file of ``configs/model``; only its part ``model`` counts.
-        stop: configuration of the rule that ends a training.
-        stops: by model, another such rule.
-        seeds: each one a sensor, a session, a split and initial weights.
-        disturbances: levels by name, see :data:`.disturbances.OF_FRAMES`.
-        bit_error_rates: rates of the flips in a model's stored bits.
-        draws: how often bits are drawn at each rate.
-        spared: by model, names of its stored tensors in which no bit is flipped.
+    ``level`` is that of the ``disturbance``, a fraction or pixels, ``draw`` that of its bits.
+    Arguments: configs/experiment/robustness.yaml.
 
     Raises:
         ValueError: naming the key, for another device or a model that does not tell what it stores.

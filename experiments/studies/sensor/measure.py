@@ -37,19 +37,9 @@ def calibration(
 ) -> Iterator[Row]:
     """One row: ``value`` of a ``quantity`` of published.csv, in its unit, on one sensor.
 
-    Columns besides: ``scene``, ``seed``; ``parameter`` and its value ``at``, both null for the
-    scene as it is; ``n_train``, of accuracies on touch, whose quantity is :data:`CURVE`.
-
-    Args:
-        run: makes the scenes.
-        scene: configurations of the scenes by name.
-        split: configuration of the split of all of them.
-        seeds: of scene and split.
-        fitted: by scene and key in its configuration, three values: a smaller one, the scene's own
-            and a larger one.
-        n_train: numbers of training samples on touch; None for all.
-        drift: ``n_test`` and ``n_new``, samples of the second session that test and recalibrate,
-            and ``p`` of the recalibration.
+    ``parameter`` and its value ``at`` are null for the scene as it is; ``n_train`` counts training
+    samples, of which :data:`CURVE` is a function.
+    Arguments: configs/experiment/calibration.yaml.
 
     Raises:
         ValueError: naming the parameter of which the scene's own value is not the middle one.
