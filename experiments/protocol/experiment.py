@@ -78,9 +78,9 @@ class Run:
 def experiment(rows: Callable[..., Iterator[Row]]) -> Callable[..., Path]:
     """Make a Hydra task of a generator of rows; its arguments, defaults included, are its identity.
 
-    The task takes ``name``, ``scene_name``, ``device``, ``cache`` and ``force`` from the runner, binds
-    the other arguments to those of the generator, and writes the rows (:func:`measure`). The generator itself
-    is its attribute ``rows``.
+    The task takes ``name``, ``scene_name``, ``device``, ``cache`` and ``force`` from the runner,
+    binds the other arguments to those of the generator, and writes the rows (:func:`measure`). The
+    generator itself is its attribute ``rows``.
 
     Raises:
         ValueError: from the task, for an argument that the generator does not have or lacks.

@@ -77,11 +77,8 @@ class Measured:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """The rows as a data frame; a column of whole numbers stays one where values are missing
-        (``Int64``)."""
-        return pd.DataFrame(self.rows).convert_dtypes(
-            convert_string=False, convert_boolean=False, convert_floating=False
-        )
+        """The rows as a data frame; a missing number is NaN, other missing values are None."""
+        return pd.DataFrame(self.rows)
 
     @property
     def outdated(self) -> list[str]:
