@@ -1,4 +1,4 @@
-"""What may go wrong after training: with the frames a model sees, and with its stored bits."""
+"""Faults after training: of the frames that a model sees, and of its stored bits."""
 
 from __future__ import annotations
 
@@ -106,22 +106,10 @@ def _flip(memory: Sequence[np.ndarray], rate: float, seed: Sequence[int]) -> Non
     for stored in memory:
         for start in range(0, len(stored), _BLOCK):
             block = stored[start : start + _BLOCK]
-            block ^= np.packbits(_chosen(8 * len(block), rate, random))
-
-
-def _chosen(n: int, rate: float, random: np.random.Generator) -> np.ndarray:
-    """n independent choices of probability `rate`, bool [n]."""
-    if rate > 0.01:
-        # Multiples of 2^-24: the rate is met to a millionth of itself.
-        return random.random(n, np.float32) < rate
-    chosen = np.zeros(n, np.bool_)
-    last = -1
-    while rate > 0 and last < n:  # at the cost of those chosen alone: the gaps are geometric
-        gaps = random.geometric(rate, int(n * rate) + 16)
-        places = last + np.minimum(gaps, n + 1).cumsum()
-        chosen[places[places < n]] = True
-        last = int(places[-1])
-    return chosen
+            flips = np.zeros(8 * len(block), np.bool_)
+            count = random.binomial(len(flips), rate)
+            flips[random.choice(len(flips), count, replace=False, shuffle=False)] = True
+            block ^= np.packbits(flips)
 
 
 def _check(name: str, level: float) -> None:

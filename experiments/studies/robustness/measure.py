@@ -124,7 +124,7 @@ def rows_of(
             disturbed = torch.from_numpy(OF_FRAMES[name](frames.numpy(), level, random))
             yield row(name, level, model.predict(disturbed))
     damaged = [tensor for name, tensor in state.items() if name not in spared]
-    kinds = [("bit_flips", flipped_bits, [])]
+    kinds: list[tuple[str, Any, list[float]]] = [("bit_flips", flipped_bits, [])]
     if any(tensor.is_floating_point() for tensor in damaged):
         kinds.append(("bit_flips_int8", flipped_bits_of_int8, [0.0]))  # rounding alone
     for name, flipped, first in kinds:

@@ -50,11 +50,11 @@ def calibration(
             changed = _neighbours(run, name, scene[name], parameter, values)
             settings += [(parameter, values[k], changed[k]) for k in (0, 2)]
         for seed in seeds:
-            for parameter, at, config in settings:
+            for moved, at, config in settings:
                 for quantity, n, value in _measured(
                     name, run.scene(config, seed), split, seed, n_train, drift
                 ):
-                    yield {"scene": name, "seed": seed, "parameter": parameter, "at": at,
+                    yield {"scene": name, "seed": seed, "parameter": moved, "at": at,
                            "quantity": quantity, "n_train": n, "value": value}  # fmt: skip
             run.note(f"{name}, seed {seed}")
 
@@ -63,7 +63,7 @@ def _neighbours(
     run: Run, name: str, scene: Mapping[str, Any], parameter: str, values: Sequence[float]
 ) -> list[Any]:
     """The scene's configuration at each of three values; no frame is made."""
-    changed = []
+    changed: list[Any] = []
     for value in values:
         config = OmegaConf.create(dict(scene))
         OmegaConf.update(config, parameter, value)
