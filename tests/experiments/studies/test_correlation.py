@@ -55,14 +55,6 @@ def test_a_mean_of_a_million_deviations_loses_no_digits():
     assert abs(naive - exact) > 1e-4
 
 
-@pytest.mark.parametrize("scale", [1e-200, 1e200])
-def test_a_correlation_has_no_scale(scale):
-    a = samples(4, 64, dtype=np.float64)
-    with np.errstate(over="raise", invalid="raise"):
-        scaled = mean_pair_correlations(a * scale, a).value
-    assert scaled == pytest.approx(mean_pair_correlations(a, a).value, abs=1e-13)
-
-
 def test_samples_without_variance_are_counted_and_leave_other_classes_alone():
     sums = CorrelationSums(3, 16)
     with np.errstate(all="raise"):
@@ -72,18 +64,8 @@ def test_samples_without_variance_are_counted_and_leave_other_classes_alone():
     assert np.isnan(sums.pair_means()[2]).all()
     assert sums.undefined.tolist() == [0, 0, 2]
     assert np.isnan(standardise(np.full((1, 4), 1e6 + 0.1))).all()
-
-
-def test_samples_that_do_not_fit_are_named():
-    for a, b, message in (
-        (np.ones((1, 5)), np.ones((1, 5)), r"N_s ≥ 2, found \(1, 5\)"),
-        (np.ones((3, 5)), np.ones((3, 6)), r"found \(3, 5\) and \(3, 6\)"),
-        ([[1, 2], [3, np.inf]], [[1, 2], [3, 4]], r"samples\[0\]: expected finite"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            mean_pair_correlations(a, b)
-    with pytest.raises(ValueError, match="at least two of each class, found 0"):
-        CorrelationSums(2, 4).pair_means()
+    with pytest.raises(ValueError, match=r"samples\[1\]: expected finite values"):
+        standardise([[1, 2], [3, np.inf]])
 
 
 def a_scene(per_class=(12, 12, 12)):
@@ -148,5 +130,3 @@ def test_contrasts_are_means_over_seeds():
     assert contrast.value == pytest.approx(0.15)
     assert contrast.high == pytest.approx(0.15 + 1.1004, abs=1e-3)
     assert (contrast.seeds, contrast.n) == (2, 2 * 2 * 100)
-    with pytest.raises(ValueError, match="expected rows prototype, some, found none"):
-        view.matrices(rows, "prototype", "some")

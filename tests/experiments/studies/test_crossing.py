@@ -11,7 +11,7 @@ from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.studies.crossing import measure, theory, view
 from experiments.studies.crossing.theory import Correlations
-from hdc import HDCClassifier, bits
+from hdc import HDCClassifier
 from hdc.encode import encode
 
 MODELS = {name: configs.of_model(name) for name in ("hdc", "hdc_random_ties", "ridge")}
@@ -29,12 +29,6 @@ def test_counters_that_grow_are_models_trained_anew(ties):
     assert len(set(right)) > 1
 
 
-def test_bit_correlations_are_numpys():
-    ones = np.random.default_rng(0).random((6, 77)) < np.linspace(0.3, 0.7, 6)[:, None]
-    pairs = measure.bit_correlations(bits.pack(torch.from_numpy(ones)), 77)
-    np.testing.assert_allclose(pairs, np.corrcoef(ones), atol=1e-12)
-
-
 def test_experiments(small_scene):
     rows = pd.DataFrame(measure.crossing.rows(Run(), small_scene, MODELS, [0, 1], 2, [2, 5], 4))
     assert len(rows) == 2 * 2 * 3
@@ -46,9 +40,6 @@ def test_experiments(small_scene):
     assert expected[["hdc", "hdc_gaussian", "mean_image"]].stack().between(0, 1).all()
     with pytest.raises(ValueError, match=r"task\.n_train: .* found \[9, 5\]"):
         next(measure.crossing_theory.rows(Run(), small_scene, [0], [9, 5]))
-
-
-# Theory -------------------------------------------------------------------------------------------
 
 
 def equal(same, other, n_classes=3):

@@ -40,6 +40,8 @@ def test_a_disturbance_of_level_zero_is_none_and_frames_given_stay(name):
     assert (OF_FRAMES[name](given, 0, random()) == FRAMES).all()
     assert (OF_FRAMES[name](given, 1, random()) != FRAMES).any()
     assert (given == FRAMES).all()
+    with pytest.raises(ValueError, match=rf"{name}: expected .* found -1"):
+        OF_FRAMES[name](given, -1, random())
 
 
 def test_disturbances_of_frames():
@@ -51,15 +53,6 @@ def test_disturbances_of_frames():
     moved = shift(FRAMES, 3, random())
     assert (moved[:, :, 3:] == FRAMES[:, :, :-3]).all()
     assert (moved[:, :, :3] == FRAMES[:, :, :1]).all()
-
-
-@pytest.mark.parametrize(("name", "level"), [("power", 1.5), ("shift", 0.5), ("power", math.nan)])
-def test_a_level_out_of_range_is_named(name, level):
-    with pytest.raises(ValueError, match=rf"{name}: expected .* found {level}"):
-        OF_FRAMES[name](FRAMES, level, random())
-
-
-# Bits ---------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -106,9 +99,6 @@ def test_numbers_in_8_bits_are_near_and_come_back_exactly(stored):
     assert all(torch.equal(a, b) for a, b in zip(stored, before, strict=True))
 
 
-# The experiment -----------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def scene():
     """Speckle of 24×24 pixels, five classes, 20 samples each."""
@@ -146,7 +136,7 @@ def test_a_ruined_model_has_nothing_right(scene):
     model = instantiate(OmegaConf.create(configs.of_model("nearest_neighbour")["model"]), "model")
     model.fit(scene.images[:80], scene.labels[:80])
     *_, row = rows_of(model, scene, np.arange(80, 100), {}, [0.5], 1)  # labels that are none
-    assert (row["right"], row["disturbance"]) == (0, "bit_flips")
+    assert row["right"] == 0
 
 
 def test_the_experiment_of_the_config(small_scene):
@@ -159,12 +149,6 @@ def test_the_experiment_of_the_config(small_scene):
     assert len(rows) == (1 + 9 + 1) + (1 + 9 + 1 + 2)  # ridge in 8 bits too
     with pytest.raises(ValueError, match=r"device: expected cpu, .* found cuda"):
         next(robustness.rows(Run(device="cuda"), **task))
-    forest = {
-        "_target_": "baselines.sklearn_classifier.SklearnClassifier",
-        "estimator": {"_target_": "sklearn.ensemble.RandomForestClassifier", "n_estimators": 2},
-    }
-    with pytest.raises(ValueError, match=r"task\.models\.forest: expected a model that tells"):
-        list(robustness.rows(Run(), **{**task, **small, "models": {"forest": {"model": forest}}}))
 
 
 def test_flips_are_pooled_over_seeds_and_draws():
@@ -185,6 +169,3 @@ def test_flips_are_pooled_over_seeds_and_draws():
     )
     tolerated = view.tolerated(rows, 0.01).set_index("disturbance").rate
     assert tolerated.to_dict() == {"bit_flips": 0, "bit_flips_int8": 0.1}
-    table = view.disturbed(rows, {"stops": {"softmax": {"reached_after_s": 0}}})
-    assert table.softmax.tolist() == pytest.approx([0.95, 0.5, 0.85, 0.95])
-    assert "Softmax 1.00 kB" in table.attrs["note"]

@@ -7,7 +7,6 @@ import pytest
 
 from experiments.protocol.experiment import Run
 from experiments.records import configs
-from experiments.records.results import Results
 from experiments.studies.correlation.measure import correlations
 from experiments.studies.correlation.sums import contrast
 from experiments.studies.sensor import view
@@ -72,8 +71,3 @@ def test_a_control_differs_in_its_factor_alone(name):
     offsets, spacings = zip(*((c.offset, c.spacing) for c in made.contacts), strict=True)
     assert (set(offsets) == {0.0}) == (name != "tactile_depth")
     assert (set(spacings) == {None}) == (name == "tactile_depth")
-
-
-def test_nothing_is_shown_without_runs(tmp_path):
-    results = Results(tmp_path)
-    assert view.confusions(results) is view.controls(results) is None
