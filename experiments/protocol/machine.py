@@ -33,20 +33,19 @@ def available() -> list[int]:
     return list(range(os.cpu_count() or 1))
 
 
-def threads(wanted: Any, launcher: Any, ranks: int) -> int:
+def threads(wanted: Any, launcher: Any) -> int:
     """Number of torch's threads: what is asked for, or this worker's share of the cores.
 
     Args:
         wanted: ``threads`` of the config.
         launcher: config of Hydra's launcher, which may run several workers at once.
-        ranks: number of processes on this machine that torchrun started.
 
     Raises:
         ValueError: unless it is null or a number of cores that there are.
     """
     cores = len(available())
     if wanted is None:
-        n = max(1, cores // ranks)
+        n = cores
         workers = launcher.get("n_jobs") or 1  # of joblib, below zero for one a core
         share = launcher.get("cpus_per_task") or (n // workers if workers > 0 else 1)
         return min(n, max(1, share))
