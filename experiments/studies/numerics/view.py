@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator
 
 from experiments.reporting.plot import panel, plain_decades
 from experiments.reporting.study import Study
@@ -40,6 +41,8 @@ def error_against_time(figure: Figure, rows: pd.DataFrame, config: dict[str, Any
         axes.set(xscale="log", yscale="log", xlabel="CPU time (ms)", ylabel="error")
         axes.margins(x=0.15, y=0.15)
         axes.axhline(part["tolerance"].iloc[0], color="0.5", lw=0.8, ls="--", zorder=0)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_minor_locator(NullLocator())
         plain_decades(axes)
         panel(axes, letter, name if name == "phases" else f"mean correlation, {name}")
         dots: dict[str, Any] = {"ls": "", "marker": "o"}

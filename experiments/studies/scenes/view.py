@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, ScalarFormatter
+from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, NullLocator, ScalarFormatter
 
 from experiments.records import configs
 from experiments.records.record import Finished
@@ -43,6 +43,7 @@ from experiments.reporting.table import frame
 
 EXPERIMENT = "all_scenes"
 BY_STEPS = ("softmax", "cnn1_fast")  # iterative models, run where an epoch is short
+LETTERS = "abcdefghijklmnopqrstuvwxyz"
 # Which figure of the paper shows the confusion of a scene.
 PAPER = {"touch": "Fig. 5(a)", "finger": "Fig. 6(b)", "spatial": "Fig. 7(b)", "tactile": "Fig. 9(d)"}
 SHOWN = (
@@ -95,17 +96,17 @@ def lines_of(results: Results) -> list[Row]:
 
 
 def few_samples(results: Results) -> dict[str, list[Row]]:
-    """Rows of scenes with several N, by scene; touch has a study of its own."""
-    scenes: dict[str, list[Row]] = {}
+    """Rows of models with several N, by scene; touch has a study of its own."""
+    curves: dict[tuple[str, str], list[Row]] = {}
     for group in results.groups():
         if group.pixels is None and group.runs and group.scene != "touch":
             hdc = results.group(group.scene, "hdc", group.n_train)
-            scenes.setdefault(group.scene, []).append(row(group, hdc))
-    return {
-        scene: lines
-        for scene, lines in scenes.items()
-        if len({line["n_train"] for line in lines}) > 1
-    }
+            curves.setdefault((group.scene, group.model), []).append(row(group, hdc))
+    scenes: dict[str, list[Row]] = {}
+    for (scene, _), lines in curves.items():
+        if len(lines) > 1:
+            scenes.setdefault(scene, []).extend(lines)
+    return scenes
 
 
 @STUDY.table(
@@ -148,10 +149,9 @@ def errors_by_scene(figure: Figure, results: Results) -> None:
         _errors(axes, lines)
         axes.set(xlabel="training time (s)", ylabel="test error (%)")
         panel(axes, letter, f"{literal(scene)}\n{lines[0]['origin']}")
-    every = [line for lines in scenes.values() for line in lines]
-    shown = measured_models(every, [*models, *(line["model"] for line in every)])
-    handles = [handle(model) for model in shown]
-    title(figure, figure.axes[0], "Test error by scene", every, shown, shown, handles)
+    names = dict.fromkeys(line["model"] for lines in scenes.values() for line in lines)
+    figure.legend(handles=[handle(name) for name in names], loc="outside lower center", ncols=2)
+    head(figure, "Test error by scene, 95 % intervals", [])
 
 
 def _errors(axes: Axes, lines: list[Row]) -> None:
@@ -184,9 +184,7 @@ def _errors(axes: Axes, lines: list[Row]) -> None:
     # A panel may span less than a decade, which would have one label, or all of them.
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
     axes.xaxis.set_minor_formatter(NullFormatter())
-
-
-LETTERS = "abcdefghijklmnopqrstuvwxyz"
+    axes.tick_params(axis="x", labelsize=6)
 
 
 def grid(figure: Figure, n: int, height: float) -> list[Axes]:
@@ -201,8 +199,8 @@ def grid(figure: Figure, n: int, height: float) -> list[Axes]:
 
 @STUDY.figure(
     "confusions",
-    caption="Confusion of the classes by HDC, in percent of the true label (rows), the test samples of "
-    "all seeds together (Figs. 5(a), 6(b) and 9(d)).",
+    caption="Confusion of the classes by HDC, in percent of the true label (rows), test samples of all "
+    "seeds together (Figs. 5(a), 6(b) and 9(d)); less than 0.5 % is left blank.",
     needs=lambda results: bool(confused(results)),
     commands=(f"{RUN}scenes", f"{RUN}{EXPERIMENT}", f"{RUN}tactile_controls"),
 )
@@ -212,6 +210,7 @@ def confusions(figure: Figure, results: Results) -> None:
     for axes, letter, group in zip(grid(figure, len(chosen), 1.55), LETTERS, chosen):
         confusion(axes, group)
         axes.set(xlabel="predicted", ylabel="true")
+        axes.tick_params(axis="x", rotation=90)
         of = f", {PAPER[group.scene]}" if group.scene in PAPER else ""
         accuracy = 100 * estimates.share(group).value
         panel(axes, letter, f"{literal(group.scene)}{of}\n{accuracy:.1f} %")
@@ -228,11 +227,11 @@ def confused(results: Results) -> list[Group]:
 
 
 def confusion(axes: Axes, group: Group) -> None:
-    """Shares of each true class in percent; zeros are left blank."""
+    """Shares of each true class in percent."""
     counts = group.confusion()
     shares = 100 * counts / np.maximum(counts.sum(1, keepdims=True), 1)
     few = len(group.classes) <= PRINTED
-    cells = [[f"{value:.0f}" if value else "" for value in line] for line in shares] if few else None
+    cells = [[f"{x:.0f}" if x >= 0.5 else "" for x in line] for line in shares] if few else None
     gamma = 1 if few else 0.4  # a colour has to show one of 100 test samples
     bar = matrix(axes, shares, group.classes, cells, CONFUSION_MAP, (0, 100), gamma)
     if few:
@@ -260,7 +259,7 @@ def learning_curves(figure: Figure, results: Results) -> None:
         axes = figure.add_subplot(len(scenes), 1, k + 1)
         accuracy_curves(axes, lines, models, "n_train")
         axes.xaxis.set_major_formatter(ScalarFormatter())
-        axes.set_xticks(sorted({line["n_train"] for line in lines}))
+        axes.xaxis.set_major_locator(FixedLocator([5, 10, 20, 50, 100, 200, 400, 1000, 4000]))
         axes.xaxis.set_minor_locator(NullLocator())
         axes.set_xlabel("training samples N")
         panel(axes, LETTERS[k], literal(scene))
@@ -307,7 +306,7 @@ def spatial(figure: Figure, results: Results) -> None:
     panel(left, "a", "correlation $C^p$, held out")
     confusion(right, group)
     right.set(xlabel="predicted (mm)", ylabel="true position (mm)")
-    panel(right, "b", "confusion, % of the true label")
+    panel(right, "b", "confusion (%)")
     at = 1e3 * positions(group.runs[0].record)
     truth = np.concatenate([run.record.test_labels for run in group.runs])
     error = 1e3 * np.abs(np.concatenate([position_errors(run.record) for run in group.runs]))
