@@ -101,11 +101,12 @@ def descend(
 ) -> tuple[list[float], Descent]:
     """Losses at the start and after every so many (`each`) of ``steps`` times as many steps."""
     descent = Descent(gram, targets, int(targets.max()) + 1, rate, **how)
-    losses = [descent.losses(penalty=True).item()]
+    penalised = "decay" in how
+    losses = [descent.losses(penalised).item()]
     for _ in range(steps):
         for _ in range(each):
             descent.step()
-        losses.append(descent.losses(penalty=True).item())
+        losses.append(descent.losses(penalised).item())
     return losses, descent
 
 
