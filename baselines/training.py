@@ -87,6 +87,9 @@ class IterativeClassifier(Classifier):
         yielded like any other: it is the caller who stops. L-BFGS returns when the loss stands
         still.
         """
+        for name in ("batch_size", "micro_batch", "reports_per_epoch"):
+            if (value := getattr(self, name)) is not None and value < 1:
+                raise ValueError(f"{name}: expected at least 1, found {value}")
         targets = self.start(frames, labels)
         choose("dtype", self.dtype, DTYPES)
         initialise = choose("init", self.init, INITS)
