@@ -197,14 +197,14 @@ def ordinary_training_s(results: Results, group: Group) -> float | None:
 
 
 def of_route(
-    rows: pd.DataFrame, operation: str, route: str, frames: str = "speckle", **sizes: int
+    rows: pd.DataFrame, operation: str, route: str, frames: str = "speckle", /, **sizes: int
 ) -> dict[str, float]:
     """Median and ratio of a route at these sizes, NaN where it was not measured.
 
     A size that is not given is the headline's, or the only one that was measured.
     """
-    for key, value in (("operation", operation), ("route", route), ("frames", frames)):
-        rows = rows[rows[key] == value]
+    for key, name in (("operation", operation), ("route", route), ("frames", frames)):
+        rows = rows[rows[key] == name]
     for key, value in (HEADLINE | sizes).items():
         if key in sizes or rows[key].nunique() > 1:
             rows = rows[rows[key] == value]
