@@ -72,6 +72,7 @@ def _job(cfg: DictConfig) -> None:
                     _recursive_=False,
                     _convert_="all",
                     name=chosen["experiment"],
+                    scene_name=chosen["scene"],
                     **switches,
                 )
             return

@@ -78,9 +78,9 @@ class Run:
 def experiment(rows: Callable[..., Iterator[Row]]) -> Callable[..., Path]:
     """Make a Hydra task of a generator of rows; its arguments, defaults included, are its identity.
 
-    The task takes ``name``, ``device``, ``cache`` and ``force`` from the runner, binds the other
-    arguments to those of the generator, and writes the rows (:func:`measure`). The generator itself
-    is its attribute ``rows``.
+    The task takes ``name``, ``scene_name``, ``device``, ``cache`` and ``force`` from the runner,
+    binds the other arguments to those of the generator, and writes the rows (:func:`measure`). The
+    generator itself is its attribute ``rows``.
 
     Raises:
         ValueError: from the task, for an argument that the generator does not have or lacks.
@@ -91,6 +91,7 @@ def experiment(rows: Callable[..., Iterator[Row]]) -> Callable[..., Path]:
     def task(
         *,
         name: str | None = None,
+        scene_name: str = "",
         device: str = "cpu",
         cache: bool = True,
         force: bool = False,
@@ -106,7 +107,15 @@ def experiment(rows: Callable[..., Iterator[Row]]) -> Callable[..., Path]:
         config = {"_target_": f"{rows.__module__}.{rows.__name__}", **arguments}
         run = Run(name or rows.__name__, config, device, cache, force)
         compute = functools.partial(rows, run, **arguments)
-        return measure(run.name, config, compute, device=device, force=force, console=run.console)
+        return measure(
+            run.name,
+            config,
+            compute,
+            scene=scene_name if "scene" in arguments else "",
+            device=device,
+            force=force,
+            console=run.console,
+        )
 
     task.rows = rows  # type: ignore[attr-defined]
     return task

@@ -41,6 +41,7 @@ class Entry(msgspec.Struct, kw_only=True):
         name: the experiment's.
         identity: hash of config, code and device.
         config: everything that determines the rows.
+        scene: name of the scene's config, where it has one.
         seconds: of the call that made the rows.
         proven: how code that differs was shown to compute the same, see experiments.reference.
     """
@@ -51,6 +52,7 @@ class Entry(msgspec.Struct, kw_only=True):
     identity: str
     config: dict[str, Any]
     environment: Environment
+    scene: str = ""
     command: str = ""
     seconds: float | None = None
     error: str | None = None
@@ -75,11 +77,8 @@ class Measured:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """The rows as a data frame; a column of whole numbers stays one where values are missing
-        (``Int64``)."""
-        return pd.DataFrame(self.rows).convert_dtypes(
-            convert_string=False, convert_boolean=False, convert_floating=False
-        )
+        """The rows as a data frame; a missing number is NaN, other missing values are None."""
+        return pd.DataFrame(self.rows)
 
     @property
     def outdated(self) -> list[str]:
@@ -97,6 +96,7 @@ def measure(
     config: Mapping[str, Any],
     compute: Callable[[], Iterable[Row]],
     *,
+    scene: str = "",
     device: str = "cpu",
     force: bool = False,
     console: Console | None = None,
@@ -111,6 +111,7 @@ def measure(
         config: everything that determines the rows; each ``_target_`` in it says which code makes
             them.
         compute: makes the rows.
+        scene: name of the scene's config, where it has one.
         device: where it does so.
         force: compute even if the same code did so for the same config.
         console: for a line at the end.
@@ -129,6 +130,7 @@ def measure(
     entry: Row = {
         "schema": SCHEMA,
         "name": name,
+        "scene": scene,
         "identity": digest_of([config, made_by["code"], device]),
         "command": command(),
         "config": config,

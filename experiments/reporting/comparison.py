@@ -31,8 +31,8 @@ from functools import partial
 from typing import Any
 
 from experiments.reporting import published
-from experiments.reporting.published import Published
 from experiments.reporting.columns import Column
+from experiments.reporting.published import Published
 from experiments.reporting.study import RUN, Quantity
 from experiments.reporting.table import Table, frame
 from experiments.reporting.text import interval, number

@@ -28,8 +28,8 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from numpy.typing import NDArray
 
 from experiments.records import configs
-from experiments.reporting.estimates import Estimate, mean_interval
 from experiments.reporting.columns import display_name
+from experiments.reporting.estimates import Estimate, mean_interval
 from experiments.reporting.rows import Row, frames_of
 from experiments.reporting.text import printable
 

@@ -131,7 +131,8 @@ class Study:
         Its ``attrs`` may hold ``title``, ``note``, ``shown`` and ``commands`` of their own.
 
         Args:
-            name: stem of its files; a measurement on other frames than its experiment's adds theirs.
+            name: stem of its files; a measurement on other frames than the experiment's adds a
+                suffix.
             title, note: may hold ``{frames}`` and ``{machine}`` of the measurement.
             of: name of the measurement, or of several on the same frames, whose rows the function
                 takes, followed by the config of the first; None for a function of the results.
@@ -274,10 +275,15 @@ def _sources(results: Results, of: str | Sequence[str] | None) -> Iterator[_Sour
 def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
     """The measurement on the experiment's own frames, then those on others, each with the suffix
     of the names of its tables and figures."""
+    suffixes: set[str] = set()
     if (measured := results.measured(name)) is not None:
         yield "", measured
     for measured in results.measured_elsewhere(name):
-        yield f"_{measured.folder.name.removeprefix(name)[1:]}", measured
+        suffix = f"_{measured.record.scene or measured.folder.name}"
+        if suffix in suffixes:  # the same scene with other settings
+            suffix = f"_{measured.folder.name}"
+        suffixes.add(suffix)
+        yield suffix, measured
 
 
 def machine_of(measured: Measured) -> str:
