@@ -6,10 +6,8 @@ import math
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, NamedTuple
 
-from experiments.protocol.clock import timed
 from experiments.protocol.experiment import Row
 
 
@@ -54,24 +52,12 @@ class Case:
     tolerance: float = 0.0
     small: Mapping[str, Any] = field(default_factory=dict)
 
-    def row(self, repeats: int = 1, budget_s: float = 0.0, small: bool = False) -> Row:
-        """Errors, times (the least of the repeats, taken in turns) and verdict."""
+    def row(self, small: bool = False) -> Row:
+        """Both errors and the verdict."""
         forms = self.prepare(**(self.small if small else {}))
-        calls = {"naive": forms.naive, "ours": forms.ours}
-        results: dict[str, Any] = {}
-        seconds: dict[str, list[float]] = {name: [] for name in calls}
-
-        def attempt(name: str) -> None:
-            results[name] = _try(calls[name])
-
-        for _ in range(repeats):
-            for name in calls:
-                seconds[name].append(timed(partial(attempt, name)))
-            if sum(map(sum, seconds.values())) >= budget_s:
-                break
-        errors = {name: _error(forms.error, result) for name, result in results.items()}
+        error_naive, error_ours = (_error(forms.error, _try(x)) for x in (forms.naive, forms.ours))
         tolerance = self.tolerance if forms.tolerance is None else forms.tolerance
-        holds = errors["ours"] is not None and errors["ours"] <= tolerance
+        holds = error_ours is not None and error_ours <= tolerance
         return {
             "part": self.part,
             "case": self.name,
@@ -79,11 +65,9 @@ class Case:
             "naive": self.naive,
             "ours": self.ours,
             "unit": self.unit,
-            "error_naive": errors["naive"],
-            "error_ours": errors["ours"],
+            "error_naive": error_naive,
+            "error_ours": error_ours,
             "tolerance": tolerance,
-            "time_naive_s": min(seconds["naive"]),
-            "time_ours_s": min(seconds["ours"]),
             "verdict": "holds" if holds else "fails",
         }
 

@@ -7,14 +7,14 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.reporting.columns import Column, milliseconds
+from experiments.reporting.columns import Column
 from experiments.reporting.study import Study
 from experiments.reporting.text import number
 
 STUDY = Study(
     "stability",
     "Numbers at their limits",
-    "Where do the obvious formulas lose their digits, do ours keep them, and what does it cost?",
+    "Where do the obvious formulas lose their digits, and do ours keep them?",
     order=9,
 )
 
@@ -34,8 +34,6 @@ COLUMNS = {
     "error_naive": Column("Error, obvious", error, note="A dash: no number came out."),
     "error_ours": Column("Error, ours", error),
     "tolerance": Column("Tolerance", error),
-    "time_naive_s": Column("Time, obvious, ms", milliseconds),
-    "time_ours_s": Column("Time, ours, ms", milliseconds),
     "verdict": Column("Verdict"),
 }
 
@@ -46,7 +44,7 @@ COLUMNS = {
     title="Numbers at their limits",
     columns=COLUMNS,
     note="The same input, computed the obvious way and ours, against an exact reference. A case "
-    "holds if our error is within the tolerance. Times: the least of some repeats, {machine}.",
+    "holds if our error is within the tolerance.",
 )
 def stability(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """A row a case."""

@@ -118,6 +118,7 @@ def squares_that_underflow(d: int = D) -> Forms:
 @correlation_case(
     extreme="N_s = 2: one pair; the mean over a whole Gram matrix counts each frame with itself",
     naive="mean of numpy.corrcoef",
+    tolerance=1e-12,
     small={"d": 20_000},
 )
 def two_samples_a_class(d: int = D) -> Forms:
@@ -128,6 +129,7 @@ def two_samples_a_class(d: int = D) -> Forms:
 @correlation_case(
     extreme="30 samples: 870 ordered pairs for the double sum, one product a sample for ours",
     naive="double sum of Eq. 4 in float64",
+    tolerance=1e-12,
     small={"n": 5, "d": 2500},
 )
 def many_pairs(n: int = 30, d: int = 25_000) -> Forms:
