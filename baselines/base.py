@@ -8,15 +8,25 @@ import typing
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from baselines import files
-from baselines.inputs import FrameSource, as_tensor, distinct, indexable, label_array, pixel_type
+from hdc import inputs
+
+FRAME_TYPES = {torch.uint8: 255, torch.uint16: 65535}  # and their largest value
+
+
+class FrameSource(Protocol):
+    """Frames uint8 or uint16 [N, H, W] or [N, D]: an array, a tensor, or an object that gives a
+    batch of either when indexed by a slice or an index tensor."""
+
+    @property
+    def shape(self) -> Any: ...
+    def __len__(self) -> int: ...
+    def __getitem__(self, index: Any) -> Any: ...
 
 
 @dataclass(kw_only=True, eq=False)
@@ -25,11 +35,10 @@ class Classifier(ABC):
 
     A subclass is a dataclass whose fields are its hyperparameters; it writes ``train``, ``scores``
     and ``state_tensors``. ``train`` begins with ``start``, which checks the input, and gets its
-    frames by ``read``. What it learns it keeps in tensors and numbers: then the model can be saved.
+    frames by ``read``.
 
     Attributes:
-        classes_: [L], the labels present in training, sorted (labels of mixed types by type and
-            spelling).
+        classes_: [L], the labels present in training, sorted.
         shape_: (H, W) of the training frames; (1, D) where they were given as [N, D].
         frame_dtype_: ``torch.uint8`` or ``torch.uint16``.
     """
@@ -58,23 +67,28 @@ class Classifier(ABC):
 
     @abstractmethod
     def state_tensors(self) -> dict[str, Tensor] | None:
-        """What has to be stored to predict, sharing memory with the model; each contiguous.
+        """The tensors that a prediction needs, sharing memory with the model; each contiguous.
 
-        None where that is not known, because a model of another library keeps it in objects of its
-        own: then neither has the model a size, nor can bits be flipped in it.
+        None where that is not known, because a model of another library keeps its state in objects
+        of its own: then the model has no size, and no bit can be flipped in it.
         """
 
+    @property
+    def white(self) -> int:
+        """The largest grey value of the training frames' type."""
+        return FRAME_TYPES[self.frame_dtype_]
+
     def fit(self, frames: Any, labels: Any) -> Self:
-        """Learn from frames [N, H, W] or [N, D], uint8 or uint16, and N labels of any kind.
+        """Learn from frames [N, H, W] or [N, D], uint8 or uint16, and N labels.
 
         Args:
             frames: array, tensor, list of either, or a :class:`FrameSource`.
-            labels: array, tensor or list; integers, text, or whatever is hashable.
+            labels: array, tensor or list of integers or text.
 
         Raises:
-            ValueError: naming what was found and what was expected.
+            ValueError: naming what was expected and what was found.
         """
-        for _ in self.train(indexable(frames), labels):
+        for _ in self.train(inputs.indexable(frames), labels):
             pass
         return self
 
@@ -85,7 +99,7 @@ class Classifier(ABC):
             RuntimeError: before ``train``.
             ValueError: if the frames differ in size or type from those of the training.
         """
-        frames = indexable(frames)
+        frames = inputs.indexable(frames)
         self.check_queries(frames)
         best = []
         with torch.inference_mode():
@@ -96,71 +110,47 @@ class Classifier(ABC):
 
     def score(self, frames: Any, labels: Any) -> float:
         """Fraction of frames whose predicted label is right."""
-        frames = indexable(frames)
-        return float(np.mean(self.predict(frames) == label_array(labels, len(frames))))
-
-    def save(self, path: str | Path) -> None:
-        """Write the trained model to a safetensors file, whole or not at all.
-
-        Raises:
-            RuntimeError: before ``train``.
-            TypeError: naming what cannot be saved, such as another library's estimator.
-        """
-        self.check_is_trained("save")
-        files.save(self, Path(path))
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a model of this class that :meth:`save` wrote.
-
-        Raises:
-            FileNotFoundError: if there is no such file.
-            ValueError: if the file is not such a model, or damaged; it is named.
-        """
-        return files.load(cls, Path(path))
+        frames = inputs.indexable(frames)
+        return float(np.mean(self.predict(frames) == inputs.label_array(labels, len(frames))))
 
     def start(self, frames: FrameSource, labels: Any) -> Tensor:
         """Check the training set, remember its classes and frame size; class indices int64 [N].
 
         Raises:
-            ValueError: naming what was found and what was expected.
+            ValueError: naming what was expected and what was found.
         """
         shape = tuple(frames.shape)
         if len(shape) not in (2, 3) or min(shape[1:]) < 1:
             raise ValueError(f"frames: expected shape [N, H, W] or [N, D], found {list(shape)}")
         if len(frames) == 0:
             raise ValueError("frames: expected at least one, found none")
-        classes, indices = distinct(label_array(labels, len(frames)))
+        classes, indices = np.unique(inputs.label_array(labels, len(frames)), return_inverse=True)
         if len(classes) < 2:
             raise ValueError(
                 f"labels: expected at least two classes, found only {classes.tolist()[0]!r}"
             )
         self.classes_ = classes
         self.shape_: tuple[int, int] = (1 if len(shape) == 2 else int(shape[1]), int(shape[-1]))
-        self.frame_dtype_ = pixel_type(as_tensor(frames[0:1]))
+        self.frame_dtype_ = _pixel_type(inputs.tensor(frames[0:1]))
         return torch.from_numpy(indices.astype(np.int64)).to(self.device)
-
-    def check_is_trained(self, call: str) -> None:
-        """Raise RuntimeError, naming the call that needs it, unless the model is trained."""
-        if not hasattr(self, "classes_"):
-            raise RuntimeError(f"{type(self).__name__}: {call} needs train or fit first")
 
     def check_queries(self, frames: FrameSource) -> None:
         """Raise unless the model is trained and the frames have the size it was trained on."""
-        self.check_is_trained("predict")
+        if not hasattr(self, "classes_"):
+            raise RuntimeError(f"{type(self).__name__}: predict needs train or fit first")
         shape = tuple(frames.shape)
         if shape[1:] == self.shape_ or (len(shape) == 2 and (1, *shape[1:]) == self.shape_):
             return
         size = ", ".join(map(str, self.shape_[self.shape_[0] == 1 :]))
-        one = "; one frame is frame[None]" if shape in (self.shape_, self.shape_[1:]) else ""
+        hint = "; one frame is frame[None]" if shape in (self.shape_, self.shape_[1:]) else ""
         raise ValueError(
-            f"frames: expected shape [Q, {size}] as in training, found {list(shape)}{one}"
+            f"frames: expected shape [Q, {size}] as in training, found {list(shape)}{hint}"
         )
 
     def read(self, frames: FrameSource, index: slice | Tensor) -> Tensor:
         """The frames at ``index`` as [n, H, W] on ``device``: uint8, or int32 for 16-bit frames."""
-        batch = as_tensor(frames[index])
-        if pixel_type(batch) != self.frame_dtype_:
+        batch = inputs.tensor(frames[index])
+        if _pixel_type(batch) != self.frame_dtype_:
             raise ValueError(
                 f"frames: expected {self.frame_dtype_} as in training, found {batch.dtype}"
             )
@@ -179,8 +169,8 @@ class Classifier(ABC):
         unknown = params.keys() - self.get_params().keys()
         if unknown:
             raise ValueError(
-                f"{type(self).__name__}: unknown {sorted(unknown)}, "
-                f"expected some of {sorted(self.get_params())}"
+                f"{type(self).__name__}: expected some of {sorted(self.get_params())}, "
+                f"found {sorted(unknown)}"
             )
         for name, value in params.items():
             setattr(self, name, value)
@@ -197,10 +187,23 @@ class Classifier(ABC):
         )
 
 
+def choose(name: str, value: str, options: Mapping[str, Any]) -> Any:
+    """``options[value]``, or an error that lists the valid ones."""
+    if value not in options:
+        raise ValueError(f"{name}: expected one of {', '.join(options)}, found {value!r}")
+    return options[value]
+
+
 def in_memory_order(tensor: Tensor) -> Tensor:
     """The same memory with its dimensions in the order they lie there, which is contiguous for any
     layout such as channels last: so that ``view(-1)`` needs no copy."""
     return tensor.permute(sorted(range(tensor.ndim), key=lambda k: -tensor.stride()[k]))
+
+
+def _pixel_type(batch: Tensor) -> torch.dtype:
+    if batch.dtype in FRAME_TYPES:
+        return batch.dtype
+    raise ValueError(f"frames: expected uint8 or uint16, found {batch.dtype}")
 
 
 def _plain_kinds(hint: Any) -> tuple[type, ...]:

@@ -17,6 +17,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from baselines.base import Classifier, FrameSource
+from baselines.dual import Products
 
 CHUNK = 20  # frames; float32 sums of 20 16-bit pixels are exact
 
@@ -55,6 +56,21 @@ class CorrelationClassifier(Classifier):
         """r of each frame with each class, float32 [n, L]; −∞ for a class not seen yet."""
         r = _normalise(batch.flatten(1).float()) @ self.templates_.T
         return r.masked_fill(self._counts == 0, -torch.inf)
+
+    def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
+        """:meth:`scores` from products of frames, but for a factor a frame; see
+        :meth:`baselines.dual.Products.scores`."""
+        member = F.one_hot(products.labels[train], products.n_classes).double()
+        counts = member.sum(dim=0)
+        member /= counts.clamp(min=1)
+        (first, _), d = products.moments, products.dimension
+        inside, across = (
+            products.greys[np.ix_(rows, train)] - torch.outer(first[rows], first[train]) / d
+            for rows in (train, queries)
+        )
+        length = torch.einsum("kc,kj,jc->c", member, inside, member).clamp(min=0).sqrt()
+        r = across @ member / torch.where(length > 0, length, 1.0)
+        return r.masked_fill(counts == 0, -torch.inf)
 
     def state_tensors(self) -> dict[str, Tensor]:
         """templates [L, D]."""

@@ -1,42 +1,232 @@
-"""Linear classifiers solved in the space of samples instead of the space of pixels.
+"""Classifiers computed in the space of samples instead of the space of pixels.
 
 With N frames of D pixels and N ≪ D, the weights that minimise any loss with an L2 penalty are
 combinations of the training frames, W = Aᵀ·X (representer theorem), so that the N×N Gram matrix
-K = X·Xᵀ of the centred frames carries the whole problem, however many pixels there are. Centring
-loses nothing, since the intercept b is not penalised and takes up any shift.
+K = X·Xᵀ carries the whole problem, however many pixels there are. :class:`Products` is that matrix,
+exact in integers, of all frames that are asked for: from it a classifier is trained on any subset
+and asked about any other at a cost of its samples squared. :class:`Descent` is gradient descent on
+it, step for step the one that the weights would take.
 """
 
 from __future__ import annotations
 
+import copy
+import functools
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
-from baselines.base import Classifier, FrameSource
+from baselines.base import Classifier, FrameSource, choose
 from baselines.integer import integer_product
-from baselines.pixels import PixelScaling, fit_scaling
+from baselines.pixels import SCALINGS, PixelScaling, fit_scaling, signs
 
 PIXELS = 32768  # columns of the frames handled at a time
 FRAMES = 20  # rows turned into floats at a time
+KERNELS = tuple(name for name in SCALINGS if name != "standard")  # scalings that have a Gram matrix
+
+
+def cross_products(a: Tensor, b: Tensor) -> Tensor:
+    """Exact Σ x·x′ over the pixels of frames [n, D] and [m, D]: float64 [n, m].
+
+    Args:
+        a, b: uint8, or int32 for 16-bit pixels, all less :func:`constant_of` their type; or int8.
+    """
+    products = torch.zeros(len(a), len(b), dtype=torch.float64, device=a.device)
+    for start in range(0, a.shape[1], PIXELS):
+        columns = slice(start, start + PIXELS)
+        rights = _planes(b[:, columns])
+        for weight, left in _planes(a[:, columns]):
+            for other, right in rights:
+                products += weight * other * integer_product(left, right.T)
+    return products
+
+
+def moments(images: Tensor) -> tuple[Tensor, Tensor]:
+    """Exact Σ x and Σ x² over the pixels of each frame [N, D], less :func:`constant_of` their type:
+    float64 [N] each."""
+    first, second = (torch.empty(len(images), dtype=torch.float64) for _ in range(2))
+    constant = constant_of(images)
+    for start in range(0, len(images), FRAMES):
+        rows = slice(start, start + FRAMES)
+        block = images[rows].int() - constant
+        first[rows], second[rows] = block.sum(dim=1), block.square_().sum(dim=1)
+    return first.to(images.device), second.to(images.device)
+
+
+def constant_of(images: Tensor) -> int:
+    """The grey value subtracted so that a byte is signed."""
+    return {torch.uint8: 128, torch.int8: 0}.get(images.dtype, 256 * 128 + 128)
+
+
+def _planes(block: Tensor) -> list[tuple[int, Tensor]]:
+    """Pixels less their constant as Σ weight·plane, each plane int8."""
+    if block.dtype == torch.int8:
+        return [(1, block.contiguous())]
+    if block.dtype == torch.uint8:
+        return [(1, (block ^ 128).view(torch.int8))]  # 0…255 → −128…127
+    high, low = (
+        (part ^ 128).to(torch.uint8).view(torch.int8) for part in (block >> 8, block & 255)
+    )
+    return [(256, high), (1, low)]
+
+
+class FromProducts(Protocol):
+    """A model that can be computed from :class:`Products` alone."""
+
+    def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
+        """Scores float64 [n, L] of ``queries`` by a model of the samples ``train``."""
+        ...
+
+
+class Products:
+    """Inner products of frames with those that may train, by every scaling of their pixels.
+
+    Args:
+        frames: uint8 or uint16 [N, H, W] or [N, D].
+        labels: class indices int64 [N].
+        n_classes: L.
+        n_train: the first so many frames may train; all, if None.
+
+    Attributes:
+        labels: int64 [N].
+        n_classes: L.
+        dimension: D.
+
+    Raises:
+        ValueError: for frames of another type.
+
+    Example:
+        >>> frames = torch.tensor([[[0, 255]], [[255, 0]], [[9, 99]]], dtype=torch.uint8)
+        >>> products = Products(frames, np.array([0, 1, 0]), n_classes=2)
+        >>> from baselines.ridge import RidgeReadout
+        >>> products.scores(RidgeReadout(), np.array([0, 1]), np.array([2])).argmax(1)
+        tensor([0])
+    """
+
+    def __init__(
+        self, frames: Tensor, labels: Any, n_classes: int, n_train: int | None = None
+    ) -> None:
+        if frames.dtype not in (torch.uint8, torch.uint16, torch.int32):
+            raise ValueError(f"frames: expected uint8 or uint16, found {frames.dtype}")
+        self.white = 255 if frames.dtype == torch.uint8 else 65535
+        images = frames if frames.dtype == torch.uint8 else frames.to(torch.int32)
+        self._images = images.flatten(1)
+        self.dimension = self._images.shape[1]
+        self.labels, self.n_classes = torch.as_tensor(labels, device=frames.device), n_classes
+        self._n_train = len(frames) if n_train is None else n_train
+
+    @functools.cached_property
+    def greys(self) -> Tensor:
+        """Products of grey values less :func:`constant_of` them, float64 [N, M]."""
+        return cross_products(self._images, self._images[: self._n_train])
+
+    @functools.cached_property
+    def bits(self) -> Tensor:
+        """Products of hypervectors in ±1, float64 [N, M]."""
+        hypervectors = signs(self._images)
+        return cross_products(hypervectors, hypervectors[: self._n_train])
+
+    @functools.cached_property
+    def moments(self) -> tuple[Tensor, Tensor]:
+        """Σ x and Σ x² of grey values less :func:`constant_of` them, float64 [N] each."""
+        return moments(self._images)
+
+    def scores(self, model: FromProducts, train: np.ndarray, queries: np.ndarray) -> Tensor:
+        """Scores of some samples by a model trained on others: float64 [n, L], the largest wins.
+
+        Args:
+            model: one of baselines.dual, image correlation or nearest neighbours; it is left as it
+                was.
+            train: indices below M; one that stands there k times counts k times.
+            queries: indices [n].
+        """
+        return model.scores_from(self, train, queries)
+
+    def kernel(
+        self, train: np.ndarray, queries: np.ndarray, pixels: str = "unit"
+    ) -> tuple[Tensor, Tensor]:
+        """Inner products of scaled frames: of training frames with each other [N, N], and of
+        queries with training frames [n, N].
+
+        Args:
+            train: indices below M; a mean over training frames is over these.
+            queries: indices [n].
+            pixels: a scaling of baselines.pixels other than ``standard``.
+
+        Raises:
+            ValueError: for another name, listing the valid ones.
+        """
+        choose("pixels", pixels, dict.fromkeys(KERNELS))
+        if pixels == "unit_frame_centred":
+            return self.centred(train, queries, "unit")
+        products = self.bits if pixels == "bits" else self.greys
+        inside, across = (products[np.ix_(rows, train)] for rows in (train, queries))
+        if pixels == "bits":
+            return inside, across
+        (first, second), d = self.moments, self.dimension
+        if pixels == "standardised":
+            s = deviations(first, second, d)
+            return tuple(  # type: ignore[return-value]
+                (part - torch.outer(first[rows], first[train]) / d) / torch.outer(s[rows], s[train])
+                for rows, part in ((train, inside), (queries, across))
+            )
+        mean = float(first[train].mean()) / d
+        offset = (
+            mean if pixels in ("unit_centred", "standard_global") else -constant_of(self._images)
+        )
+        scale = 1.0 if pixels == "raw" else 1 / self.white
+        if pixels == "standard_global":
+            scale = (float(second[train].mean()) / d - mean**2) ** -0.5
+        return tuple(  # type: ignore[return-value]
+            scale**2 * (part - offset * (first[rows, None] + first[train]) + offset**2 * d)
+            for rows, part in ((train, inside), (queries, across))
+        )
+
+    def centred(
+        self, train: np.ndarray, queries: np.ndarray, pixels: str = "unit"
+    ) -> tuple[Tensor, Tensor]:
+        """:meth:`kernel` of scaled frames less the mean scaled training frame."""
+        if pixels in ("raw", "unit", "unit_centred", "unit_frame_centred"):
+            # The offset cancels: the small integers do without it, and lose nothing to it.
+            scale = 1.0 if pixels == "raw" else 1 / self.white
+            rows = (self.greys[np.ix_(part, train)] for part in (train, queries))
+            inside, across = (scale**2 * part for part in rows)
+        else:
+            inside, across = self.kernel(train, queries, pixels)
+        mean, square = inside.mean(0), inside.mean()
+        return (
+            inside - mean - mean[:, None] + square,
+            across - mean - across.mean(1, keepdim=True) + square,
+        )
+
+
+def deviations(first: Tensor, second: Tensor, dimension: int) -> Tensor:
+    """Standard deviation of the pixels of each frame, from its moments; 1 for a constant frame."""
+    variance = second / dimension - (first / dimension) ** 2
+    # The least variance of a frame of whole numbers that is not constant is about 1/D.
+    return torch.where(variance > 0.1 / dimension, variance, 1.0).sqrt()
 
 
 @dataclass(kw_only=True, eq=False)
 class DualLinearClassifier(Classifier):
     """A linear classifier whose subclass writes ``solve``.
 
-    The frames stay bytes, and all N of them are held at once. One pass makes K, exact in integers
-    for all but ``standard`` pixels; a second makes the weights.
+    The frames stay bytes, and all N of them are held at once. One pass makes K, exact in integers;
+    a second makes the weights.
 
     Args:
-        pixels: one of the scalings in baselines.pixels, by name.
+        pixels: a scaling of baselines.pixels other than ``standard``, by name.
         device: where it is computed; needs float64.
 
     Attributes:
-        weight_: float32 [L, D], for pixels as the camera gives them (the scaling is folded in).
+        weight_: float32 [L, D], for pixels as the camera gives them; for ``standardised`` and
+            ``bits`` for the scaled pixels.
         bias_: float32 [L].
         coefficients_: A, float64 [N, L], each column summing to zero.
     """
@@ -45,87 +235,210 @@ class DualLinearClassifier(Classifier):
 
     @abstractmethod
     def solve(self, gram: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, float]:
-        """A [N, L], b [L] and the loss from K float64 [N, N] and class indices int64 [N]."""
+        """A [N, L], b [L] and the loss from the centred K float64 [N, N] and class indices
+        int64 [N]."""
 
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """Solve; yields once: samples_seen = N, epoch = 1 and the loss."""
+        choose("pixels", self.pixels, dict.fromkeys(KERNELS))
         targets = self.start(frames, labels)
-        scaling = fit_scaling(self.pixels, self, frames)
-        images = self.read(frames, slice(0, len(frames))).flatten(1)
-        coefficients, bias, loss = self.solve(centred_gram(images, scaling), targets)
+        images = self.read(frames, slice(0, len(frames)))
+        everyone = np.arange(len(frames))
+        products = Products(images, targets, len(self.classes_))
+        gram, _ = products.centred(everyone, everyone[:0], self.pixels)
+        coefficients, bias, loss = self.solve(gram, targets)
         # Exactly zero-sum columns leave the mean frame no part in the weights.
         self.coefficients_ = coefficients - coefficients.mean(dim=0)
-        self.weight_, mean = self._weights(images, scaling)
-        self.bias_ = (bias - self.weight_.double() @ mean.double()).float()
+        scaling, factor = fit_scaling(self.pixels, self, frames), 1.0
+        if isinstance(scaling, PixelScaling):  # folded into the weights
+            factor = float(scaling.scale) ** 2
+            scaling = PixelScaling()
+        self._scaling = scaling
+        self.weight_, self._mean = self._weights(images, factor)
+        self.bias_ = (bias - self.weight_.double() @ self._mean.double()).float()
         yield {"samples_seen": len(frames), "epoch": 1.0, "loss": loss}
 
     def scores(self, batch: Tensor) -> Tensor:
         """W·x + b, float32 [n, L]."""
-        return torch.addmm(self.bias_, batch.flatten(1).float(), self.weight_.T)
+        return torch.addmm(self.bias_, self._scaling(batch).flatten(1), self.weight_.T)
+
+    def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
+        """See :meth:`Products.scores`."""
+        solver = copy.copy(self)
+        solver.classes_ = np.arange(products.n_classes)
+        inside, across = products.centred(train, queries, self.pixels)
+        coefficients, bias, _ = solver.solve(inside, products.labels[train])
+        return across @ (coefficients - coefficients.mean(0)) + bias
 
     def state_tensors(self) -> dict[str, Tensor]:
         """weight [L, D] and bias [L]."""
         return {"weight": self.weight_, "bias": self.bias_}
 
-    def _weights(self, images: Tensor, scaling: PixelScaling) -> tuple[Tensor, Tensor]:
-        """Weights [L, D] and the mean frame [D] in one pass over the frames."""
+    def _weights(self, images: Tensor, factor: float) -> tuple[Tensor, Tensor]:
+        """Weights [L, D] and the mean scaled frame [D] in one pass over the frames."""
         n = len(images)
         mean_row = torch.full((n, 1), 1 / n, dtype=torch.float64, device=images.device)
         combine = torch.cat([self.coefficients_, mean_row], dim=1).T.float().contiguous()
-        sums = torch.zeros(len(combine), images.shape[1], device=images.device)
+        sums = torch.zeros(len(combine), images[0].numel(), device=images.device)
         for start in range(0, n, FRAMES):
             rows = slice(start, start + FRAMES)
-            sums.addmm_(combine[:, rows], images[rows].float())
-        scale = scaling.scale
-        squared = scale.flatten() ** 2 if isinstance(scale, Tensor) else scale**2
-        return sums[:-1].mul_(squared), sums[-1]
+            sums.addmm_(combine[:, rows], self._scaling(images[rows]).flatten(1))
+        return sums[:-1].mul_(factor), sums[-1]
 
 
-def centred_gram(images: Tensor, scaling: PixelScaling) -> Tensor:
-    """K = H·X·Xᵀ·H, float64 [N, N], X the scaled frames [N, D] and H = 1 − 11ᵀ/N.
+class PenalisedClassifier(DualLinearClassifier):
+    """A linear classifier with an L2 penalty, which can go on from weights that it is given."""
+
+    @abstractmethod
+    def solve(
+        self, gram: Tensor, targets: Tensor, before: Tensor | None = None
+    ) -> tuple[Tensor, Tensor, float]:
+        """A, b and the loss of what is added to scores ``before`` [N, L] (zero, if None), with the
+        penalty on the change alone."""
+
+    def scores_from_old(
+        self, products: Products, old: np.ndarray, new: np.ndarray, queries: np.ndarray
+    ) -> Tensor:
+        """See :func:`scores_from_old`."""
+        before = self.scores_from(products, old, np.concatenate([new, queries]))
+        solver = copy.copy(self)
+        solver.classes_ = np.arange(products.n_classes)
+        inside, across = products.centred(new, queries, self.pixels)
+        change, bias, _ = solver.solve(inside, products.labels[new], before[: len(new)])
+        return before[len(new) :] + across @ (change - change.mean(0)) + bias
+
+
+def scores_from_old(
+    products: Products,
+    model: PenalisedClassifier,
+    old: np.ndarray,
+    new: np.ndarray,
+    queries: np.ndarray,
+) -> Tensor:
+    """Scores float64 [n, L] of a linear model updated from its old weights:
+    min over W of loss(new frames) + penalty·‖W − W_old‖².
+
+    The change of the weights is a combination of the new frames, so the old model enters by its
+    scores of them alone.
 
     Args:
-        images: uint8 or int32 [N, D].
-        scaling: a single scale for all pixels keeps the product in integers.
+        products: of the frames.
+        model: ridge, or softmax at its optimum, whose loss and penalty count.
+        old: samples that the old weights were trained on.
+        new: samples to update with; a few are enough.
+        queries: samples to score [n].
     """
-    if isinstance(scaling.scale, Tensor):
-        gram = _scaled_gram(images, scaling)
-    else:
-        gram = _integer_gram(images).mul_(scaling.scale**2)
-    gram -= gram.mean(dim=0)
-    gram -= gram.mean(dim=1, keepdim=True)
-    return gram
+    return model.scores_from_old(products, old, new, queries)
 
 
-def _integer_gram(images: Tensor) -> Tensor:
-    """Gram matrix of the frames shifted by a constant, exact; float64 [N, N]."""
-    n, d = images.shape
-    wide = images.dtype != torch.uint8
-    gram = torch.zeros((1 + wide) * n, (1 + wide) * n, dtype=torch.float64, device=images.device)
-    for start in range(0, d, PIXELS):
-        block = images[:, start : start + PIXELS]
-        if wide:  # 16-bit pixels are 256·high + low
-            block = torch.cat([block >> 8, block & 255]).to(torch.uint8)
-        shifted = (block ^ 128).view(torch.int8)  # 0…255 → −128…127
-        gram += integer_product(shifted, shifted.T)
-    if not wide:
-        return gram
-    high, low = slice(0, n), slice(n, 2 * n)
-    return 65536 * gram[high, high] + 256 * (gram[high, low] + gram[low, high]) + gram[low, low]
+class Descent:
+    """Gradient descent on softmax regression from several starts at once, in sample space.
 
+    A step on the batch B of the mean cross-entropy of Z = X·Wᵀ + b changes the logits of every
+    frame, seen in training or not, by products with the training frames alone:
 
-def _scaled_gram(images: Tensor, scaling: PixelScaling) -> Tensor:
-    """Gram matrix of frames scaled pixel by pixel, float32 products summed in float64.
+        Z ← Z − η·(K[:, B] + 1)·(P − Y)[B] / |B|,        K = X·X_trainᵀ,
 
-    A constant a pixel, the shift of the scaling, is left out: centring takes it away.
+    at N²·L operations instead of N·D·L, and nothing is approximated. Initial weights enter through
+    their logits and nowhere else.
+
+    Args:
+        kernel: K, float64 [N + M, N], training frames first (:meth:`Products.kernel`).
+        targets: class indices of the training frames, int64 [N].
+        n_classes: L.
+        rate: η.
+        logits: of the V starts, float64 [N + M, L, V], their intercepts included; by default of
+            `coefficients` and `intercepts`, one start at zero if there are none.
+        coefficients: initial A, float64 [N, L, V], of weights W = Aᵀ·X.
+        intercepts: initial b, float64 [L, V].
+        decay: λ of each start, number or float64 [V]: weights shrink by 1 − ηλ a step, which is
+            descent with the penalty λ/2·‖W‖².
+        decay_intercepts: whether intercepts shrink, too, as ``torch.optim.SGD`` has it.
+        batch: frames a step; None for all.
+        seed: of the permutation of every epoch, as in :mod:`baselines.training`.
+
+    Attributes:
+        logits: now, float64 [N + M, L, V].
+        coefficients: A now.
+        intercepts: b now.
+        shrunk: factor that decay has left of the initial weights, float64 [V].
     """
-    assert isinstance(scaling.scale, Tensor)
-    assert isinstance(scaling.offset, Tensor)
-    offset, scale = scaling.offset.flatten(), scaling.scale.flatten()
-    gram = torch.zeros(len(images), len(images), dtype=torch.float64, device=images.device)
-    block = PIXELS // 8  # short sums, so that float32 rounds little before float64 takes over
-    for start in range(0, images.shape[1], block):
-        columns = slice(start, start + block)
-        scaled = (images[:, columns].float() - offset[columns]).mul_(scale[columns])
-        gram += scaled @ scaled.T
-    return gram
+
+    def __init__(
+        self,
+        kernel: Tensor,
+        targets: Tensor,
+        n_classes: int,
+        rate: float,
+        *,
+        logits: Tensor | None = None,
+        coefficients: Tensor | None = None,
+        intercepts: Tensor | None = None,
+        decay: float | Tensor = 0.0,
+        decay_intercepts: bool = False,
+        batch: int | None = None,
+        seed: int = 0,
+    ) -> None:
+        self._kernel, self._targets, self._rate, self._batch = kernel, targets, rate, batch
+        self._onehot = F.one_hot(targets, n_classes).to(kernel.dtype)[:, :, None]
+        starts = next((x.shape[-1] for x in (logits, coefficients, intercepts) if x is not None), 1)
+        n = kernel.shape[1]
+        self.coefficients = _copied(coefficients, kernel, (n, n_classes, starts))
+        self.intercepts = _copied(intercepts, kernel, (n_classes, starts))
+        if logits is None:
+            logits = torch.einsum("ij,jlv->ilv", kernel, self.coefficients) + self.intercepts
+        self.logits = _copied(logits, kernel, tuple(logits.shape))
+        self._decay_intercepts = decay_intercepts
+        self._decay = torch.as_tensor(decay, dtype=kernel.dtype).expand(starts).clone()
+        self.shrunk = torch.ones_like(self._decay)
+        self._order = torch.Generator().manual_seed(seed)
+        self._parts = self.parts()
+
+    def parts(self) -> Iterator[Tensor | slice]:
+        """The training frames of each step, epoch after epoch without end."""
+        n = len(self._targets)
+        while True:
+            if self._batch is None or self._batch >= n:
+                yield slice(0, n)
+            else:
+                yield from torch.randperm(n, generator=self._order).split(self._batch)
+
+    def step(self, part: Tensor | slice | None = None) -> None:
+        """One step on these training frames; by default on the next minibatch."""
+        part = next(self._parts) if part is None else part
+        residual = self.logits[part].softmax(dim=1) - self._onehot[part]
+        residual *= self._rate / len(residual)
+        if bool(self._decay.any()):
+            keep = 1 - self._rate * self._decay
+            free = 0.0 if self._decay_intercepts else self.intercepts
+            self.logits = keep * (self.logits - free) + free
+            self.coefficients *= keep
+            self.intercepts *= keep if self._decay_intercepts else 1.0
+            self.shrunk *= keep
+        change = residual.sum(dim=0)
+        self.coefficients[part] -= residual
+        self.intercepts -= change
+        flat = self.logits.view(len(self.logits), -1)
+        flat.addmm_(self._kernel[:, part], residual.flatten(1), alpha=-1).sub_(change.flatten())
+
+    def losses(self, penalty: bool = False) -> Tensor:
+        """Mean cross-entropy of the training frames, float64 [V]; with ``penalty`` plus λ/2·‖W‖²
+        of the weights Aᵀ·X."""
+        n, starts = len(self._targets), self.logits.shape[2]
+        targets = self._targets[:, None].expand(n, starts)
+        loss = F.cross_entropy(self.logits[:n], targets, reduction="none").mean(dim=0)
+        return loss + 0.5 * self._decay * self.squared_weights() if penalty else loss
+
+    def squared_weights(self) -> Tensor:
+        """‖W‖² of the weights Aᵀ·X, float64 [V]."""
+        a, inside = self.coefficients, self._kernel[: len(self._targets)]
+        return torch.einsum("ilv,ij,jlv->v", a, inside, a)
+
+    def drop(self, kept: Tensor) -> None:
+        """Go on with these starts only, int64 [V']."""
+        for name in ("logits", "coefficients", "intercepts", "_decay", "shrunk"):
+            setattr(self, name, getattr(self, name)[..., kept].contiguous())
+
+
+def _copied(given: Tensor | None, like: Tensor, shape: tuple[int, ...]) -> Tensor:
+    return like.new_zeros(shape) if given is None else given.to(like.dtype).clone().contiguous()

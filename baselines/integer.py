@@ -1,4 +1,4 @@
-"""Exact integer matrix products, and bits packed eight to a byte.
+"""Exact products of matrices of bytes.
 
 A product of int8 matrices in int32 runs on the byte instructions of a recent CPU (VNNI, AMX), some
 eight times faster than the float32 product of the same size, and makes no rounding error.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import functools
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -57,14 +56,3 @@ def _native(a: Tensor, b: Tensor) -> Tensor:
 def _plain(x: Tensor) -> Tensor:
     """The same matrix; a dimension of one may have any stride, and _int_mm trusts it (#195066)."""
     return x.flatten().view(x.shape) if 1 in x.shape else x
-
-
-def pack(bits: Tensor) -> Tensor:
-    """bool [n, D] → uint8 [n, ⌈D/8⌉], first bit highest, zeros at the end."""
-    return torch.from_numpy(np.packbits(bits.numpy(force=True), axis=1)).to(bits.device)
-
-
-def unpack(packed: Tensor, count: int | None = None) -> Tensor:
-    """uint8 [n, B] → int8 0 or 1, [n, 8B], or [n, count] with the end cut off."""
-    bits = np.unpackbits(packed.numpy(force=True), axis=1, count=count)
-    return torch.from_numpy(bits.view(np.int8)).to(packed.device)

@@ -1,4 +1,4 @@
-"""A linear read-out of HDC's own bits: what majority voting is to be compared with.
+"""A linear read-out of HDC's own bits, to compare majority voting with.
 
 A frame is the hypervector that HDC makes of it, the brighter half of its pixels +1 and the others
 −1, and nothing else is known of it. On these bits HDC's prototype of a class is the sign of a sum
@@ -19,103 +19,54 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 
-from baselines import ridge
-from baselines.base import Classifier, FrameSource
-from baselines.integer import integer_product, pack, unpack
-
-FRAMES = 20  # read and thresholded at a time
-BYTES = 4096  # of the packed bits of all frames turned into numbers at a time
+from baselines.base import FrameSource
+from baselines.ridge import RidgeReadout
+from hdc import bits
 
 
 @dataclass(kw_only=True, eq=False)
-class BitReadout(Classifier):
-    """Ridge classifier of the thresholded pixels, ±1; its training frames are kept as bits.
+class BitReadout(RidgeReadout):
+    """Ridge classifier of the thresholded pixels, ±1.
 
     Args:
         alpha: strength of the penalty, above zero.
         one_bit: keep the signs of the weights only.
 
     Attributes:
-        weight_: float32 [L, D]; with ``one_bit`` uint8 [L, ⌈D/8⌉], a bit a sign.
+        weight_: float32 [L, D]; with ``one_bit`` int64 [L, ⌈D/64⌉], a bit a sign.
         scale_: float32 [L], with ``one_bit``.
         bias_: float32 [L].
     """
 
-    alpha: float = 1.0
+    pixels: str = "bits"
     one_bit: bool = False
 
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """Solve; yields once: samples_seen = N, epoch = 1 and the mean squared error."""
-        onehot = F.one_hot(self.start(frames, labels))
-        n = len(frames)
-        packed = torch.cat(
-            [pack(halves(self.read(frames, slice(k, k + FRAMES)))) for k in range(0, n, FRAMES)]
-        )
-        coefficients, bias, loss = ridge.solve(_centred_gram(packed), onehot, self.alpha)
-        mean = torch.full((1, n), 1 / n, dtype=torch.float64, device=packed.device)
-        combine = torch.cat([(coefficients - coefficients.mean(dim=0)).T, mean]).float()
-        d = self.shape_[0] * self.shape_[1]
-        sums = torch.cat([combine @ _signs(part).float() for part in _blocks(packed)], dim=1)[:, :d]
-        weight, mean_frame = sums[:-1].contiguous(), sums[-1].double()
-        self.scale_ = weight.abs().mean(dim=1)
-        if self.one_bit:
-            self.weight_ = pack(weight >= 0)
-            weight = self.scale_[:, None] * _signs(self.weight_)[:, :d]
-        else:
-            self.weight_ = weight
-        self.bias_ = (bias - weight.double() @ mean_frame).float()
-        yield {"samples_seen": n, "epoch": 1.0, "loss": loss}
+        for report in super().train(frames, labels):
+            if self.one_bit:
+                self._keep_signs()
+            yield report
 
     def scores(self, batch: Tensor) -> Tensor:
         """W·x + b of the bits x, float32 [n, L]."""
-        bits = 2 * halves(batch).float() - 1
         if not self.one_bit:
-            return torch.addmm(self.bias_, bits, self.weight_.T)
-        signs = _signs(self.weight_)[:, : bits.shape[1]].float()
-        return torch.addcmul(self.bias_, self.scale_, bits @ signs.T)
+            return super().scores(batch)
+        x = self._scaling(batch).flatten(1)
+        return torch.addcmul(self.bias_, self.scale_, x @ self._signs(x.shape[1]).T)
 
     def state_tensors(self) -> dict[str, Tensor]:
         """weight and bias, and the scale of signs."""
-        state = {"weight": self.weight_, "bias": self.bias_}
+        state = super().state_tensors()
         return state | {"scale": self.scale_} if self.one_bit else state
 
+    def _keep_signs(self) -> None:
+        weight = self.weight_
+        self.scale_ = weight.abs().mean(dim=1)
+        self.weight_ = bits.pack(weight >= 0)
+        change = weight - self.scale_[:, None] * self._signs(weight.shape[1])
+        self.bias_ = (self.bias_ + change.double() @ self._mean.double()).float()
 
-def halves(frames: Tensor) -> Tensor:
-    """The brighter half of each frame [n, …] of uint8 or int32: bool [n, D] with ⌊D/2⌋ ones.
-
-    Of pixels equal to the last that fits the first are taken, in the order they lie in: as HDC does
-    it, bit for bit.
-    """
-    images = frames.flatten(1)
-    d = images.shape[1]
-    # A histogram finds the value that ⌊D/2⌋ pixels reach ten times faster than sorting.
-    rank = d - d // 2 + 1
-    cuts = [torch.searchsorted(torch.bincount(row).cumsum(0), rank) for row in images]
-    cut = torch.stack(cuts)[:, None].to(images.dtype)
-    above, equal = images > cut, images == cut
-    missing = d // 2 - above.sum(dim=1, keepdim=True)
-    return above | (equal & (equal.cumsum(dim=1, dtype=torch.int32) <= missing))
-
-
-def _centred_gram(packed: Tensor) -> Tensor:
-    """K of the bits as ±1, exact before it is centred; float64 [N, N]."""
-    gram = torch.zeros(len(packed), len(packed), dtype=torch.float64, device=packed.device)
-    for part in _blocks(packed):
-        signs = _signs(part)
-        gram += integer_product(signs, signs.T)
-    gram -= gram.mean(dim=0)
-    gram -= gram.mean(dim=1, keepdim=True)
-    return gram
-
-
-def _blocks(packed: Tensor) -> Iterator[Tensor]:
-    """Some columns of packed bits at a time; those that fill the last byte cancel by centring."""
-    for start in range(0, packed.shape[1], BYTES):
-        yield packed[:, start : start + BYTES].contiguous()
-
-
-def _signs(packed: Tensor) -> Tensor:
-    """Packed bits [n, B] as ±1, int8 [n, 8B]."""
-    return 2 * unpack(packed) - 1
+    def _signs(self, dimension: int) -> Tensor:
+        return 2 * bits.unpack(self.weight_, dimension).float() - 1

@@ -1,8 +1,4 @@
-"""One nearest neighbour on bits: every training frame is kept, thresholded at its median.
-
-The Hamming distance of two bit rows is |a| + |b| − 2 a·b, so that all distances are one integer
-product, about ten times faster here than XOR and a population count.
-"""
+"""Nearest neighbours: every training frame is kept, as bits or as grey values."""
 
 from __future__ import annotations
 
@@ -13,69 +9,100 @@ from typing import ClassVar
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
-from baselines.base import Classifier, FrameSource
-from baselines.integer import integer_product, pack, unpack
+from baselines import dual
+from baselines.base import Classifier, FrameSource, choose
+from baselines.dual import Products
+from hdc import bits
+from hdc.encode import encode
 
-BYTES = 4096  # of the packed rows compared at a time
+Moments = tuple[Tensor, Tensor]  # Σ x and Σ x² of each frame
+PIXELS = ("bits", "raw", "standardised")  # any other scaling of baselines.pixels ranks as raw does
 
 
 @dataclass(kw_only=True, eq=False)
 class NearestNeighbour(Classifier):
-    """The label of the nearest training frame by Hamming distance; among equals the first.
-
-    A pixel's bit is one where it is brighter than the median of its frame.
+    """The most frequent label among the k nearest training frames; among equals the nearest's.
 
     Args:
+        k: number of neighbours.
+        pixels: ``bits``: Hamming distance of hypervectors, as HDC encodes frames; ``raw``:
+            Euclidean distance of grey values; ``standardised``: of frames that have each mean 0 and
+            deviation 1.
         batch_size: frames between two yields.
 
     Attributes:
-        bits_: uint8 [N, ⌈D/8⌉], the training frames.
+        frames_: the training frames: hypervectors int64 [N, ⌈D/64⌉], or pixels [N, D].
         labels_: int64 [N], their class indices.
     """
 
+    k: int = 1
+    pixels: str = "bits"
     batch_size: int = 100
 
-    prediction_batch: ClassVar[int] = 500  # each batch unpacks the training frames once
+    prediction_batch: ClassVar[int] = 500  # each batch reads all training frames once
 
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """One pass; yields samples_seen after each batch."""
+        choose("pixels", self.pixels, dict.fromkeys(PIXELS))
+        if self.k < 1:
+            raise ValueError(f"k: expected an integer from 1, found {self.k}")
         targets = self.start(frames, labels)
-        width = -(-self.shape_[0] * self.shape_[1] // 8)
-        bits = torch.empty(len(frames), width, dtype=torch.uint8, device=self.device)
+        kept = None
         for first in range(0, len(frames), self.batch_size):
-            last = min(first + self.batch_size, len(frames))
-            bits[first:last] = pack(binarise(self.read(frames, slice(first, last)).flatten(1)))
-            self.bits_, self.labels_ = bits[:last], targets[:last]
+            batch = self.read(frames, slice(first, first + self.batch_size)).flatten(1)
+            batch = encode(batch) if self.pixels == "bits" else batch
+            if kept is None:
+                kept = batch.new_empty(len(frames), batch.shape[1])
+            last = first + len(batch)
+            kept[first:last] = batch
+            self.frames_, self.labels_ = kept[:last], targets[:last]
+            if self.pixels != "bits":
+                self._moments = dual.moments(self.frames_)
             yield {"samples_seen": last}
 
-    def distances(self, batch: Tensor) -> Tensor:
-        """Hamming distances float64 [n, N] of frames [n, H, W] to the training frames."""
-        queries = pack(binarise(batch.flatten(1)))
-        total = torch.zeros(len(queries), len(self.bits_), dtype=torch.float64, device=self.device)
-        for start in range(0, self.bits_.shape[1], BYTES):
-            a = unpack(queries[:, start : start + BYTES].contiguous())
-            b = unpack(self.bits_[:, start : start + BYTES].contiguous())
-            ones = torch.ones(a.shape[1], 1, dtype=torch.int8, device=self.device)
-            total += integer_product(a, ones) + integer_product(b, ones).T
-            total -= 2 * integer_product(a, b.T)
-        return total
-
     def scores(self, batch: Tensor) -> Tensor:
-        """One for the class of the nearest frame, zero for the others; [n, L]."""
-        nearest = self.labels_[self.distances(batch).argmin(dim=1)]
-        return torch.nn.functional.one_hot(nearest, len(self.classes_))
+        """Votes of the nearest training frames, float64 [n, L]."""
+        if self.pixels == "bits":
+            distances = bits.hamming(encode(batch), self.frames_)
+        else:
+            images = batch.flatten(1)
+            products = dual.cross_products(images, self.frames_)
+            distances = self._distances(
+                products, dual.moments(images), self._moments, images.shape[1]
+            )
+        return self._votes(distances, self.labels_, len(self.classes_))
+
+    def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
+        """See :meth:`baselines.dual.Products.scores`."""
+        if self.pixels == "bits":
+            distances = -products.bits[np.ix_(queries, train)]  # D − 2·Hamming distance
+        else:
+            first, second = products.moments
+            rows, columns = ((first[part], second[part]) for part in (queries, train))
+            greys = products.greys[np.ix_(queries, train)]
+            distances = self._distances(greys, rows, columns, products.dimension)
+        return self._votes(distances, products.labels[train], products.n_classes)
 
     def state_tensors(self) -> dict[str, Tensor]:
-        """bits [N, ⌈D/8⌉] and labels [N]."""
-        return {"bits": self.bits_, "labels": self.labels_}
+        """frames and labels [N]."""
+        return {"frames": self.frames_, "labels": self.labels_}
 
+    def _distances(
+        self, products: Tensor, rows: Moments, columns: Moments, dimension: int
+    ) -> Tensor:
+        """Squared distances [n, N] from products and moments of greys, but for a constant a row."""
+        if self.pixels == "raw":
+            return columns[1] - 2 * products
+        s, t = (dual.deviations(*moments, dimension) for moments in (rows, columns))
+        kernel = (products - torch.outer(rows[0], columns[0]) / dimension) / torch.outer(s, t)
+        squares = (columns[1] - columns[0] ** 2 / dimension) / t**2  # D, and 0 for a constant frame
+        return squares - 2 * kernel
 
-def binarise(images: Tensor) -> Tensor:
-    """x > median(x) for each row of uint8 or int32 [n, D]; bool [n, D]."""
-    # A histogram finds the median of integers ten times faster than sorting.
-    middle = (images.shape[1] + 1) // 2
-    medians = torch.stack(
-        [torch.searchsorted(torch.bincount(row).cumsum(0), middle) for row in images]
-    )
-    return images > medians[:, None].to(images.dtype)
+    def _votes(self, distances: Tensor, labels: Tensor, n_classes: int) -> Tensor:
+        k = min(self.k, len(labels))
+        nearest = labels[distances.argsort(dim=1, stable=True)[:, :k]]
+        # All that is added to the votes is less than one vote, and the nearest's is the most.
+        weights = 1 + 0.5 ** torch.arange(1, k + 1, dtype=torch.float64, device=labels.device)
+        return (F.one_hot(nearest, n_classes) * weights[:, None]).sum(dim=1)

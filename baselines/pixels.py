@@ -1,34 +1,39 @@
-"""Pixels to numbers: x ↦ (x − offset)·scale − shift, with the three chosen by name.
+"""Pixels to numbers: how grey values are scaled before a model sees them, by name.
 
-========================  =================  ====================================================
-``raw``                   x                  0…255 (or 0…65535), as the camera gives them
-``unit``                  x / max            0…1, max = 255 or 65535
-``unit_centred``          (x − μ) / max      0…1 less one mean for all pixels: for a model with an
-                                             intercept the same problem as ``unit``, but far less
-                                             stiff, since the mean no longer acts as an intercept
-``standard``              (x − μ) / σ        mean and standard deviation of each pixel over the
-                                             training frames (scikit-learn's StandardScaler)
-``standard_global``       (x − μ) / σ        one mean and standard deviation for all pixels
-========================  =================  ====================================================
+======================  =================  ========================================================
+``raw``                 x                  0…255 (or 0…65535), as the camera gives them
+``unit``                x / max            0…1, max = 255 or 65535
+``unit_centred``        (x − μ) / max      less the mean grey of all training frames, one number:
+                                           with an intercept the same problem as ``unit``, but far
+                                           less stiff, as the mean no longer acts as an intercept
+``unit_frame_centred``  (x − μ) / max      less the mean training frame, pixel by pixel
+``standard``            (x − μ) / σ        mean and standard deviation of each pixel over the
+                                           training frames (scikit-learn's StandardScaler)
+``standard_global``     (x − μ) / σ        one mean and standard deviation for all pixels
+``standardised``        (x − m) / s        each frame by its own mean m and standard deviation s:
+                                           no brightness or contrast of a frame is left
+``bits``                ±1                 HDC's hypervector of the frame: the ⌊D/2⌋ brightest
+                                           pixels +1, the others −1
+======================  =================  ========================================================
 
-A pixel that never changes has σ = 0 and is divided by one.
+A pixel or frame that never changes has σ = 0 and is divided by one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
-from baselines.inputs import FrameSource, choose
-
-if TYPE_CHECKING:
-    from baselines.base import Classifier
+from baselines.base import Classifier, FrameSource, choose
+from hdc import bits
+from hdc.encode import encode
 
 CHUNK = 20  # frames; float32 sums of 20 squared 8-bit pixels are exact (20·255² < 2²⁴)
+
+Scaling = Callable[[Tensor], Tensor]  # frames [n, H, W] → float32 of the same shape
 
 
 @dataclass
@@ -47,7 +52,7 @@ class PixelScaling:
 
     def __call__(self, batch: Tensor) -> Tensor:
         """Frames [n, H, W] → float32 of the same shape."""
-        values = batch.float()  # a copy of our own, so the rest can happen in place
+        values = batch.float()  # a copy, so the rest can happen in place
         if isinstance(self.offset, Tensor) or self.offset != 0:
             values.sub_(self.offset)
         if isinstance(self.scale, Tensor) or self.scale != 1:
@@ -56,16 +61,29 @@ class PixelScaling:
             values.sub_(self.shift)
         return values
 
-    def state_tensors(self) -> dict[str, Tensor]:
-        """The maps that a prediction needs; none when offset and scale are numbers."""
-        maps = {
-            "pixel_offset": self.offset, "pixel_scale": self.scale, "pixel_shift": self.shift
-        }  # fmt: skip
-        return {name: value for name, value in maps.items() if isinstance(value, Tensor)}
+
+def standardise(batch: Tensor) -> Tensor:
+    """Each frame [n, H, W] with mean 0 and standard deviation 1; a constant frame becomes 0."""
+    values = batch.float().flatten(1)
+    values -= values.mean(dim=1, keepdim=True)
+    deviation = values.square().mean(dim=1, keepdim=True).sqrt_()
+    values /= torch.where(deviation > 0, deviation, 1.0)
+    return values.view(batch.shape)
 
 
-def fit_scaling(pixels: str, model: Classifier, frames: FrameSource) -> PixelScaling:
+def signs(batch: Tensor) -> Tensor:
+    """Hypervectors of frames [n, H, W] as ±1, int8 of the same shape."""
+    mask = bits.unpack(encode(batch), batch[0].numel()) if len(batch) else batch.bool()
+    return (2 * mask.to(torch.int8) - 1).view(batch.shape)
+
+
+def fit_scaling(pixels: str, model: Classifier, frames: FrameSource) -> Scaling:
     """The scaling called ``pixels``, from the training frames where it needs them.
+
+    Args:
+        pixels: one of the names above.
+        model: reads the frames; its ``start`` has been called.
+        frames: the training frames.
 
     Raises:
         ValueError: for an unknown name, listing the valid ones.
@@ -78,12 +96,17 @@ def _raw(model: Classifier, frames: FrameSource) -> PixelScaling:
 
 
 def _unit(model: Classifier, frames: FrameSource) -> PixelScaling:
-    return PixelScaling(scale=1 / (255 if model.frame_dtype_ == torch.uint8 else 65535))
+    return PixelScaling(scale=1 / model.white)
 
 
 def _unit_centred(model: Classifier, frames: FrameSource) -> PixelScaling:
     total, _ = _sums(model, frames)
-    return PixelScaling(total.mean().item() / len(frames), _unit(model, frames).scale)
+    return PixelScaling(total.mean().item() / len(frames), 1 / model.white)
+
+
+def _unit_frame_centred(model: Classifier, frames: FrameSource) -> PixelScaling:
+    total, _ = _sums(model, frames)
+    return PixelScaling((total / len(frames)).float(), 1 / model.white)
 
 
 def _standard(model: Classifier, frames: FrameSource) -> PixelScaling:
@@ -106,12 +129,15 @@ def _standard_global(model: Classifier, frames: FrameSource) -> PixelScaling:
     return PixelScaling(offset=mean.item(), scale=1 / deviation.item())
 
 
-SCALINGS: dict[str, Callable[[Classifier, FrameSource], PixelScaling]] = {
+SCALINGS: dict[str, Callable[[Classifier, FrameSource], Scaling]] = {
     "unit": _unit,
     "unit_centred": _unit_centred,
+    "unit_frame_centred": _unit_frame_centred,
     "raw": _raw,
     "standard": _standard,
     "standard_global": _standard_global,
+    "standardised": lambda model, frames: standardise,
+    "bits": lambda model, frames: lambda batch: signs(batch).float(),
 }
 
 

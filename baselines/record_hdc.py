@@ -31,7 +31,7 @@ import torch
 from torch import Tensor
 
 from baselines.base import Classifier, FrameSource
-from baselines.integer import integer_product, pack, unpack
+from baselines.integer import integer_product
 
 POSITIONS = 8192  # rows of the codebook handled at a time; also the unit of its random streams
 
@@ -46,14 +46,12 @@ class RecordHDC(Classifier):
         dimension: D, a multiple of 16; the literature uses 1,000–10,000.
         levels: n, grey levels told apart, 2…256; ours, the literature uses 10–100.
         n_pixels: how many pixels are encoded, drawn once at random; None for all.
-        store_codebook: keep the position hypervectors, as a standard implementation does;
-            otherwise they are drawn again whenever frames are encoded.
         seed: of positions, levels and the choice of pixels.
 
     Attributes:
         prototypes_: uint8 [L, D/8].
         base_: L_0, uint8 [1, D/8].
-        positions_: P, uint8 [m, D/8], with ``store_codebook``.
+        positions_: P, uint8 [m, D/8].
         fixed_: the half of V that is the same for every frame, uint8 [1, D/16].
         pixels_: int64 [m], the pixels encoded.
         codebook_bytes_: positions and levels in a standard implementation, (m + n)·D/8.
@@ -62,7 +60,6 @@ class RecordHDC(Classifier):
     dimension: int = 10_000
     levels: int = 16
     n_pixels: int | None = None
-    store_codebook: bool = True
     seed: int = 0
 
     prediction_batch: ClassVar[int] = 500  # each batch unpacks the whole codebook once
@@ -86,7 +83,7 @@ class RecordHDC(Classifier):
         t = torch.ones(n + 1, POSITIONS, dtype=torch.bool, device=self.device)
         products = torch.zeros(n + 1, half, device=self.device)
         for start in range(0, len(self.pixels_), POSITIONS):
-            bits = unpack(self._positions(start)[:, : half // 8].contiguous())
+            bits = unpack(self.positions_[start : start + POSITIONS, : half // 8].contiguous())
             chunk = images[:, start : start + POSITIONS]
             used = t[:, : chunk.shape[1]]
             for level, block in self._blocks():
@@ -107,9 +104,9 @@ class RecordHDC(Classifier):
         return self.encode(batch) @ (2.0 * unpack(self.prototypes_) - 1).T
 
     def state_tensors(self) -> dict[str, Tensor]:
-        """prototypes [L, D/8], base [1, D/8], fixed [1, D/16], and the stored positions."""
-        state = {"prototypes": self.prototypes_, "base": self.base_, "fixed": self.fixed_}
-        return state | ({"positions": self.positions_} if self.store_codebook else {})
+        """prototypes [L, D/8], base [1, D/8], fixed [1, D/16] and positions [m, D/8]."""
+        names = ("prototypes", "base", "fixed", "positions")
+        return {name: getattr(self, f"{name}_") for name in names}
 
     def _make_codebooks(self) -> None:
         if self.dimension < 16 or self.dimension % 16:
@@ -126,16 +123,16 @@ class RecordHDC(Classifier):
         self.base_ = self._random_bytes(random, 1)
         self.codebook_bytes_ = (m + self.levels) * self.dimension // 8
         half = self.dimension // 2
+        self.positions_ = torch.cat(
+            [
+                self._random_bytes(self._stream(start), min(POSITIONS, m - start))
+                for start in range(0, m, POSITIONS)
+            ]
+        )
         ones = torch.zeros(half, dtype=torch.float64, device=self.device)
-        drawn = []
-        for start in range(0, m, POSITIONS):
-            rows = self._draw_positions(start)
+        for rows in self.positions_[:, half // 8 :].split(POSITIONS):
             count = torch.ones(1, len(rows), dtype=torch.int8, device=self.device)
-            ones += integer_product(count, unpack(rows[:, half // 8 :].contiguous()))[0]
-            if self.store_codebook:
-                drawn.append(rows)
-        if self.store_codebook:
-            self.positions_ = torch.cat(drawn)
+            ones += integer_product(count, unpack(rows.contiguous()))[0]
         base = self._base()[half:]
         sums = (2 * ones - m) * base
         self.fixed_ = pack(torch.where(sums == 0, base > 0, sums > 0)[None])
@@ -155,16 +152,6 @@ class RecordHDC(Classifier):
             row.copy_((image.int() * self.levels) >> bits)
         return out
 
-    def _positions(self, start: int) -> Tensor:
-        if self.store_codebook:
-            return self.positions_[start : start + POSITIONS]
-        return self._draw_positions(start)
-
-    def _draw_positions(self, start: int) -> Tensor:
-        """Rows start … start + POSITIONS of P: a pure function of the seed and the row."""
-        rows = min(POSITIONS, len(self.pixels_) - start)
-        return self._random_bytes(self._stream(start), rows)
-
     def _random_bytes(self, random: np.random.Generator, rows: int) -> Tensor:
         drawn = bytearray(random.bytes(rows * self.dimension // 8))
         return torch.frombuffer(drawn, dtype=torch.uint8).view(rows, -1).to(self.device)
@@ -175,3 +162,14 @@ class RecordHDC(Classifier):
     def _base(self) -> Tensor:
         """L_0 as ±1, float32 [D]."""
         return 2.0 * unpack(self.base_)[0] - 1
+
+
+def pack(mask: Tensor) -> Tensor:
+    """bool [n, D] → uint8 [n, ⌈D/8⌉], first bit highest, zeros at the end."""
+    return torch.from_numpy(np.packbits(mask.numpy(force=True), axis=1)).to(mask.device)
+
+
+def unpack(packed: Tensor) -> Tensor:
+    """uint8 [n, B] → int8 0 or 1, [n, 8B]."""
+    ones = np.unpackbits(packed.numpy(force=True), axis=1)
+    return torch.from_numpy(ones.view(np.int8)).to(packed.device)

@@ -14,11 +14,11 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from baselines.dual import DualLinearClassifier
+from baselines.dual import PenalisedClassifier
 
 
 @dataclass(kw_only=True, eq=False)
-class RidgeReadout(DualLinearClassifier):
+class RidgeReadout(PenalisedClassifier):
     """Ridge classifier with the weights of scikit-learn's RidgeClassifier, from one N×N solve.
 
     Args:
@@ -30,24 +30,17 @@ class RidgeReadout(DualLinearClassifier):
 
     alpha: float = 1.0
 
-    def solve(self, gram: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, float]:
-        """:func:`solve` with the penalty of this model."""
-        return solve(gram, F.one_hot(targets, len(self.classes_)), self.alpha)
-
-
-def solve(gram: Tensor, onehot: Tensor, alpha: float) -> tuple[Tensor, Tensor, float]:
-    """(K + α)·A = Y − mean(Y), b = mean(Y): A [N, L], b [L] and the mean squared error.
-
-    Args:
-        gram: K of the centred frames, float64 [N, N].
-        onehot: int [N, L]; Y is ±1.
-        alpha: above zero.
-    """
-    if not alpha > 0:
-        raise ValueError(f"alpha: expected a number above zero, found {alpha}")
-    y = 2 * onehot.double() - 1
-    mean = y.mean(dim=0)
-    system = gram + alpha * torch.eye(len(gram), dtype=gram.dtype, device=gram.device)
-    a = torch.cholesky_solve(y - mean, torch.linalg.cholesky(system))
-    # K·A + b − Y = −α·A
-    return a, mean, float((alpha * a).square().mean())
+    def solve(
+        self, gram: Tensor, targets: Tensor, before: Tensor | None = None
+    ) -> tuple[Tensor, Tensor, float]:
+        """(K + α)·A = Y − mean(Y), b = mean(Y), Y in ±1 less the scores before: A [N, L], b [L]
+        and the mean squared error."""
+        if not self.alpha > 0:
+            raise ValueError(f"alpha: expected a number above zero, found {self.alpha}")
+        y = 2 * F.one_hot(targets, len(self.classes_)).double() - 1
+        y = y if before is None else y - before
+        mean = y.mean(dim=0)
+        system = gram + self.alpha * torch.eye(len(gram), dtype=gram.dtype, device=gram.device)
+        a = torch.cholesky_solve(y - mean, torch.linalg.cholesky(system))
+        # K·A + b − Y = −α·A
+        return a, mean, float((self.alpha * a).square().mean())

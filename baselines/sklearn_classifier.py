@@ -1,15 +1,21 @@
-"""Any scikit-learn classifier on the flattened pixels.
+"""Any scikit-learn classifier on the flattened pixels, from a config alone.
 
-The estimator comes ready-made from the configuration, so that this file imports no scikit-learn:
+    # configs/model/linear_svc.yaml
+    # @package _global_
+    model:
+      _target_: baselines.sklearn_classifier.SklearnClassifier
+      estimator: {_target_: sklearn.svm.LinearSVC, C: 1.0}
+      pixels: standardised
+      device: ${device}
+    display: {name: Linear SVC, colour: "#56B4E9", marker: s, line: "-", group: other}
 
-    _target_: baselines.sklearn_classifier.SklearnClassifier
-    estimator: {_target_: sklearn.linear_model.RidgeClassifier, alpha: 1.0}
+This file imports no scikit-learn: the estimator comes ready-made.
 """
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,7 +34,7 @@ class SklearnClassifier(Classifier):
     """Adapter from frames to an estimator with ``fit`` and ``predict`` on float32 [N, D].
 
     Args:
-        estimator: an unfitted estimator; it is copied, never fitted itself.
+        estimator: an unfitted estimator; a copy of it is fitted.
         pixels: one of the scalings in baselines.pixels, by name.
         seed: given to the estimator as ``random_state`` where it has one that is not set.
 
@@ -42,6 +48,9 @@ class SklearnClassifier(Classifier):
 
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """Fit; yields once: samples_seen = N."""
+        if not (hasattr(self.estimator, "fit") and hasattr(self.estimator, "predict")):
+            kind = type(self.estimator).__name__
+            raise ValueError(f"estimator: expected an object with fit and predict, found a {kind}")
         targets = self.start(frames, labels)
         self.scaling_ = fit_scaling(self.pixels, self, frames)
         features = np.empty((len(frames), self.shape_[0] * self.shape_[1]), dtype=np.float32)
@@ -52,7 +61,7 @@ class SklearnClassifier(Classifier):
         if estimator.get_params().get("random_state", 0) is None:
             estimator.set_params(random_state=self.seed)
         self.estimator_ = estimator.fit(features, targets.numpy(force=True))
-        del features  # whoever asks for no more than this keeps the generator, and them with it
+        del features  # a caller that keeps this generator suspended would keep them alive
         yield {"samples_seen": len(frames)}
 
     def scores(self, batch: Tensor) -> Tensor:
@@ -61,49 +70,15 @@ class SklearnClassifier(Classifier):
         return torch.nn.functional.one_hot(predicted.long(), len(self.classes_))
 
     def state_tensors(self) -> dict[str, Tensor] | None:
-        """The numeric arrays in the fitted estimator and its parts, by attribute name.
-
-        None if it keeps anything it learnt in other objects (trees, for instance), or nothing in
-        arrays.
-        """
-        try:
-            arrays = dict(_arrays(self.estimator_))
-        except (_Unknown, RecursionError):  # the latter where parts refer to one another
+        """The arrays of a linear estimator, ``coef_`` and ``intercept_``; None for any other, whose
+        state has no known form."""
+        learnt = {k for k in vars(self.estimator_) if k.endswith("_") and not k.startswith("_")}
+        if not {"coef_", "intercept_"} <= learnt:
             return None
-        if not arrays:
-            return None
-        tensors = {name: in_memory_order(torch.from_numpy(array)) for name, array in arrays.items()}
-        return tensors | self.scaling_.state_tensors()
+        return {
+            name: in_memory_order(torch.from_numpy(getattr(self.estimator_, name)))
+            for name in ("coef_", "intercept_")
+        }
 
     def _features(self, batch: Tensor) -> np.ndarray:
         return self.scaling_(batch).flatten(1).numpy(force=True)
-
-
-class _Unknown(Exception):
-    """Learnt state that is in no array."""
-
-
-def _arrays(part: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
-    """The numeric arrays in the attributes, lists and dictionaries of an estimator.
-
-    Raises:
-        _Unknown: for an object of which nothing is known, or an array torch cannot share.
-    """
-    if isinstance(part, np.ndarray):
-        if part.dtype.kind not in "biuf" or part.dtype.itemsize > 8 or not part.flags.writeable:
-            raise _Unknown
-        if part.size:
-            yield name, part
-    elif isinstance(part, Mapping):
-        for key, inner in part.items():
-            yield from _arrays(inner, f"{name}.{key}")
-    elif isinstance(part, list | tuple):
-        for k, inner in enumerate(part):
-            yield from _arrays(inner, f"{name}.{k}")
-    elif hasattr(part, "get_params") and not isinstance(part, type):
-        for key, value in vars(part).items():
-            # What the constructor was given is a hyperparameter, except the steps of a pipeline.
-            if key != "classes_" and (key == "steps" or key not in part.get_params(deep=False)):
-                yield from _arrays(value, f"{name}.{key}".lstrip("."))
-    elif part is not None and not isinstance(part, str | int | float | np.generic):
-        raise _Unknown

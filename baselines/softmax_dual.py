@@ -21,11 +21,11 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from baselines.dual import DualLinearClassifier
+from baselines.dual import PenalisedClassifier
 
 
 @dataclass(kw_only=True, eq=False)
-class DualSoftmaxRegression(DualLinearClassifier):
+class DualSoftmaxRegression(PenalisedClassifier):
     """Softmax regression at its optimum.
 
     Args:
@@ -45,10 +45,14 @@ class DualSoftmaxRegression(DualLinearClassifier):
     tol: float = 1e-9
     max_iter: int = 100
 
-    def solve(self, gram: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, float]:
+    def solve(
+        self, gram: Tensor, targets: Tensor, before: Tensor | None = None
+    ) -> tuple[Tensor, Tensor, float]:
+        """A [N, L], b [L] and F/(C·N) at the optimum; logits ``before`` are added to K·A + b."""
         onehot = F.one_hot(targets, len(self.classes_)).double()
         a, b = torch.zeros_like(onehot), onehot.new_zeros(onehot.shape[1])
-        logits, square = torch.zeros_like(onehot), 0.0  # K·A + b and tr(Aᵀ·K·A)
+        logits = torch.zeros_like(onehot) if before is None else before.clone()
+        square = 0.0  # tr(Aᵀ·K·A)
         objective = self._objective(logits, targets, square)
         self.n_iter_ = 0
         while self.n_iter_ < self.max_iter:

@@ -23,9 +23,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from baselines.base import Classifier, FrameSource, in_memory_order
-from baselines.inputs import choose
-from baselines.pixels import fit_scaling
+from baselines.base import Classifier, FrameSource, choose, in_memory_order
+from baselines.pixels import PixelScaling, fit_scaling
 
 
 @dataclass(kw_only=True, eq=False)
@@ -58,7 +57,7 @@ class IterativeClassifier(Classifier):
 
     Attributes:
         network_: the trained ``torch.nn.Module``.
-        scaling_: the PixelScaling in front of it.
+        scaling_: the scaling of pixels in front of it.
     """
 
     pixels: str = "unit"
@@ -88,6 +87,9 @@ class IterativeClassifier(Classifier):
         yielded like any other: it is the caller who stops. L-BFGS returns when the loss stands
         still.
         """
+        for name in ("batch_size", "micro_batch", "reports_per_epoch"):
+            if (value := getattr(self, name)) is not None and value < 1:
+                raise ValueError(f"{name}: expected at least 1, found {value}")
         targets = self.start(frames, labels)
         choose("dtype", self.dtype, DTYPES)
         initialise = choose("init", self.init, INITS)
@@ -95,7 +97,9 @@ class IterativeClassifier(Classifier):
             torch.manual_seed(self.seed)
             network = self.build(self.shape_, len(self.classes_))
             initialise(network, self.init_std)
-        self.network_ = self._placed(network)
+        layout = choose("memory_format", self.memory_format, MEMORY_FORMATS)
+        # The stubs of torch do not know this keyword of Module.to.
+        self.network_ = network.to(device=self.device, memory_format=layout)  # type: ignore[call-overload]
         optimizer = choose("optimizer", self.optimizer, OPTIMIZERS)(
             self.network_.parameters(), self.lr
         )
@@ -122,19 +126,8 @@ class IterativeClassifier(Classifier):
         parameters = {
             name: in_memory_order(p.detach()) for name, p in self.network_.named_parameters()
         }
-        return parameters | self.scaling_.state_tensors()
-
-    def network_of(self, state: dict[str, Tensor]) -> nn.Module:
-        """The network whose ``state_dict`` this is."""
-        with torch.device("meta"):  # no memory is taken for what is replaced at once
-            network = self.build(self.shape_, len(self.classes_))
-        network.load_state_dict(state, assign=True)
-        return self._placed(network)
-
-    def _placed(self, network: nn.Module) -> nn.Module:
-        layout = choose("memory_format", self.memory_format, MEMORY_FORMATS)
-        # The stubs of torch do not know this keyword of Module.to.
-        return network.to(device=self.device, memory_format=layout)  # type: ignore[call-overload]
+        maps = vars(self.scaling_) if isinstance(self.scaling_, PixelScaling) else {}
+        return parameters | {f"pixel_{k}": v for k, v in maps.items() if isinstance(v, Tensor)}
 
     def _epochs(
         self, frames: FrameSource, targets: Tensor, optimizer: torch.optim.Optimizer

@@ -61,6 +61,7 @@ def main(cfg: DictConfig) -> None:
 def _job(cfg: DictConfig) -> None:
     try:
         hydra_cfg = HydraConfig.get()
+        machine.keep_memory()
         torch.set_num_threads(machine.threads(cfg.threads, hydra_cfg.launcher))
         chosen = dict(hydra_cfg.runtime.choices)
         if cfg.task is not None:

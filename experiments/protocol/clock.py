@@ -1,4 +1,4 @@
-"""The clock of a run: what counts as training and what does not."""
+"""The clock of a run: time inside the model counts, acquiring frames and testing do not."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 
 
 def synchronise(device: str) -> None:
-    """Wait until the device has done what it was given, so that a time means what it says."""
+    """Wait until the device has finished its queue, so that a time covers all of it."""
     if device.startswith("cuda"):
         torch.cuda.synchronize(device)
 
@@ -19,7 +19,7 @@ class Clock:
     """A stopwatch that can be held while frames are acquired.
 
     Args:
-        device: synchronised on both sides of what is timed.
+        device: synchronised before and after each timed block.
 
     Attributes:
         seconds: time counted so far.

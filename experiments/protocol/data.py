@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 import torch
+from filelock import FileLock
 from torch import Tensor
 
 from experiments.protocol.clock import Clock
-from experiments.records import locks, sources
+from experiments.records import sources
 from scenes.frames import Scene
 from scenes.split import KINDS, by_session, learning_curve_subsets, neighbours_leak, split
 
@@ -46,6 +47,10 @@ class LazyFrames:
             chosen = self.indices[index.numpy(force=True) if isinstance(index, Tensor) else index]
             frames = self.scene.frames(np.atleast_1d(chosen))
             return frames if np.ndim(chosen) else frames[0]
+
+    def clone(self) -> LazyFrames:
+        """The same: each batch is made anew."""
+        return self
 
 
 class CachedScene:
@@ -79,10 +84,10 @@ class CachedScene:
 
     def frames(self, indices: Any) -> Tensor:
         """Read, not mapped: the pages of a map count as memory of the process once seen."""
-        wanted = np.arange(len(self))[np.asarray(indices)]
-        frames = np.empty((len(wanted), *self.shape), self._dtype)
+        chosen = np.arange(len(self))[np.asarray(indices)]
+        frames = np.empty((len(chosen), *self.shape), self._dtype)
         with self._path.open("rb") as file:
-            for frame, index in zip(frames, wanted.tolist(), strict=True):
+            for frame, index in zip(frames, chosen.tolist(), strict=True):
                 file.seek(self._start + index * frame.nbytes)
                 if file.readinto(frame.data) != frame.nbytes:
                     raise ValueError(f"{self._path}: expected {len(self)} frames, found it cut off")
@@ -96,8 +101,8 @@ def cached(scene: Scene, folder: Path, progress: Callable[[int, int], None]) -> 
 
     Args:
         scene: any scene.
-        folder: folder of the cache; a file is named after the scene's fingerprint and what drew
-            from it: the scene's code, the libraries and the kind of processor.
+        folder: folder of the cache; a file is named after the scene's fingerprint, the scene's
+            code, the libraries and the kind of processor.
         progress: called with (frames made, frames in all).
 
     Raises:
@@ -105,8 +110,12 @@ def cached(scene: Scene, folder: Path, progress: Callable[[int, int], None]) -> 
     """
     if scene.origin == "recorded":
         return scene
-    path = folder / f"{_drawn_by(scene)}.npy"
-    with locks.held(path.with_suffix(".lock"), timeout_s=-1):  # made by one process, not by all
+    kind = f"{type(scene).__module__}.{type(scene).__qualname__}"
+    versions = [torch.__version__, np.__version__, platform.machine()]
+    parts = [scene.fingerprint(), sources.code_hash(sources.closure(kind)), versions]
+    path = folder / f"{hashlib.sha256(repr(parts).encode()).hexdigest()[:24]}.npy"
+    folder.mkdir(parents=True, exist_ok=True)
+    with FileLock(path.with_suffix(".lock")):  # made by one process; others wait for it
         if not path.exists():
             try:
                 _make(scene, path, progress)
@@ -115,16 +124,8 @@ def cached(scene: Scene, folder: Path, progress: Callable[[int, int], None]) -> 
     return CachedScene(scene, path)
 
 
-def _drawn_by(scene: Scene) -> str:
-    """Digest of everything that the pixels of a scene depend on, to the last digit."""
-    kind = f"{type(scene).__module__}.{type(scene).__qualname__}"
-    versions = [torch.__version__, np.__version__, platform.machine()]
-    parts = [scene.fingerprint(), sources.code_hash(sources.closure(kind)), versions]
-    return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
-
-
 def _make(scene: Scene, path: Path, progress: Callable[[int, int], None]) -> None:
-    """Write all frames; what a killed process left of them is overwritten."""
+    """Write all frames; the rest of a killed process is overwritten."""
     n, partial = len(scene.labels), path.with_suffix(".partial")
     try:
         # Written, not mapped: a full disk is then an error and not a signal.
@@ -141,9 +142,8 @@ def _make(scene: Scene, path: Path, progress: Callable[[int, int], None]) -> Non
             file.flush()
             os.fsync(file.fileno())
         os.replace(partial, path)
-    except BaseException:
+    finally:
         partial.unlink(missing_ok=True)
-        raise
 
 
 class PixelSubset:
@@ -201,17 +201,15 @@ def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
         train = first[train]
     else:
         first = np.flatnonzero(session == session.min())
-        train, test = (
-            first[part]
-            for part in split(
-                scene.labels[first],
-                test_fraction=cfg["test_fraction"],
-                kind=kind,
-                seed=seed,
-                order=scene.samples["order"][first],
-                groups=_groups(scene, cfg.get("group"))[first] if kind == "grouped" else None,
-            )
+        parts = split(
+            scene.labels[first],
+            test_fraction=cfg["test_fraction"],
+            kind=kind,
+            seed=seed,
+            order=scene.samples["order"][first],
+            groups=_groups(scene, cfg.get("group"))[first] if kind == "grouped" else None,
         )
+        train, test = (first[part] for part in parts)
     if scene.origin == "recorded" and kind == "random":
         leak = neighbours_leak(scene.labels, scene.samples["order"], train, test)
         if leak > _LEAK:
@@ -221,8 +219,7 @@ def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
                 "later ones",
                 stacklevel=2,
             )
-    if cfg["n_train"] is not None:
-        n = cfg["n_train"]
+    if (n := cfg["n_train"]) is not None:
         try:
             train = learning_curve_subsets(train, scene.labels, [n], seed)[n]
         except ValueError as error:

@@ -1,4 +1,4 @@
-"""What a run's predictions amount to: accuracy, interval, confusion."""
+"""Accuracy of predictions, its interval, and the confusion matrix."""
 
 from __future__ import annotations
 

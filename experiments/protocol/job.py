@@ -133,8 +133,10 @@ def run(
         },
     }
     folder = results_dir()
+    if not cfg.force and (known := records.find(folder, identity)):
+        return known, True
     with locks.held(folder / "cache" / "locks" / identity, identity):
-        if not cfg.force and (known := records.find(folder, identity)):
+        if not cfg.force and (known := records.find(folder, identity)):  # by now
             return known, True
         with (
             exclusive(cfg, console),
@@ -181,7 +183,7 @@ def _carry_out(
         cache = cache_dir() if cfg.cache else None
         train_and_test(cfg, scene, entry["choices"], curve, entry, cache, console)
         entry["status"] = "finished"
-        records.convert(_plain(entry, curve), Finished, "")  # a model's own labels may be no record
+        _check_predictions(entry)
     except BaseException as error:
         entry["status"] = "failed" if isinstance(error, Exception) else "interrupted"
         text = "".join(traceback.format_exception_only(error)).strip()
@@ -192,7 +194,8 @@ def _carry_out(
     records.append(folder, entry, curve)
 
 
-def _plain(entry: Mapping[str, Any], curve: records.Curve) -> Any:
-    import msgspec
-
-    return msgspec.json.decode(records.to_line(entry, curve))
+def _check_predictions(entry: Mapping[str, Any]) -> None:
+    classes, predicted = len(entry["scene"]["classes"]), entry["predicted"]
+    if len(predicted) and not 0 <= min(predicted) <= max(predicted) < classes:
+        wrong = next(label for label in predicted if not 0 <= label < classes)
+        raise ValueError(f"predicted: expected labels below {classes}, found {wrong}")

@@ -1,14 +1,13 @@
-"""The machine that a run is timed on: its cores, held by the run alone, and its threads.
+"""The machine that a run is timed on: its cores, held by the run alone, its threads and memory.
 
-A run waits until as many cores as it has threads are free, so that workers of any launcher, sweeps
-started at once and runs of other checkouts never share a core while a clock runs: too many workers
-cost patience, not truth. There is one lock a core; they lie in the machine's temporary folder,
-whatever the results lie on, and bind one user's runs. Programs that know nothing of them are not
-kept away.
+A run waits until as many cores as it has threads are free, so that no two timed runs share a core,
+whatever launcher or checkout started them. There is one lock a core in the machine's temporary
+folder; they bind one user's runs, and no other program.
 """
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import os
 import random
@@ -21,9 +20,27 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from experiments.records import locks, sources
+from filelock import FileLock, Timeout
+
+from experiments.records import sources
 
 _POLL_S = 0.2
+# Options of mallopt in glibc's malloc.h, and what they are set to.
+_MALLOPT = {-4: 0, -1: 2**31 - 1, -2: 64 * 2**20}  # M_MMAP_MAX, M_TRIM_THRESHOLD, M_TOP_PAD
+
+
+def keep_memory() -> bool:
+    """Let glibc keep freed memory for the next allocation; False where the C library is another.
+
+    By default it returns every large block to the system at once, which clears the pages when they
+    are allocated again: a third of the processor time of a network's training. The process keeps
+    its peak of memory until it ends.
+    """
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (OSError, AttributeError, TypeError):
+        return False
+    return all([mallopt(option, value) == 1 for option, value in _MALLOPT.items()])
 
 
 def available() -> list[int]:
@@ -34,21 +51,20 @@ def available() -> list[int]:
 
 
 def threads(wanted: Any, launcher: Any) -> int:
-    """Number of torch's threads: what is asked for, or this worker's share of the cores.
+    """Number of torch's threads: `wanted`, or this worker's share of the cores.
 
     Args:
         wanted: ``threads`` of the config.
         launcher: config of Hydra's launcher, which may run several workers at once.
 
     Raises:
-        ValueError: unless it is null or a number of cores that there are.
+        ValueError: unless it is null or a number of cores of this machine.
     """
     cores = len(available())
     if wanted is None:
-        n = cores
         workers = launcher.get("n_jobs") or 1  # of joblib, below zero for one a core
-        share = launcher.get("cpus_per_task") or (n // workers if workers > 0 else 1)
-        return min(n, max(1, share))
+        share = launcher.get("cpus_per_task") or (cores // workers if workers > 0 else 1)
+        return min(cores, max(1, share))
     if not isinstance(wanted, int) or isinstance(wanted, bool) or not 1 <= wanted <= cores:
         raise ValueError(
             f"threads: expected an integer from 1 to this machine's {cores} cores, or null, "
@@ -59,43 +75,44 @@ def threads(wanted: Any, launcher: Any) -> int:
 
 @contextmanager
 def held(n: int, device: str, waiting: Callable[[], None]) -> Iterator[None]:
-    """Hold n cores, or all there are if those are fewer, and the GPU that is computed on.
+    """Hold n cores, or all if there are fewer, and the GPU that is computed on.
 
     Args:
         n: number of cores.
         device: as torch names it.
         waiting: called once if they are not free at once.
     """
-    wanted = [f"core-{core}" for core in available()]
+    cores = [f"core-{core}" for core in available()]
     gpus = [_gpu(device)] if device.startswith("cuda") else []
-    told = False
+    called = False
     while True:
         with ExitStack() as stack:
-            if all(_taken(stack, gpu) for gpu in gpus) and _some(stack, wanted, n):
+            if all(_locked(stack, gpu) for gpu in gpus) and _some(stack, cores, n):
                 yield
                 return
         # All were given back, so that two runs that wait for each other's cores cannot lock up;
         # at random times, so that they do not go on meeting.
-        if not told:
+        if not called:
             waiting()
-            told = True
+            called = True
         time.sleep(_POLL_S * random.uniform(0.5, 1.5))
 
 
 def _some(stack: ExitStack, names: list[str], n: int) -> bool:
-    """Take n of these locks, or all if those are fewer."""
+    """Lock n of these, or all if there are fewer."""
     missing = min(n, len(names))
     for name in names:
-        if missing and _taken(stack, name):
+        if missing and _locked(stack, name):
             missing -= 1
     return not missing
 
 
-def _taken(stack: ExitStack, name: str) -> bool:
+def _locked(stack: ExitStack, name: str) -> bool:
     folder = Path(tempfile.gettempdir()) / f"optical-hdc-cores-{os.getuid()}"
+    folder.mkdir(parents=True, exist_ok=True)
     try:
-        stack.enter_context(locks.held(folder / name))
-    except locks.Held:
+        stack.enter_context(FileLock(folder / name, timeout=0))
+    except Timeout:
         return False
     return True
 
@@ -108,10 +125,11 @@ def _gpu(device: str) -> str:
 
 @contextmanager
 def libraries(model: Mapping[str, Any], threads: int) -> Iterator[list[dict[str, Any]]]:
-    """Give the numerical libraries of a scikit-learn model this many threads; gives what they have.
+    """Limit the numerical libraries of a scikit-learn model to this many threads; yields a list of
+    them with their versions.
 
     numpy, scipy and scikit-learn bring OpenBLAS and OpenMP libraries of their own, with a thread a
-    core each. Only scikit-learn's estimators compute with them, so that no other run imports
+    core each. Only scikit-learn's estimators compute with them, so no other run imports
     threadpoolctl.
 
     Args:
@@ -124,38 +142,31 @@ def libraries(model: Mapping[str, Any], threads: int) -> Iterator[list[dict[str,
         return
     from threadpoolctl import threadpool_info, threadpool_limits
 
-    for name in estimators:  # a limit binds what is loaded, and nothing that comes later
+    for name in estimators:  # a limit binds the libraries loaded so far, and none loaded later
         importlib.import_module(name.rpartition(".")[0])
     with threadpool_limits(threads):
-        yield [
-            {
-                "library": library["prefix"],
-                "version": library["version"],
-                "threads": library["num_threads"],
-            }
-            for library in threadpool_info()
-        ]
+        keys = {"library": "prefix", "version": "version", "threads": "num_threads"}
+        yield [{key: info[name] for key, name in keys.items()} for info in threadpool_info()]
 
 
 def peak_bytes() -> int:
     """The most memory this process has held so far.
 
-    Where the system tells (Linux), without what its parent held, which ``getrusage`` passes on when
-    a process is started; and since it was last made to start anew, by a 5 in
-    ``/proc/self/clear_refs``.
+    On Linux it excludes the memory of the parent process, which ``getrusage`` includes, and starts
+    anew when a 5 is written to ``/proc/self/clear_refs``.
     """
-    if (found := _of_status("VmHWM")) is not None:
-        return found
+    if (peak := _status("VmHWM")) is not None:
+        return peak
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
 def resident_bytes() -> int | None:
     """The memory that this process holds now; None where the system does not tell."""
-    return _of_status("VmRSS")
+    return _status("VmRSS")
 
 
-def _of_status(key: str) -> int | None:
+def _status(key: str) -> int | None:
     """A number of kilobytes of Linux's ``/proc/self/status``, in bytes."""
     status = Path("/proc/self/status")
     if not status.exists():

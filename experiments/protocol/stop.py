@@ -1,24 +1,28 @@
-"""When a run stops, and what the stop is called."""
+"""When a run stops, and the name of the reason."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 NAMES = ("finished", "trained", "reached", "steps", "budget", "diverged")
 
 
 @dataclass(frozen=True)
 class StopRule:
-    """Name the reason to stop a run at one of its reports; no report before it has a say.
+    """Return why to stop at this report, or None.
 
-    A model that has nothing left to do has ``finished``. A model that reports no loss learns in one
-    pass and is left to finish. Of the others, one whose loss is not finite has ``diverged``; with
-    `reached_after_s`, one whose training accuracy exceeds the target has ``reached`` it. One is
-    ``trained`` whose loss, the mean over its last epoch, is at most `loss` after `least_steps`; one
-    that got nowhere near it in `most_steps` is out of ``steps``, and one that used up its training
-    time out of ``budget``. Both numbers of steps are of the optimiser and the same for any number
-    of training samples. The test accuracy never decides.
+    ============  ==================================================================================
+    ``finished``  the model returned (not decided here)
+    ``diverged``  its loss is not finite
+    ``reached``   with `reached_after_s`: its training accuracy exceeds the target
+    ``trained``   its loss, the mean over its last epoch, is at most `loss` after `least_steps`
+    ``steps``     it has taken `most_steps` and is not trained
+    ``budget``    it has used up its training time
+    ============  ==================================================================================
+
+    A model that reports no loss learns in one pass; only its budget ends it early. Steps are those
+    of the optimiser, the same for any number of training samples. The test accuracy never decides.
 
     Args:
         target: accuracy in (0, 1) to exceed.
@@ -28,6 +32,9 @@ class StopRule:
             has settled.
         most_steps: at least `least_steps`.
         budget_s: seconds of training time.
+
+    Raises:
+        ValueError: naming the value that is out of range.
     """
 
     target: float = 0.9
@@ -38,23 +45,21 @@ class StopRule:
     budget_s: float = 1800.0
 
     def __post_init__(self) -> None:
-        if not 0 < self.target < 1:
-            raise ValueError(f"stop.target: expected a number in (0, 1), found {self.target}")
-        if self.reached_after_s is not None and not self.reached_after_s >= 0:
-            raise ValueError(
-                f"stop.reached_after_s: expected null or at least 0 s, found {self.reached_after_s}"
-            )
-        if not self.loss >= 0:
-            raise ValueError(f"stop.loss: expected at least 0, found {self.loss}")
-        if self.least_steps < 0:
-            raise ValueError(f"stop.least_steps: expected at least 0, found {self.least_steps}")
-        if self.most_steps < max(1, self.least_steps):
-            raise ValueError(
-                f"stop.most_steps: expected at least {max(1, self.least_steps)}, "
-                f"found {self.most_steps}"
-            )
-        if not self.budget_s > 0:
-            raise ValueError(f"stop.budget_s: expected more than 0 s, found {self.budget_s}")
+        for name, value in asdict(self).items():
+            if not (isinstance(value, int | float) or (value is None and "after" in name)):
+                raise ValueError(f"stop.{name}: expected a number, found {value!r}")
+        least = max(1, self.least_steps)
+        after = self.reached_after_s
+        for name, valid, expected in (
+            ("target", 0 < self.target < 1, "a number in (0, 1)"),
+            ("reached_after_s", after is None or after >= 0, "null or at least 0 s"),
+            ("loss", self.loss >= 0, "at least 0"),
+            ("least_steps", self.least_steps >= 0, "at least 0"),
+            ("most_steps", self.most_steps >= least, f"at least {least}"),
+            ("budget_s", self.budget_s > 0, "more than 0 s"),
+        ):
+            if not valid:
+                raise ValueError(f"stop.{name}: expected {expected}, found {getattr(self, name)}")
 
     def check(
         self, training_s: float, steps: float, loss: float | None, train_accuracy: float = 0.0

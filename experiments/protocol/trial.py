@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+import numbers
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -18,17 +19,18 @@ from torch import Tensor
 
 from experiments.protocol import data, evaluate
 from experiments.protocol.clock import Clock, timed
-from experiments.protocol.model import Model
+from experiments.protocol.model import Model, check_model
 from experiments.protocol.stop import StopRule
 from scenes.frames import Scene
 
 _WARM_UP_FRAMES = 40
 _SINGLE_FRAMES = 20
+_OWN_KEYS = {"training_s", "train_accuracy", "test_accuracy"}  # of a row, set by the runner
 _OFTEN = 10  # a model that learns by steps is tested after a tenth more of the samples seen
 
 
 def instantiate(node: DictConfig, key: str) -> Any:
-    """Build an object of the config; an error of its own names the key and keeps its message."""
+    """Build an object of the config; its own error gets the key in front of its message."""
     try:
         return hydra.utils.instantiate(node, _convert_="all")
     except hydra.errors.InstantiationException as error:
@@ -54,14 +56,17 @@ def stop_rule(node: DictConfig) -> StopRule:
 
 @dataclass
 class _Part:
-    """The training or the test samples."""
+    """The training or the test samples; a model gets copies, so that it may write into them."""
 
     indices: np.ndarray
     labels: np.ndarray
     frames: Tensor | data.LazyFrames
 
+    def predicted_by(self, model: Model) -> np.ndarray:
+        return np.asarray(model.predict(self.frames.clone()))
+
     def accuracy(self, model: Model) -> float:
-        return evaluate.accuracy(model.predict(self.frames), self.labels)
+        return evaluate.accuracy(self.predicted_by(model), self.labels)
 
 
 def train_and_test(
@@ -73,21 +78,25 @@ def train_and_test(
     cache: Path | None,
     console: Console,
 ) -> None:
-    """Everything between the scene and the record.
+    """Train on a scene's frames under the clock, test, and leave the results to be recorded.
 
     Args:
         cfg: the composed config.
         scene: where the frames come from.
         names: which file of each group the config was composed from.
         curve: gets one row a report of the model, whatever happens later.
-        results: gets what the record holds of the model's times, accuracies and predictions, part
-            by part, so that an error after the training costs none of it.
+        results: gets the record's times, accuracies and predictions, part by part, so that an
+            error after the training costs none of it.
         cache: folder in which frames are kept, or None.
         console: shows the progress.
+
+    Raises:
+        ValueError: naming the key of a wrong value, or what is wrong with a model's reports.
     """
-    # Whatever is wrong with these is found before any frame is made.
+    # Errors of these are found before any frame is made.
     stop = stop_rule(cfg.stop)
     unused: Model = instantiate(cfg.model, "model")
+    check_model(unused)
     split = OmegaConf.to_container(cfg.split, resolve=True)
     chosen = data.choose(scene, split, cfg.seed.split)
     clock = Clock(cfg.device)
@@ -107,7 +116,7 @@ def train_and_test(
         def show(text: str) -> None:
             progress.update(bar, description=f"train {names['model']} {text}", refresh=True)
 
-        reason = _train(model, train, test, clock, stop, curve, show)
+        reason = _train(model, names["model"], train, test, clock, stop, curve, show)
     if not curve:
         raise ValueError(f"model {names['model']}: expected at least one report, found none")
     results |= _of_curve(clock, stop, reason, curve)
@@ -130,8 +139,34 @@ def train_and_test(
         results["model_bytes"] = None
 
 
+def reports(
+    model: Model, name: str, frames: Any, labels: np.ndarray, clock: Clock
+) -> Iterator[dict[str, float]]:
+    """Train a model under the clock; yields each of its reports with ``training_s``, clock stopped.
+
+    Raises:
+        ValueError: for a report that is not made of numbers, or has a key of the runner's own.
+    """
+    with clock.running():
+        iterator = iter(model.train(frames, labels))
+    while True:
+        with clock.running():
+            report = next(iterator, None)
+        if report is None:
+            return
+        for key, value in report.items():
+            if key in _OWN_KEYS:
+                raise ValueError(f"model {name}: report[{key!r}]: expected no such key")
+            if not isinstance(value, numbers.Real) or isinstance(value, bool):
+                raise ValueError(
+                    f"model {name}: report[{key!r}]: expected a number, found {value!r}"
+                )
+        yield {"training_s": clock.seconds, **report}
+
+
 def _train(
     model: Model,
+    name: str,
     train: _Part,
     test: _Part,
     clock: Clock,
@@ -152,34 +187,28 @@ def _train(
             )
         curve.append(row)
 
-    with clock.running():
-        reports = iter(model.train(train.frames, train.labels))
     row: dict[str, float] = {}
-    while True:
-        with clock.running():
-            report = next(reports, None)
-        if report is None:
-            if row and (not curve or curve[-1] is not row):
-                note(row)
-            return "finished"
-        row = {"training_s": clock.seconds, **report}
+    for row in reports(model, name, train.frames.clone(), train.labels, clock):
         loss, seen = row.get("loss"), row.get("samples_seen", 0)
-        state = clock.seconds, row.get("steps", 0), loss
-        name = stop.check(*state)
-        if name is None and seen < due:
+        state = row["training_s"], row.get("steps", 0), loss
+        reason = stop.check(*state)
+        if reason is None and seen < due:
             continue
         note(row)
         # Testing then takes a multiple of one pass over the frames, however many reports there are;
         # a model that learns by steps is tested more often, as it may exceed 90 % at any.
         due = min(2 * seen, len(train.labels)) if loss is None else seen + seen / _OFTEN
-        if name := name or stop.check(*state, row.get("train_accuracy", 0.0)):
-            return name
+        if reason := reason or stop.check(*state, row.get("train_accuracy", 0.0)):
+            return reason
+    if row and (not curve or curve[-1] is not row):
+        note(row)
+    return "finished"
 
 
 def _of_curve(
     clock: Clock, stop: StopRule, reason: str, curve: list[dict[str, float]]
 ) -> dict[str, Any]:
-    """What the curve says."""
+    """Times and accuracies of a curve: at the target, and at their maxima."""
     valid = [row for row in curve if "test_accuracy" in row]
 
     def at_target(key: str, value: str) -> float | None:
@@ -202,7 +231,7 @@ def _of_curve(
 
 def _predictions(model: Model, train: _Part, test: _Part) -> dict[str, Any]:
     """The final model on the test samples, and its accuracy on the training samples."""
-    predicted = np.asarray(model.predict(test.frames))
+    predicted = test.predicted_by(model)
     return {
         "predicted": predicted,
         "test_accuracy_final": evaluate.accuracy(predicted, test.labels),
@@ -212,11 +241,11 @@ def _predictions(model: Model, train: _Part, test: _Part) -> dict[str, Any]:
 
 def _prediction_times(model: Model, test: _Part, device: str) -> dict[str, float]:
     """Seconds a frame, single and in a batch, of frames in memory."""
+    frames = test.frames[: data.fitting(test.frames)].clone()
     singles = [
-        timed(functools.partial(model.predict, test.frames[i : i + 1]), device)
-        for i in range(min(_SINGLE_FRAMES, len(test.labels)))
+        timed(functools.partial(model.predict, frames[i : i + 1]), device)
+        for i in range(min(_SINGLE_FRAMES, len(frames)))
     ]
-    frames = test.frames[: data.fitting(test.frames)]
     batch = min(timed(functools.partial(model.predict, frames), device) for _ in range(3))
     return {
         "predict_single_s": float(np.median(singles)),
@@ -225,7 +254,7 @@ def _prediction_times(model: Model, test: _Part, device: str) -> dict[str, float
 
 
 def model_bytes(model: Model) -> int | None:
-    """Size of what a model has learnt; None where it cannot tell."""
+    """Bytes that a prediction needs of a model; None where it cannot tell."""
     try:
         state = model.state_tensors()
     except TypeError:  # not arrays

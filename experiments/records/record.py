@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -202,6 +203,8 @@ def append(folder: Path, entry: Mapping[str, Any], curve: Curve) -> None:
                 file.seek(end - 1)
                 line = line if file.read(1) == b"\n" else f"\n{line}"
             file.write(f"{line}\n".encode())
+            file.flush()
+            os.fsync(file.fileno())
 
 
 def to_line(entry: Mapping[str, Any], curve: Curve) -> str:

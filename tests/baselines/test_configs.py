@@ -16,7 +16,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 NAMES = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
 # Okabe and Ito's colours, told apart by people with any kind of colour vision.
 COLOURS = {"#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7"}
-FAMILIES = {"hdc", "published", "fast", "competitor"}
+GROUPS = {"paper", "fast", "other"}
 
 
 def composed(*overrides: str) -> DictConfig:
@@ -28,9 +28,9 @@ def composed(*overrides: str) -> DictConfig:
 def test_makes_a_model_and_says_how_it_is_shown(name):
     cfg = composed(f"model={name}", "seed.init=5")
     display = cfg.display
-    assert set(display) == {"name", "colour", "marker", "line", "family"}
+    assert set(display) == {"name", "colour", "marker", "line", "group"}
     assert display.colour in COLOURS
-    assert display.family in FAMILIES
+    assert display.group in GROUPS
     Line2D([], [], marker=display.marker, linestyle=display.line)  # raises for unknown ones
     model = instantiate(cfg.model, _convert_="all")
     assert model.device == "cpu"
@@ -44,6 +44,12 @@ def test_keys_of_a_model_are_set_by_words_and_one_model_leaves_none_to_another()
     assert cfg.display.name == "Softmax"
     keys = {"_target_", "ties", "prototype", "seed", "device", "backend"}
     assert set(composed("model=hdc").model) == keys
+
+
+def test_no_two_models_look_alike():
+    shown = [composed(f"model={name}").display for name in NAMES]
+    assert len({(look.colour, look.marker, look.line) for look in shown}) == len(NAMES)
+    assert len({look.name for look in shown}) == len(NAMES)
 
 
 @pytest.mark.parametrize("name", ["softmax", "cnn1"])

@@ -3,58 +3,52 @@
 from __future__ import annotations
 
 import dataclasses
-import datetime
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from hydra.utils import instantiate
+from omegaconf import OmegaConf
 from sklearn.base import clone
-from sklearn.linear_model import RidgeClassifier
 from sklearn.model_selection import cross_val_score
 from torch import Tensor
 
 from baselines.base import Classifier
 from baselines.cnn import CNN
 from baselines.correlation import CorrelationClassifier
-from baselines.linear_bits import BitReadout
-from baselines.nearest_neighbour import NearestNeighbour
-from baselines.record_hdc import RecordHDC
-from baselines.ridge import RidgeReadout
-from baselines.sklearn_classifier import SklearnClassifier
 from baselines.softmax import SoftmaxRegression
-from baselines.softmax_dual import DualSoftmaxRegression
+from baselines.training import IterativeClassifier
 
-MAKERS: dict[str, Callable[[], Classifier]] = {
-    "softmax": lambda: SoftmaxRegression(lr=1e-2, max_epochs=10),
-    "softmax_bfloat16": lambda: SoftmaxRegression(lr=1e-2, max_epochs=10, dtype="bfloat16"),
-    "lbfgs": lambda: SoftmaxRegression(optimizer="LBFGS", lr=1.0, batch_size=None, C=1.0),
-    "dual": DualSoftmaxRegression,
-    "cnn": lambda: CNN(filters=[4], lr=1e-2, max_epochs=5),
-    "cnn_fast": lambda: CNN(
-        filters=[4, 8],
-        lr=1e-2,
-        max_epochs=10,
-        dtype="bfloat16",
-        memory_format="channels_last",
-        micro_batch=7,
-    ),
-    "ridge": RidgeReadout,
-    "bits": BitReadout,
-    "bits_signs": lambda: BitReadout(one_bit=True),
-    "correlation": CorrelationClassifier,
-    "nearest": NearestNeighbour,
-    "record_hdc": lambda: RecordHDC(dimension=512),
-    "sklearn": lambda: SklearnClassifier(estimator=RidgeClassifier()),
-}
+MODELS = Path(__file__).parents[2] / "configs" / "model"
+CONFIGS = {path.stem: OmegaConf.load(path) for path in sorted(MODELS.glob("*.yaml"))}
+# Variants of a recipe that differ in a number only.
+VARIANTS = {"softmax_normal", "softmax_raw", "softmax_sgd", "softmax_zero", "cnn1_fast", "cnn3"}
+NAMES = [
+    name
+    for name, config in CONFIGS.items()
+    if config.model._target_.startswith("baselines.") and name not in VARIANTS
+]
 
 
-@pytest.fixture(params=MAKERS)
+def make(name: str) -> Classifier:
+    """The model of a config, quick enough for small frames."""
+    config = OmegaConf.create({"seed": {"init": 0}, "device": "cpu", "model": CONFIGS[name].model})
+    model = instantiate(config.model, _convert_="all")
+    if isinstance(model, IterativeClassifier) and model.optimizer != "LBFGS":
+        model.set_params(lr=1e-2, max_epochs=20)
+    if name == "record_hdc":
+        model.set_params(dimension=512)
+    return model
+
+
+@pytest.fixture(params=NAMES)
 def model(request: pytest.FixtureRequest) -> Classifier:
-    return MAKERS[request.param]()
+    return make(request.param)
 
 
 def same_state(a: Classifier, b: Classifier) -> bool:
@@ -69,7 +63,7 @@ def test_two_trainings_of_one_seed_agree_to_the_last_bit(model, small):
 
 
 def test_training_starts_anew(model, small, speckle):
-    again = clone(model).fit(*speckle(12, (5, 9), 3)).fit(*small)
+    again = clone(model).fit(*speckle(12, (8, 9), 3)).fit(*small)
     assert same_state(model.fit(*small), again)
 
 
@@ -82,61 +76,14 @@ def test_predictions_do_not_depend_on_the_batch(model, small, monkeypatch):
     assert model.predict(frames[:0]).shape == (0,)
 
 
-# Three labels of each kind, not in sorted order.
-KINDS: dict[str, list[Any]] = {
-    "int": [5, 2, 11],
-    "text": ["left", "right", "far away"],
-    "float": [0.5, -1.0, 2.5],
-    "mixed": [True, "a", 3],
-    "tuple": [(0, 1), (0, 0), (1, 0)],
-    "date": [datetime.date(2024, 1, 2), datetime.date(2024, 1, 1), datetime.date(2025, 1, 1)],
-}
-
-
-def named(kind: str, labels: np.ndarray) -> list[Any]:
-    return [KINDS[kind][k] for k in labels]
-
-
-@pytest.mark.parametrize("kind", ["int", "text"])
-def test_learns_labels_as_they_are_and_no_absent_class(model, speckle, kind):
+@pytest.mark.parametrize("names", [[5, 2, 11], ["left", "right", "far away"]])
+def test_learns_labels_as_they_are_and_no_absent_class(model, speckle, names):
     frames, labels = speckle(30, (16, 16), 3)
-    names = named(kind, labels)
-    right = np.array(model.fit(frames, names).predict(frames)) == np.array(names)
+    named = np.array(names)[labels]
+    right = model.fit(frames, named.tolist()).predict(frames) == named
     assert right.mean() > 0.9
-    assert model.score(frames, names) == right.mean()
+    assert model.score(frames, named) == right.mean()
     assert set(model.predict(speckle(30, (16, 16), 3, seed=1)[0]).tolist()) <= set(names)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_labels_of_any_kind(small, kind):
-    frames, labels = small[0], small[1] % 3
-    names = named(kind, labels)
-    model = CorrelationClassifier().fit(frames, names)
-    by_number = CorrelationClassifier().fit(frames, labels)
-    found = model.predict(frames).tolist()
-    assert found == named(kind, by_number.predict(frames))
-    assert set(map(type, found)) == set(map(type, names))
-    assert model.score(frames, names) == by_number.score(frames, labels) > 0.5
-
-
-def test_labels_keep_their_type(small):
-    frames, labels = small
-    days = np.datetime64("2024-01-01", "ns") + labels.astype("m8[D]")
-    for given, dtype in (
-        (labels, "int64"),
-        (labels.astype(np.uint8), "uint8"),
-        (torch.from_numpy(labels), "int64"),
-        (labels.tolist(), "int64"),
-        ((labels == 1).tolist(), "bool"),
-        ([f"class {k}" for k in labels], "<U7"),
-        (np.array([f"class {k}" for k in labels], object), "<U7"),
-        (["a\0" if k else "a" for k in labels], "O"),  # NumPy's own texts lose the null
-        (days, days.dtype),
-    ):
-        model = CorrelationClassifier().fit(frames, given)
-        assert model.predict(frames).dtype == np.dtype(dtype)
-        assert model.predict(frames[:0]).dtype == np.dtype(dtype)
-        assert model.score(frames, given) > 0.9
 
 
 def read_only(frames: Tensor) -> np.ndarray:
@@ -150,15 +97,15 @@ FORMS: dict[str, Callable[[Tensor], Any]] = {
     "list_of_tensors": list,
     "list_of_arrays": lambda frames: list(frames.numpy()),
     "read_only": read_only,
-    "backwards": lambda frames: frames.numpy()[::-1].copy()[::-1],
     "fortran": lambda frames: np.asfortranarray(frames.numpy()),
 }
 
 
 @pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", ["correlation", "ridge", "knn_greys", "softmax"])
 @pytest.mark.parametrize("form", [*FORMS, "lazy"])
-def test_frames_of_any_form_give_the_model_of_the_tensor(model, small, form, lazy):
-    frames, labels = small
+def test_frames_of_any_form_give_the_model_of_the_tensor(name, small, form, lazy):
+    (frames, labels), model = small, make(name)
     given = lazy(frames) if form == "lazy" else FORMS[form](frames)
     other = clone(model).fit(given, labels)
     assert same_state(model.fit(frames, labels), other)
@@ -187,29 +134,6 @@ def test_scikit_learn_validates_it(model, speckle):
     assert scores.mean() > 0.7
 
 
-def test_a_saved_model_is_the_model(model, speckle, tmp_path):
-    frames, labels = speckle(30, (16, 16), 3)
-    path = tmp_path / "model.safetensors"
-    model.fit(frames, named("text", labels))
-    if isinstance(model, SklearnClassifier):
-        with pytest.raises(TypeError, match=r"SklearnClassifier: .* of class RidgeClassifier"):
-            model.save(path)
-        assert not any(tmp_path.iterdir())
-        return
-    model.save(path)
-    assert [file.name for file in tmp_path.iterdir()] == ["model.safetensors"]
-    loaded = type(model).load(path)
-    assert loaded.get_params() == model.get_params()
-    assert vars(loaded).keys() == vars(model).keys()
-    assert same_state(model, loaded)
-    batch = model.read(frames, slice(0, 7))
-    assert torch.equal(model.scores(batch), loaded.scores(batch))
-    assert (loaded.predict(frames) == model.predict(frames)).all()
-    path.write_bytes(path.read_bytes()[:-1])
-    with pytest.raises(ValueError, match=r"model\.safetensors: expected a saved .*, found"):
-        type(model).load(path)
-
-
 def test_can_be_asked_after_every_yield(model, small):
     frames, labels = small
     seen = 0
@@ -224,11 +148,13 @@ def test_can_be_asked_after_every_yield(model, small):
 def test_state_is_the_model_itself(model, small):
     frames, labels = small
     before = model.fit(frames, labels).scores(model.read(frames, slice(0, 40)))
-    for tensor in model.state_tensors().values():
-        flat = tensor.view(-1)  # no copy: what is changed here is changed in the model
-        if tensor.is_floating_point():
+    for name, tensor in model.state_tensors().items():
+        flat = tensor.view(-1)  # no copy: a change here is a change of the model
+        if name == "labels":
+            flat.zero_()
+        elif tensor.is_floating_point():
             flat.mul_(-1)
-        elif tensor.dtype == torch.uint8:
+        elif tensor.dtype in (torch.uint8, torch.int64):
             flat[::2] ^= 255
     after = model.scores(model.read(frames, slice(0, 40)))
     assert not torch.equal(before, after)
@@ -246,26 +172,22 @@ def test_sixteen_bit_frames(model, speckle):
     ("frames", "labels", "message"),
     [
         (torch.zeros(4, 6, 6), [0, 1, 0, 1], "expected uint8 or uint16, found torch.float32"),
-        (torch.full((4, 6, 6), torch.nan), [0, 1, 0, 1], "with NaN or infinite pixels"),
         (torch.zeros(0, 6, 6, dtype=torch.uint8), [], "at least one, found none"),
         (torch.zeros(4, dtype=torch.uint8), [0, 1, 0, 1], r"shape \[N, H, W\] or \[N, D\]"),
         (np.zeros((4, 6, 6)), [0, 1, 0, 1], "expected uint8 or uint16, found torch.float64"),
-        (np.zeros((4, 6, 6), complex), [0, 1, 0, 1], "expected uint8 or uint16, found complex128"),
         (
             [np.zeros((6, 6), np.uint8), np.zeros((6, 5), np.uint8)],
             [0, 1],
-            r"frames\[1\]: .* \[6, 6\] as frames\[0\], found torch.uint8 \[6, 5\]",
+            r"frames\[1\]: expected",
         ),
-        ([], [], "at least one, found none"),
-        (torch.zeros(4, 6, 6, dtype=torch.uint8), [0, 1], r"expected 4 \(one a frame\)"),
+        (torch.zeros(4, 6, 6, dtype=torch.uint8), [0, 1], "labels: expected 4"),
         (torch.zeros(4, 6, 6, dtype=torch.uint8), [1, 1, 1, 1], "two classes, found only 1"),
-        (torch.zeros(3, 6, 6, dtype=torch.uint8), [0.0, np.nan, 1], r"labels\[1\]: .* found nan"),
-        (torch.zeros(2, 6, 6, dtype=torch.uint8), [["a"], ["b"]], "labels: expected hashable"),
+        (torch.zeros(3, 6, 6, dtype=torch.uint8), [0.0, np.nan, 1], r"labels\[1\]: .*NaN"),
     ],
 )
-def test_bad_input_is_named(model, frames, labels, message):
-    with pytest.raises(ValueError, match=message):
-        model.fit(frames, labels)
+def test_bad_input_is_named(frames, labels, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        CorrelationClassifier().fit(frames, labels)
 
 
 def test_queries_are_checked(model, small):
@@ -276,14 +198,12 @@ def test_queries_are_checked(model, small):
         model.predict(small[0].transpose(1, 2))
     with pytest.raises(ValueError, match=r"found \[12, 10\]; one frame is frame\[None\]"):
         model.predict(small[0][0])
-    with pytest.raises(RuntimeError, match="save needs train or fit first"):
-        clone(model).save("nowhere")
 
 
 def test_constructor_only_assigns(model):
     given = {field.name: getattr(model, field.name) for field in dataclasses.fields(model)}
     assert vars(model) == given
-    with pytest.raises(ValueError, match="unknown \\['depth'\\], expected some of"):
+    with pytest.raises(ValueError, match=r"expected some of .* found \['depth'\]"):
         model.set_params(depth=3)
 
 
@@ -313,7 +233,6 @@ def test_imports_only_what_it_uses(module):
         "matplotlib",
         "hydra",
         "scenes",
-        "hdc",
         "experiments",
     ):
         assert other not in modules

@@ -13,12 +13,11 @@ from hdc.command import main
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PAGES = [CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").glob("*.md"))]
-COMMAND = re.compile(r"^(?:\w+=\S+ )*(hdc |python -m |torchrun |pip |make\b).*")
+COMMAND = re.compile(r"^(?:\w+=\S+ )*(hdc |python -m |pip |make\b).*")
 
 NOT_RUN = {
     "pip ": "installs: tests/hdc/command/test_installed.py does",
     "make": "sets up .venv first; its recipes are the commands below",
-    "torchrun ": "starts processes: tests/experiments/protocol/test_ranks.py does",
     "python -m experiments.report": "reads all records: tests/experiments/test_report.py does",
     "hdc live": "waits for a browser: tests/live/test_start.py does",
     "python -m scenes.live": "waits for a browser: tests/live/test_page.py does",

@@ -1,0 +1,275 @@
+"""Products of frames are exact, and every model computed from them is the model of the frames."""
+
+from __future__ import annotations
+
+import doctest
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.neighbors import NearestCentroid
+
+from baselines import dual, integer
+from baselines.correlation import CorrelationClassifier
+from baselines.dual import KERNELS, Descent, Products, scores_from_old
+from baselines.integer import integer_product
+from baselines.mean_image import MeanImage
+from baselines.nearest_neighbour import NearestNeighbour
+from baselines.pixels import fit_scaling
+from baselines.ridge import RidgeReadout
+from baselines.softmax import SoftmaxRegression
+from baselines.softmax_dual import DualSoftmaxRegression
+
+TRAIN, QUERIES = np.arange(40), np.arange(40, 60)
+
+
+def scaled(pixels, frames, labels, n_train=40):
+    """Scaled pixels of all frames, float64 [N, D], the scaling fitted on the first ones."""
+    model = SoftmaxRegression()
+    model.start(frames, labels)
+    scaling = fit_scaling(pixels, model, frames[:n_train])
+    return scaling(model.read(frames, slice(0, len(frames)))).flatten(1).double()
+
+
+def wide(frames):
+    return (frames.to(torch.int32) * 257 + 3).clamp(max=65535).to(torch.uint16)
+
+
+@pytest.mark.parametrize("native", [True, False])
+@pytest.mark.parametrize("k", [1, 1023, 1025, 140_000])
+def test_product_is_exact_at_its_extremes(native, k, monkeypatch):
+    if not native:
+        monkeypatch.setattr(integer, "native_is_exact", lambda: False)
+    a = torch.full((3, k), -128, dtype=torch.int8)
+    a[1] = 127
+    expected = a.numpy().astype(np.int64) @ a.numpy().astype(np.int64).T
+    assert (integer_product(a, a.T).numpy() == expected).all()
+
+
+def test_strides_of_single_rows_and_columns_do_not_matter():
+    """torch._int_mm alone is silently wrong here."""
+    row = torch.arange(-3, 4, dtype=torch.int8)
+    for a in (
+        row[None],
+        row[None].as_strided((1, 7), (0, 1)),
+        row[None].as_strided((1, 7), (1, 1)),
+    ):
+        assert integer_product(a, a.T).item() == 28
+        assert (integer_product(a.T, a).numpy() == np.outer(row, row)).all()
+
+
+def test_a_saturating_product_is_noticed(monkeypatch):
+    def saturating(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
+        return (a.long() @ b.long()).clamp(max=32767).int()
+
+    monkeypatch.setattr(torch, "_int_mm", saturating)
+    integer.native_is_exact.cache_clear()
+    assert not integer.native_is_exact()
+    integer.native_is_exact.cache_clear()
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.integers(1, 5), st.integers(1, 5), st.integers(2, 90), st.booleans(), st.integers(0, 2**32)
+)
+def test_products_and_moments_are_those_of_python_integers(n, m, d, sixteen, seed):
+    top, dtype = (65536, torch.int32) if sixteen else (256, torch.uint8)
+    x = np.random.default_rng(seed).choice([0, 1, top // 2, top - 2, top - 1], (n + m, d))
+    images = torch.from_numpy(x).to(dtype)
+    y = x.astype(object) - dual.constant_of(images)
+    assert (dual.cross_products(images[:n], images[n:]).numpy() == y[:n] @ y[n:].T).all()
+    first, second = dual.moments(images)
+    assert (first.numpy() == y.sum(1)).all()
+    assert (second.numpy() == (y * y).sum(1)).all()
+
+
+def test_nearly_equal_frames_keep_ten_digits():
+    extra = np.random.default_rng(0).integers(0, 2, (6, 40_000))
+    centred = 6 * extra - extra.sum(0)
+    exact = centred @ centred.T / (36 * 255.0**2)
+    frames = torch.from_numpy((200 + extra).astype(np.uint8))
+    gram, _ = Products(frames, np.arange(6), 6).centred(np.arange(6), np.arange(0))
+    np.testing.assert_allclose(gram, exact, atol=1e-10 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("sixteen", [False, True])
+@pytest.mark.parametrize("pixels", KERNELS)
+def test_kernels_are_those_of_scaled_pixels(pixels, sixteen, speckle):
+    frames, labels = speckle(60, (20, 15), 5)
+    frames = wide(frames) if sixteen else frames
+    x = scaled(pixels, frames, labels)
+    products = Products(frames, labels, 5, n_train=40)
+    inside, across = products.kernel(TRAIN, QUERIES, pixels)
+    tolerance = {"rtol": 0, "atol": 1e-6 * float((x @ x.T).abs().max())}
+    np.testing.assert_allclose(inside, x[:40] @ x[:40].T, **tolerance)
+    np.testing.assert_allclose(across, x[40:] @ x[:40].T, **tolerance)
+    centred = products.centred(TRAIN, QUERIES, pixels)[1]
+    x = x - x[:40].mean(0)
+    np.testing.assert_allclose(centred, x[40:] @ x[:40].T, **tolerance)
+
+
+def test_a_constant_frame_is_standardised_to_zeros(speckle):
+    frames, labels = speckle(60, (20, 15), 5)
+    frames[3] = 77
+    assert not scaled("standardised", frames, labels)[3].any()
+    inside, _ = Products(frames, labels, 5).kernel(TRAIN, QUERIES, "standardised")
+    assert not inside[3].any()
+
+
+MODELS = [
+    *(RidgeReadout(alpha=3.0, pixels=pixels) for pixels in KERNELS),
+    *(NearestNeighbour(k=k, pixels=p) for k in (1, 3) for p in ("bits", "raw", "standardised")),
+    DualSoftmaxRegression(C=0.3, pixels="standardised"),
+    MeanImage(pixels="standardised"),
+    CorrelationClassifier(),
+]
+
+
+@pytest.mark.parametrize("model", MODELS, ids=str)
+def test_scores_from_products_are_those_of_the_trained_model(model, speckle):
+    frames, labels = speckle(60, (20, 15), 5)
+    from_products = Products(frames, labels, 5, n_train=40).scores(model, TRAIN, QUERIES)
+    assert not hasattr(model, "classes_"), "the model is left as it was"
+    scores = type(model)(**model.get_params()).fit(frames[:40], labels[:40])
+    scores = scores.scores(torch.as_tensor(frames[40:])).double()
+    if isinstance(model, CorrelationClassifier):  # but for a factor a frame
+        scores, from_products = (x / x.norm(dim=1, keepdim=True) for x in (scores, from_products))
+    torch.testing.assert_close(scores, from_products, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("model", [MeanImage(), CorrelationClassifier(), NearestNeighbour()])
+def test_a_class_without_training_frames_is_never_predicted(model, speckle):
+    frames, labels = speckle(60, (20, 15), 5)
+    train = np.flatnonzero(labels[:40] != 2)
+    scores = Products(frames, labels, 5).scores(model, train, QUERIES)
+    assert set(scores.argmax(1).tolist()) <= {0, 1, 3, 4}
+
+
+@pytest.mark.parametrize("pixels", ["bits", "raw", "standardised"])
+@pytest.mark.parametrize("k", [1, 3, 4])
+def test_the_nearest_neighbours_vote(pixels, k, speckle):
+    frames, labels = speckle(60, (20, 15), 5)
+    x = scaled(pixels, frames, labels).numpy()
+    distances = ((x[40:, None] - x[:40]) ** 2).sum(axis=2).round(9)
+    near = distances.argsort(axis=1, kind="stable")[:, :k]
+    predicted = NearestNeighbour(k=k, pixels=pixels).fit(frames[:40], labels[:40]).predict(frames)
+    for row, label in zip(labels[near], predicted[40:], strict=True):
+        counts = np.bincount(row, minlength=5)
+        assert label == next(c for c in row if counts[c] == counts.max())
+    with pytest.raises(ValueError, match="k: expected an integer from 1, found 0"):
+        NearestNeighbour(k=0).fit(frames, labels)
+
+
+@pytest.mark.parametrize("pixels", ["unit", "standardised", "bits"])
+def test_mean_image_is_the_nearest_centroid(pixels, speckle):
+    frames, labels = speckle(60, (6, 5), 5)
+    x = scaled(pixels, frames, labels).numpy()
+    theirs = NearestCentroid().fit(x[:40], labels[:40]).predict(x[40:])
+    ours = MeanImage(pixels=pixels).fit(frames[:40], labels[:40]).predict(frames[40:])
+    assert (ours == theirs).all()
+
+
+def from_old_by_descent(model, x, y, w, b):
+    """min over W, b of the model's loss of new frames + its penalty on W − W_old, by Newton's
+    method of torch on the weights themselves."""
+    old = w.clone()
+    w, b = w.clone().requires_grad_(), b.clone().requires_grad_()
+    optimizer = torch.optim.LBFGS(
+        [w, b], 1, 2000, tolerance_grad=1e-12, tolerance_change=0, line_search_fn="strong_wolfe"
+    )
+
+    def closure():
+        optimizer.zero_grad()
+        z = x @ w.T + b
+        if isinstance(model, RidgeReadout):
+            target = 2.0 * torch.nn.functional.one_hot(y, len(b)) - 1
+            loss = (z - target).square().sum() + model.alpha * (w - old).square().sum()
+        else:
+            loss = model.C * torch.nn.functional.cross_entropy(z, y, reduction="sum")
+            loss = loss + 0.5 * (w - old).square().sum()
+        loss.backward()
+        return loss
+
+    optimizer.step(closure)
+    return w.detach(), b.detach()
+
+
+@pytest.mark.parametrize("pixels", ["unit", "standardised"])
+@pytest.mark.parametrize("kind", [RidgeReadout, DualSoftmaxRegression])
+def test_an_update_from_old_weights_is_the_optimum_near_them(kind, pixels, speckle):
+    frames, labels = speckle(60, (5, 4), 3)
+    model, new, queries = kind(pixels=pixels), np.arange(40, 46), np.arange(46, 60)
+    x = scaled(pixels, frames, labels)
+    old = kind(pixels=pixels).fit(frames[:40], labels[:40])
+    # The old weights on scaled pixels, from the coefficients.
+    w = old.coefficients_.T @ x[:40]
+    products = Products(frames, labels, 3)
+    b = (products.scores(model, TRAIN, queries) - x[queries] @ w.T).mean(0)
+    w, b = from_old_by_descent(model, x[new], torch.from_numpy(labels[new]), w, b)
+    scores = scores_from_old(products, model, TRAIN, new, queries)
+    torch.testing.assert_close(scores, x[queries] @ w.T + b, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("batch", [None, 7])
+@pytest.mark.parametrize("pixels", ["unit", "standardised"])
+def test_descent_takes_the_steps_of_sgd(batch, pixels, speckle):
+    frames, labels = speckle(60, (9, 7), 5)
+    given = {"pixels": pixels, "optimizer": "SGD", "lr": 0.02, "init": "zeros", "seed": 3}
+    model = SoftmaxRegression(**given, batch_size=batch, max_epochs=3)
+    model.fit(frames[:40], labels[:40])
+    inside, across = Products(frames, labels, 5).kernel(TRAIN, QUERIES, pixels)
+    targets = torch.from_numpy(labels[:40])
+    descent = Descent(torch.cat([inside, across]), targets, 5, 0.02, batch=batch, seed=3)
+    for _ in range(3 * (1 if batch is None else 6)):
+        descent.step()
+    logits = model.scores(torch.as_tensor(frames)).double().detach()
+    torch.testing.assert_close(descent.logits[:, :, 0], logits, rtol=1e-4, atol=1e-5)
+    weights = descent.coefficients[:, :, 0].T @ scaled(pixels, frames, labels)[:40]
+    assert float(descent.squared_weights()) == pytest.approx(float(weights.square().sum()))
+
+
+def test_descent_from_several_starts_with_decay_is_that_of_torch(speckle):
+    frames, labels = speckle(60, (6, 5), 3)
+    x, targets = scaled("unit", frames, labels), torch.from_numpy(labels[:40])
+    w = 0.1 * torch.randn(2, 3, 30, dtype=torch.float64)
+    decays = [0.0, 0.3]
+    inside, across = Products(frames, labels, 3).kernel(TRAIN, QUERIES)
+    descent = Descent(
+        torch.cat([inside, across]),
+        targets,
+        3,
+        0.1,
+        logits=torch.stack([x @ start.T for start in w], dim=2),
+        decay=torch.tensor(decays),
+        decay_intercepts=True,
+    )
+    for _ in range(20):
+        descent.step()
+    for k, decay in enumerate(decays):
+        layer = torch.nn.Linear(30, 3, dtype=torch.float64)
+        with torch.no_grad():
+            layer.weight.copy_(w[k])
+            layer.bias.zero_()
+        optimizer = torch.optim.SGD(layer.parameters(), 0.1, weight_decay=decay)
+        for _ in range(20):
+            optimizer.zero_grad()
+            torch.nn.functional.cross_entropy(layer(x[:40]), targets).backward()
+            optimizer.step()
+        torch.testing.assert_close(descent.logits[:, :, k], layer(x).detach(), rtol=1e-5, atol=1e-6)
+    kept = descent.logits[:, :, 1:].clone()
+    descent.drop(torch.tensor([1]))
+    assert torch.equal(descent.logits, kept)
+
+
+def test_wrong_pixels_and_frames_are_named(speckle):
+    frames, labels = speckle(60, (6, 5), 3)
+    with pytest.raises(ValueError, match=r"pixels: expected one of unit, .* found 'standard'"):
+        RidgeReadout(pixels="standard").fit(frames, labels)
+    with pytest.raises(ValueError, match=r"frames: expected uint8 or uint16, found torch.float32"):
+        Products(frames.float(), labels, 3)
+
+
+def test_the_example_in_the_docstring():
+    assert doctest.testmod(dual).failed == 0
