@@ -9,12 +9,8 @@ of the paths) unless ``--full`` is given: the speckle grains keep their size in 
 from __future__ import annotations
 
 import argparse
-import resource
 import sys
-import time
 from collections.abc import Sequence
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -91,10 +87,10 @@ class SimulatedSensor:
         phases = self._phases(self._missed, self._temperature, self._lengthening)
         return self._exposed(phases, noise)
 
-    def sample(self) -> np.ndarray:
-        return self.fresh(self.touches)
+    def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
+        return [self._sample(touches) for _ in range(n)]
 
-    def fresh(self, touches: Sequence[Touch]) -> np.ndarray:
+    def _sample(self, touches: Sequence[Touch]) -> np.ndarray:
         rng = stream(self._seed, "live fresh", self._fresh)
         self._fresh += 1
         temperature = float(self._room.temperatures(1, rng)[0])
@@ -131,59 +127,17 @@ def _missed(touch: Touch, rng: np.random.Generator) -> Touch:
     )
 
 
-def measure(sensor: SimulatedSensor, seconds: float) -> str:
-    """Teach three classes, press one, and tell how many frames were made; without a browser."""
-    from hdc.live.session import Session
-    from hdc.live.worker import Worker
-
-    worker = Worker(Session(sensor))
-    for name, x in (("left", 28e-3), ("middle", 40e-3), ("right", 52e-3)):
-        place = (Touch(x, 0.0, 1.8e-3),)
-        worker.do(partial(Session.new_class, name=name, n=10, touches=place))
-    worker.do(lambda _: sensor.press(place))
-    worker.start()
-    worker.watch(+1)
-    while len(worker.session.counts) < 3 or worker.waiting:
-        time.sleep(0.1)
-    worker.session.ridge.wait()
-    first, memory, begin = worker.view.number, _megabytes(), time.monotonic()
-    time.sleep(seconds)
-    made, passed = worker.view.number - first, time.monotonic() - begin
-    steps = worker.session.milliseconds.items()
-    worker.stop()
-    return "\n".join(
-        [
-            f"{sensor.shape[0]} × {sensor.shape[1]} pixels, {made} frames in {passed:.0f} s: "
-            f"{made / passed:.1f} a second",
-            "ms: " + ", ".join(f"{step} {took:.1f}" for step, took in steps),
-            f"memory: {memory:.0f} MB, afterwards {_megabytes():.0f} MB",
-        ]
-    )
-
-
-def _megabytes() -> float:
-    """Memory of this process that is in use, in MB (Linux)."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * resource.getpagesize() / 1e6
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m scenes.live", description=__doc__)
     parser.add_argument("--full", action="store_true", help="500 × 500 pixels, as in the scenes")
     parser.add_argument("--seed", type=int, default=0, help="which sensor (default: 0)")
     parser.add_argument("--port", type=int, default=8080, help="default: 8080")
     parser.add_argument("--host", help="address to listen at; others then need the token printed")
-    parser.add_argument(
-        "--measure", type=float, metavar="SECONDS", help="no page: say how fast it would be"
-    )
     given = parser.parse_args(arguments)
     torch.set_num_threads(1)  # the other core is the page's and ridge regression's
     if given.seed < 0:
         parser.error(f"--seed: expected an integer from 0, found {given.seed}")
     sensor = SimulatedSensor(500 if given.full else 250, given.seed)
-    if given.measure is not None:
-        print(measure(sensor, given.measure))
-        return
     from hdc.live.page import serve
 
     try:
