@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import secrets
-from http.cookies import CookieError, SimpleCookie
 from typing import Any
-from urllib.parse import parse_qs
+
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
 
 class Guard:
@@ -24,36 +25,23 @@ class Guard:
         self._app, self._token, self._cookie = app, token, cookie
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        if scope["type"] not in ("http", "websocket"):
-            await self._app(scope, receive, send)
-        elif self._is_token(
-            parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
-        ):
+        answer: Any = self._app
+        if scope["type"] in ("http", "websocket"):
+            request = HTTPConnection(scope)
+            if scope["type"] == "http" and self._is_token(request.query_params.get("token")):
+                answer = RedirectResponse(request.url.path)
+                answer.set_cookie(self._cookie, self._token, httponly=True, samesite="lax")
+            elif not self._is_token(request.cookies.get(self._cookie)):
+                answer = _refuse if scope["type"] == "websocket" else _refusal()
+        await answer(scope, receive, send)
 
-            async def send_with_cookie(message: Any) -> None:
-                if message["type"] == "http.response.start":
-                    cookie = f"{self._cookie}={self._token}; HttpOnly; SameSite=Strict; Path=/"
-                    header = (b"set-cookie", cookie.encode())
-                    message["headers"] = [*message.get("headers", []), header]
-                await send(message)
+    def _is_token(self, text: str | None) -> bool:
+        return secrets.compare_digest((text or "").encode(), self._token.encode())
 
-            await self._app(scope, receive, send_with_cookie)
-        elif self._is_token(self._from_cookie(dict(scope["headers"]).get(b"cookie", b""))):
-            await self._app(scope, receive, send)
-        elif scope["type"] == "websocket":
-            await send({"type": "websocket.close", "code": 1008})
-        else:
-            text = b"Open this page with the address that was printed where it was started."
-            headers = [(b"content-type", b"text/plain; charset=utf-8")]
-            await send({"type": "http.response.start", "status": 403, "headers": headers})
-            await send({"type": "http.response.body", "body": text})
 
-    def _from_cookie(self, header: bytes) -> str:
-        try:
-            cookies = SimpleCookie(header.decode("latin-1"))
-        except CookieError:
-            return ""
-        return cookies[self._cookie].value if self._cookie in cookies else ""
+def _refusal() -> Response:
+    return PlainTextResponse("Open this page with the address that was printed at its start.", 403)
 
-    def _is_token(self, text: str) -> bool:
-        return secrets.compare_digest(text.encode(), self._token.encode())
+
+async def _refuse(scope: Any, receive: Any, send: Any) -> None:
+    await send({"type": "websocket.close", "code": 1008})

@@ -15,19 +15,22 @@ from hdc.live.sources import Pressable, Touch
 NEAR = 2e-3
 """m; a press so near a taught place goes to it, and a touch follows the finger in such steps."""
 # Okabe and Ito's colours, which the colour-blind tell apart, darkened for text.
-_COLOURS = "#0060a0 #a83c00 #007a56 #9a4f7e #7a6a00 #2f7fa8 #555555 #5b3fa0".split()
+_COLOURS = (
+    "#0060a0", "#a83c00", "#007a56", "#9a4f7e", "#7a6a00", "#2f7fa8", "#555555", "#5b3fa0"
+)  # fmt: skip
 _POINTER = """(e) => {
   const pad = e.currentTarget, box = pad.getBoundingClientRect();
   if (e.type === 'pointermove' && !e.buttons) return;
   if (e.type === 'pointerdown') pad.setPointerCapture(e.pointerId);
   emit([e.type, (e.clientX - box.left) / box.width, (e.clientY - box.top) / box.height]);
 }"""
-_SURFACE = """<svg viewBox="0 0 {0:g} {1:g}" role="img" aria-label="the sensor"><rect width="{0:g}"
- height="{1:g}" rx="1.5" fill="#fbe3dc" stroke="#c99" stroke-width=".4"/>"""
-_OPTICS = """<g transform="translate({:.2f} {:.2f})"><rect y="-1" width="3" height="2" fill="#b00020"
-/><text x="4" y="0.9" font-size="2.6" fill="#733">{}</text></g>"""
-_PLACE = """<g transform="translate({:.2f} {:.2f})" stroke="{c}" fill="{c}"><circle r="2" fill="none"
- stroke-width=".6"/><text y="-2.8" text-anchor="middle" font-size="3" stroke="none">{name}</text></g>"""
+_SURFACE = """<svg viewBox="0 0 {0:g} {1:g}" role="img" aria-label="the sensor">
+<rect width="{0:g}" height="{1:g}" rx="1.5" fill="#fbe3dc" stroke="#c99" stroke-width=".4"/>"""
+_OPTICS = """<g transform="translate({:.2f} {:.2f})"><rect y="-1" width="3" height="2"
+ fill="#b00020"/><text x="4" y="0.9" font-size="2.6" fill="#733">{}</text></g>"""
+_PLACE = """<g transform="translate({:.2f} {:.2f})" stroke="{c}" fill="{c}">
+<circle r="2" fill="none" stroke-width=".6"/>
+<text y="-2.8" text-anchor="middle" font-size="3" stroke="none">{name}</text></g>"""
 _TOUCH = '<circle cx="{:.2f}" cy="{:.2f}" r="{:.2f}" fill="#222" fill-opacity=".55"/>'
 _CROSS = """<g class="cross" transform="translate({:.2f} {:.2f})" fill="none" stroke="#000"><path
  d="M-3 0H3M0-3V3" stroke-width=".5"/><ellipse rx="{:.2f}" ry="{:.2f}" stroke-width=".2"/></g>"""
@@ -35,7 +38,17 @@ _CROSS = """<g class="cross" transform="translate({:.2f} {:.2f})" fill="none" st
 
 def colour(names: Sequence[str], name: str | None) -> str:
     """The colour of a class among others."""
-    return _COLOURS[list(names).index(name) % len(_COLOURS)] if name in names else "#222222"
+    return _COLOURS[names.index(name) % len(_COLOURS)] if name in names else "#222222"
+
+
+def slider(name: str, low: float, high: float, step: float, value: float, text: str) -> ui.slider:
+    """A slider between its name and its value."""
+    with ui.element("div").classes("row").style("flex-wrap: nowrap"):
+        ui.label(name).classes("small")
+        made = ui.slider(min=low, max=high, step=step, value=value).props(f'aria-label="{name}"')
+        label = ui.label().classes("small numbers").style("white-space: nowrap")
+        label.bind_text_from(made, "value", text.format)
+    return made
 
 
 class Pad:
@@ -58,14 +71,11 @@ class Pad:
             f"The silicone from above, {source.length * 1e3:.0f} × {source.width * 1e3:.0f} mm: "
             "press it. Near the ring of a class the robot returns to where it was taught."
         ).classes("small")
-        with ui.element("div").classes("row").style("flex-wrap: nowrap"):
-            ui.label("depth").classes("small")
-            self._depth = ui.slider(min=0.1, max=source.deepest * 1e3, step=0.1, value=1.8)
-            self._depth.props('aria-label="depth in millimetres"')
-            self._depth.on("update:model-value", self._deeper, throttle=0.1)
-            text = ui.label().classes("small numbers").style("white-space: nowrap")
-            text.bind_text_from(self._depth, "value", lambda mm: f"{mm:.1f} mm")
-        ui.button("Lift off", on_click=lambda: self._press()).props("no-caps outline dense")
+        self._depth = slider("depth", 0.1, source.deepest * 1e3, 0.1, 1.8, "{:.1f} mm")
+        self._depth.on("update:model-value", self._deeper, throttle=0.1)
+        ui.button("Lift off", on_click=lambda: self._press()).props(
+            "no-caps outline dense padding='4px 10px'"
+        ).style("align-self: flex-start")
 
     def show(self, values: Sequence[tuple[float, float, float]]) -> None:
         """Draw taught places, touches, and the predicted place (x, y) with its interval in mm."""
@@ -77,8 +87,7 @@ class Pad:
             for t in touches:
                 look = {"c": colour(names, name), "name": html.escape(name)}
                 drawn.append(_PLACE.format(*self._at(t.x, t.y), **look))
-        for t in source.touches:
-            drawn.append(_TOUCH.format(*self._at(t.x, t.y), 1 + 900 * t.depth))
+        drawn += [_TOUCH.format(*self._at(t.x, t.y), 1 + 900 * t.depth) for t in source.touches]
         if len(values) == 2:
             (x, *of_x), (y, *of_y) = values
             half = (of_x[1] - of_x[0]) / 2, (of_y[1] - of_y[0]) / 2

@@ -1,7 +1,7 @@
 """The model that the page teaches, and the frames it was taught with; no threads, no browser.
 
-The model is always trained anew from the kept lessons: the first trains it, each later one
-recalibrates it. That takes milliseconds, and makes forgetting a class, switching the read-out and
+The model is always trained anew from the kept samples, and recalibrated by those of each
+recalibration. That takes milliseconds, and makes forgetting a class, switching the read-out and
 learning after a recalibration the same simple operation. An operation that is refused raises
 ValueError, whose text the page shows, and changes nothing.
 """
@@ -55,28 +55,16 @@ class Answer:
 
 @dataclass(frozen=True)
 class Sample:
-    """A frame with its label, and with its position or number where that is known."""
+    """A frame with its label, and with its position or number where that is known.
+
+    Attributes:
+        lesson: 0: it trains the model; k: it belongs to the k-th recalibration.
+    """
 
     frame: np.ndarray
     label: str
     value: tuple[float, ...] | None
-
-
-@dataclass(frozen=True)
-class Lesson:
-    """Samples, and the arguments with which they recalibrate the model."""
-
-    samples: tuple[Sample, ...] = ()
-    p: float = 0.0
-    method: str = ""
-
-    @property
-    def frames(self) -> np.ndarray:
-        return np.stack([sample.frame for sample in self.samples])
-
-    @property
-    def labels(self) -> list[str]:
-        return [sample.label for sample in self.samples]
+    lesson: int
 
 
 @dataclass
@@ -101,7 +89,8 @@ class Session:
     version: int = 0
 
     def __post_init__(self) -> None:
-        self._lessons: tuple[Lesson, ...] = (Lesson(),)
+        self._samples: list[Sample] = []
+        self._recalibrations: list[tuple[float, str]] = []  # p and method of each
         self._file: bytes | None = None  # of a loaded model, which training starts from
         self._regressor: Any = None
         self._tests: deque[bool] = deque(maxlen=RECENT)
@@ -150,17 +139,17 @@ class Session:
         taught = [name for name in self.counts if name in self.places]
         if isinstance(self.source, Pressable) and len(taught) > 1:
             name = taught[self._tested % len(taught)]
-            self._count(name, self.source.samples(1, self.places[name]))
+            self._count(self._take(name, 1, self.places[name], 0))
 
-    def _count(self, name: str, frames: Sequence[np.ndarray]) -> None:
-        for answer in map(self.ask, frames):
-            if answer is not None:
+    def _count(self, samples: list[Sample]) -> None:
+        for sample in samples:
+            if answer := self.ask(sample.frame):
                 self._tested += 1
-                self._tests.append(answer.label == name)
+                self._tests.append(answer.label == sample.label)
 
     # Teaching ------------------------------------------------------------------------------------
 
-    def new_class(self, name: str, n: int, touches: Sequence[Touch] = ()) -> None:
+    def new_class(self, name: str, n: int) -> None:
         """Learn up to n samples of the present touch or scene as a new class."""
         name = name.strip()
         if not _is_name(name):
@@ -169,62 +158,55 @@ class Session:
             raise ValueError(f"There is a class “{name}” already: choose another name.")
         if len(self.counts) >= MOST_CLASSES:
             raise ValueError(f"There are {MOST_CLASSES} classes, as many as the page shows.")
-        self._learn(name, n, touches)
+        self._learn(name, n)
         if self.places:
             self._tests.clear()
 
-    def add(self, name: str, n: int, touches: Sequence[Touch] = ()) -> None:
+    def add(self, name: str, n: int) -> None:
         """Learn up to n more samples of the present touch or scene."""
         self._check_known(name)
-        self._learn(name, n, touches)
+        self._learn(name, n)
 
-    def _learn(self, name: str, n: int, touches: Sequence[Touch]) -> None:
-        samples = self._samples(name, n, touches)
-        if not isinstance(self.source, Pressable) and name in self.counts:
-            self._count(name, [sample.frame for sample in samples])
+    def _learn(self, name: str, n: int) -> None:
         # Samples join the latest recalibration of their class: they are of today, too.
-        place = max((i for i, x in enumerate(self._lessons) if name in x.labels), default=0)
-        lessons = list(self._lessons)
-        lessons[place] = replace(lessons[place], samples=lessons[place].samples + samples)
-        self._train(lessons)
+        lesson = max((s.lesson for s in self._samples if s.label == name), default=0)
+        samples = self._take(name, n, self._touches, lesson)
+        if not isinstance(self.source, Pressable) and name in self.counts:
+            self._count(samples)
+        self._train(self._samples + samples)
         if isinstance(self.source, Pressable):
-            self.places = self.places | {name: tuple(touches)}
+            self.places = self.places | {name: self._touches}
 
-    def recalibrate(
-        self, names: Sequence[str], n: int, p: float, method: str, touches: Sequence[Touch] | None
-    ) -> None:
-        """Recalibrate classes by n new samples of each.
+    def recalibrate(self, name: str | None, n: int, p: float, method: str) -> None:
+        """Recalibrate a class by n samples of the present touch or scene.
 
         Args:
-            names: the classes.
-            n: samples of each.
+            name: of the class; None: all of them, each touched where it was taught.
+            n: samples of each class.
             p, method: see :meth:`hdc.HDCClassifier.recalibrate`.
-            touches: the present ones; None: each class is touched where it was taught.
         """
         if len(self.counts) < 2:
             raise ValueError("There is nothing to recalibrate yet: teach two classes first.")
-        samples: tuple[Sample, ...] = ()
-        for name in names:
-            self._check_known(name)
-            if touches is None and name not in self.places:
-                raise ValueError(f"The place of “{name}” is not known: recalibrate it in its row.")
-            place = self.places[name] if touches is None else touches
-            samples += self._samples(name, n, place)
-        self._train([*self._lessons, Lesson(samples, p, method)])
+        samples: list[Sample] = []
+        for label in self.counts if name is None else [name]:
+            self._check_known(label)
+            if name is None and label not in self.places:
+                raise ValueError(f"The place of “{label}” is not known: recalibrate it in its row.")
+            place = self.places[label] if name is None else self._touches
+            samples += self._take(label, n, place, len(self._recalibrations) + 1)
+        self._train(self._samples + samples, [*self._recalibrations, (p, method)])
         self._tests.clear()
 
     def forget(self, name: str | None) -> None:
         """Forget a class, or (None) all of them."""
         if name is None:
             self._file, self.places = None, {}
-            self._train([Lesson()])
+            self._train([], [])
         else:
             self._check_known(name)
             if self._file:
                 raise ValueError("A loaded model has no frames: it forgets everything or nothing.")
-            kept = [tuple(s for s in x.samples if s.label != name) for x in self._lessons]
-            left = [replace(x, samples=s) for x, s in zip(self._lessons, kept, strict=True)]
-            self._train([left[0], *(lesson for lesson in left[1:] if lesson.samples)])
+            self._train([sample for sample in self._samples if sample.label != name])
             self.places = {n: place for n, place in self.places.items() if n != name}
         self._tests.clear()
 
@@ -232,7 +214,7 @@ class Session:
         """Switch the read-out, trained on the same frames."""
         if self._file and readout != self.readout:
             raise ValueError("A loaded model has no frames to train another read-out with.")
-        self._train(self._lessons, readout)
+        self._train(self._samples, readout=readout)
         self._tests.clear()
 
     def drift(self, kelvin: float) -> None:
@@ -241,53 +223,62 @@ class Session:
             self.source.offset = within(kelvin, 0.0, self.source.most)
             self._tests.clear()
 
-    def _samples(self, name: str, n: int, touches: Sequence[Touch]) -> tuple[Sample, ...]:
-        if n + sum(len(lesson.samples) for lesson in self._lessons) > MOST_SAMPLES:
+    @property
+    def _touches(self) -> tuple[Touch, ...]:
+        return self.source.touches if isinstance(self.source, Pressable) else ()
+
+    def _take(self, name: str, n: int, touches: tuple[Touch, ...], lesson: int) -> list[Sample]:
+        if n + len(self._samples) > MOST_SAMPLES:
             raise ValueError(
                 f"The page keeps {MOST_SAMPLES} samples: forget a class, or everything."
             )
         value: tuple[float, ...] | None = None
-        if isinstance(self.source, Pressable):
-            if len(touches) == 1:
-                value = 1e3 * touches[0].x, 1e3 * touches[0].y
+        if len(touches) == 1:
+            value = 1e3 * touches[0].x, 1e3 * touches[0].y
         elif number := re.fullmatch(r"([-+]?\d+(?:\.\d+)?)\s*(\D*)", name):
             value, self.unit = (float(number[1]),), number[2]
-        return tuple(Sample(frame, name, value) for frame in self.source.samples(n, touches))
+        return [Sample(frame, name, value, lesson) for frame in self.source.samples(n, touches)]
 
     def _check_known(self, name: str) -> None:
         if name not in self.counts:
             raise ValueError(f"There is no class “{name}” any more.")
 
-    def _train(self, lessons: Sequence[Lesson], readout: str | None = None) -> None:
-        """Train on these lessons and keep them; where that raises, nothing changes."""
-        readout, first = readout or self.readout, lessons[0]
+    def _train(
+        self,
+        samples: list[Sample],
+        recalibrations: list[tuple[float, str]] | None = None,
+        readout: str | None = None,
+    ) -> None:
+        """Train on these samples and keep them; where that raises, nothing changes."""
+        recalibrations = self._recalibrations if recalibrations is None else recalibrations
+        readout = readout or self.readout
         parameters: dict[str, Any] = {"readout": readout} if len(READOUTS) > 1 else {}
-        model = None if self._file is None else _read(self._file)
-        counts = {} if model is None else dict(zip(*_classes(model), strict=True))
-        if model is None and len(set(first.labels)) > 1:
-            model = HDCClassifier(**parameters).fit(first.frames, first.labels)
-        elif first.samples:  # a single class has no read-out yet, but a prototype to show
-            model = (model or HDCClassifier()).partial_fit(first.frames, first.labels)
-        for seed, x in enumerate(lessons[1:]):
-            assert model is not None
-            model.recalibrate(x.frames, x.labels, x.p, seed=seed, method=x.method)
-        samples = [sample for lesson in lessons for sample in lesson.samples]
+        model: Any = None if self._file is None else _read(self._file)
+        counts = Counter({} if model is None else _counts(model))
+        for lesson, (p, method) in enumerate([(0.0, ""), *recalibrations]):
+            chosen = [sample for sample in samples if sample.lesson == lesson]
+            frames, labels = [s.frame for s in chosen], [s.label for s in chosen]
+            if lesson and chosen:
+                model.recalibrate(np.stack(frames), labels, p, seed=lesson, method=method)
+            elif model is None and len(set(labels)) > 1:
+                model = HDCClassifier(**parameters).fit(np.stack(frames), labels)
+            elif chosen:  # a single class has no read-out yet, but a prototype to show
+                model = (model or HDCClassifier()).partial_fit(np.stack(frames), labels)
         self._regressor = self._fitted_to_values(samples)
-        self._lessons, self.model, self.readout = tuple(lessons), model, readout
-        taught = Counter(sample.label for sample in samples)
-        self.counts = {n: counts.get(n, 0) + taught[n] for n in [*counts, *taught]}
+        self._samples, self._recalibrations = samples, recalibrations
+        self.model, self.readout = model, readout
+        counts.update(sample.label for sample in samples)
+        self.counts = dict(counts)
         self.version += 1
 
-    def _fitted_to_values(self, samples: Sequence[Sample]) -> Any:
-        """A regressor of the samples' values; None where they have fewer than two."""
-        known = [sample for sample in samples if sample.value is not None]
-        if not isinstance(self.source, Pressable) and len(known) < len(samples):
-            return None  # names, not numbers
-        if not HAS_VALUES or len({sample.value for sample in known}) < 2:
+    def _fitted_to_values(self, samples: list[Sample]) -> Any:
+        """A regressor of the samples' values; None where one has none, or all have the same."""
+        values = {sample.value for sample in samples}
+        if not HAS_VALUES or None in values or len(values) < 2 or len(set(map(len, values))) > 1:
             return None
         library: Any = hdc
-        values = np.array([sample.value for sample in known])
-        return library.HDCRegressor().fit(Lesson(tuple(known)).frames, values)
+        frames = np.stack([sample.frame for sample in samples])
+        return library.HDCRegressor().fit(frames, np.array([sample.value for sample in samples]))
 
     # Files ---------------------------------------------------------------------------------------
 
@@ -305,12 +296,12 @@ class Session:
         """Go on with the model of such a file."""
         try:
             model = _read(content)
-            shape, (names, _) = model.frame_shape_, _classes(model)
+            shape, names = model.frame_shape_, list(_counts(model))
             # A file may load and still fail to predict: find out before all pages depend on it.
             _answer(model, np.arange(model.dimension_).reshape(shape))
         except Exception as error:
-            reason = (str(error).splitlines() or [repr(error)])[0][:200]
-            raise ValueError(f"This file is no model that can be used: {reason}") from None
+            reason = str(error).partition("model: ")[2] or repr(error)
+            raise ValueError(f"This file is no model that can be used: {reason:.200}") from None
         if shape != self.source.shape:
             size, here = (" × ".join(map(str, x)) for x in (shape, self.source.shape))
             raise ValueError(f"This model is of frames of {size} pixels; here they have {here}.")
@@ -319,9 +310,8 @@ class Session:
                 f"The page shows up to {MOST_CLASSES} classes with names of 1 to {MOST_LETTERS} "
                 f"letters; this model has {len(names)}: {', '.join(map(repr, names))[:100]}"
             )
-        self._file = content
-        self._train([Lesson()], model.get_params().get("readout", "prototype"))
-        self.places = _places(model.metadata_.get("places"), names)
+        self._file, self.places = content, _places(model.metadata_.get("places"), names)
+        self._train([], [], model.get_params().get("readout", "prototype"))
         self._tests.clear()
 
 
@@ -335,19 +325,15 @@ def _answer(model: Any, frame: np.ndarray) -> Answer:
     return Answer(label, likely, dict(zip(model.classes_.tolist(), distances, strict=True)))
 
 
-def _classes(model: HDCClassifier) -> tuple[list[str], list[int]]:
-    """Names of the classes, and their numbers of samples."""
-    return model.classes_.tolist(), model.counts_.tolist()
+def _counts(model: HDCClassifier) -> dict[str, int]:
+    return dict(zip(model.classes_.tolist(), model.counts_.tolist(), strict=True))
 
 
 def _read(content: bytes) -> HDCClassifier:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model"
         path.write_bytes(content)
-        try:
-            return HDCClassifier.load(path)
-        except ValueError as error:
-            raise ValueError(str(error).removeprefix(f"{path}: ")) from None
+        return HDCClassifier.load(path)
 
 
 def _places(saved: Any, names: Sequence[str]) -> dict[str, tuple[Touch, ...]]:
@@ -361,12 +347,8 @@ def _places(saved: Any, names: Sequence[str]) -> dict[str, tuple[Touch, ...]]:
 
 
 def within(value: Any, low: float, high: float) -> float:
-    """A number from a browser, clipped to [low, high]; low for anything that is no number."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        return low
-    return min(max(number, low), high) if number == number else low
+    """A number from a browser, clipped to [low, high]; NaN becomes low."""
+    return min(max(low, float(value)), high)
 
 
 def _is_name(name: object) -> bool:

@@ -145,17 +145,16 @@ class Recorded:
     def label(self) -> str:
         return self.classes[self._labels[max(0, self._place)]]
 
-    @property
-    def position(self) -> str:
-        """Frame number and number of frames."""
-        return f"frame {max(0, self._place) + 1} of {len(self._order)}"
-
     def frame(self) -> np.ndarray:
         time.sleep(max(0.0, self._due - time.monotonic()))
         self._due = time.monotonic() + self._seconds_a_frame
         if self.playing or self._place < 0:
             self._place = (self._place + 1) % len(self._order)
-        return self._frame()
+        return self._recording.frames(self._order[[self._place]])[0]
+
+    def play(self) -> None:
+        """Play, or pause."""
+        self.playing = not self.playing
 
     def step(self, frames: int) -> None:
         """Pause, this many frames ahead (or, negative, back)."""
@@ -172,6 +171,3 @@ class Recorded:
         places = ahead[self._labels[ahead] == self._labels[max(0, self._place)]][:n]
         self._place = int(places[-1])
         return list(self._recording.frames(self._order[places]))
-
-    def _frame(self) -> np.ndarray:
-        return self._recording.frames(self._order[[self._place]])[0]
