@@ -139,13 +139,9 @@ class Page:
                     f"{self._source.note} All who open this page share this sensor and its model."
                 )
                 ui.label(text).style("flex-basis: 100%")
-            for fill in (self._see, self._teach):
+            for fill in (self._see, self._teach, self._adapt):
                 with _div("card"):
                     fill()
-            with _div("stack"):
-                for fill in (self._adapt, self._judge):
-                    with _div("card"):
-                        fill()
         ui.timer(REFRESH, self._refresh)
 
     # Layout --------------------------------------------------------------------------------------
@@ -166,11 +162,19 @@ class Page:
                 _icon("skip_previous", "one frame back", self._doing(lambda s: source.step(-1)))
                 _icon("play_arrow", "play or pause", self._doing(lambda s: source.play()))
                 _icon("skip_next", "one frame ahead", self._doing(lambda s: source.step(+1)))
-                go = ui.select(list(source.classes), label="go to class").props("dense outlined")
-                go.classes("grow").on_value_change(lambda e: self._do(lambda s: source.go(e.value)))
+            with _div("row"):
+                _small("go to")
+                for name in source.classes:
+                    _button(name, partial(self._do, lambda s, name=name: source.go(name)))
         self._label = _small()
         _heading("h2", "The model says")
         self._answer, self._beside = ui.label().classes("answer").mark("answer"), _small()
+        self._accuracy = ui.label().mark("accuracy")
+        tested = "new touches" if self._pressable else "samples, each predicted before it is learnt"
+        _small(
+            f"Accuracy on the latest {RECENT} {tested}; “none of these” counts as wrong. Drift, "
+            "recalibration and another read-out start the count anew."
+        )
 
     def _teach(self) -> None:
         _heading("h2", "2. Teach it")
@@ -186,7 +190,8 @@ class Page:
             ui.button("New class", on_click=self._new_class).props("no-caps")
         self._classes = _div("stack")
         self._axis = _small()
-        with _div("row"):
+        with _div("row") as row:
+            row.set_visibility(len(READOUTS) > 1)
             _small("read-out")
             self._readout = ui.toggle(list(READOUTS), value=self._session.readout)
             self._readout.props("no-caps dense")
@@ -228,15 +233,6 @@ class Page:
         else:
             _small("Show it a class again and press “recalibrate” in its row.")
 
-    def _judge(self) -> None:
-        _heading("h2", "4. How good is it?")
-        self._accuracy = ui.label().mark("accuracy")
-        tested = "new touches" if self._pressable else "samples, each predicted before it is learnt"
-        _small(
-            f"Accuracy on the latest {RECENT} {tested}; “none of these” counts as wrong. Drift, "
-            "recalibration and another read-out start the count anew."
-        )
-
     # Jobs ----------------------------------------------------------------------------------------
 
     async def _do(self, job: Job) -> Any:
@@ -256,7 +252,7 @@ class Page:
     async def _new_class(self) -> None:
         name = self._name.value or self._worker.view.label or ""
         self._name.set_value("")
-        await self._do(lambda session: session.new_class(name, SAMPLES))
+        await self._do(lambda session: session.learn(name, SAMPLES, new=True))
 
     async def _recalibrate(self, name: str | None = None) -> None:
         p, method = self._p.value, self._method.value
@@ -284,8 +280,9 @@ class Page:
         if view.version != self._version:
             self._version = view.version
             self._show_classes(view)
+        if not self._worker.busy:
             self._readout.set_value(session.readout)
-        text, beside = _in_words(answer, session.unit)
+        text, beside = _in_words(answer, " mm" if self._pressable else "")
         if answer is None:
             text = f"nothing yet: teach it {'one more class' if names else 'two classes'}"
         text = view.error or ("learning …" if self._worker.busy else text)
@@ -299,7 +296,8 @@ class Page:
                 label, bar = self._rows[name]
                 _say(label, f"· distance {min(distance, 1):.3f}")
                 bar.style(f"width: {100 * max(0.0, 1 - 2 * distance):.1f}%")
-        right, n = session.tests
+        tests = list(session.tests)
+        right, n = sum(tests), len(tests)
         accuracy = f"{right} of the latest {n} right ({right / n:.0%})" if n else "not tested yet"
         _say(self._accuracy, accuracy)
         if isinstance(source, Pressable):
@@ -316,7 +314,7 @@ class Page:
         self._rows = {}
         for name, picture in view.prototypes.items():
             look = colour(list(counts), name)
-            add: Job = partial(Session.add, name=name, n=SAMPLES)
+            add: Job = partial(Session.learn, name=name, n=SAMPLES)
             forget: Job = partial(Session.forget, name=name)
             with self._classes, _div("class").mark(f"class {name}"):
                 data = base64.b64encode(picture).decode()
@@ -342,7 +340,7 @@ def _in_words(answer: Answer | None, unit: str) -> tuple[str, str]:
     if answer.likely is not None:
         lines.append(f"{1 - ALPHA:.0%} prediction set: {', '.join(answer.likely) or 'none'}.")
     if answer.values:
-        each = (f"{value:.1f} {unit} [{low:.1f}, {high:.1f}]" for value, low, high in answer.values)
+        each = (f"{value:.1f}{unit} [{low:.1f}, {high:.1f}]" for value, low, high in answer.values)
         lines.append(f"Value: {', '.join(each)}.")
     return "none of these" if answer.label is None else answer.label, " ".join(lines)
 

@@ -12,9 +12,9 @@ import re
 import tempfile
 from collections import Counter, deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,7 @@ RECENT = 20
 """Tests behind the accuracy that is shown."""
 ALPHA = 0.1
 """Error rate of prediction sets: they miss the true class in one of ten frames."""
+_NUMBER = re.compile(r"([-+]?\d+(?:\.\d+)?)\s*[^\d\s]*")  # "1.5" or "1.5 mm"
 
 # Parts of the library that the page shows where they are there.
 HAS_SETS = hasattr(HDCClassifier, "predict_set")
@@ -53,47 +54,46 @@ class Answer:
     values: tuple[tuple[float, float, float], ...] = ()
 
 
-@dataclass(frozen=True)
-class Sample:
-    """A frame with its label, and with its position or number where that is known.
+class Lesson(NamedTuple):
+    """Samples of lesson 0 train the model; those of a later one recalibrate it by p and method."""
 
-    Attributes:
-        lesson: 0: it trains the model; k: it belongs to the k-th recalibration.
-    """
+    number: int = 0
+    p: float = 0.0
+    method: str = ""
+
+
+class Sample(NamedTuple):
+    """A frame with its label, and with its position or number where that is known."""
 
     frame: np.ndarray
     label: str
     value: tuple[float, ...] | None
-    lesson: int
+    lesson: Lesson
 
 
-@dataclass
 class Session:
     """One model, taught by frames of one source.
 
     Attributes:
+        source: of the frames.
         model: None until a class is taught.
         readout: of the model.
         counts: samples of each class, in the order they were taught; replaced, never changed.
         places: touches of each class, for a source that can be pressed.
-        unit: of taught values.
+        tests: whether the latest tests were right.
         version: grows whenever the model changes.
     """
 
-    source: Source
-    model: Any = None
-    readout: str = "prototype"
-    counts: dict[str, int] = field(default_factory=dict)
-    places: dict[str, tuple[Touch, ...]] = field(default_factory=dict)
-    unit: str = "mm"
-    version: int = 0
-
-    def __post_init__(self) -> None:
+    def __init__(self, source: Source) -> None:
+        self.source, self.readout = source, READOUTS[0]
+        self.model: Any = None
+        self.counts: dict[str, int] = {}
+        self.places: dict[str, tuple[Touch, ...]] = {}
+        self.tests: deque[bool] = deque(maxlen=RECENT)
+        self.version = 0
         self._samples: list[Sample] = []
-        self._recalibrations: list[tuple[float, str]] = []  # p and method of each
         self._file: bytes | None = None  # of a loaded model, which training starts from
         self._regressor: Any = None
-        self._tests: deque[bool] = deque(maxlen=RECENT)
         self._tested = 0
 
     # Prediction ----------------------------------------------------------------------------------
@@ -116,9 +116,8 @@ class Session:
         if self._regressor is None:
             return answer
         each = self._regressor.predict(frame[None], return_interval=True)
-        return replace(
-            answer, values=tuple(zip(*(np.ravel(x).tolist() for x in each), strict=True))
-        )
+        values = zip(*(np.ravel(x).tolist() for x in each), strict=True)
+        return replace(answer, values=tuple(values))
 
     def prototypes(self) -> dict[str, np.ndarray]:
         """Bits of each class's prototype, bool [H, W]."""
@@ -128,54 +127,42 @@ class Session:
         classes = self.model.classes_.tolist()
         return dict(zip(classes, planes.reshape(-1, *self.source.shape), strict=True))
 
-    @property
-    def tests(self) -> tuple[int, int]:
-        """How many of the latest tests the model got right, and how many there were."""
-        tests = list(self._tests)
-        return sum(tests), len(tests)
-
     def test(self) -> None:
         """Test the model on one new touch of a taught class, if the source can be pressed."""
         taught = [name for name in self.counts if name in self.places]
         if isinstance(self.source, Pressable) and len(taught) > 1:
             name = taught[self._tested % len(taught)]
-            self._count(self._take(name, 1, self.places[name], 0))
+            self._count(self._take(name, 1, self.places[name], Lesson()))
 
     def _count(self, samples: list[Sample]) -> None:
         for sample in samples:
             if answer := self.ask(sample.frame):
                 self._tested += 1
-                self._tests.append(answer.label == sample.label)
+                self.tests.append(answer.label == sample.label)
 
     # Teaching ------------------------------------------------------------------------------------
 
-    def new_class(self, name: str, n: int) -> None:
-        """Learn up to n samples of the present touch or scene as a new class."""
-        name = name.strip()
-        if not _is_name(name):
+    def learn(self, name: str, n: int, new: bool = False) -> None:
+        """Learn up to n samples of the present touch or scene, as a new class or as a known one."""
+        if not new:
+            self._check_known(name)
+        elif not _is_name(name := name.strip()):
             raise ValueError(f"A class needs a name of 1 to {MOST_LETTERS} letters.")
-        if name in self.counts:
+        elif name in self.counts:
             raise ValueError(f"There is a class “{name}” already: choose another name.")
-        if len(self.counts) >= MOST_CLASSES:
+        elif len(self.counts) >= MOST_CLASSES:
             raise ValueError(f"There are {MOST_CLASSES} classes, as many as the page shows.")
-        self._learn(name, n)
-        if self.places:
-            self._tests.clear()
-
-    def add(self, name: str, n: int) -> None:
-        """Learn up to n more samples of the present touch or scene."""
-        self._check_known(name)
-        self._learn(name, n)
-
-    def _learn(self, name: str, n: int) -> None:
         # Samples join the latest recalibration of their class: they are of today, too.
-        lesson = max((s.lesson for s in self._samples if s.label == name), default=0)
+        lesson = max((s.lesson for s in self._samples if s.label == name), default=Lesson())
         samples = self._take(name, n, self._touches, lesson)
-        if not isinstance(self.source, Pressable) and name in self.counts:
+        pressed = isinstance(self.source, Pressable)
+        if not new and not pressed:
             self._count(samples)
         self._train(self._samples + samples)
-        if isinstance(self.source, Pressable):
+        if pressed:
             self.places = self.places | {name: self._touches}
+        if new and pressed:
+            self.tests.clear()
 
     def recalibrate(self, name: str | None, n: int, p: float, method: str) -> None:
         """Recalibrate a class by n samples of the present touch or scene.
@@ -188,97 +175,84 @@ class Session:
         if len(self.counts) < 2:
             raise ValueError("There is nothing to recalibrate yet: teach two classes first.")
         samples: list[Sample] = []
+        lesson = Lesson(max((s.lesson.number for s in self._samples), default=0) + 1, p, method)
         for label in self.counts if name is None else [name]:
             self._check_known(label)
             if name is None and label not in self.places:
                 raise ValueError(f"The place of “{label}” is not known: recalibrate it in its row.")
             place = self.places[label] if name is None else self._touches
-            samples += self._take(label, n, place, len(self._recalibrations) + 1)
-        self._train(self._samples + samples, [*self._recalibrations, (p, method)])
-        self._tests.clear()
+            samples += self._take(label, n, place, lesson)
+        self._train(self._samples + samples)
+        self.tests.clear()
 
     def forget(self, name: str | None) -> None:
         """Forget a class, or (None) all of them."""
         if name is None:
             self._file, self.places = None, {}
-            self._train([], [])
+            self._train([])
         else:
             self._check_known(name)
             if self._file:
                 raise ValueError("A loaded model has no frames: it forgets everything or nothing.")
             self._train([sample for sample in self._samples if sample.label != name])
             self.places = {n: place for n, place in self.places.items() if n != name}
-        self._tests.clear()
+        self.tests.clear()
 
     def use(self, readout: str) -> None:
         """Switch the read-out, trained on the same frames."""
-        if self._file and readout != self.readout:
+        if readout == self.readout:
+            return
+        if self._file:
             raise ValueError("A loaded model has no frames to train another read-out with.")
-        self._train(self._samples, readout=readout)
-        self._tests.clear()
+        self._train(self._samples, readout)
+        self.tests.clear()
 
     def drift(self, kelvin: float) -> None:
         """Set the drift of a sensor that can be pressed."""
         if isinstance(self.source, Pressable):
             self.source.offset = within(kelvin, 0.0, self.source.most)
-            self._tests.clear()
+            self.tests.clear()
 
     @property
     def _touches(self) -> tuple[Touch, ...]:
         return self.source.touches if isinstance(self.source, Pressable) else ()
 
-    def _take(self, name: str, n: int, touches: tuple[Touch, ...], lesson: int) -> list[Sample]:
+    def _take(self, name: str, n: int, touches: tuple[Touch, ...], lesson: Lesson) -> list[Sample]:
         if n + len(self._samples) > MOST_SAMPLES:
-            raise ValueError(
-                f"The page keeps {MOST_SAMPLES} samples: forget a class, or everything."
-            )
+            raise ValueError(f"The page keeps {MOST_SAMPLES} samples: forget a class or all.")
         value: tuple[float, ...] | None = None
         if len(touches) == 1:
             value = 1e3 * touches[0].x, 1e3 * touches[0].y
-        elif number := re.fullmatch(r"([-+]?\d+(?:\.\d+)?)\s*(\D*)", name):
-            value, self.unit = (float(number[1]),), number[2]
+        elif not isinstance(self.source, Pressable) and (number := _NUMBER.fullmatch(name)):
+            value = (float(number[1]),)
         return [Sample(frame, name, value, lesson) for frame in self.source.samples(n, touches)]
 
     def _check_known(self, name: str) -> None:
         if name not in self.counts:
             raise ValueError(f"There is no class “{name}” any more.")
 
-    def _train(
-        self,
-        samples: list[Sample],
-        recalibrations: list[tuple[float, str]] | None = None,
-        readout: str | None = None,
-    ) -> None:
+    def _train(self, samples: list[Sample], readout: str | None = None) -> None:
         """Train on these samples and keep them; where that raises, nothing changes."""
-        recalibrations = self._recalibrations if recalibrations is None else recalibrations
         readout = readout or self.readout
         parameters: dict[str, Any] = {"readout": readout} if len(READOUTS) > 1 else {}
         model: Any = None if self._file is None else _read(self._file)
         counts = Counter({} if model is None else _counts(model))
-        for lesson, (p, method) in enumerate([(0.0, ""), *recalibrations]):
-            chosen = [sample for sample in samples if sample.lesson == lesson]
-            frames, labels = [s.frame for s in chosen], [s.label for s in chosen]
-            if lesson and chosen:
-                model.recalibrate(np.stack(frames), labels, p, seed=lesson, method=method)
-            elif model is None and len(set(labels)) > 1:
-                model = HDCClassifier(**parameters).fit(np.stack(frames), labels)
-            elif chosen:  # a single class has no read-out yet, but a prototype to show
-                model = (model or HDCClassifier()).partial_fit(np.stack(frames), labels)
-        self._regressor = self._fitted_to_values(samples)
-        self._samples, self._recalibrations = samples, recalibrations
-        self.model, self.readout = model, readout
         counts.update(sample.label for sample in samples)
+        for lesson in sorted({sample.lesson for sample in samples}):
+            chosen = [sample for sample in samples if sample.lesson == lesson]
+            frames, labels = np.stack([s.frame for s in chosen]), [s.label for s in chosen]
+            if lesson.number and len(counts) > 1:
+                model.recalibrate(
+                    frames, labels, lesson.p, seed=lesson.number, method=lesson.method
+                )
+            elif model is None and len(counts) > 1:
+                model = HDCClassifier(**parameters).fit(frames, labels)
+            else:  # a single class has no read-out yet, but a prototype to show
+                model = (model or HDCClassifier()).partial_fit(frames, labels)
+        self._regressor = _regressor(samples)
+        self._samples, self.model, self.readout = samples, model, readout
         self.counts = dict(counts)
         self.version += 1
-
-    def _fitted_to_values(self, samples: list[Sample]) -> Any:
-        """A regressor of the samples' values; None where one has none, or all have the same."""
-        values = {sample.value for sample in samples}
-        if not HAS_VALUES or None in values or len(values) < 2 or len(set(map(len, values))) > 1:
-            return None
-        library: Any = hdc
-        frames = np.stack([sample.frame for sample in samples])
-        return library.HDCRegressor().fit(frames, np.array([sample.value for sample in samples]))
 
     # Files ---------------------------------------------------------------------------------------
 
@@ -306,13 +280,21 @@ class Session:
             size, here = (" × ".join(map(str, x)) for x in (shape, self.source.shape))
             raise ValueError(f"This model is of frames of {size} pixels; here they have {here}.")
         if len(names) > MOST_CLASSES or not all(map(_is_name, names)):
-            raise ValueError(
-                f"The page shows up to {MOST_CLASSES} classes with names of 1 to {MOST_LETTERS} "
-                f"letters; this model has {len(names)}: {', '.join(map(repr, names))[:100]}"
-            )
+            wanted = f"up to {MOST_CLASSES} classes with names of 1 to {MOST_LETTERS} letters"
+            raise ValueError(f"The page shows {wanted}; this model has {len(names)}: {names}"[:200])
         self._file, self.places = content, _places(model.metadata_.get("places"), names)
-        self._train([], [], model.get_params().get("readout", "prototype"))
-        self._tests.clear()
+        self._train([], model.get_params().get("readout", "prototype"))
+        self.tests.clear()
+
+
+def _regressor(samples: list[Sample]) -> Any:
+    """A regressor of the values of samples that have one; None with fewer than two values."""
+    known = [sample for sample in samples if sample.value]
+    if not HAS_VALUES or len({sample.value for sample in known}) < 2:
+        return None
+    library: Any = hdc
+    frames, values = np.stack([s.frame for s in known]), np.array([s.value for s in known])
+    return library.HDCRegressor().fit(frames, values)
 
 
 def _answer(model: Any, frame: np.ndarray) -> Answer:

@@ -162,7 +162,8 @@ class Recorded:
         self._place = (self._place + frames) % len(self._order)
 
     def go(self, label: str) -> None:
-        """Go to the first frame of a class."""
+        """Pause at the first frame of a class."""
+        self.playing = False
         self._place = int(np.argmax(self._labels == self.classes.index(label)))
 
     def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
