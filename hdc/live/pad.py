@@ -9,7 +9,7 @@ from typing import Any
 
 from nicegui import ui
 
-from hdc.live.session import Session, within
+from hdc.live.session import HAS_VALUES, Session, within
 from hdc.live.sources import Pressable, Touch
 
 NEAR = 2e-3
@@ -43,7 +43,7 @@ def colour(names: Sequence[str], name: str | None) -> str:
 
 def slider(name: str, low: float, high: float, step: float, value: float, text: str) -> ui.slider:
     """A slider between its name and its value."""
-    with ui.element("div").classes("row").style("flex-wrap: nowrap"):
+    with ui.element("div").classes("row").style("flex-wrap: nowrap; gap: 16px"):
         ui.label(name).classes("small")
         made = ui.slider(min=low, max=high, step=step, value=value).props(f'aria-label="{name}"')
         label = ui.label().classes("small numbers").style("white-space: nowrap")
@@ -70,6 +70,7 @@ class Pad:
         ui.label(
             f"The silicone from above, {source.length * 1e3:.0f} × {source.width * 1e3:.0f} mm: "
             "press it. Near the ring of a class the robot returns to where it was taught."
+            + (" Cross and ellipse: the predicted place and its interval." if HAS_VALUES else "")
         ).classes("small")
         self._depth = slider("depth", 0.1, source.deepest * 1e3, 0.1, 1.8, "{:.1f} mm")
         self._depth.on("update:model-value", self._deeper, throttle=0.1)

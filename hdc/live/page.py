@@ -178,9 +178,9 @@ class Page:
 
     def _teach(self) -> None:
         _heading("h2", "2. Teach it")
-        verb = "Press" if self._pressable else "Show it"
+        act = "Press somewhere" if self._pressable else "Show it something"
         _small(
-            f"{verb} something, name it and learn {SAMPLES} samples; then the next. A bit of a "
+            f"{act}, name it and learn {SAMPLES} samples; then the next. A bit of a "
             "class's prototype is 1 if most of its samples have it."
         )
         with _div("row"):
@@ -194,8 +194,8 @@ class Page:
             row.set_visibility(len(READOUTS) > 1)
             _small("read-out")
             self._readout = ui.toggle(list(READOUTS), value=self._session.readout)
-            self._readout.props("no-caps dense")
-            self._readout.on_value_change(lambda e: self._do(lambda s: s.use(e.value)))
+            self._readout.props("no-caps dense padding='4px 10px'")
+            self._readout.on("update:model-value", self._use)
         with _div("row"):
             _button("Forget everything", self._doing(lambda s: s.forget(None)))
             _button("Save the model", self._save)
@@ -224,7 +224,8 @@ class Page:
             "and new samples, the new ones with the share p."
         )
         with _div("row"):
-            self._method = ui.toggle(["replace", "merge"], value="replace").props("no-caps dense")
+            self._method = ui.toggle(["replace", "merge"], value="replace")
+            self._method.props("no-caps dense padding='4px 10px'")
             with _div("grow"):
                 self._p = slider("p", 0, 1, 0.05, 0.5, "{:.2f}")
         if self._pressable:
@@ -258,6 +259,11 @@ class Page:
         p, method = self._p.value, self._method.value
         await self._do(lambda session: session.recalibrate(name, SAMPLES, p, method))
 
+    async def _use(self) -> None:
+        readout = self._readout.value
+        await self._do(lambda session: session.use(readout))
+        self._readout.set_value(self._session.readout)
+
     async def _drifted(self) -> None:
         kelvin = self._drift.value
         await self._do(lambda session: session.drift(kelvin))
@@ -280,7 +286,6 @@ class Page:
         if view.version != self._version:
             self._version = view.version
             self._show_classes(view)
-        if not self._worker.busy:
             self._readout.set_value(session.readout)
         text, beside = _in_words(answer, " mm" if self._pressable else "")
         if answer is None:

@@ -34,7 +34,8 @@ _NUMBER = re.compile(r"([-+]?\d+(?:\.\d+)?)\s*[^\d\s]*")  # "1.5" or "1.5 mm"
 # Parts of the library that the page shows where they are there.
 HAS_SETS = hasattr(HDCClassifier, "predict_set")
 HAS_VALUES = hasattr(hdc, "HDCRegressor")
-READOUTS = ("prototype", "ridge", "neighbours") if HAS_SETS else ("prototype",)
+HAS_READOUTS = "readout" in HDCClassifier().get_params()
+READOUTS = ("prototype", "ridge", "neighbours") if HAS_READOUTS else ("prototype",)
 
 
 @dataclass(frozen=True)
@@ -234,7 +235,7 @@ class Session:
     def _train(self, samples: list[Sample], readout: str | None = None) -> None:
         """Train on these samples and keep them; where that raises, nothing changes."""
         readout = readout or self.readout
-        parameters: dict[str, Any] = {"readout": readout} if len(READOUTS) > 1 else {}
+        parameters: dict[str, Any] = {"readout": readout} if HAS_READOUTS else {}
         model: Any = None if self._file is None else _read(self._file)
         counts = Counter({} if model is None else _counts(model))
         counts.update(sample.label for sample in samples)
@@ -303,7 +304,7 @@ def _answer(model: Any, frame: np.ndarray) -> Answer:
         label = model.predict(frame[None], reject=True)[0]
     except ValueError:  # too few samples to tell an outlier
         label = model.predict(frame[None])[0]
-    likely = tuple(model.predict_set(frame[None], ALPHA)[0]) if HAS_SETS else None
+    likely = tuple(map(str, model.predict_set(frame[None], ALPHA)[0])) if HAS_SETS else None
     return Answer(label, likely, dict(zip(model.classes_.tolist(), distances, strict=True)))
 
 
