@@ -54,7 +54,6 @@ body { background: #f5f5f2; color: #222; }
   align-self: start; }
 .name { font-weight: 600; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .bar { height: 14px; background: #eee; border-radius: 3px; overflow: hidden; grid-column: 2 / 4; }
-.fill { height: 100%; }
 .numbers { font-variant-numeric: tabular-nums; }
 .row { display: flex; flex-wrap: wrap; gap: 8px; align-items: center; }
 """
@@ -135,10 +134,8 @@ class Page:
             with _div("wide row"):
                 _heading("h1", "Teach a sensor to feel")
                 _heading("span", self._source.title).classes("badge")
-                text = (
-                    f"{self._source.note} All who open this page share this sensor and its model."
-                )
-                ui.label(text).style("flex-basis: 100%")
+                shared = "All who open this page share this sensor and its model."
+                ui.label(f"{self._source.note} {shared}").style("flex-basis: 100%")
             for fill in (self._see, self._teach, self._adapt):
                 with _div("card"):
                     fill()
@@ -165,7 +162,7 @@ class Page:
             with _div("row"):
                 _small("go to")
                 for name in source.classes:
-                    _button(name, partial(self._do, lambda s, name=name: source.go(name)))
+                    _button(name, self._doing(lambda s, name: source.go(name), name))
         self._label = _small()
         _heading("h2", "The model says")
         self._answer, self._beside = ui.label().classes("answer").mark("answer"), _small()
@@ -184,7 +181,8 @@ class Page:
             "class's prototype is 1 if most of its samples have it."
         )
         with _div("row"):
-            self._name = ui.input("name of a new class").classes("grow")
+            empty = " (empty: as recorded)" if isinstance(self._source, Recorded) else ""
+            self._name = ui.input(f"name of a new class{empty}").classes("grow")
             self._name.props(f"dense outlined maxlength={MOST_LETTERS}")
             self._name.on("keydown.enter", self._new_class)
             ui.button("New class", on_click=self._new_class).props("no-caps")
@@ -197,7 +195,7 @@ class Page:
             self._readout.props("no-caps dense padding='4px 10px'")
             self._readout.on("update:model-value", self._use)
         with _div("row"):
-            _button("Forget everything", self._doing(lambda s: s.forget(None)))
+            _button("Forget everything", self._doing(Session.forget, None))
             _button("Save the model", self._save)
             upload = ui.upload(
                 auto_upload=True, on_upload=self._load, max_file_size=LARGEST_FILE,
@@ -216,8 +214,8 @@ class Page:
             self._drift = slider("drift", 0, source.most, 0.01, source.offset, "+ {:.2f} K")
             self._drift.on("update:model-value", self._drifted, throttle=0.1)
             with _div("row"):
-                _button("Let 16 days pass", self._doing(lambda s: s.drift(source.sixteen_days)))
-                _button("Back to the first day", self._doing(lambda s: s.drift(0.0)))
+                _button("Let 16 days pass", self._doing(Session.drift, source.sixteen_days))
+                _button("Back to the first day", self._doing(Session.drift, 0.0))
         _small(
             f"Recalibrating takes {SAMPLES} new samples of a class. “Replace” takes each bit of "
             "the new prototype with probability p, as published; “merge” counts the votes of old "
@@ -229,8 +227,7 @@ class Page:
             with _div("grow"):
                 self._p = slider("p", 0, 1, 0.05, 0.5, "{:.2f}")
         if self._pressable:
-            again = "Recalibrate all classes where they were taught"
-            _button(again, self._recalibrate)
+            _button("Recalibrate all classes where they were taught", self._recalibrate)
         else:
             _small("Show it a class again and press “recalibrate” in its row.")
 
@@ -247,36 +244,34 @@ class Page:
             _tell(f"This went wrong: {type(error).__name__}: {error}")
         return None
 
-    def _doing(self, job: Job) -> Callable[[], Any]:
-        return lambda: self._do(job)
+    def _doing(self, job: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
+        return lambda: self._do(lambda session: job(session, *arguments))
 
     async def _new_class(self) -> None:
         name = self._name.value or self._worker.view.label or ""
         self._name.set_value("")
-        await self._do(lambda session: session.learn(name, SAMPLES, new=True))
+        await self._doing(Session.learn, name, SAMPLES, True)()
 
     async def _recalibrate(self, name: str | None = None) -> None:
         p, method = self._p.value, self._method.value
-        await self._do(lambda session: session.recalibrate(name, SAMPLES, p, method))
+        await self._doing(Session.recalibrate, name, SAMPLES, p, method)()
 
     async def _use(self) -> None:
-        readout = self._readout.value
-        await self._do(lambda session: session.use(readout))
+        await self._doing(Session.use, self._readout.value)()
         self._readout.set_value(self._session.readout)
 
     async def _drifted(self) -> None:
-        kelvin = self._drift.value
-        await self._do(lambda session: session.drift(kelvin))
+        await self._doing(Session.drift, self._drift.value)()
 
     async def _save(self) -> None:
-        content = await self._do(lambda session: session.saved())
+        content = await self._do(Session.saved)
         if content is not None:
             ui.download.content(content, "touch.safetensors")
 
     async def _load(self, event: Any) -> None:
         event.sender.reset()
         content = await event.file.read()
-        await self._do(lambda session: session.load(content))
+        await self._doing(Session.load, content)()
 
     # Updates -------------------------------------------------------------------------------------
 
@@ -310,7 +305,8 @@ class Page:
             if abs(self._drift.value - source.offset) > 0.005 and not self._worker.busy:
                 self._drift.set_value(source.offset)
         elif view.label:
-            _say(self._label, f"recorded as “{view.label}”")
+            paused = isinstance(source, Recorded) and not source.playing
+            _say(self._label, f"recorded as “{view.label}”{', paused' if paused else ''}")
 
     def _show_classes(self, view: View) -> None:
         """A row for each class: prototype, samples, distance, buttons and a bar."""
@@ -319,8 +315,6 @@ class Page:
         self._rows = {}
         for name, picture in view.prototypes.items():
             look = colour(list(counts), name)
-            add: Job = partial(Session.learn, name=name, n=SAMPLES)
-            forget: Job = partial(Session.forget, name=name)
             with self._classes, _div("class").mark(f"class {name}"):
                 data = base64.b64encode(picture).decode()
                 _div("", "img").props(f'alt="prototype" src="data:image/jpeg;base64,{data}"')
@@ -329,11 +323,15 @@ class Page:
                     _small(f"{counts.get(name, 0)} samples")
                     distance = _small()
                 with _div("row").style("gap: 2px; flex-wrap: nowrap"):
-                    _icon("add", f"learn {SAMPLES} more samples", self._doing(add))
+                    _icon(
+                        "add",
+                        f"learn {SAMPLES} more samples",
+                        self._doing(Session.learn, name, SAMPLES),
+                    )
                     _icon("sync", "recalibrate", partial(self._recalibrate, name))
-                    _icon("delete_outline", "forget", self._doing(forget))
+                    _icon("delete_outline", "forget", self._doing(Session.forget, name))
                 with _div("bar"):
-                    bar = _div("fill").style(f"width: 0; background: {look}")
+                    bar = _div("h-full").style(f"width: 0; background: {look}")
             self._rows[name] = distance, bar
 
 

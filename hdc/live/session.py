@@ -40,19 +40,12 @@ READOUTS = ("prototype", "ridge", "neighbours") if HAS_READOUTS else ("prototype
 
 @dataclass(frozen=True)
 class Answer:
-    """The model's prediction for a frame.
+    """The model's prediction for a frame."""
 
-    Attributes:
-        label: the predicted class; None: none of these.
-        likely: classes in the prediction set; None where the library has none.
-        distances: Hamming distance to each prototype, as a share of the bits.
-        values: (value, low, high) of each value, if values were taught.
-    """
-
-    label: str | None
-    likely: tuple[str, ...] | None
-    distances: dict[str, float]
-    values: tuple[tuple[float, float, float], ...] = ()
+    label: str | None  # None: none of these
+    likely: tuple[str, ...] | None  # prediction set; None where the library has none
+    distances: dict[str, float]  # Hamming, to each prototype, as a share of the bits
+    values: tuple[tuple[float, float, float], ...] = ()  # value, low, high, where taught
 
 
 class Lesson(NamedTuple):

@@ -27,23 +27,17 @@ class Touch:
 
 
 class Source(Protocol):
-    """Frames for the page, taken by one thread.
-
-    Attributes:
-        title: short name.
-        note: one sentence about it.
-        shape: (H, W) of a frame.
-        metadata: kept with a saved model: crop and subsample, as the command ``hdc`` reads them.
-        label: known class of the latest frame, if any.
-    """
+    """Frames for the page, taken by one thread."""
 
     title: str
-    note: str
-    shape: tuple[int, int]
-    metadata: dict[str, Any]
+    note: str  # one sentence about it
+    shape: tuple[int, int]  # (H, W) of a frame
+    metadata: dict[str, Any]  # kept with a saved model: crop and subsample, for the command ``hdc``
 
     @property
-    def label(self) -> str | None: ...
+    def label(self) -> str | None:
+        """Class of the latest frame, if it is known."""
+        ...
 
     def frame(self) -> np.ndarray:
         """The next frame, uint8 or uint16 [H, W].
@@ -60,34 +54,20 @@ class Source(Protocol):
 
 @runtime_checkable
 class Pressable(Source, Protocol):
-    """A sensor that the page presses. Its samples are new touches at the places asked for.
+    """A sensor that the page presses. Its samples are new touches at the places asked for."""
 
-    Attributes:
-        length, width: of its surface in m; x in [0, length], \\|y\\| ≤ width/2.
-        deepest: largest depth in m.
-        fibre, camera: (x, y) in m of the light's entrance and of the camera.
-        offset: temperature drift in K.
-        sixteen_days, most: drift in K after 16 days, and the largest that can be set.
-        touches: the current ones.
-    """
-
-    length: float
-    width: float
-    deepest: float
-    fibre: tuple[float, float]
-    camera: tuple[float, float]
-    offset: float
-    sixteen_days: float
-    most: float
-    touches: tuple[Touch, ...]
+    length: float  # of the surface in m: x in [0, length]
+    width: float  # in m: |y| ≤ width/2
+    deepest: float  # largest depth in m
+    fibre: tuple[float, float]  # (x, y) in m, where light enters
+    camera: tuple[float, float]  # (x, y) in m
+    offset: float  # temperature drift in K
+    sixteen_days: float  # drift in K after 16 days
+    most: float  # largest drift in K
+    touches: tuple[Touch, ...]  # the present ones
 
     def press(self, touches: Sequence[Touch], moved: bool = False) -> None:
-        """Press here until the next call; no touches: lift off.
-
-        Args:
-            touches: places and depths.
-            moved: the fingers slide from where they are instead of coming down anew.
-        """
+        """Press here until the next call (no touches: lift off); `moved`: the finger slides."""
         ...
 
 

@@ -27,25 +27,15 @@ Job = Callable[[Session], Any]
 
 @dataclass(frozen=True)
 class View:
-    """The latest frame and what the model says of it.
+    """The latest frame and what the model says of it."""
 
-    Attributes:
-        number: of the frame, counted from 1.
-        picture: JPEG of the frame and, on its right, its hypervector.
-        answer: the prediction; None where the model cannot predict yet.
-        label: class of the frame, if the source knows it.
-        error: why there is no newer frame, or "".
-        version: of the prototypes.
-        prototypes: JPEG of each class's prototype.
-    """
-
-    number: int = 0
-    picture: bytes = b""
-    answer: Answer | None = None
-    label: str | None = None
-    error: str = ""
-    version: int = -1
-    prototypes: dict[str, bytes] = field(default_factory=dict)
+    number: int = 0  # of frames so far
+    picture: bytes = b""  # JPEG of the frame and, on its right, its hypervector
+    answer: Answer | None = None  # None where the model cannot predict yet
+    label: str | None = None  # class of the frame, if the source knows it
+    error: str = ""  # why there is no newer frame
+    version: int = -1  # of the prototypes
+    prototypes: dict[str, bytes] = field(default_factory=dict)  # JPEG of each class's
 
 
 class Worker:
@@ -79,7 +69,7 @@ class Worker:
     def watch(self, more: int) -> None:
         """Count open pages: frames are taken while there are some."""
 
-        def count(session: Session) -> None:
+        def count(session: Session) -> None:  # wakes the thread, too
             self._watchers += more
 
         self.do(count)

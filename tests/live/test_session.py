@@ -88,7 +88,7 @@ def test_a_frame_of_noise_is_none_of_these(taught):
 def test_forgetting_a_class_equals_never_teaching_it(taught):
     other = Session(SimulatedSensor(side=100))
     teach(other, "left")
-    touch(other, "middle", 20)  # draws what the other sensor drew
+    touch(other, "middle", 21)  # a press and 20 samples, as of the other sensor
     teach(other, "right")
     taught.forget("middle")
     for name, prototype in other.prototypes().items():
