@@ -6,7 +6,7 @@ import secrets
 from typing import Any
 
 from starlette.requests import HTTPConnection
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import PlainTextResponse, RedirectResponse
 
 
 class Guard:
@@ -28,20 +28,12 @@ class Guard:
         answer: Any = self._app
         if scope["type"] in ("http", "websocket"):
             request = HTTPConnection(scope)
-            if scope["type"] == "http" and self._is_token(request.query_params.get("token")):
+            if self._is_token(request.query_params.get("token")) and scope["type"] == "http":
                 answer = RedirectResponse(request.url.path)
                 answer.set_cookie(self._cookie, self._token, httponly=True, samesite="lax")
             elif not self._is_token(request.cookies.get(self._cookie)):
-                answer = _refuse if scope["type"] == "websocket" else _refusal()
+                answer = PlainTextResponse("Open this page with the address that was printed.", 403)
         await answer(scope, receive, send)
 
     def _is_token(self, text: str | None) -> bool:
         return secrets.compare_digest((text or "").encode(), self._token.encode())
-
-
-def _refusal() -> Response:
-    return PlainTextResponse("Open this page with the address that was printed at its start.", 403)
-
-
-async def _refuse(scope: Any, receive: Any, send: Any) -> None:
-    await send({"type": "websocket.close", "code": 1008})

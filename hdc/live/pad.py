@@ -46,7 +46,7 @@ def slider(name: str, low: float, high: float, step: float, value: float, text: 
     with ui.element("div").classes("row").style("flex-wrap: nowrap; gap: 16px"):
         ui.label(name).classes("small")
         made = ui.slider(min=low, max=high, step=step, value=value).props(f'aria-label="{name}"')
-        label = ui.label().classes("small numbers").style("white-space: nowrap")
+        label = ui.label().classes("small").style("white-space: nowrap")
         label.bind_text_from(made, "value", text.format)
     return made
 

@@ -36,15 +36,8 @@ body { background: #f5f5f2; color: #222; }
   grid-template-columns: repeat(auto-fit, minmax(min(100%, 400px), 1fr)); align-items: start; }
 .card { background: white; border: 1px solid #ddd; border-radius: 8px; padding: 12px;
   display: flex; flex-direction: column; gap: 8px; min-width: 0; }
-.card h2 { font-size: 1.05rem; font-weight: 600; line-height: 1.3; margin: 0; }
-.live h1 { font-size: 1.5rem; font-weight: 700; line-height: 1.2; margin: 0; }
-.stack { display: flex; flex-direction: column; gap: 12px; min-width: 0; }
-.wide { grid-column: 1 / -1; }
-.small { font-size: .82rem; color: #555; line-height: 1.35; }
-.badge { background: #b35900; color: white; border-radius: 4px; padding: 2px 8px; font-weight: 600;
-  font-size: .85rem; white-space: nowrap; }
+.small { font-size: .82rem; color: #555; line-height: 1.35; font-variant-numeric: tabular-nums; }
 .picture { width: 100%; aspect-ratio: var(--ratio); display: block; background: #000; }
-.halves { display: grid; grid-template-columns: 1fr 1fr; gap: 8px; }
 .pad { width: 100%; touch-action: none; cursor: crosshair; user-select: none; }
 .pad svg { width: 100%; display: block; }
 .answer { font-size: 1.7rem; font-weight: 700; line-height: 1.2; overflow-wrap: anywhere; }
@@ -52,9 +45,7 @@ body { background: #f5f5f2; color: #222; }
   align-items: center; border-top: 1px solid #eee; padding-top: 6px; }
 .class img { width: 44px; height: 44px; image-rendering: pixelated; grid-row: span 2;
   align-self: start; }
-.name { font-weight: 600; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .bar { height: 14px; background: #eee; border-radius: 3px; overflow: hidden; grid-column: 2 / 4; }
-.numbers { font-variant-numeric: tabular-nums; }
 .row { display: flex; flex-wrap: wrap; gap: 8px; align-items: center; }
 """
 
@@ -131,9 +122,9 @@ class Page:
         ui.add_css(_STYLE)
         ui.colors(primary=colour("0", "0"))
         with _div("live"):
-            with _div("wide row"):
-                _heading("h1", "Teach a sensor to feel")
-                _heading("span", self._source.title).classes("badge")
+            with _div("row col-span-full"):
+                ui.label("Teach a sensor to feel").classes("text-2xl font-bold")
+                ui.badge(self._source.title, color="#b35900").classes("text-sm font-bold")
                 shared = "All who open this page share this sensor and its model."
                 ui.label(f"{self._source.note} {shared}").style("flex-basis: 100%")
             for fill in (self._see, self._teach, self._adapt):
@@ -146,10 +137,10 @@ class Page:
     def _see(self) -> None:
         source = self._source
         height, width = source.shape
-        _heading("h2", "1. What the camera sees")
+        _heading("1. What the camera sees")
         picture = _div("picture", "img").props('src="/stream" alt="live picture"')
         picture.style(f"--ratio: {2 * width} / {height}")
-        with _div("halves"):
+        with _div("grid grid-cols-2 gap-2"):
             _small("the frame")
             _small(f"its hypervector: {height * width:,} bits, brighter than the median or not")
         if isinstance(source, Pressable):
@@ -164,7 +155,7 @@ class Page:
                 for name in source.classes:
                     _button(name, self._doing(lambda s, name: source.go(name), name))
         self._label = _small()
-        _heading("h2", "The model says")
+        _heading("The model says")
         self._answer, self._beside = ui.label().classes("answer").mark("answer"), _small()
         self._accuracy = ui.label().mark("accuracy")
         tested = "new touches" if self._pressable else "samples, each predicted before it is learnt"
@@ -174,7 +165,7 @@ class Page:
         )
 
     def _teach(self) -> None:
-        _heading("h2", "2. Teach it")
+        _heading("2. Teach it")
         act = "Press somewhere" if self._pressable else "Show it something"
         _small(
             f"{act}, name it and learn {SAMPLES} samples; then the next. A bit of a "
@@ -186,7 +177,7 @@ class Page:
             self._name.props(f"dense outlined maxlength={MOST_LETTERS}")
             self._name.on("keydown.enter", self._new_class)
             ui.button("New class", on_click=self._new_class).props("no-caps")
-        self._classes = _div("stack")
+        self._classes = _div("flex flex-col gap-3")
         self._axis = _small()
         with _div("row") as row:
             row.set_visibility(len(READOUTS) > 1)
@@ -205,7 +196,7 @@ class Page:
 
     def _adapt(self) -> None:
         source = self._source
-        _heading("h2", "3. Let it drift, and recalibrate" if self._pressable else "3. Recalibrate")
+        _heading("3. Let it drift, and recalibrate" if self._pressable else "3. Recalibrate")
         if isinstance(source, Pressable):
             _small(
                 "Silicone ages and rooms warm up: the same touch then makes another speckle, and "
@@ -319,7 +310,7 @@ class Page:
                 data = base64.b64encode(picture).decode()
                 _div("", "img").props(f'alt="prototype" src="data:image/jpeg;base64,{data}"')
                 with _div("row").style("min-width: 0"):
-                    ui.label(name).classes("name").style(f"color: {look}")
+                    ui.label(name).classes("name font-bold truncate").style(f"color: {look}")
                     _small(f"{counts.get(name, 0)} samples")
                     distance = _small()
                 with _div("row").style("gap: 2px; flex-wrap: nowrap"):
@@ -353,11 +344,11 @@ def _div(classes: str, tag: str = "div") -> ui.element:
 
 
 def _small(text: str = "") -> ui.label:
-    return ui.label(text).classes("small numbers")
+    return ui.label(text).classes("small")
 
 
-def _heading(tag: str, text: str) -> ui.html:
-    return ui.html(html.escape(text), sanitize=False, tag=tag)
+def _heading(text: str) -> None:
+    ui.html(html.escape(text), sanitize=False, tag="h2").classes("text-base font-bold")
 
 
 def _button(text: str, act: Callable[[], Any]) -> None:

@@ -34,7 +34,7 @@ def teach(session, name, n=20):
 
 
 def accuracy(session):
-    return np.mean([session.ask(f).label == c for c in PLACES for f in touch(session, c, 12)])
+    return np.mean([session.ask(f).label == c for c in PLACES for f in touch(session, c, 30)])
 
 
 @pytest.fixture
