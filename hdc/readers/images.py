@@ -93,7 +93,7 @@ def _check_header(header: Any, data: bytes, max_pixels: int) -> None:
 def _check_alike(image: np.ndarray, header: Any) -> None:
     """Compare a TIFF with what Pillow decodes: OpenCV leaves damaged strips as they come."""
     plain = header.convert({"1": "L", "P": "RGB"}.get(header.mode, header.mode))
-    other = np.asarray(plain).astype(plain.mode.startswith("I") and np.uint16 or np.uint8)
+    other = np.asarray(plain).astype(np.uint16 if plain.mode.startswith("I") else np.uint8)
     if other.ndim == 3:
         other = other[..., ::-1]
     shift = 8 * (image.dtype.itemsize - other.dtype.itemsize)  # Pillow has 8 bits of colour
