@@ -218,7 +218,7 @@ def compare(
     from hdc.command import comparison, work
 
     frames = work.open_frames(recording, window, **source)
-    tests = other and work.open_frames(other, window, **source)
+    tests = work.open_frames(other, window, **source) if other else None
     result = comparison.compare(frames, tests, recording, test_fraction, draws)
     if output:
         comparison.write_page(output, result)

@@ -308,7 +308,7 @@ def _seconds(
 ) -> float:
     """Seconds to train on frames in memory and predict one: the fastest of several times."""
     train, test = chosen
-    method, frames, times = METHODS[name], data.frames[train], []
+    method, frames, times = METHODS[name], data.frames[train], list[float]()
     while len(times) < 3 and sum(times) < REPEATED_S:
         begin = time.perf_counter()
         method.prepare(frames)

@@ -78,7 +78,7 @@ def train(
         model = hdc.HDCClassifier(**options).fit(frames, [names[i] for i in training])
         learnt = f"{len(recording.classes)} classes"
     seconds = time.perf_counter() - begin
-    metadata = {"crop": window.crop, "subsample": window.subsample}
+    metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
     metadata |= {"values": list(recording.value_names)} if recording.value_names else {}
     metadata |= {"trained": datetime.now(UTC).isoformat(timespec="seconds")}
     model.save(output, metadata=metadata | {"version": hdc.__version__})
@@ -143,7 +143,9 @@ def predict(
     heads = ["file", "label", "margin", *names] if names else ["file", *_value_names(model)]
     videos = [file for file in files if file.suffix.lower() in VIDEO_SUFFIXES]
     images = [file for file in files if file not in videos]
-    answers = _answers(model, zip(images, stream_files(images, window), strict=True), reject)
+    answers: Iterable[Any] = _answers(
+        model, zip(images, stream_files(images, window), strict=True), reject
+    )
     for file in videos:
         from hdc.readers.video import stream_video
 

@@ -13,8 +13,8 @@ from scipy.stats import binomtest
 
 import hdc as package
 from hdc import HDCClassifier
-from hdc.command import main
 from hdc.accuracy import wilson
+from hdc.command import main
 from hdc.command.work import confusions
 
 SIDE = 24

@@ -16,7 +16,7 @@ CHECKOUT = Path(__file__).resolve().parents[3]
 
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory):
-    """The scripts of a virtual environment with speckle-hdc[compare] as a clone of the checkout has it."""
+    """The scripts of a virtual environment with speckle-hdc[compare], installed from a clone."""
     clone, venv = tmp_path_factory.mktemp("clone"), tmp_path_factory.mktemp("venv")
     leave = shutil.ignore_patterns("__pycache__", "results", "build", "site", "*.egg-info", ".*")
     shutil.copytree(CHECKOUT, clone, ignore=leave, dirs_exist_ok=True)
