@@ -148,18 +148,18 @@ def test_crop_and_subsampling_go_with_the_model(hdc, folder, frames, tmp_path):
 def test_predictions_as_a_table_and_as_json(hdc, model, folder, frames, tmp_path):
     noise = tmp_path / "noise.png"
     cv2.imwrite(str(noise), np.random.default_rng(9).integers(0, 256, (SIDE, SIDE), np.uint8))
-    status, out, err = hdc("predict", model, folder, noise, "--reject", "0.001")
+    status, out, err = hdc("predict", model, folder)
     assert (status, err) == (0, [])
     assert out[0].split("\t") == ["file", "label", "margin", "a", "b", "c"]
     rows = [line.split("\t") for line in out[1:]]
-    assert [row[1] for row in rows] == [*np.repeat(list("abc"), 12), "(none of these)"]
+    assert [row[1] for row in rows] == [*np.repeat(list("abc"), 12)]
     assert [Path(row[0]).name for row in rows[:12]] == [f"{i}.png" for i in range(12)]
     shares = HDCClassifier.load(model).distances(frames[2, :1])[0] / SIDE**2
     assert rows[24][3:] == [f"{share:.4f}" for share in shares]
     assert rows[24][2] == f"{np.diff(sorted(shares))[0]:.4f}"
-    for words in ([noise, "--reject"], ["--reject=0.001", noise]):
-        (line,) = hdc("predict", model, "--json", *words)[1]
-        assert json.loads(line)["label"] is None
+    assert hdc("predict", model, noise, "--reject", "0.2")[1][1].split("\t")[1] == "(none of these)"
+    assert json.loads(hdc("predict", model, "--json", "--reject=0.2", noise)[1][0])["label"] is None
+    assert hdc("predict", model, noise, "--reject")[0] == 0
     assert json.loads(hdc("predict", model, "--json", noise)[1][0])["label"] in "abc"
 
 

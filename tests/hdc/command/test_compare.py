@@ -75,8 +75,8 @@ def test_every_method_is_in_table_page_and_json(hdc, archive, tmp_path):
 def test_predictions_are_those_from_pixels_and_of_the_classifier():
     frames = frames_of(3, 30, noise=4000, dtype=np.uint16)
     labels, rng = np.repeat(np.arange(3), 30), np.random.default_rng(1)
-    order = rng.permutation(90)
-    train, test = np.sort(order[:50]), np.sort(order[50:])
+    train = np.sort(np.concatenate([c * 30 + rng.permutation(30)[:17] for c in range(3)]))
+    test = np.setdiff1d(np.arange(90), train)
     data = comparison.Frames(frames, lambda *_: None)
     answers = {n: m.predict(data, labels, train, test) for n, m in comparison.METHODS.items()}
     flat = frames.reshape(90, -1) / 65535
