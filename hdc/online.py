@@ -8,12 +8,12 @@ is kept of a sample but what it added to them.
 
 While a class has few samples, a correction outvotes them wherever they are tied, and its prototype
 turns away from what all classes have in common: on simulated touch frames that costs accuracy up to
-some tens of samples, and gains next to none beyond (results/tables/accuracy_vs_n.md).
+some tens of samples, and gains next to none beyond.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from typing import Self
 
 import torch
@@ -21,6 +21,7 @@ from torch import Tensor
 
 from hdc import bits
 from hdc.classifier import HDCClassifier
+from hdc.inputs import Label
 
 
 class OnlineHDCClassifier(HDCClassifier):
@@ -41,7 +42,7 @@ class OnlineHDCClassifier(HDCClassifier):
         counts_: int64 array [L], hypervectors in each bundle, corrections included.
 
     Others are those of HDCClassifier. What leaving a frame out would change is not known, so that
-    ``is_known`` and ``predict_proba`` need :meth:`calibrate` first.
+    ``is_known``, ``predict_set`` and ``reject`` are refused.
 
     Raises:
         ValueError: in ``fit``, ``train`` and ``partial_fit``, for weights that are no integers from
@@ -49,6 +50,7 @@ class OnlineHDCClassifier(HDCClassifier):
     """
 
     prototype = "binary"
+    balance = False
     backend = "numpy"
 
     def __init__(
@@ -79,10 +81,10 @@ class OnlineHDCClassifier(HDCClassifier):
             f"merge: expected models whose training is a sum, found {type(self).__name__}"
         )
 
-    def _learn(self, words: Tensor, rows: Tensor, labels: Sequence[Hashable]) -> None:
+    def _learn(self, words: Tensor, rows: Tensor, labels: Sequence[Label]) -> None:
         """Classify and count hypervectors int64 [N, W] of classes int64 [N], one after another.
 
-        None is kept for calibration: what leaving one out would change is not known.
+        None is kept for :meth:`is_known`: what leaving one out would change is not known.
         """
         inside = bits.pack(torch.ones(self.dimension_, dtype=torch.bool)).to(words.device)
         for word, row in zip(words, rows.tolist(), strict=True):
@@ -96,4 +98,5 @@ class OnlineHDCClassifier(HDCClassifier):
             classes = [c for _, c, times in adds for _ in range(times)]
             if repeated:
                 self.counters_.add(torch.stack(repeated), torch.tensor(classes))
-                self._made.outdated.update(classes)
+                self._outdated.update(classes)
+                self._update_prototypes()
