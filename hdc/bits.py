@@ -145,7 +145,7 @@ def count_ones(words: Tensor) -> Tensor:
     return _swar_popcount(words).sum(-1)
 
 
-def hamming(queries: Tensor, prototypes: Tensor) -> Tensor:
+def hamming(queries: Tensor, prototypes: Tensor, backend: str = "numpy") -> Tensor:
     """Hamming distances (paper, Eq. 2) between all pairs: [Q, W] × [L, W] → int64 [Q, L].
 
     Raises:
@@ -157,7 +157,10 @@ def hamming(queries: Tensor, prototypes: Tensor) -> Tensor:
             f"{queries.shape[-1]} and {prototypes.shape[-1]} words"
         )
     if queries.device.type == "cpu" and prototypes.device.type == "cpu":
-        return hamming_numpy(queries.contiguous(), prototypes.contiguous())
+        queries, prototypes = queries.contiguous(), prototypes.contiguous()
+        if backend == "compiled" and (compiled := kernels(backend, "cpu")):
+            return torch.from_numpy(compiled.hamming(queries.numpy(), prototypes.numpy()))
+        return hamming_numpy(queries, prototypes)
     return hamming_torch(queries, prototypes)
 
 

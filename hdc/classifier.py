@@ -18,10 +18,12 @@ from hdc.encode import encode
 from hdc.estimator import Estimator
 from hdc.inputs import Label
 from hdc.prototypes import Counters, check_share, merged, replaced_bits
+from hdc.readout import Ridge, ridge
 from hdc.rejection import EXTRAS, KEPT, RATE, Peers, Sample, p_values
 
 CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
 PROTOTYPES = ("binary", "integer")
+READOUTS = ("prototype", "ridge", "neighbours")
 METHODS = ("replace", "merge")
 
 
@@ -46,11 +48,17 @@ class HDCClassifier(Estimator):
             al., ACM JETC 15, 32 (2019).
         prototype: ``"binary"`` as published, or ``"integer"``: the counters themselves, compared
             by the cosine between 2·count − n and the bipolar query.
+        readout: ``"prototype"`` as published; ``"ridge"``: ridge regression of ±1 a class on the
+            same bits in ±1, with an intercept, the penalty with the least leave-one-out error, and
+            weights of 8 bits (:mod:`hdc.readout`); or ``"neighbours"``: the class of most of the
+            `n_neighbours` nearest training frames, all of which are kept. Prototypes are made with
+            each, for :meth:`distances` and :meth:`is_known`.
         balance: make classes of unequal size comparable. The majority raises a prototype's
             correlation with every frame, the more so the more frames it bundles, and a larger class
             takes frames of the others. With True, classes count as if each had as many frames as
             the smallest (:meth:`hdc.prototypes.Counters.thinned`); equal classes are as published.
-            False is the published rule.
+            False is the published rule. Other read-outs than prototypes have no such parameter.
+        n_neighbours: how many of the nearest frames vote; a tie goes to the nearest of them.
         seed: seed of the random vectors for ``ties="random"``, and of ``balance``.
         device: where frames are encoded and prototypes live.
         backend: ``"numpy"``, or ``"compiled"`` for the CPU kernels of :mod:`hdc.compiled`, which
@@ -82,6 +90,7 @@ class HDCClassifier(Estimator):
     prototypes_: Tensor
     frame_shape_: tuple[int, ...]
     backend_: str
+    ridge_: Ridge
     metadata_: dict[str, Any]
     _index: dict[Label, int]  # label → row
     _outdated: set[int]  # rows whose prototypes are not those of the counters
@@ -89,20 +98,25 @@ class HDCClassifier(Estimator):
     _sample: Sample | None  # None where the frames that were counted are not known
     _deciding: Tensor | None  # [L, 5, W], see rejection.EXTRAS, where counters do not tell them
     _peers: list[Peers | None] | None  # made of the last two when asked for
+    _frames: tuple[Tensor, list[Label]] | None  # hypervectors [N, W] and labels of all frames
     _recalibrated: bool
 
     def __init__(
         self,
         ties: str = "zero",
         prototype: str = "binary",
+        readout: str = "prototype",
         balance: bool = True,
+        n_neighbours: int = 1,
         seed: int = 0,
         device: str = "cpu",
         backend: str = "auto",
     ):
         self.ties = ties
         self.prototype = prototype
+        self.readout = readout
         self.balance = balance
+        self.n_neighbours = n_neighbours
         self.seed = seed
         self.device = device
         self.backend = backend
@@ -145,17 +159,22 @@ class HDCClassifier(Estimator):
         if len(classes) < 2:
             raise inputs.one_class(classes)
         words: Tensor | None = None
+        kept = self.readout != "prototype"
         for start in range(0, len(frames), CHUNK):
             part = inputs.tensor(frames[start : start + CHUNK])
-            words = self._encode(part, start, self.backend_, words)
+            words = self._encode(part, start, self.backend_, None if kept else words)
             if start == 0:  # room once for all that will come
                 self._start(part.shape[1:])
                 self._know(classes.tolist())
                 self.counters_.reserve(max(Counter(labels).values()))
             self._add(words, labels[start : start + CHUNK])
-            if self._empty() is None:  # a model that has seen one frame of each class at least
+            seen = min(start + CHUNK, len(frames))
+            if self.readout == "ridge" and seen == len(frames):
+                self._fit_ridge()
+            # A model that has seen one frame of each class at least.
+            if self._empty() is None and (self.readout != "ridge" or seen == len(frames)):
                 self._update_prototypes()
-                yield min(start + CHUNK, len(frames))
+                yield seen
 
     def partial_fit(self, frames: Any, y: Any = None, classes: Any = None) -> Self:
         """Add frames to the counters; a label not met before becomes a new class.
@@ -172,6 +191,7 @@ class HDCClassifier(Estimator):
         """
         self._check_parameters()
         self._check_counts("partial_fit")
+        self._check_not_ridge("partial_fit")
         allowed = None if classes is None else inputs.label_array(classes, len(classes)).tolist()
         if y is None and hasattr(frames, "shape"):
             inputs.label_array(y, len(frames))
@@ -215,6 +235,9 @@ class HDCClassifier(Estimator):
             raise other._not_trained()
         for model in (self, other):
             model._check_counts("merge")
+            model._check_not_ridge("merge")
+        if self.readout != other.readout:
+            raise ValueError(f"merge: expected readout {self.readout!r}, found {other.readout!r}")
         if not hasattr(self, "counters_"):
             self._start(other.frame_shape_)
         inputs.check_shape(other.frame_shape_, self.frame_shape_, type(self).__name__)
@@ -226,6 +249,8 @@ class HDCClassifier(Estimator):
             self._sample.merge(other._sample)
         else:
             self._sample = None
+        if other._frames is not None:
+            self._keep(*other._frames)
         self._changed(rows)
         self._update_prototypes()
         return self
@@ -237,7 +262,9 @@ class HDCClassifier(Estimator):
 
         Classes without new frames keep their prototypes. :meth:`is_known` compares with the new
         frames. A recalibrated model can be recalibrated again; ``partial_fit`` and ``merge`` refuse
-        it, as a frame's weight beside the shares is not defined.
+        it, as a frame's weight beside the shares is not defined. Ridge regression goes from its old
+        weights to those near them that fit the new frames; kept frames of classes with new ones
+        are replaced by the new ones. Neither depends on p.
 
         Args:
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
@@ -255,12 +282,12 @@ class HDCClassifier(Estimator):
         check_share(p)
         if method not in METHODS:
             raise ValueError(f"method: expected one of {', '.join(METHODS)}, found {method!r}")
-        if self.prototype != "binary" and method == "replace":
+        if self.prototype != "binary" and self.readout == "prototype" and method == "replace":
             raise ValueError(
                 f"prototype: replacing bits expects 'binary', found {self.prototype!r}; "
                 "method='merge' takes any"
             )
-        new, rows, sample = self._counted_apart(frames, y)
+        new, rows, sample, encoded = self._counted_apart(frames, y)
         size = _smallest(new) if self.balance else None
         counters, before = self.counters_, self.prototypes_
         if method == "merge":
@@ -289,13 +316,24 @@ class HDCClassifier(Estimator):
             decided[c] = torch.stack([deciding(i, extra) for extra in EXTRAS])
             label = self.classes_.tolist()[c]
             kept.put(label, sample.of(label), sample.seen[label])
+        if self.readout == "ridge":
+            self.ridge_, _ = ridge(*self._targets(*encoded), self.dimension_, self.ridge_)
+        elif self._frames is not None:
+            words, names = self._frames
+            old_rows = [i for i, name in enumerate(names) if name not in set(encoded[1])]
+            self._frames = words[old_rows], [names[i] for i in old_rows]
+            self._keep(*encoded)
         self.counters_, self.counts_ = counters, counters.n.numpy().copy()
         self.prototypes_, self._recalibrated = after, True
         self._deciding, self._sample, self._peers = decided, kept, None
         return self
 
-    def _counted_apart(self, frames: Any, y: Any) -> tuple[Counters, list[int], Sample]:
-        """Counters and a sample of more frames of known classes; rows of these classes here."""
+    def _counted_apart(
+        self, frames: Any, y: Any
+    ) -> tuple[Counters, list[int], Sample, tuple[Tensor, list[Label]]]:
+        """More frames of known classes: counters, rows of these classes here, a sample, and, for
+        read-outs that need them, all hypervectors and labels.
+        """
         frames = inputs.indexable(frames, self.frame_shape_)
         labels = inputs.label_array(y, len(frames)).tolist()
         inputs.check_among(labels, self._index)
@@ -305,13 +343,15 @@ class HDCClassifier(Estimator):
         places = {row: i for i, row in enumerate(rows)}
         backend = self._backend(frames)
         counters = Counters(len(rows), self.dimension_, self.device, backend)
-        sample = Sample()
+        sample, encoded = Sample(), []
         for start in range(0, len(labels), CHUNK):
             chunk = labels[start : start + CHUNK]
             words = self._encode(frames[start : start + CHUNK], start, backend)
             counters.add(words, torch.tensor([places[self._index[label]] for label in chunk]))
             sample.add(words, chunk)
-        return counters, rows, sample
+            if self.readout != "prototype":
+                encoded.append(words)
+        return counters, rows, sample, (torch.cat(encoded) if encoded else words[:0], labels)
 
     @classmethod
     def from_counters(
@@ -335,6 +375,8 @@ class HDCClassifier(Estimator):
         """
         model = cls(**parameters)
         model._check_parameters()
+        if model.readout != "prototype":
+            raise ValueError(f"readout: expected 'prototype' of counters, found {model.readout!r}")
         labels = inputs.label_array(classes, len(counters.n)).tolist()
         ordered = inputs.classes_of(labels)
         if len(ordered) < len(labels):
@@ -433,8 +475,10 @@ class HDCClassifier(Estimator):
         Of two classes the difference [Q], positive for the second. Integer prototypes have the
         cosine in place of it.
         """
-        scores = self._scores(frames).numpy(force=True)
-        near = -scores / (self.dimension_ if self.prototype == "binary" else self.dimension_**0.5)
+        near = -self._scores(frames).numpy(force=True)
+        if self.readout != "ridge":
+            integer = self.readout == "prototype" and self.prototype == "integer"
+            near = near / self.dimension_ ** (0.5 if integer else 1)
         return near[:, 1] - near[:, 0] if near.shape[1] == 2 else near
 
     def distances(self, frames: Any) -> np.ndarray:
@@ -450,6 +494,10 @@ class HDCClassifier(Estimator):
     def state_tensors(self) -> dict[str, Tensor]:
         """The tensors that have to be stored to predict; they share memory with the model."""
         self._check_is_trained()
+        if self.readout == "ridge":
+            return {"weights": self.ridge_.planes, "scales": self.ridge_.scales}
+        if self._frames is not None:
+            return {"frames": self._frames[0]}
         if self.prototype == "binary":
             return {"prototypes": self.prototypes_}
         return {"counters": self.counters_.planes}
@@ -484,6 +532,15 @@ class HDCClassifier(Estimator):
             tensors["sample"] = torch.cat(kept)
         if self._deciding is not None:
             tensors["deciding"] = self._deciding
+        if self.readout == "ridge":
+            tensors |= {
+                "weights": self.ridge_.planes, "scales": self.ridge_.scales,
+                "intercepts": self.ridge_.intercepts, "penalty": torch.tensor(
+                    self.ridge_.penalty, dtype=torch.float64),
+            }  # fmt: skip
+        if self._frames is not None:
+            rows = torch.tensor([self._index[label] for label in self._frames[1]])
+            tensors |= {"frames": self._frames[0], "rows": rows}
         header = {
             "kind": type(self).__name__, "parameters": parameters, "classes": classes,
             "frame_shape": self.frame_shape_, "recalibrated": self._recalibrated, "seen": seen,
@@ -528,9 +585,13 @@ class HDCClassifier(Estimator):
         n_planes, n = tensors["planes"].shape[1], tensors["n"]
         counters.planes, counters.n = tensors["planes"], n
         width = bits.words_for(counters.dimension)
+        tensors.setdefault("rows", n[:0])
         expected = {
             "planes": (len(classes), n_planes, width), "n": (len(classes),),
             "prototypes": (len(classes), width), "deciding": (len(classes), len(EXTRAS), width),
+            "weights": (len(classes), 8, width), "scales": (len(classes),),
+            "intercepts": (len(classes),), "penalty": (), "rows": tensors["rows"].shape[:1],
+            "frames": (*tensors["rows"].shape[:1], width),
         }  # fmt: skip
         if seen is not None:
             if not all(isinstance(s, int) and 0 <= s < io.LARGEST for s in seen):
@@ -538,23 +599,34 @@ class HDCClassifier(Estimator):
             kept = [min(s, KEPT) for s in seen]
             expected["sample"] = (sum(kept), width)
         for name, tensor in tensors.items():
-            if tensor.dtype != torch.int64 or tuple(tensor.shape) != expected[name]:
+            dtype = torch.float64 if name in ("scales", "intercepts", "penalty") else torch.int64
+            if tensor.dtype != dtype or tuple(tensor.shape) != expected[name]:
                 raise ValueError(f"{name}: {tensor.dtype} {tuple(tensor.shape)}")
         if (n < 0).any() or (n >= io.LARGEST).any() or not n.any() or n_planes > 53:
             raise ValueError(f"sample counts {n.tolist()}")
-        trained = cls.from_counters(counters, classes, tuple(shape), **model.get_params())
+        parameters = model.get_params()
+        trained = cls.from_counters(
+            counters, classes, tuple(shape), **parameters | {"readout": "prototype"}
+        )
+        trained.set_params(**parameters)
         if trained.classes_.tolist() != classes:
             raise ValueError(f"classes out of order: {classes!r}")
-        trained.prototypes_ = tensors["prototypes"].to(model.device)
+        here = {name: tensor.to(model.device) for name, tensor in tensors.items()}
+        trained.prototypes_ = here["prototypes"]
         trained._recalibrated = bool(header["recalibrated"])
+        trained._deciding = here.get("deciding")
         trained.metadata_ = dict(header["metadata"])
-        if "deciding" in tensors:
-            trained._deciding = tensors["deciding"].to(model.device)
         if seen is not None:
             trained._sample = Sample()
-            words = tensors["sample"].to(model.device).split(kept)
-            for label, part, n_seen in zip(classes, words, seen, strict=True):
-                trained._sample.put(label, part, n_seen)
+            for label, words, n_seen in zip(classes, here["sample"].split(kept), seen, strict=True):
+                trained._sample.put(label, words, n_seen)
+        if model.readout == "ridge":
+            trained.ridge_ = Ridge(
+                here["weights"], here["scales"], here["intercepts"], float(tensors["penalty"]),
+                counters.dimension,
+            )  # fmt: skip
+        elif model.readout == "neighbours":
+            trained._frames = here["frames"], [classes[row] for row in tensors["rows"].tolist()]
         return trained
 
     # Parts ---------------------------------------------------------------------------------------
@@ -563,11 +635,15 @@ class HDCClassifier(Estimator):
         for name, value, valid in (
             ("ties", self.ties, bits.TIES),
             ("prototype", self.prototype, PROTOTYPES),
+            ("readout", self.readout, READOUTS),
             ("balance", self.balance, (True, False)),
         ):
             if value not in valid:
                 listed = ", ".join(map(str, valid))
                 raise ValueError(f"{name}: expected one of {listed}, found {value!r}")
+        k = self.n_neighbours
+        if isinstance(k, bool) or not isinstance(k, int | np.integer) or k < 1:
+            raise ValueError(f"n_neighbours: expected an integer from 1, found {k!r}")
         bits.choose_backend(self.backend, self.device, 0)
 
     def _check_counts(self, action: str) -> None:
@@ -575,6 +651,13 @@ class HDCClassifier(Estimator):
             raise ValueError(
                 f"{action}: expected a model of counted frames, found one that was recalibrated; "
                 "recalibrate it again, or fit anew"
+            )
+
+    def _check_not_ridge(self, action: str) -> None:
+        if self.readout == "ridge":
+            raise ValueError(
+                f"{action}: expected readout 'prototype' or 'neighbours', found 'ridge', which "
+                "does not keep its frames; fit it with all of them"
             )
 
     def _check_is_trained(self) -> None:
@@ -592,6 +675,10 @@ class HDCClassifier(Estimator):
             n_pixels = inf  # the same again, unless this is a machine without numba
         return bits.choose_backend(self.backend, self.device, n_pixels)
 
+    def _loaded_backend(self) -> str:
+        """The backend without loading any: with "auto", compiled kernels where they are loaded."""
+        return bits.choose_backend(self.backend, self.device, 0)
+
     def _start(self, shape: Sequence[int]) -> None:
         self.frame_shape_ = tuple(shape)
         self.dimension_ = self.n_features_in_ = prod(self.frame_shape_)
@@ -600,6 +687,7 @@ class HDCClassifier(Estimator):
         self.prototypes_ = self.counters_.planes[:, 0]
         self._outdated, self._size = set(), None
         self._sample, self._deciding, self._peers = Sample(), None, None
+        self._frames = None
         self._recalibrated = False
 
     def _know(self, labels: Iterable[Label]) -> None:
@@ -629,6 +717,27 @@ class HDCClassifier(Estimator):
         self.counters_.add(words, rows)
         if self._sample is not None:
             self._sample.add(words, labels)
+        if self.readout != "prototype":
+            self._keep(words, labels)
+
+    def _keep(self, words: Tensor, labels: Sequence[Label]) -> None:
+        """Keep hypervectors for the read-outs that are made of them."""
+        if self._frames is not None:
+            words, labels = torch.cat((self._frames[0], words)), [*self._frames[1], *labels]
+        self._frames = words, list(labels)
+
+    def _fit_ridge(self) -> None:
+        assert self._frames is not None
+        words, targets = self._targets(*self._frames)
+        self.ridge_, _ = ridge(words, targets, self.dimension_, backend=self.backend_)
+        self._frames = None
+
+    def _targets(self, words: Tensor, labels: Sequence[Label]) -> tuple[Tensor, Tensor]:
+        """Hypervectors, and 1 for the class of each and −1 for the others, float64 [N, L]."""
+        rows = torch.tensor([self._index[label] for label in labels])
+        targets = -torch.ones(len(labels), len(self._index), dtype=torch.float64)
+        targets[torch.arange(len(labels)), rows] = 1
+        return words, targets
 
     def _changed(self, rows: Iterable[int]) -> None:
         """Counts of these classes are others than before."""
@@ -667,7 +776,7 @@ class HDCClassifier(Estimator):
         return empty if empty.any() else None
 
     def _hamming(self, words: Tensor) -> Tensor:
-        distances = bits.hamming(words, self.prototypes_)
+        distances = bits.hamming(words, self.prototypes_, self._loaded_backend())
         if (empty := self._empty()) is not None:
             distances[:, empty] = self.dimension_ + 1
         return distances
@@ -678,12 +787,32 @@ class HDCClassifier(Estimator):
 
     def _scores_of(self, words: Tensor) -> Tensor:
         """Dissimilarity [Q, L], smaller is nearer."""
+        if self.readout == "ridge":
+            return -self.ridge_.scores(words, self._loaded_backend())
+        if self.readout == "neighbours":
+            return self._nearest_frames(words)
         if self.prototype == "binary":
             return self._hamming(words)
         size = _smallest(self.counters_) if self.balance and not self._recalibrated else None
         scores = cosine.scores(self.counters_, words, size)
         if (empty := self._empty()) is not None:
             scores[:, empty] = torch.inf
+        return scores
+
+    def _nearest_frames(self, words: Tensor) -> Tensor:
+        """The distance of the nearest frame of each class, and far less for one with votes."""
+        assert self._frames is not None
+        kept, labels = self._frames
+        rows = torch.tensor([self._index[label] for label in labels], device=words.device)
+        distances = bits.hamming(words, kept, self._loaded_backend())
+        rows = rows.expand_as(distances)
+        far = distances.new_full((len(words), len(self._index)), self.dimension_ + 1)
+        scores = far.scatter_reduce(1, rows, distances, "amin")
+        if self.n_neighbours > 1:
+            voting = distances.argsort(dim=1, stable=True)[:, : self.n_neighbours]
+            votes = torch.zeros_like(scores)
+            votes.scatter_add_(1, rows.gather(1, voting), torch.ones_like(voting))
+            scores -= (self.dimension_ + 2) * votes
         return scores
 
     # Rejection -----------------------------------------------------------------------------------

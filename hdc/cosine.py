@@ -61,7 +61,7 @@ def scores(counters: Counters, words: Tensor, size: int | None = None) -> Tensor
     return -dot(counters.planes, counters.n, words, counters.dimension) / lengths.clamp(min=1)
 
 
-def dot(planes: Tensor, n: Tensor, words: Tensor, dimension: int) -> Tensor:
+def dot(planes: Tensor, n: Tensor, words: Tensor, dimension: int, backend: str = "numpy") -> Tensor:
     """(2v − 1)·(2c − n) of queries v, int64 [Q, L], from bit-sliced c, int64 [L, P, W].
 
     A query v ∈ {0, 1} has v·c = Σ_p 2^p |v ∧ plane_p| and |v ∧ b| = (|v| + |b| − Ham(v, b))/2.
@@ -69,7 +69,8 @@ def dot(planes: Tensor, n: Tensor, words: Tensor, dimension: int) -> Tensor:
     n_classes, n_planes, width = planes.shape
     weights = 2 ** torch.arange(n_planes, device=words.device)
     ones, plane_ones = bits.count_ones(words), bits.count_ones(planes)
-    distances = bits.hamming(words, planes.reshape(-1, width)).view(-1, n_classes, n_planes)
+    distances = bits.hamming(words, planes.reshape(-1, width), backend)
+    distances = distances.view(-1, n_classes, n_planes)
     overlap = (ones[:, None, None] + plane_ones - distances) // 2
     products, total = (overlap * weights).sum(2), (plane_ones * weights).sum(1)
     return 4 * products - 2 * total - n.to(words.device) * (2 * ones[:, None] - dimension)

@@ -50,6 +50,8 @@ class OnlineHDCClassifier(HDCClassifier):
     """
 
     prototype = "binary"
+    readout = "prototype"
+    n_neighbours = 1
     balance = False
     backend = "numpy"
 
