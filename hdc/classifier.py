@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import inf, prod
@@ -533,11 +532,7 @@ class HDCClassifier(Estimator):
         if self._deciding is not None:
             tensors["deciding"] = self._deciding
         if self.readout == "ridge":
-            tensors |= {
-                "weights": self.ridge_.planes, "scales": self.ridge_.scales,
-                "intercepts": self.ridge_.intercepts, "penalty": torch.tensor(
-                    self.ridge_.penalty, dtype=torch.float64),
-            }  # fmt: skip
+            tensors |= self.ridge_.tensors()
         if self._frames is not None:
             rows = torch.tensor([self._index[label] for label in self._frames[1]])
             tensors |= {"frames": self._frames[0], "rows": rows}
@@ -565,20 +560,11 @@ class HDCClassifier(Estimator):
 
     @classmethod
     def _of(cls, header: dict[str, Any], tensors: dict[str, Tensor]) -> Self:
-        if header["kind"] != cls.__name__:
-            raise ValueError(f"a saved {header['kind']}; load it with {header['kind']}.load")
+        io.check_kind(header, cls.__name__)
         model = cls().set_params(**header["parameters"])
-        if torch.device(model.device).type == "cuda" and not torch.cuda.is_available():
-            warnings.warn(
-                f"trained on {model.device!r}, which is not here: on the CPU", stacklevel=3
-            )
-            model.device = "cpu"
-        torch.zeros(1, device=model.device).item()  # raises where the device is not to be had
-        shape, classes, seen = header["frame_shape"], header["classes"], header["seen"]
-        if not 1 <= len(shape) <= 2 or not all(
-            isinstance(s, int) and 0 < s < io.LARGEST for s in shape
-        ):
-            raise ValueError(f"frame_shape {shape!r}")
+        io.move_to_cpu_without_cuda(model)
+        shape = io.checked_shape(header["frame_shape"])
+        classes, seen = header["classes"], header["seen"]
         if not isinstance(model.seed, int) or abs(model.seed) > io.LARGEST**2:
             raise ValueError(f"seed {model.seed!r}")
         counters = Counters(len(classes), prod(shape))
@@ -589,19 +575,15 @@ class HDCClassifier(Estimator):
         expected = {
             "planes": (len(classes), n_planes, width), "n": (len(classes),),
             "prototypes": (len(classes), width), "deciding": (len(classes), len(EXTRAS), width),
-            "weights": (len(classes), 8, width), "scales": (len(classes),),
-            "intercepts": (len(classes),), "penalty": (), "rows": tensors["rows"].shape[:1],
-            "frames": (*tensors["rows"].shape[:1], width),
+            "rows": tensors["rows"].shape[:1], "frames": (*tensors["rows"].shape[:1], width),
+            **Ridge.shapes(len(classes), width),
         }  # fmt: skip
         if seen is not None:
             if not all(isinstance(s, int) and 0 <= s < io.LARGEST for s in seen):
                 raise ValueError(f"seen {seen!r}")
             kept = [min(s, KEPT) for s in seen]
             expected["sample"] = (sum(kept), width)
-        for name, tensor in tensors.items():
-            dtype = torch.float64 if name in ("scales", "intercepts", "penalty") else torch.int64
-            if tensor.dtype != dtype or tuple(tensor.shape) != expected[name]:
-                raise ValueError(f"{name}: {tensor.dtype} {tuple(tensor.shape)}")
+        io.check_tensors(tensors, expected)
         if (n < 0).any() or (n >= io.LARGEST).any() or not n.any() or n_planes > 53:
             raise ValueError(f"sample counts {n.tolist()}")
         parameters = model.get_params()
@@ -621,10 +603,7 @@ class HDCClassifier(Estimator):
             for label, words, n_seen in zip(classes, here["sample"].split(kept), seen, strict=True):
                 trained._sample.put(label, words, n_seen)
         if model.readout == "ridge":
-            trained.ridge_ = Ridge(
-                here["weights"], here["scales"], here["intercepts"], float(tensors["penalty"]),
-                counters.dimension,
-            )  # fmt: skip
+            trained.ridge_ = Ridge.of(here, counters.dimension)
         elif model.readout == "neighbours":
             trained._frames = here["frames"], [classes[row] for row in tensors["rows"].tolist()]
         return trained
@@ -641,9 +620,7 @@ class HDCClassifier(Estimator):
             if value not in valid:
                 listed = ", ".join(map(str, valid))
                 raise ValueError(f"{name}: expected one of {listed}, found {value!r}")
-        k = self.n_neighbours
-        if isinstance(k, bool) or not isinstance(k, int | np.integer) or k < 1:
-            raise ValueError(f"n_neighbours: expected an integer from 1, found {k!r}")
+        inputs.check_count("n_neighbours", self.n_neighbours)
         bits.choose_backend(self.backend, self.device, 0)
 
     def _check_counts(self, action: str) -> None:

@@ -220,3 +220,13 @@ def check_among(labels: Iterable[Label], classes: Iterable[Label]) -> None:
     for label in labels:
         if label not in known:
             raise ValueError(f"labels: expected classes among {sorted(known)}, found {label!r}")
+
+
+def check_count(name: str, value: Any) -> None:
+    """Check that a parameter is an integer from 1.
+
+    Raises:
+        ValueError: if it is not.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise ValueError(f"{name}: expected an integer from 1, found {value!r}")

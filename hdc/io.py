@@ -8,13 +8,16 @@ from __future__ import annotations
 import json
 import os
 import secrets
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import torch
 from torch import Tensor
 
 FORMAT = "hdc-model-3"
+FLOATS = {"scales", "intercepts", "penalty", "values", "residuals", "inverse", "means"}
 LARGEST = 2**53
 """Integers of a header lie below this: every reader of JSON keeps them exactly."""
 
@@ -125,3 +128,48 @@ def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[s
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise ValueError(f"no header of format {FORMAT!r}")
     return header, content
+
+
+def check_kind(header: Mapping[str, Any], kind: str) -> None:
+    """Check that a header is of a model of this class.
+
+    Raises:
+        ValueError: if it is of another.
+    """
+    if header["kind"] != kind:
+        raise ValueError(f"a saved {header['kind']}; load it with {header['kind']}.load")
+
+
+def checked_shape(shape: Any) -> tuple[int, ...]:
+    """A frame's shape, (H, W) or (D,).
+
+    Raises:
+        ValueError: if it is none.
+    """
+    if not 1 <= len(shape) <= 2 or not all(isinstance(s, int) and 0 < s < LARGEST for s in shape):
+        raise ValueError(f"frame_shape {shape!r}")
+    return tuple(shape)
+
+
+def check_tensors(tensors: Mapping[str, Tensor], shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """Check the shapes of tensors, and that they are int64 or float64 and finite.
+
+    Raises:
+        ValueError: for the first that does not fit, or has no shape to fit.
+    """
+    for name, tensor in tensors.items():
+        fits = tuple(tensor.shape) == shapes.get(name) and tensor.isfinite().all()
+        if not fits or tensor.dtype != (torch.float64 if name in FLOATS else torch.int64):
+            raise ValueError(f"{name}: {tensor.dtype} {tuple(tensor.shape)}")
+
+
+def move_to_cpu_without_cuda(model: Any) -> None:
+    """Have a model from a machine with CUDA compute on the CPU where there is none.
+
+    Raises:
+        RuntimeError: for another device that is not to be had.
+    """
+    if torch.device(model.device).type == "cuda" and not torch.cuda.is_available():
+        warnings.warn(f"trained on {model.device!r}, which is not here: on the CPU", stacklevel=4)
+        model.device = "cpu"
+    torch.zeros(1, device=model.device).item()

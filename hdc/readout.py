@@ -12,6 +12,7 @@ with the least Σ r_i² is taken.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +49,24 @@ class Ridge:
         n = torch.full((len(self.planes),), 2 * _OFFSET)
         products = cosine.dot(self.planes, n, words, self.dimension, backend) // 2
         return products * self.scales.to(words.device) + self.intercepts.to(words.device)
+
+    def tensors(self) -> dict[str, Tensor]:
+        """What a file has to hold."""
+        penalty = torch.tensor(self.penalty, dtype=torch.float64)
+        values = {"scales": self.scales, "intercepts": self.intercepts, "penalty": penalty}
+        return {"weights": self.planes, **values}
+
+    @staticmethod
+    def shapes(n: int, width: int) -> dict[str, tuple[int, ...]]:
+        """The shapes of :meth:`tensors`."""
+        return {"weights": (n, _PLANES, width), "scales": (n,), "intercepts": (n,), "penalty": ()}
+
+    @classmethod
+    def of(cls, tensors: Mapping[str, Tensor], dimension: int) -> Ridge:
+        """From :meth:`tensors`."""
+        values = (tensors[name] for name in ("weights", "scales", "intercepts"))
+        planes, scales, intercepts = values
+        return cls(planes, scales, intercepts, float(tensors["penalty"]), dimension)
 
     def weights(self, start: int, stop: int) -> Tensor:
         """Weights float64 [T, B] of the bits in words start to stop."""
