@@ -133,7 +133,9 @@ def times(results: Results) -> pd.DataFrame | None:
     lines["step_s"] = lines["method"].map(step).astype(float)
     lines["time_90_s"] = lines["steps_90"] * lines["step_s"]
     lines["time_over_hdc"] = lines["time_90_s"] / np.median([record.training_s for record in hdc])
-    time, ratio = (published.value(f"table1/softmax_{x}") for x in ("training_time", "time_over_hdc"))
+    time, ratio = (
+        published.value(f"table1/softmax_{x}") for x in ("training_time", "time_over_hdc")
+    )
     paper = {"method": "published", "time_90_s": time, "time_over_hdc": ratio}
     return pd.concat([lines, pd.DataFrame([paper])])
 
