@@ -97,20 +97,24 @@ def hold_out(
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """Indices to train on and to hold out, increasing, and how these were chosen.
 
-    The last sessions where there are several, of which the first have every class; else the same
-    share of each class at random.
+    The last sessions where there are several, else the same share of each class at random.
     """
     every = np.arange(len(recording))
     if fraction is None:
         return every, every[:0], ""
-    session, labels = recording.session, recording.labels
-    if session is not None and len(last := np.unique(session)) > 1:
-        test = np.isin(session, last[-max(1, round(fraction * len(last))) :])
-        missing = labels is not None and set(labels) - set(labels[~test])
-        if not missing and not test.all():
-            return every[~test], every[test], f"({len(np.unique(session[test]))} last sessions)"
-    training, test = split(labels, fraction, seed, len(recording))
-    return training, test, "(at random)"
+    if (last := last_sessions(recording, fraction)) is not None:
+        return every[~last], every[last], "in the last sessions"
+    return *split(recording.labels, fraction, seed, len(recording)), "at random"
+
+
+def last_sessions(recording: Recording, fraction: float) -> np.ndarray | None:
+    """Mask [N] of the last sessions; None unless there are several, the first of every class."""
+    labels = recording.labels
+    if recording.session is None or len(known := np.unique(recording.session)) < 2:
+        return None
+    count = min(max(1, round(fraction * len(known))), len(known) - 1)
+    last = np.isin(recording.session, known[-count:])
+    return None if labels is not None and set(labels) - set(labels[~last]) else last
 
 
 def split(

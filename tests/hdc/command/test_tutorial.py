@@ -41,7 +41,7 @@ def test_nested_folders_by_a_template(tmp_path, monkeypatch, capsys):
     walk = next(block for block in BLOCKS if "press/" in block)
     trained, predicted, evaluated, recalibrated, compared = run(walk, capsys)
     assert "12 frames, 3 classes" in trained
-    assert "held out (1 last sessions): accuracy 100.0%" in trained
+    assert "held out in the last sessions: accuracy 100.0%" in trained
     assert "left out 24 other files: day1/material_felt/cycle_0_A/settings.json" in trained
     assert predicted.splitlines()[1].split("\t")[1] == "wood"
     assert "24 of 24 frames" in evaluated
