@@ -2,9 +2,9 @@
 
 The finished runs and measurements of the folder of own results replace those of the same studies in
 ``results/reference``, its tables and figures are made again, and the marked tables of README.md are
-filled from them. At the end every committed record has to be of today's code, or the file that has
-changed stands in ``results/reference/stands.yaml`` with the reason why the record may stand.
-``--check`` does the last alone and writes nothing.
+filled from them. ``--check`` names committed records that other code made, and writes nothing;
+``--prove`` computes a part of each again and adopts today's code where nothing differs
+(:mod:`experiments.prove`).
 """
 
 from __future__ import annotations
@@ -19,28 +19,33 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from rich.console import Console
 
 from experiments import report, reproduce
-from experiments.records import archive
+from experiments.prove import prove
+from experiments.records import record as records
 from experiments.records.files import REFERENCE, ROOT, results_dir, write_atomically
-from experiments.records.record import to_csv
 from experiments.records.results import Results, Run
-from experiments.reporting.measured import with_places
-from experiments.reporting.table import markdown_text
+from experiments.reporting.study import with_places
+from experiments.reporting.text import markdown_text
 
-MEASURED_LIGHT = "scenes.fibre.FibreScene"  # public; other scenes of a study are one's own
+PUBLIC = ("scenes.fibre.", "scenes.measured.")  # scenes of published data; others are one's own
 README = ROOT / "README.md"
 _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Carry it out; 1 if a record is of other code and no reason is given."""
+    """Carry it out; 1 if a record is of other code, or could not be proven."""
     parser = argparse.ArgumentParser(prog="python -m experiments.reference", description=__doc__)
     parser.add_argument("--check", action="store_true", help="only check the committed records")
+    parser.add_argument("--prove", nargs="*", metavar="ROW", help="only prove them (scene-model …)")
     parser.add_argument("--tables", action="store_true", help="only tables, figures and README")
     chosen = parser.parse_args(arguments)
     console = Console(highlight=False)
+    if chosen.prove is not None:
+        wanted = set(chosen.prove)
+        return int(prove(REFERENCE, console, lambda name: not wanted or name in wanted) > 0)
     if not chosen.check:
         if not chosen.tables:
             adopt(results_dir(), REFERENCE)
@@ -48,68 +53,71 @@ def main(arguments: list[str] | None = None) -> int:
         text = README.read_text(encoding="utf-8")
         write_atomically(README, fill(text, blocks()))
         console.print(f"tables of {os.path.relpath(README)}")
-    wrong = outdated(Results(REFERENCE))
-    for file, names in sorted(wrong.items()):
-        console.print(
-            f"{file} has changed since {len(names)} records, such as {names[0]}", soft_wrap=True
-        )
-    return 1 if wrong else 0
+    changed = outdated(Results(REFERENCE))
+    for file, names in sorted(changed.items()):
+        text = f"{file} has changed since {len(names)} records, such as {names[0]}"
+        console.print(text, soft_wrap=True)
+    return 1 if changed else 0
 
 
 def adopt(own: Path, reference: Path) -> None:
-    """Take over runs and measurements of configs as they are; what else the reference has of such
-    configs stays, and runs go whose config has changed since, or that were made again.
+    """Take over runs and measurements of configs as they are; other records of the same configs
+    stay, and records go whose config has changed since, or that were made again.
 
-    Recordings and whatever was changed of a config are nobody's reference, but for measurements on
-    the public fibre.
-
-    Raises:
-        ValueError: naming a file that is no record.
+    Recordings and changed configs are nobody's reference, but for measurements on published data.
     """
-    results = Results(own)
-    ours = [
-        run for run in results.runs if not run.overrides and run.record.scene.origin != "recorded"
-    ]
-    made = set(map(_asked, ours))
-    archive.pack(
-        own / "runs",
-        reference,
-        chosen={run.record.id for run in ours},
-        without={
-            run.record.id
-            for run in Results(reference).runs
-            if run.overrides or (run.outdated and _asked(run) in made)
-        },
-    )
-    for name in sorted({one.record.name for one in results.measurements}):
-        for place, found in with_places(results, name):
-            scene = found.record.config.get("scene", {}).get("_target_")
-            if place and scene != MEASURED_LIGHT:
+    results, before = Results(own), Results(reference)
+    ours = {
+        run.record.id: run
+        for run in results.runs
+        if not run.overrides and run.record.scene.origin != "recorded"
+    }
+    again = set(map(_place, ours.values()))
+    gone = {
+        run.record.id
+        for run in before.runs
+        if run.overrides or (run.outdated and _place(run) in again)
+    }
+    code = records.read_code(reference) | records.read_code(own)
+    lines: dict[str, dict[str, Any]] = {}
+    for folder in (reference, own):
+        path = folder / records.RUNS
+        for line in path.read_bytes().splitlines() if path.is_file() else ():
+            entry = msgspec.json.decode(line)
+            if (folder == own and entry["id"] in ours and entry["status"] == "finished") or (
+                folder == reference and entry["id"] not in gone
+            ):
+                lines[entry["id"]] = entry
+    used = {entry["environment"]["code"] for entry in lines.values()}
+    texts = [msgspec.json.encode(lines[name], order="sorted").decode() for name in sorted(lines)]
+    records.write_all(reference, texts, {name: code[name] for name in used})
+    for name in sorted({measured.record.name for measured in results.measurements}):
+        for place, measured in with_places(results, name):
+            scene = measured.record.config.get("scene", {})
+            if place and not scene.get("_target_", "").startswith(PUBLIC):
                 continue
-            target = reference / "measured" / f"{name}{'_fibre' if place else ''}"
+            target = reference / "measured" / f"{name}{place}"
             shutil.rmtree(target, ignore_errors=True)
-            shutil.copytree(found.folder, target, ignore=shutil.ignore_patterns(".*"))
+            shutil.copytree(measured.folder, target, ignore=shutil.ignore_patterns(".*"))
     if steps := reproduce.read(reference) | reproduce.read(own):
-        write_atomically(reference / reproduce.FILE, to_csv(list(steps.values())))
+        reproduce.write(reference, steps.values())
 
 
-def _asked(run: Run) -> tuple[str, str, Any, Any]:
+def _place(run: Run) -> tuple[str, str, Any, Any]:
     """Scene, model, and how many training samples and pixels."""
     config = run.record.config
     return run.scene, run.model, config["split"]["n_train"], config["data"]["pixels"]
 
 
 def outdated(results: Results) -> dict[str, list[str]]:
-    """Files that have changed without a reason to stand → names of the records they made."""
-    reasons = report.stands()
-    found: dict[str, list[str]] = {}
-    made = [(run.record.id, run.outdated) for run in results.runs]
-    made += [(one.record.name, one.outdated) for one in results.measurements]
-    for name, files in made:
+    """Files that have changed → names of the records that they made."""
+    names: dict[str, list[str]] = {}
+    records_of = [(run.record.id, run.outdated) for run in results.runs]
+    records_of += [(measured.record.name, measured.outdated) for measured in results.measurements]
+    for name, files in records_of:
         for file in files:
-            if file not in reasons:
-                found.setdefault(file, []).append(name)
-    return found
+            names.setdefault(file, []).append(name)
+    return names
 
 
 def fill(text: str, contents: dict[str, Callable[[], str]]) -> str:

@@ -1,44 +1,38 @@
 """Everything again, step by step: ``python -m experiments.reproduce``.
 
-The steps are those of ``configs/reproduce.yaml``; results go to the folder of own results. What is
-finished there is skipped by the commands themselves, so the same call goes on after an
-interruption; a step that fails is told at the end, and the others run all the same. ``--list``
-shows the steps and runs none. A step after which a run has taken unlike as long as its siblings
-(:mod:`experiments.records.timing`) is called once more, which makes that run again.
-``reproduce.csv`` has the time and the largest memory of each step: those of the call that had
-everything to do.
+The steps are those of ``configs/reproduce.yaml``; results go to the folder of own results. Finished
+work is skipped by the commands themselves, so that the same call resumes after an interruption. A
+step that fails is named at the end, and the others run all the same. ``--list`` shows the steps and
+runs none. ``reproduce.csv`` gets the time and the largest memory of each call of a step.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import os
 import shlex
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
 from experiments.records import configs
 from experiments.records.files import ROOT, results_dir, write_atomically
-from experiments.records.record import to_csv
-from experiments.records.results import Results
-from experiments.records.timing import unlike_siblings
 from experiments.reporting.terminal import in_any_encoding
 
 FILE = "reproduce.csv"
 WHAT = {
     "full": "everything",
-    "quick": "everything with fewer seeds, without what takes long",
+    "quick": "everything with fewer seeds, without the long steps",
     "table1": "Table I with one seed, shown after each model",
 }
 
@@ -61,7 +55,7 @@ class Step:
 
     @property
     def command(self) -> str:
-        """As it would be typed."""
+        """The command line."""
         return shlex.join(["python", "-m", *self.words])
 
     @property
@@ -139,24 +133,14 @@ def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> in
             if step.skipped:
                 console.print(f"[yellow]{step.name}: {step.skipped}[/yellow]")
                 continue
-            before = disturbed(results)
             status = measured(step, mode, results)
-            if status == "finished" and disturbed(results) - before:
-                console.print("a run took unlike as long as its siblings: once more")
-                status = measured(step, mode, results)
             failed += [f"{step.name}: {status}"] if status != "finished" else []
     except KeyboardInterrupt:
-        console.print("interrupted; the same command goes on")
+        console.print("interrupted; the same command resumes")
         return 128 + signal.SIGINT
     for line in failed:
         console.print(f"[red]failed:[/red] {line}")
     return 1 if failed else 0
-
-
-def disturbed(results: Path) -> set[str]:
-    """The runs that took unlike as long as their siblings, and were not made again for that."""
-    found = unlike_siblings(Results(results).runs)
-    return {r.record.id for r in found if r.record.timed_again is None and not r.outdated}
 
 
 def measured(step: Step, mode: str, results: Path) -> str:
@@ -193,19 +177,22 @@ def measured(step: Step, mode: str, results: Path) -> str:
 
 
 def note(results: Path, row: dict[str, Any]) -> None:
-    """Put a step's row into reproduce.csv.
-
-    The rest of an interrupted step adds up; of several whole ones the longest counts, as the others
-    found work done.
-    """
-    rows: dict[tuple[str, str], dict[str, Any]] = read(results)
+    """Put a step's row into reproduce.csv: seconds of interrupted calls add up; of several whole
+    ones the longest counts, as the others found work done."""
+    rows = read(results)
     known = rows.get((row["step"], row["mode"]))
     if known and known["command"] == row["command"]:
         pair = float(known["seconds"]), row["seconds"]
         row["seconds"] = sum(pair) if known["status"] == "interrupted" else max(pair)
         row["peak_bytes"] = max(row["peak_bytes"], int(known["peak_bytes"]))
     rows[row["step"], row["mode"]] = row
-    write_atomically(results / FILE, to_csv(list(rows.values())))
+    write(results, rows.values())
+
+
+def write(results: Path, rows: Iterable[dict[str, Any]]) -> None:
+    """Write reproduce.csv."""
+    text = pd.DataFrame(list(rows)).to_csv(index=False, lineterminator="\n")
+    write_atomically(results / FILE, text)
 
 
 def read(results: Path) -> dict[tuple[str, str], dict[str, Any]]:
@@ -213,8 +200,8 @@ def read(results: Path) -> dict[tuple[str, str], dict[str, Any]]:
     path = results / FILE
     if not path.is_file():
         return {}
-    with path.open(encoding="utf-8", newline="") as file:
-        return {(row["step"], row["mode"]): row for row in csv.DictReader(file)}
+    rows = pd.read_csv(path).to_dict("records")
+    return {(row["step"], row["mode"]): row for row in rows}
 
 
 def span(seconds: float) -> str:

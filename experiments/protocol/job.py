@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
@@ -16,16 +17,13 @@ from experiments.protocol import machine
 from experiments.protocol.trial import instantiate, train_and_test
 from experiments.records import configs, locks
 from experiments.records import record as records
-from experiments.records.environment import command, cpu_model, environment
-from experiments.records.files import remove_leftovers, results_dir
+from experiments.records.environment import command, environment
+from experiments.records.files import results_dir
 from experiments.records.record import Finished
-from experiments.records.results import Run
-from experiments.records.sources import outdated
-from experiments.records.timing import unlike_siblings
 from scenes.frames import Scene
 
 _SWITCHES = ("exclusive", "cache", "force")
-_MOST_ERROR = 2000  # characters of an error that a record keeps
+_ERROR_CHARACTERS = 2000
 
 
 def check(cfg: DictConfig) -> None:
@@ -37,19 +35,34 @@ def check(cfg: DictConfig) -> None:
     missing = ", ".join(sorted(OmegaConf.missing_keys(cfg)))
     if missing:
         raise ValueError(f"{missing}: expected a value, found none")
+    for key, value in _leaves(OmegaConf.to_container(cfg, resolve=True)):
+        if isinstance(value, float) and math.isnan(value):
+            raise ValueError(f"{key}: expected a number, found nan")
     for key in _SWITCHES:
         if not isinstance(cfg[key], bool):
             raise ValueError(f"{key}: expected true or false, found {cfg[key]!r}")
     for key, seed in cfg.seed.items():
         if not isinstance(seed, int) or isinstance(seed, bool) or abs(seed) > 2**53:
             raise ValueError(f"seed.{key}: expected an integer of at most 2^53, found {seed!r}")
+    for key in ("device", "model.device"):
+        _check_device(key, OmegaConf.select(cfg, key, default="cpu"))
+
+
+def _check_device(key: str, name: Any) -> None:
     try:
-        torch.empty(0, device=torch.device(cfg.device)).cpu()
+        torch.empty(0, device=torch.device(name)).cpu()
     except (RuntimeError, AssertionError, NotImplementedError, TypeError, ValueError) as error:
         there = ["cpu", *(f"cuda:{k}" for k in range(torch.cuda.device_count()))]
-        raise ValueError(
-            f"device: expected one of {', '.join(there)}, found {cfg.device!r}"
-        ) from error
+        raise ValueError(f"{key}: expected one of {', '.join(there)}, found {name!r}") from error
+
+
+def _leaves(node: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """(dotted key, value) of everything in a resolved config that is no mapping."""
+    if not isinstance(node, Mapping):
+        yield key, node
+        return
+    for name, value in node.items():
+        yield from _leaves(value, f"{key}.{name}".lstrip("."))
 
 
 def _check_kinds(part: DictConfig, group: str, name: str | None) -> None:
@@ -58,9 +71,10 @@ def _check_kinds(part: DictConfig, group: str, name: str | None) -> None:
     if not path.is_file():
         return
     tree: Any = OmegaConf.to_container(OmegaConf.load(path))
-    found = OmegaConf.to_container(part, resolve=True)
-    for key, value, ours in configs.beside(found, tree.get(group, tree), group):
-        number = type(ours) in (int, float) or str(ours).startswith("${seed.")
+    expected = dict(_leaves(tree.get(group, tree), group))
+    for key, value in _leaves(OmegaConf.to_container(part, resolve=True), group):
+        default = expected.get(key)
+        number = type(default) in (int, float) or str(default).startswith("${seed.")
         if number and isinstance(value, str) and value != "???":
             raise ValueError(f"{key}: expected a number, found {value!r}")
 
@@ -70,8 +84,7 @@ def run(
     choices: Mapping[str, str | None],
     overrides: Sequence[str],
     console: Console,
-    start: Callable[[], None] = lambda: None,
-) -> tuple[Finished, Path, bool]:
+) -> tuple[Finished, bool]:
     """Carry out one run, or find that it is finished.
 
     Args:
@@ -79,14 +92,13 @@ def run(
         choices: which file of each group it was composed from, for names.
         overrides: what was set on the command line, for the record.
         console: shows the progress.
-        start: called when it is sure that there is something to do.
 
     Returns:
-        tuple: the record, its folder, and whether it was there already.
+        tuple: the record, and whether it was there already.
 
     Raises:
         locks.Held: if another process is at it.
-        ValueError: if the config, or the record that is there, is wrong; the key or file is named.
+        ValueError: if the config is wrong; the key is named.
     """
     check(cfg)
     for group in ("scene", "model"):
@@ -100,11 +112,9 @@ def run(
     fingerprint = scene.fingerprint()
     names = {key: choices.get(key) or "custom" for key in ("scene", "model", "stop")}
     identity = records.run_id(names["scene"], names["model"], config, fingerprint)
-    folder = results_dir() / "runs" / identity
     entry: dict[str, Any] = {
         "schema": records.SCHEMA,
         "id": identity,
-        "status": "running",
         "command": command(),
         "choices": names,
         "experiment": choices.get("experiment"),
@@ -119,18 +129,15 @@ def run(
             "n": len(scene.labels),
             "fingerprint": fingerprint,
             "skipped": [str(frame) for frame in getattr(scene, "skipped", ())],
+            "saturated": str(getattr(scene, "saturated", "") or ""),
         },
     }
-    known = _finished(folder, cfg.force)
-    if known and not (again := _disturbed(folder, known)):
-        return known, folder, True
-    with locks.held(folder / locks.FILE):
-        known = _finished(folder, cfg.force)  # by now
-        if known and not (again := _disturbed(folder, known)):
-            return known, folder, True
-        if known and again:
-            entry["timed_again"] = known.training_s
-        remove_leftovers(folder)
+    folder = results_dir()
+    if not cfg.force and (known := records.find(folder, identity)):
+        return known, True
+    with locks.held(folder / "cache" / "locks" / identity, identity):
+        if not cfg.force and (known := records.find(folder, identity)):  # by now
+            return known, True
         with (
             exclusive(cfg, console),
             machine.libraries(config["model"], config["threads"]) as libraries,
@@ -140,20 +147,20 @@ def run(
                 "exclusive": cfg.exclusive,
                 "libraries": libraries,
             }
-            _carry_out(cfg, scene, entry, folder, console, start)
-    done = records.read_record(folder)
-    assert isinstance(done, Finished)
-    return done, folder, False
+            _carry_out(cfg, scene, entry, folder, console)
+    done = records.find(folder, identity)
+    assert done is not None
+    return done, False
 
 
 def exclusive(cfg: DictConfig, console: Console) -> AbstractContextManager[None]:
-    """The cores to oneself, unless the config says otherwise."""
+    """The machine to oneself, unless the config says otherwise."""
     n = torch.get_num_threads()
 
     def waiting() -> None:
         console.print(
-            f"waiting: {n} free cores expected, other runs are timed on them "
-            "(exclusive=false runs beside them)",
+            f"waiting for {n} free cores: another run is being timed "
+            "(exclusive=false runs beside it)",
             style="yellow",
             soft_wrap=True,
         )
@@ -166,70 +173,29 @@ def cache_dir() -> Path:
     return results_dir() / "cache"
 
 
-def _finished(folder: Path, force: bool) -> Finished | None:
-    """The record of a run that need not be repeated.
-
-    Raises:
-        ValueError: if there is a file that is no record.
-    """
-    if force:
-        return None
-    try:
-        known = records.read_record(folder)
-    except ValueError as error:
-        raise ValueError(f"{error} (force=true runs it again)") from error
-    if not isinstance(known, Finished):
-        return None
-    if any(folder.glob(".*.*")):  # a kill just after the end, or in a forced repetition
-        with suppress(locks.Held), locks.held(folder / locks.FILE):
-            remove_leftovers(folder)
-    return known
-
-
-def _disturbed(folder: Path, known: Finished) -> bool:
-    """Whether a finished run took unlike as long as its siblings, here and by the code as it is,
-    and was not made again for that before."""
-    made = known.environment
-    if known.timed_again is not None or made.cpu != cpu_model() or outdated(made.sources):
-        return False
-    alike = []
-    for path in folder.parent.glob(f"{known.choices.scene}-{known.choices.model}-*"):
-        with suppress(ValueError):  # which costs that record, and the report names it
-            other = records.read_record(path)
-            if isinstance(other, Finished):
-                alike.append(Run(other, records.read_curve(path / "curve.csv"), {}))
-    return any(run.record.id == known.id for run in unlike_siblings(alike))
-
-
 def _carry_out(
-    cfg: DictConfig,
-    scene: Scene,
-    entry: dict[str, Any],
-    folder: Path,
-    console: Console,
-    start: Callable[[], None],
+    cfg: DictConfig, scene: Scene, entry: dict[str, Any], folder: Path, console: Console
 ) -> None:
-    """Train and test; the record says what came of it, and that it began if nothing can be said."""
-    records.from_json(records.to_json(entry))  # what could not be read again is not begun
-    records.write_record(folder, entry)
-    (folder / "curve.csv").unlink(missing_ok=True)  # of an earlier attempt
-    curve: list[dict[str, float]] = []
-
-    def write() -> None:
-        if curve:
-            records.write_curve(folder, curve)
-        records.write_record(folder, entry)
-
+    """Train and test, and add the record; a run that fails is recorded with its error."""
+    curve: records.Curve = []
+    records.to_line(entry, curve)  # a record that cannot be written is found before the training
     try:
-        start()
         cache = cache_dir() if cfg.cache else None
         train_and_test(cfg, scene, entry["choices"], curve, entry, cache, console)
         entry["status"] = "finished"
-        records.from_json(records.to_json(entry))  # nor kept as finished: the model's own labels
+        _check_predictions(entry)
     except BaseException as error:
         entry["status"] = "failed" if isinstance(error, Exception) else "interrupted"
-        entry["error"] = "".join(traceback.format_exception_only(error)).strip()[:_MOST_ERROR]
-        with suppress(OSError):  # on a full disk; what is raised is what happened first
-            write()
+        text = "".join(traceback.format_exception_only(error)).strip()
+        entry["error"] = text[:_ERROR_CHARACTERS]
+        with suppress(OSError, TypeError):  # on a full disk the first error is the one to see
+            records.append(folder, entry, curve)
         raise
-    write()
+    records.append(folder, entry, curve)
+
+
+def _check_predictions(entry: Mapping[str, Any]) -> None:
+    classes, predicted = len(entry["scene"]["classes"]), entry["predicted"]
+    if len(predicted) and not 0 <= min(predicted) <= max(predicted) < classes:
+        wrong = next(label for label in predicted if not 0 <= label < classes)
+        raise ValueError(f"predicted: expected labels below {classes}, found {wrong}")

@@ -62,12 +62,12 @@ def task(experiment: str) -> dict[str, Any]:
     """
     if not (CONFIGS / "experiment" / f"{experiment}.yaml").is_file():
         return {}
-    return _without_display(_composed(f"experiment={experiment}")["task"] or {})
+    return without_display(_composed(f"experiment={experiment}")["task"] or {})
 
 
-def _without_display(node: Any) -> Any:
+def without_display(node: Any) -> Any:
     if isinstance(node, Mapping):
-        return {key: _without_display(node[key]) for key in node if key != "display"}
+        return {key: without_display(node[key]) for key in node if key != "display"}
     return node
 
 
@@ -87,6 +87,14 @@ def swept_models() -> frozenset[str]:
     trees = (OmegaConf.load(CONFIGS / "experiment" / f"{name}.yaml") for name in names)
     sweeps = (OmegaConf.select(tree, "hydra.sweeper.params.model", default="") for tree in trees)
     return frozenset(model.strip() for text in sweeps for model in str(text).split(","))
+
+
+@functools.cache
+def models(*groups: str) -> tuple[str, ...]:
+    """Models of ``configs/model/`` whose ``display.group`` is one of these, HDC first."""
+    names = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
+    names.sort(key=lambda name: (name != "hdc", _display(name)["family"], name))
+    return tuple(name for name in names if _display(name)["group"] in groups)
 
 
 @functools.cache
@@ -128,6 +136,7 @@ def display(model: str) -> Mapping[str, str]:
 @functools.cache
 def _display(model: str) -> dict[str, str]:
     shown = {"name": model, "colour": "#666666", "marker": ".", "line": ":", "family": "own"}
+    shown["group"] = "other"
     path = CONFIGS / "model" / f"{model}.yaml"
     if not path.is_file():
         return shown

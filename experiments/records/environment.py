@@ -1,4 +1,4 @@
-"""What a reader of a time wants to know of the machine and the code."""
+"""Machine, library versions and code digests, stored with every time that is measured."""
 
 from __future__ import annotations
 
@@ -46,10 +46,7 @@ def environment(
 
 def command() -> str:
     """The command line that started this process, as a user would type it."""
-    start = ["python"]
-    if "TORCHELASTIC_RUN_ID" in os.environ:
-        start = ["torchrun", f"--nproc-per-node={os.environ.get('LOCAL_WORLD_SIZE')}"]
-    return shlex.join([*start, "-m", "experiments.run", *sys.argv[1:]])
+    return shlex.join(["python", "-m", "experiments.run", *sys.argv[1:]])
 
 
 def _version(package: str) -> str | None:

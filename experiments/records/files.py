@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import secrets
-import stat
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -43,24 +42,6 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove temporary files that a kill left here; for whoever has the folder to itself."""
+    """Remove temporary files that a kill left here; only while the folder's lock is held."""
     for path in folder.glob(".*.*.*"):
         path.unlink(missing_ok=True)
-
-
-def read_text(path: Path, most_bytes: int) -> str:
-    """The text of a regular file of at most so many bytes; a pipe would be waited for.
-
-    Raises:
-        FileNotFoundError: there is none.
-        ValueError: it is no regular file, is larger or is not UTF-8.
-    """
-    status = path.stat()
-    if not stat.S_ISREG(status.st_mode) or status.st_size > most_bytes:
-        raise ValueError(
-            f"expected a file of at most {most_bytes} bytes, found none or a larger one"
-        )
-    try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"expected a text in UTF-8, found {error.reason}") from error

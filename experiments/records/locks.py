@@ -1,9 +1,7 @@
 """Locks that the kernel frees when their holder ends, however it ends.
 
 They hold among the processes of one machine on every local file system, and among machines where a
-network file system is mounted with locks: NFS by default since Linux 2.6.12, Lustre with ``flock``.
-Mounted with ``nolock`` or ``local_lock``, a lock holds on its own machine only; without any locks,
-taking one is an error.
+network file system is mounted with locks (NFS by default, Lustre with ``flock``).
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ class Held(Exception):
 
 @contextmanager
 def held(path: Path, what: str | None = None, timeout_s: float = 0) -> Iterator[None]:
-    """Have a lock file to oneself; the file stays, and is harmless.
+    """Hold an exclusive lock; the empty file is left behind.
 
     Args:
         path: lock file; its folder is made.

@@ -1,179 +1,121 @@
-"""Records: one folder a run with record.json and curve.csv, written whole or not at all.
+"""The record of a run: what it was, what came of it, and by which code on which machine.
 
-A record is a file, and files are edited, cut and merged by hand. What is wrong with one is named
-with its key, and costs that record only.
+A results folder holds its runs in two files that only grow: ``runs.jsonl``, a record a line, and
+``code.json`` with the digests of the code of each. A run that is made again adds a line; of several
+lines with one id the last finished one counts. A malformed line is reported and skipped.
 """
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import os
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import msgspec
 import numpy as np
-from msgspec import Meta
 
-from experiments.records.files import read_text, write_atomically
+from experiments.records import locks
+from experiments.records.files import write_atomically
 
 SCHEMA = 3
+RUNS, CODE = "runs.jsonl", "code.json"
 # Keys of a config that say how a run is carried out, or how it is shown, not what it computes.
 NOT_IDENTITY = ("force", "cache", "exclusive", "task", "display")
-STATUSES = ("running", "finished", "failed", "interrupted")
-MOST_BYTES = 2**24
-"""Size of the largest record that is written or read, of a million test samples; usual ones have
-some thousand bytes."""
-_MOST_SAID = 200  # characters of what is wrong with a value
-MOST_ROW_BYTES = 2**21
-"""Size of the largest curve, or table of rows: some ten thousand rows. As Python objects they take
-up to a hundred times as many bytes."""
 
-Text = Annotated[str, Meta(max_length=10_000)]
-Line = Annotated[str, Meta(max_length=2**21)]  # what a system lets a command line hold
-Name = Annotated[str, Meta(pattern=r"^(?!.*\.\.)[\w./-]+$", max_length=200)]
-Count = Annotated[int, Meta(ge=1, le=2**53)]
-Index = Annotated[int, Meta(ge=0, le=2**53)]
-Whole = Annotated[int, Meta(ge=-(2**53), le=2**53)]
-Seconds = Annotated[float, Meta(ge=0, le=1e9)]
-Fraction = Annotated[float, Meta(ge=0, le=1)]
-# plateau: of records from before there was a criterion on the loss
-Ending = Literal["finished", "trained", "reached", "steps", "plateau", "budget", "diverged"]
 Curve = list[dict[str, float]]
+"""A row a report of the model: ``training_s``, ``samples_seen``, accuracies, ``loss`` …"""
 
 
 class Choices(msgspec.Struct):
     """Which file of each group of ``configs/`` a run was composed from, or ``custom``."""
 
-    scene: Name
-    model: Name
-    stop: Text | None = None
+    scene: str
+    model: str
+    stop: str | None = None
 
 
 class SceneOf(msgspec.Struct):
-    """What a run saw.
+    """The scene of a run.
 
     Attributes:
         name: name of the scene's config.
-        origin: ``simulated``, ``measured`` or ``recorded``.
+        origin: ``simulated``, ``measured``, ``camera`` or ``recorded``.
         classes: class names, by label.
         shape: rows and columns of a frame.
         n: number of samples.
-        fingerprint: digest of what determines the frames.
+        fingerprint: digest of everything that determines the frames.
         skipped: frames that could not be read, with the reason.
+        saturated: why the scene ranks no models, or nothing.
     """
 
-    name: Name
-    origin: Text
-    classes: list[Text]
-    shape: tuple[Count, Count]
-    n: Count
-    fingerprint: Text
-    skipped: list[Text] = []
+    name: str
+    origin: str
+    classes: list[str]
+    shape: tuple[int, int]
+    n: int
+    fingerprint: str
+    skipped: list[str] = []
+    saturated: str = ""
 
 
 class Environment(msgspec.Struct):
     """Machine and code, as :func:`experiments.records.environment.environment` tells them."""
 
-    cpu: Text
-    threads: Count
-    code: Text
-    sources: dict[str, str]
+    cpu: str
+    threads: int
+    code: str
+    sources: dict[str, str] = {}
     packages: dict[str, str | None] = {}
     exclusive: bool = True
-    python: Text | None = None
-    platform: Text | None = None
-    cores: Count | None = None
-    device: Text | None = None
-    commit: Text | None = None
+    python: str | None = None
+    platform: str | None = None
+    cores: int | None = None
+    device: str | None = None
+    commit: str | None = None
     dirty: bool | None = None
-
-
-class _Seeds(msgspec.Struct):
-    run: Whole
-
-
-class _Split(msgspec.Struct):
-    n_train: Count | None
-
-
-class _Data(msgspec.Struct):
-    pixels: Count | None
-
-
-class _Stop(msgspec.Struct):
-    target: Annotated[float, Meta(gt=0, lt=1)]
-
-
-class _Config(msgspec.Struct):
-    """The parts of a config that readers rely on."""
-
-    device: Text
-    threads: Count
-    scene: dict[str, Any]
-    model: dict[str, Any]
-    seed: _Seeds
-    split: _Split
-    data: _Data
-    stop: _Stop
+    libraries: list[dict[str, Any]] = []
 
 
 class Digests(msgspec.Struct):
     """SHA-256 of the frames and labels that trained and tested."""
 
-    train: Text
-    test: Text
+    train: str
+    test: str
 
 
 class Record(msgspec.Struct, kw_only=True):
-    """A run that has begun.
+    """A run that did not finish.
 
     Attributes:
-        id: its name, which is that of its folder.
+        id: names the run; a hash of everything that determines it is part of it.
+        status: ``finished``, ``failed`` or ``interrupted``.
         overrides: what the command line, or an experiment, set.
         display: how the model's config wants it shown.
         config: everything that determines it, resolved.
+        curve: a row a report.
         training_s: seconds of training, as far as it came.
-        timed_again: seconds of training of the run in whose place it stands, which took unlike as
-            long as its siblings.
-        relabelled: where it was known under another name: schema, commit and id of then.
+        proven: how later code was shown to compute the same (experiments.reference --prove).
     """
 
     schema: int
-    id: Text
-    status: Text
+    id: str
+    status: str
     choices: Choices
     config: dict[str, Any]
     environment: Environment
     scene: SceneOf
-    command: Line = ""
-    experiment: Text | None = None
-    overrides: list[Line] = []
-    display: dict[str, Text] = {}
-    training_s: Seconds | None = None
-    error: Text | None = None
-    timed_again: Seconds | None = None
-    relabelled: dict[str, Any] | None = None
-
-    def __post_init__(self) -> None:
-        if self.status not in STATUSES:
-            raise ValueError(f"status: expected one of {', '.join(STATUSES)}")
-        convert(self.config, _Config, "config")
-        known = run_id(self.choices.scene, self.choices.model, self.config, self.scene.fingerprint)
-        if self.id != known:
-            raise ValueError(
-                f"id: expected {known} as choices, config and fingerprint say, found {self.id}"
-            )
-        for key, one, other in (
-            ("scene.name", self.scene.name, self.choices.scene),
-            ("environment.threads", self.environment.threads, self.config["threads"]),
-        ):
-            if one != other:
-                raise ValueError(f"{key}: expected {other} as said elsewhere, found {one}")
+    command: str = ""
+    experiment: str | None = None
+    overrides: list[str] = []
+    display: dict[str, str] = {}
+    curve: dict[str, list[Any]] = {}
+    training_s: float | None = None
+    error: str | None = None
+    proven: dict[str, Any] | None = None
 
     @property
     def seed(self) -> int:
@@ -182,93 +124,51 @@ class Record(msgspec.Struct, kw_only=True):
 
 
 class Finished(Record, kw_only=True):
-    """A run that has ended well.
+    """A run that finished.
 
     Attributes:
-        stop: why it ended, one of :data:`Ending`.
+        stop: why it ended, one of :data:`experiments.protocol.stop.NAMES`.
         training_s: seconds of training.
         time_to_target_train_s, time_to_target_test_s: seconds until an accuracy first exceeded
             ``config.stop.target``, if it did.
         train_accuracy_at_target, test_accuracy_at_target: accuracies when that of training first
-            did; not in records from before they were noted.
+            did.
         train_accuracy_max, test_accuracy_max: largest accuracies of the curve, if it has any.
         model_bytes: size of what was learnt; None where it is not known.
         test_labels, predicted: class of each test sample, true and predicted by the last model.
+        times_by: digest of the code that was timed, where later code was shown to compute the same.
     """
 
-    stop: Ending
-    training_s: Seconds
-    time_to_target_train_s: Seconds | None = None
-    time_to_target_test_s: Seconds | None = None
-    train_accuracy_at_target: Fraction | None = None
-    test_accuracy_at_target: Fraction | None = None
-    train_accuracy_max: Fraction | None = None
-    train_accuracy_final: Fraction
-    test_accuracy_max: Fraction | None = None
-    test_accuracy_final: Fraction
-    model_bytes: Index | None = None
-    n_train: Count
-    n_test: Count
-    test_labels: list[Index]
-    predicted: list[Index]
-    predict_single_s: Seconds
-    predict_batch_s_per_frame: Seconds
+    stop: str
+    training_s: float
+    time_to_target_train_s: float | None = None
+    time_to_target_test_s: float | None = None
+    train_accuracy_at_target: float | None = None
+    test_accuracy_at_target: float | None = None
+    train_accuracy_max: float | None = None
+    train_accuracy_final: float
+    test_accuracy_max: float | None = None
+    test_accuracy_final: float
+    model_bytes: int | None = None
+    n_train: int
+    n_test: int
+    test_labels: list[int]
+    predicted: list[int]
+    predict_single_s: float
+    predict_batch_s_per_frame: float
     data_sha256: Digests
+    times_by: str | None = None
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        classes = len(self.scene.classes)
-        for key in ("test_labels", "predicted"):
-            found = getattr(self, key)
-            if len(found) != self.n_test:
-                raise ValueError(
-                    f"{key}: expected n_test = {self.n_test} of them, found {len(found)}"
-                )
-            if max(found) >= classes:
-                raise ValueError(f"{key}: expected labels below {classes}, found {max(found)}")
-        if self.n_train + self.n_test > self.scene.n:
+        if not len(self.predicted) == len(self.test_labels) == self.n_test:
             raise ValueError(
-                f"n_train: expected at most {self.scene.n - self.n_test} of the "
-                f"scene's {self.scene.n} samples, found {self.n_train}"
-            )
-        pixels = math.prod(self.scene.shape)
-        if not 2 <= (self.config["data"]["pixels"] or pixels) <= pixels:
-            raise ValueError(f"scene.shape: expected at least the pixels seen, found {pixels}")
-        if not self.training_s > 0:
-            raise ValueError("training_s: expected more than 0 s, found 0")
-        for key in ("time_to_target_train_s", "time_to_target_test_s"):
-            if (getattr(self, key) or 0) > self.training_s:
-                raise ValueError(f"{key}: expected at most training_s, found {getattr(self, key)}")
-        accuracy = float(self.right.mean())
-        if not math.isclose(accuracy, self.test_accuracy_final, abs_tol=1e-9):
-            raise ValueError(
-                f"test_accuracy_final: expected {accuracy:g} as its predictions say, "
-                f"found {self.test_accuracy_final:g}"
+                f"predicted: expected n_test = {self.n_test} of them, found {len(self.predicted)}"
             )
 
     @property
     def right(self) -> np.ndarray:
         """Which test samples the last model has right, bool [n_test]."""
         return np.equal(self.predicted, self.test_labels)
-
-    def check_curve(self, curve: Curve) -> None:
-        """Compare what the record and its curve both say.
-
-        Raises:
-            ValueError: naming what differs.
-        """
-        if not curve:
-            raise ValueError("curve: expected a row a report, found none")
-        times = [row["training_s"] for row in curve]
-        if times != sorted(times) or times[-1] > self.training_s:
-            raise ValueError(f"curve: expected rising times up to training_s = {self.training_s:g}")
-        for part in ("train", "test"):
-            seen = [row[key] for row in curve if (key := f"{part}_accuracy") in row]
-            largest, said = max(seen, default=None), getattr(self, f"{part}_accuracy_max")
-            if largest != said:
-                raise ValueError(
-                    f"{part}_accuracy_max: expected {largest} as the curve says, found {said}"
-                )
 
 
 def run_id(scene: str, model: str, config: Mapping[str, Any], fingerprint: str) -> str:
@@ -277,136 +177,147 @@ def run_id(scene: str, model: str, config: Mapping[str, Any], fingerprint: str) 
     return f"{scene}-{model}-{hashlib.sha256(payload.encode()).hexdigest()[:12]}"
 
 
-def to_json(record: Mapping[str, Any]) -> str:
-    """A record as text, a line a key; numbers that JSON lacks (NaN, infinities) become null.
+def append(folder: Path, entry: Mapping[str, Any], curve: Curve) -> None:
+    """Add a record to the runs of a results folder.
+
+    Args:
+        folder: results folder.
+        entry: the record as plain values, without its curve; ``environment.sources`` goes to
+            code.json.
+        curve: rows of numbers.
 
     Raises:
-        ValueError: if it would be larger than what is read again.
+        OSError: naming the file.
     """
+    folder.mkdir(parents=True, exist_ok=True)
+    line = to_line(entry, curve)
+    environment = entry["environment"]
+    with locks.held(folder / "cache" / "locks" / RUNS, timeout_s=-1):
+        code = read_code(folder)
+        if environment["code"] not in code:
+            code[environment["code"]] = environment["sources"]
+            write_atomically(folder / CODE, json.dumps(code, indent=1, sort_keys=True) + "\n")
+        with (folder / RUNS).open("a+b") as file:
+            end = file.seek(0, 2)
+            if end:  # a line that a kill cut short must not spoil the next
+                file.seek(end - 1)
+                line = line if file.read(1) == b"\n" else f"\n{line}"
+            file.write(f"{line}\n".encode())
+            file.flush()
+            os.fsync(file.fileno())
+
+
+def to_line(entry: Mapping[str, Any], curve: Curve) -> str:
+    """A record as a line of JSON."""
+    columns = list(dict.fromkeys(key for row in curve for key in row))
+    rows = [[_number(row.get(column)) for column in columns] for row in curve]
+    environment = {k: v for k, v in entry["environment"].items() if k != "sources"}
+    whole = {**entry, "environment": environment, "curve": {"columns": columns, "rows": rows}}
+    return msgspec.json.encode(whole, enc_hook=_plain, order="sorted").decode()
+
+
+def _number(value: Any) -> float | str | None:
+    """A value of a curve as JSON: infinities and NaN as texts."""
+    value = getattr(value, "item", lambda: value)()
+    return value if value is None or math.isfinite(value) else str(value)
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):  # numpy and torch
+        return value.tolist()
+    raise TypeError(f"record: expected plain values, found {type(value).__name__}")
+
+
+def to_json(entry: Mapping[str, Any]) -> str:
+    """An entry of plain values, a line a key; numbers that JSON lacks become null."""
     lines = (
         f"{json.dumps(key)}: {msgspec.json.encode(value, enc_hook=_plain).decode()}"
-        for key, value in sorted(record.items())
+        for key, value in sorted(entry.items())
     )
-    text = "{\n" + ",\n".join(lines) + "\n}\n"
-    if len(text) > MOST_BYTES:
-        raise ValueError(f"record: expected at most {MOST_BYTES} bytes, found {len(text)}")
-    return text
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def from_json(text: str | bytes) -> Record:
-    """The record in a text.
+def read_code(folder: Path) -> dict[str, dict[str, str]]:
+    """Digests of files by path, for each digest of the whole."""
+    path = folder / CODE
+    return msgspec.json.decode(path.read_bytes()) if path.is_file() else {}
+
+
+def read(folder: Path) -> Iterator[Record | ValueError]:
+    """Every run of a results folder, by id: the last finished record of each, else its last.
+
+    A line that is no record gives an error that names it.
+    """
+    path = folder / RUNS
+    if not path.is_file():
+        return
+    code = read_code(folder)
+    records: dict[str, Record] = {}
+    for number, line in enumerate(path.read_bytes().splitlines(), 1):
+        try:
+            record = from_json(line, code)
+        except (ValueError, RecursionError) as error:
+            yield ValueError(f"{path}, line {number}: {error}")
+            continue
+        if isinstance(record, Finished) or not isinstance(records.get(record.id), Finished):
+            records[record.id] = record
+    yield from records.values()
+
+
+def find(folder: Path, name: str) -> Finished | None:
+    """The finished record of a run, or None."""
+    path, needle = folder / RUNS, json.dumps(name).encode()
+    if not path.is_file():
+        return None
+    code = read_code(folder)
+    for line in reversed(path.read_bytes().splitlines()):
+        if needle in line:
+            try:
+                record = from_json(line, code)
+            except ValueError:  # the report names it
+                continue
+            if isinstance(record, Finished) and record.id == name:
+                return record
+    return None
+
+
+def from_json(line: bytes, code: Mapping[str, dict[str, str]]) -> Record:
+    """The record in a line.
 
     Raises:
         ValueError: naming the key that is wrong, what was expected and what was found.
     """
-    try:
-        entry = msgspec.json.decode(text)
-    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        raise ValueError(f"expected a record in JSON, found {error}") from error
-    return checked(entry)
-
-
-def checked(entry: Any) -> Record:
-    """The record that was read as plain values; raises as :func:`from_json`."""
+    entry = msgspec.json.decode(line)
     schema = entry.get("schema") if isinstance(entry, dict) else None
     if schema != SCHEMA:
         raise ValueError(f"expected a record of schema {SCHEMA}, found {schema!r}")
-    kind = Finished if entry.get("status") == "finished" else Record
-    return convert(entry, kind, "")
+    record = convert(entry, Finished if entry.get("status") == "finished" else Record, "")
+    record.environment.sources = code.get(record.environment.code, {})
+    return record
 
 
-def read_record(folder: Path) -> Record | None:
-    """The record in a folder, or None if there is none yet.
-
-    Raises:
-        ValueError: if there is a file that is no record; it is named with what is wrong.
-    """
-    path = folder / "record.json"
-    try:
-        record = from_json(read_text(path, MOST_BYTES))
-        if record.id != folder.name:
-            raise ValueError(f"id: expected that of its folder, found {record.id}")
-        return record
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise ValueError(f"{path}: expected a readable record, found: {error.strerror}") from error
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
-
-
-def write_record(folder: Path, record: Mapping[str, Any]) -> None:
-    """Write record.json."""
-    write_atomically(folder / "record.json", to_json(record))
-
-
-def write_curve(folder: Path, rows: Sequence[Mapping[str, float]]) -> None:
-    """Write curve.csv: one row a report of the model."""
-    write_atomically(
-        folder / "curve.csv",
-        to_csv(
-            [
-                {key: getattr(value, "item", lambda v=value: v)() for key, value in row.items()}
-                for row in rows
-            ]
-        ),
-    )
-
-
-def read_curve(path: Path) -> Curve:
-    """The rows of curve.csv; empty cells are left out, no file is no rows.
-
-    Raises:
-        ValueError: naming the file, if it is no table of numbers with the times of its rows.
-    """
-    if not path.exists():
-        return []
-    try:
-        rows = csv.DictReader(read_text(path, MOST_ROW_BYTES).splitlines(keepends=True))
-        return checked_curve(rows)
-    except (OSError, ValueError, TypeError, csv.Error) as error:
-        raise ValueError(f"{path}: expected a curve, found: {error}") from error
-
-
-def checked_curve(rows: Iterable[Mapping[str, Any]]) -> Curve:
-    """Rows of texts as rows of numbers, without the empty ones.
-
-    Raises:
-        ValueError, TypeError: for what is no number, or a row without its time.
-    """
-    curve = [
-        {key: float(text) for key, text in row.items() if text not in ("", None)} for row in rows
+def curve_of(record: Record) -> Curve:
+    """The curve of a record, without the values that a report did not have."""
+    columns = record.curve.get("columns", [])
+    return [
+        {key: float(value) for key, value in zip(columns, row, strict=True) if value is not None}
+        for row in record.curve.get("rows", [])
     ]
-    if not all(0 <= row.get("training_s", -1) < math.inf for row in curve):
-        raise ValueError("rows without seconds in the column training_s")
-    return curve
 
 
-def to_csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows as CSV, a column for every key in the order of their first appearance."""
-    text = io.StringIO()
-    columns = list(dict.fromkeys(key for row in rows for key in row))
-    writer = csv.DictWriter(text, columns, lineterminator="\n", restval="")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+def write_all(folder: Path, lines: Iterable[str], code: Mapping[str, Mapping[str, str]]) -> None:
+    """Replace the runs of a folder: for the committed reference, whose lines are sorted."""
+    write_atomically(folder / CODE, json.dumps(code, indent=1, sort_keys=True) + "\n")
+    write_atomically(folder / RUNS, "".join(f"{line}\n" for line in lines))
 
 
 def convert(value: Any, kind: Any, key: str) -> Any:
     """The value as that type; an error names the key as a config does."""
     try:
-        return msgspec.convert(value, kind)
+        return msgspec.convert(value, kind, strict=False)
     except msgspec.ValidationError as error:
         what, _, where = str(error).partition(" - at `$")
         place = ".".join(filter(None, [key, where.rstrip("`").lstrip(".")]))
-        text = what[0].lower() + what[1:_MOST_SAID]
+        text = what[0].lower() + what[1:200]
         text = text.replace("object missing required field", "expected the key")
-        text = text.replace("invalid enum value", "expected a known word, found")
         raise ValueError(f"{place}: {text}" if place else text) from None
-
-
-def _plain(value: Any) -> Any:
-    """NumPy arrays and tensors as lists; anything else is not for a record."""
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"record: expected plain values, found {type(value).__name__}")

@@ -7,7 +7,7 @@ same code made them. The rest of a row's choice is a preference among such group
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,11 +17,11 @@ import numpy as np
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
-from experiments.records import archive, configs, measurement
+from experiments.records import configs, measurement
+from experiments.records import record as records
 from experiments.records.measurement import Measured
-from experiments.records.record import Curve, Finished, Record, read_curve, read_record
+from experiments.records.record import Curve, Finished, Record
 from experiments.records.sources import outdated
-from experiments.records.timing import unlike_siblings
 
 # Of several groups for one row, the stopping rule that stands first here; others come last.
 STOPS = ("paper", "long", "quick", "reached")
@@ -35,7 +35,7 @@ class Run:
     """A finished run.
 
     Attributes:
-        record: what record.json says.
+        record: its line of runs.jsonl.
         curve: one dict a report of the model.
         overrides: what its scene, split and model have that ``configs/`` has not, by key.
     """
@@ -125,8 +125,6 @@ class Group:
             notes.append(f"{len(self.others)} more left out: of other code or settings")
         if beside := sum(not run.record.environment.exclusive for run in self.runs):
             notes.append(f"{beside} timed beside other runs")
-        if unlike := [str(run.record.seed) for run in unlike_siblings(self.runs)]:
-            notes.append(f"timing unlike its siblings': seed {', '.join(unlike)}")
         return "; ".join(notes) or "ok"
 
     @property
@@ -138,6 +136,12 @@ class Group:
     def right(self) -> np.ndarray:
         """Which test samples are right, of all runs one after another, bool [Q]."""
         return np.concatenate([run.record.right for run in self.runs])
+
+    @property
+    def machines(self) -> set[tuple[str, int]]:
+        """(processor, threads) of its runs: times of different ones do not compare."""
+        environments = (run.record.environment for run in self.runs)
+        return {(environment.cpu, environment.threads) for environment in environments}
 
     @property
     def classes(self) -> list[str]:
@@ -156,7 +160,7 @@ class Results:
     """A results folder: runs, measurements, and what was wrong with a file.
 
     Args:
-        folder: holds ``runs/`` or an archive of runs, and ``measured/``.
+        folder: holds ``runs.jsonl`` and ``measured/``.
         device: runs of other devices are left out; their times would not compare.
 
     Attributes:
@@ -170,19 +174,13 @@ class Results:
         self.problems: list[str] = []
         self.runs: list[Run] = []
         self.unfinished: list[Record] = []
-        for record, curve in self._read():
-            if record.config["device"] != device:
-                continue
-            if record.display and configs.of_model(record.choices.model) is None:
-                configs.show_as(record.choices.model, record.display)
+        for entry in records.read(folder):
             try:
-                if isinstance(record, Finished):
-                    record.check_curve(curve)
-                    self.runs.append(Run(record, curve, _overrides(record, curve)))
-                else:
-                    self.unfinished.append(record)
+                if isinstance(entry, ValueError):
+                    raise entry
+                self._take(entry)
             except (ValueError, HydraException, OmegaConfBaseException) as error:
-                self.problems.append(f"{record.id}: {error}")
+                self.problems.append(str(error))
         self._groups: dict[tuple[Any, ...], list[Run]] = {}
         for run in self.runs:
             self._groups.setdefault(self._row(run), []).append(run)
@@ -225,6 +223,14 @@ class Results:
         rows = sorted(self._groups, key=lambda row: tuple((x is not None, x) for x in row))
         return [self.group(*row) for row in rows]
 
+    def models(self, scene: str) -> set[str]:
+        """Models that were run on a scene with all of its training samples and pixels."""
+        return {
+            model
+            for place, model, n, pixels in self._groups
+            if (place, n, pixels) == (scene, None, None)
+        }
+
     def extra_models(self, scene: str) -> list[str]:
         """Models on a scene that no experiment of ``configs/`` sweeps over: one's own, and those
         of which something was changed."""
@@ -238,17 +244,17 @@ class Results:
 
     @cached_property
     def measurements(self) -> list[Measured]:
-        """Every measurement, those on the frames of its experiment's config first."""
-        found = []
-        for path in sorted((self.folder / "measured").glob("*/record.json")):
+        """Every finished measurement, those on the frames of its experiment's config first."""
+        finished = []
+        for folder in measurement.measurements(self.folder):
             try:
-                one = measurement.read(path.parent)
-                if one is not None and one.record.status == "finished":
-                    changed = configs.differences(one.record.config, _task(one))
-                    found.append(replace(one, overrides=changed))
+                measured = measurement.read(folder)
+                if measured is not None and measured.record.status == "finished":
+                    changed = configs.differences(measured.record.config, _task(measured))
+                    finished.append(replace(measured, overrides=changed))
             except (ValueError, HydraException, OmegaConfBaseException) as error:
                 self.problems.append(str(error))
-        return sorted(found, key=lambda one: (one.of_other_frames, len(one.overrides)))
+        return sorted(finished, key=lambda m: (m.of_other_frames, len(m.overrides)))
 
     def measured(self, name: str) -> Measured | None:
         """The measurement of an experiment on its own scene, whole before quick; None if there is
@@ -260,21 +266,16 @@ class Results:
         """Those of the same experiment on other frames."""
         return (m for m in self.measurements if m.record.name == name and m.of_other_frames)
 
-    def _read(self) -> Iterator[tuple[Record, Curve]]:
-        for path in sorted((self.folder / "runs").glob("*")):
-            try:
-                if (record := read_record(path)) is not None:
-                    yield record, read_curve(path / "curve.csv")
-            except ValueError as error:
-                self.problems.append(f"{path.name}: {error}")
-        try:
-            for name, found, *curve in archive.read(self.folder):
-                if isinstance(found, ValueError):
-                    self.problems.append(f"{name}: {found}")
-                else:
-                    yield found, curve[0]  # type: ignore[misc]
-        except ValueError as error:
-            self.problems.append(str(error))
+    def _take(self, entry: Record) -> None:
+        if entry.config["device"] != self.device:
+            return
+        if entry.display and configs.of_model(entry.choices.model) is None:
+            configs.show_as(entry.choices.model, entry.display)
+        if isinstance(entry, Finished):
+            curve = records.curve_of(entry)
+            self.runs.append(Run(entry, curve, _overrides(entry, curve)))
+        else:
+            self.unfinished.append(entry)
 
     def _row(self, run: Run) -> tuple[Any, ...]:
         config = run.record.config

@@ -1,8 +1,8 @@
-"""Which code made a record: digests of the files that a configuration's run is computed by.
+"""Digests of the code that made a record: of the files that a configuration's run is computed by.
 
-Found by following imports from the ``_target_`` of the configuration and from the trial itself, so
-that a change in one model leaves the records of the others as they are. Comments, docstrings and
-layout do not count: they change no result.
+They are found by following imports from the ``_target_`` of the configuration and from the trial
+itself, so that a change in one model leaves the records of the others as they are. Comments,
+docstrings and layout do not count: they change no result.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from experiments.records.files import ROOT
 PACKAGES = ("hdc", "baselines", "scenes", "experiments")
 _INSTALLED = ("stdlib", "purelib", "platlib")
 _TRIAL = "experiments.protocol.trial"
-_RECORDS = ROOT / "experiments" / "records"  # writes down what came of a run, and computes none
+_RECORDS = ROOT / "experiments" / "records"  # stores results and computes none
 
 
 def sources(config: Mapping[str, Any], *modules: str) -> dict[str, str]:
@@ -53,52 +53,28 @@ def outdated(files: Mapping[str, str]) -> list[str]:
     return [name for name in moved if files[name] not in _all_now()]
 
 
+class _Computing(ast.NodeTransformer):
+    """Drops docstrings, and the module that a name of this project is imported from: that module
+    has a digest of its own, wherever it lies."""
+
+    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
+        text = isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        return None if text else node
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> ast.AST:
+        if (node.module or "").partition(".")[0] in PACKAGES:
+            node.module = "project"
+        return node
+
+
 @functools.cache
 def digest(path: Path) -> str:
-    """Digest of what a Python file computes, the same on every Python and wherever it lies.
-
-    Comments, docstrings and layout do not count, nor from which module of this project a name is
-    imported: the module it comes from has a digest of its own.
-    """
-    text = _text(ast.parse(path.read_bytes()))
-    return hashlib.sha256(text.encode()).hexdigest()[:12]
-
-
-def _text(node: Any) -> str:
-    """A syntax tree as text: :func:`ast.dump` without what differs between versions of Python."""
-    if isinstance(node, list):
-        own = {name for item in node for name in _own_names(item)}
-        rest = (_text(item) for item in node if not (_is_docstring(item) or _own_names(item)))
-        return f"[{', '.join([*sorted(own), *rest])}]"
-    if not isinstance(node, ast.AST):
-        return repr(node)
-    if isinstance(node, ast.JoinedStr):  # Python 3.12.0 and .1 end some in an empty text
-        node = ast.JoinedStr([part for part in node.values if _constant(part) != ""])
-    fields = (
-        (name, value)
-        for name, value in ast.iter_fields(node)
-        # Python 3.12 added type parameters; the context of a name follows from its place.
-        if value not in (None, []) and name not in ("ctx", "kind", "type_ignores", "type_comment")
-    )
-    return f"{type(node).__name__}({', '.join(f'{name}={_text(v)}' for name, v in fields)})"
-
-
-def _own_names(statement: Any) -> list[str]:
-    """What a statement imports from this project: their order is the formatter's."""
-    if not isinstance(statement, ast.ImportFrom) or not statement.module:
-        return []
-    if statement.module.partition(".")[0] not in PACKAGES:
-        return []
-    return [f"own {alias.name} as {alias.asname}" for alias in statement.names]
-
-
-def _is_docstring(statement: Any) -> bool:
-    """Whether a statement is a text that stands alone: a docstring, or as good as a comment."""
-    return isinstance(statement, ast.Expr) and isinstance(_constant(statement.value), str)
-
-
-def _constant(node: Any) -> Any:
-    return node.value if isinstance(node, ast.Constant) else None
+    """Digest of what a Python file computes, wherever it lies."""
+    tree = _Computing().visit(ast.parse(path.read_bytes()))
+    lines = ast.unparse(tree).splitlines()
+    imported = sorted(line for line in lines if line.startswith("from project import"))
+    rest = [line for line in lines if not line.startswith("from project import")]
+    return hashlib.sha256("\n".join([*imported, *rest]).encode()).hexdigest()[:12]
 
 
 @functools.cache
@@ -124,14 +100,14 @@ def targets(node: Any) -> set[str]:
 @functools.cache
 def _closure(names: tuple[str, ...]) -> frozenset[Path]:
     """The project's files that importing these dotted names loads, sooner or later."""
-    found: set[Path] = set()
+    loaded: set[Path] = set()
     waiting = {path for name in names for path in _files(name)}
     while waiting:
         path = waiting.pop()
         if path.parent != _RECORDS:
-            found.add(path)
-            waiting |= _imports(path) - found
-    return frozenset(found)
+            loaded.add(path)
+            waiting |= _imports(path) - loaded
+    return frozenset(loaded)
 
 
 @functools.cache
@@ -152,22 +128,24 @@ def _files(name: str) -> set[Path]:
     Of a class outside this project it is the file of its module, unless a library has it.
     """
     if name.partition(".")[0] not in PACKAGES:
-        return _of_ones_own(name)
-    found, place = set(), ROOT
+        return _of_user(name)
+    files, place = set(), ROOT
     for word in name.split("."):
         place = place / word
         for path in (place / "__init__.py", place.with_suffix(".py")):
             if path.is_file():
-                found.add(path)
-    return found
+                files.add(path)
+    return files
 
 
-def _of_ones_own(name: str) -> set[Path]:
+def _of_user(name: str) -> set[Path]:
+    """The file of a user's own module, if it is no installed one."""
     module = sys.modules.get(name.rpartition(".")[0])
     file = Path(getattr(module, "__file__", None) or "").resolve()
     installed = (Path(sysconfig.get_path(place)).resolve() for place in _INSTALLED)
-    own = file.suffix == ".py" and not any(map(file.is_relative_to, installed))
-    return {file} if own else set()
+    return (
+        {file} if file.suffix == ".py" and not any(map(file.is_relative_to, installed)) else set()
+    )
 
 
 def _address(path: Path) -> str:

@@ -27,12 +27,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import Any
 
 from experiments.reporting import published
+from experiments.reporting.columns import Column
 from experiments.reporting.published import Published
 from experiments.reporting.study import RUN, Quantity
-from experiments.reporting.table import Table, frame, interval, number
+from experiments.reporting.table import Table, frame
+from experiments.reporting.text import interval, number
 
 TITLE = "Published numbers and ours, with the 95 % interval of one sensor"
 HOW = (
@@ -83,21 +86,19 @@ def compare(quantities: Iterable[Quantity]) -> Table:
         "comparison",
         TITLE,
         frame(rows, COLUMNS),
+        ("quantity", "verdict", "published", "measured", "margin", "unit", "n", "note"),
         {
-            "Quantity": _name,
-            "Verdict": lambda row: row["verdict"],
-            "Paper": lambda row: _value(row, "published", "published_low", "published_high"),
-            "Here": lambda row: _value(row, "measured", "low", "high"),
-            "Margin": _margin,
-            "Unit": lambda row: row["unit"],
-            "n": lambda row: number(row["n"]),
-            "Seeds": lambda row: number(row["seeds"]),
-            "Note": lambda row: row["note"] or "–",
-            "Made by": lambda row: row["made_by"],
+            "quantity": Column("Quantity", cell=_name),
+            "verdict": Column("Verdict"),
+            "published": Column("Paper", partial(number, digits=4)),
+            "measured": Column("Here", cell=_measured),
+            "margin": Column("Margin", cell=_margin),
+            "unit": Column("Unit"),
+            "n": Column("n"),
+            "note": Column("Note", lambda text: text or "–"),
         },
         HOW,
-        key=("Quantity",),
-        common=("Paper", "Margin", "Unit", "Note", "Made by"),
+        key=("quantity",),
     )
 
 
@@ -112,10 +113,11 @@ def verdict(known: Published, ours: Quantity | None) -> str:
         return "not reached"
     if known.not_comparable:
         return "not comparable"
-    if ours.low is None or ours.high is None or known.margin is None:
+    bounds = (ours.low, ours.high, known.margin)
+    if any(bound is None or not math.isfinite(bound) for bound in bounds):
         agreement = "no interval"
     else:
-        agreement = _judged(known, ours.value, ours.low, ours.high, known.margin)
+        agreement = _judged(known, ours.value, *bounds)  # type: ignore[arg-type]
     if known.calibration == "fitted" and agreement == "agrees":
         return "fitted"
     return f"{known.calibration}, {agreement}" if known.calibration else agreement
@@ -169,8 +171,8 @@ def _name(row: Mapping[str, Any]) -> str:
     return ", ".join(filter(None, [name, row.get("condition")]))
 
 
-def _value(row: Mapping[str, Any], value: str, low: str, high: str) -> str:
-    return interval(*(number(row.get(key), 4) for key in (value, low, high)))
+def _measured(row: Mapping[str, Any]) -> str:
+    return interval(*(number(row.get(key), 4) for key in ("measured", "low", "high")))
 
 
 def _margin(row: Mapping[str, Any]) -> str:

@@ -10,13 +10,14 @@ from __future__ import annotations
 import io
 import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import matplotlib
 
 matplotlib.use("Agg")
 import numpy as np
+import pandas as pd
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.colorbar import Colorbar
@@ -27,9 +28,10 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from numpy.typing import NDArray
 
 from experiments.records import configs
-from experiments.reporting.estimates import Estimate
-from experiments.reporting.rows import Row, display_name, frames_of
-from experiments.reporting.table import printable
+from experiments.reporting.columns import display_name
+from experiments.reporting.estimates import Estimate, mean_interval
+from experiments.reporting.rows import Row, frames_of
+from experiments.reporting.text import printable
 
 WIDTH = 3.4  # in, one column
 STYLE: dict[Any, Any] = {
@@ -249,6 +251,75 @@ def bars(axes: Axes, model: str, x: Any, y: Any, spread: Any, **look: Any) -> No
     axes.errorbar(x, y, yerr=spread, **{"lw": 0.9, **own, **look})
 
 
+def line_plot(
+    axes: Axes,
+    frame: pd.DataFrame,
+    x: str,
+    y: str,
+    by: str = "model",
+    unit: str = "seed",
+    looks: Mapping[str, Mapping[str, Any]] | None = None,
+    **style: Any,
+) -> list[Line2D]:
+    """Mean of `y` over `unit` against `x`, a line a value of `by`, with Student's 95 % bars.
+
+    Args:
+        axes: where.
+        frame: a row a point of one unit; rows of one unit and x are averaged first.
+        x, y, by, unit: names of its columns; `by` holds models, or names in `looks`.
+        looks: ``colour, marker, line, label`` of values of `by` that are no models.
+        style: passed on to ``errorbar``.
+
+    Returns:
+        list: entries for a legend.
+    """
+    handles = []
+    for name, rows in frame.groupby(by, sort=False):
+        means = rows.groupby([x, unit])[y].mean().groupby(level=0)
+        places = np.array(list(means.groups), float)
+        value, spread = errors([mean_interval(list(values)) for _, values in means])
+        look = dict((looks or {}).get(str(name), {}))
+        if not look:
+            colour, marker, line = style_of(str(name))
+            look = {"color": colour, "marker": marker, "ls": line, "mfc": fill_of(str(name))}
+            look["label"] = literal(display_name(str(name)))
+        axes.errorbar(places, value, yerr=spread, elinewidth=0.5, **{"lw": 0.9, **look, **style})
+        shown = {key: look[key] for key in look if key in ("color", "marker", "ls", "mfc", "label")}
+        handles.append(Line2D([], [], **shown))
+    return handles
+
+
+def error_time_plot(
+    axes: Axes,
+    frame: pd.DataFrame,
+    time: str,
+    error: str,
+    by: str,
+    looks: Mapping[str, Mapping[str, Any]] | None = None,
+) -> list[Line2D]:
+    """Error against run time on logarithmic axes, a line a value of `by`; entries for a legend.
+
+    An error of zero is drawn at the lower edge.
+    """
+    positive = frame.loc[frame[error] > 0, error]
+    floor = float(positive.min()) / 3 if len(positive) else 1e-16
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    handles = []
+    cycle = zip("os^Dv<>PX*", ("-", "--", ":", "-.") * 3, strict=False)
+    colours = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+    for k, ((name, rows), (marker, line)) in enumerate(
+        zip(frame.groupby(by, sort=False), cycle, strict=False)
+    ):
+        default = {"color": colours[k % len(colours)], "marker": marker, "ls": line}
+        look = {**default, "label": literal(str(name)), **(looks or {}).get(str(name), {})}
+        rows = rows.sort_values(time)
+        axes.plot(rows[time], np.maximum(rows[error].to_numpy(float), floor), lw=0.9, **look)
+        handles.append(Line2D([], [], **look))
+    plain_decades(axes)
+    return handles
+
+
 def error_bars(
     axes: Axes,
     model: str,
@@ -257,12 +328,14 @@ def error_bars(
     floor: float,
     marker: bool = True,
 ) -> None:
+    """Test errors of rows of runs with their intervals; no error is drawn at `floor`."""
     if not lines:
         return
-    errors = np.array([1 - line["test_accuracy_final"] for line in lines])
-    high = np.array([1 - line["test_ci_low"] for line in lines])
-    low = np.array([1 - line["test_ci_high"] for line in lines])
-    y = np.maximum(errors, floor)
+    error, low, high = (
+        np.array([1 - line[key] for line in lines])
+        for key in ("test_accuracy_final", "test_accuracy_final_high", "test_accuracy_final_low")
+    )
+    y = np.maximum(error, floor)
     spread = [y - np.maximum(low, floor), high - y]
     look: dict[str, Any] = {} if marker else {"marker": None}
     bars(axes, model, list(x), y, spread, elinewidth=0.7, capsize=1.5, zorder=3, **look)
@@ -316,7 +389,7 @@ def accuracy_curves(
     places = [*also, *(r[key] for r in rows if r[key])]
     if places:
         axes.set_xlim(min(places) / 1.35, max(places) * 1.35)
-    lowest = 100 * min((r["test_ci_low"] for r in rows if r["seeds"]), default=1.0)
+    lowest = 100 * min((r["test_accuracy_final_low"] for r in rows if r["seeds"]), default=1.0)
     for k, model in enumerate(models):
         lines = [r for r in rows if r["model"] == model and r["seeds"]]
         lines.sort(key=lambda r: r[key])
@@ -324,8 +397,8 @@ def accuracy_curves(
             continue
         x = [apart(r[key], k, len(models)) for r in lines]
         y, low, high = (
-            100 * np.array([r[name] for r in lines])
-            for name in ("test_accuracy_final", "test_ci_low", "test_ci_high")
+            100 * np.array([r[f"test_accuracy_final{end}"] for r in lines])
+            for end in ("", "_low", "_high")
         )
         bars(axes, model, x, y, [y - low, high - y], elinewidth=0.6, capsize=1.2)
     axes.set_ylim(min(15, lowest - 2), 102)

@@ -3,38 +3,35 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 from experiments.records.results import Results
-from experiments.reporting.table import Table, cell, frame, number
+from experiments.reporting.columns import Column
+from experiments.reporting.table import Table, frame
+from experiments.reporting.text import number
 
-COLUMNS = (
+SHOWN = (
     "id",
     "scene",
     "model",
     "overrides",
     "stop_rule",
     "n_train",
-    "pixels",
     "seed",
     "status",
     "test_accuracy_final",
     "training_s",
-    "origin",
-    "cpu",
-    "threads",
-    "exclusive",
     "code",
-    "command",
 )
-CSV_ALONE = ("pixels", "origin", "cpu", "threads", "exclusive", "command")
 
 
 def runs_table(results: Results) -> Table:
-    """One row a run, finished or not, whatever its configuration."""
-    rows = []
+    """One row a run, finished or not; each key that was changed of the configs has a column."""
+    rows: list[dict[str, Any]] = []
     done = [(run.record, run.overrides, run.outdated) for run in results.runs]
     for record, overrides, changed in [*done, *((r, {}, []) for r in results.unfinished)]:
         config = record.config
+        status = record.status if record.error is None else f"{record.status}: {record.error}"
         rows.append(
             {
                 "id": record.id,
@@ -45,9 +42,7 @@ def runs_table(results: Results) -> Table:
                 "n_train": getattr(record, "n_train", config["split"]["n_train"]),
                 "pixels": config["data"]["pixels"],
                 "seed": record.seed,
-                "status": record.status
-                if record.error is None
-                else f"{record.status}: {record.error}",
+                "status": status,
                 "test_accuracy_final": getattr(record, "test_accuracy_final", None),
                 "training_s": getattr(record, "training_s", None),
                 "origin": record.scene.origin,
@@ -56,14 +51,10 @@ def runs_table(results: Results) -> Table:
                 "exclusive": record.environment.exclusive,
                 "code": ", ".join(changed) or "current",
                 "command": record.command,
+                **overrides,
             }
         )
     rows.sort(key=lambda row: (row["scene"], row["model"], row["id"]))
-    shown = [name for name in COLUMNS if name not in CSV_ALONE]
-    return Table(
-        "runs",
-        "Every run",
-        frame(rows, COLUMNS),
-        {name.replace("_", " "): cell(name, partial(number, digits=4)) for name in shown},
-        "With processor, threads and command in tables/runs.csv.",
-    )
+    four = {name: Column(name.replace("_", " "), partial(number, digits=4)) for name in SHOWN}
+    note = "tables/runs.csv has a column for every key that was changed, processor and command."
+    return Table("runs", "Every run", frame(rows), SHOWN if rows else (), four, note)

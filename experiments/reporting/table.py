@@ -1,60 +1,74 @@
-"""A table: rows of values, and what their cells look like in CSV, Markdown, LaTeX and HTML."""
+"""A table: a data frame of values, and its cells in CSV, Markdown and LaTeX."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-Row = Mapping[str, Any]
-Columns = Mapping[str, Callable[[Row], str]]
-"""Head of a column → what its cell says of a row."""
+from experiments.reporting.columns import COLUMNS, Column
+from experiments.reporting.text import markdown_text, number, printable, tex
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows and how they are shown.
+    """Values and how they are shown.
 
     Attributes:
         name: stem of its files, and its anchor on the page.
         title: what it shows, on which frames.
-        data: the values, a column a quantity, as the CSV has them.
-        columns: cells as shown; without any, every column of `data`.
+        data: the values, as the CSV has them.
+        shown: names of the columns that are shown, in their order; all but bounds, if empty.
+        columns: how they are shown, before :data:`COLUMNS`.
         note: how to read it.
         commands: what makes it again.
-        key: heads of the columns that tell its rows apart, for :func:`beside`.
-        common: heads of columns that are the same whoever measured.
+        key: names of the columns that tell its rows apart, for :func:`beside`.
         folded: whether the page shows it only when it is asked for.
     """
 
     name: str
     title: str
     data: pd.DataFrame
-    columns: Columns = field(default_factory=dict)
+    shown: Sequence[str] = ()
+    columns: Mapping[str, Column] = field(default_factory=dict)
     note: str = ""
     commands: Sequence[str] = ()
     key: Sequence[str] = ()
-    common: Sequence[str] = ()
     folded: bool = False
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the columns that are shown."""
+        if self.shown:
+            return list(self.shown)
+        every = [str(name) for name in self.data.columns]
+        return [n for n in every if n.removesuffix("_low").removesuffix("_high") == n]
+
+    def column(self, name: str) -> Column:
+        """How a column is shown."""
+        return self.columns.get(name) or COLUMNS.get(name) or Column(name.replace("_", " "))
 
     @property
     def heads(self) -> list[str]:
         """Heads of the columns as shown."""
-        return list(self.columns) or [str(c).replace("_", " ") for c in self.data.columns]
+        return [self.column(name).head for name in self.names]
 
     def cells(self) -> list[list[str]]:
         """Texts, a list a row."""
-        rows = records(self.data)
-        if not self.columns:
-            return [[number(value, 4) for value in row.values()] for row in rows]
-        return [[cell(row) for cell in self.columns.values()] for row in rows]
+        return [
+            [self.column(name).text(name, row) for name in self.names] for row in records(self.data)
+        ]
+
+    @property
+    def notes(self) -> str:
+        """The note, after those of its columns."""
+        said = [self.column(name).note for name in self.names]
+        return " ".join(filter(None, [*dict.fromkeys(said), self.note]))
 
     def csv(self) -> str:
-        """Comma-separated values; what is unknown is empty, numbers have six digits."""
+        """Comma-separated values; a missing value is empty, numbers have six digits."""
         shown = self.data.map(_exact) if len(self.data) else self.data
         return shown.to_csv(index=False, lineterminator="\n")
 
@@ -63,24 +77,23 @@ class Table:
         lines = [self.heads, ["---"] * len(self.heads)]
         lines += [[markdown_text(cell) for cell in row] for row in self.cells()]
         table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
-        parts = [f"**{markdown_text(self.title)}**", table, markdown_text(self.note)]
+        parts = [f"**{markdown_text(self.title)}**", table, markdown_text(self.notes)]
         return "\n\n".join(filter(None, parts)) + "\n"
 
     def latex(self) -> str:
         """The table for LaTeX (package booktabs), caption above, note below."""
-        # A head is broken where it has commas.
-        broken = (_tex(head).replace(", ", r" \\ ") for head in self.heads)
+        broken = (tex(head).replace(", ", r" \\ ") for head in self.heads)
         heads = [rf"\shortstack{{{head}}}" for head in broken]
-        body = [" & ".join(map(_tex, row)) + r" \\" for row in self.cells()]
+        body = [" & ".join(map(tex, row)) + r" \\" for row in self.cells()]
         return "\n".join(
             [
                 "% needs \\usepackage{booktabs}",
                 r"\begin{table*}",
                 r"\centering",
                 r"\scriptsize",
-                rf"\caption{{{_tex(self.title)}}}",
+                rf"\caption{{{tex(self.title)}}}",
                 rf"\label{{tab:{self.name}}}",
-                rf"\begin{{tabular}}{{l{'r' * (len(heads) - 2)}l}}",
+                rf"\begin{{tabular}}{{l{'r' * (len(heads) - 1)}}}",
                 r"\toprule",
                 " & ".join(heads) + r" \\",
                 r"\midrule",
@@ -88,15 +101,15 @@ class Table:
                 r"\bottomrule",
                 r"\end{tabular}",
                 "",
-                rf"\medskip\raggedright {_tex(self.note)}",
+                rf"\medskip\raggedright {tex(self.notes)}",
                 r"\end{table*}",
                 "",
             ]
         )
 
 
-def frame(rows: Iterable[Row], columns: Sequence[str] = ()) -> pd.DataFrame:
-    """Rows as a data frame that keeps integers and texts as they are; None where there is nothing.
+def frame(rows: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()) -> pd.DataFrame:
+    """Rows as a data frame of objects: integers and texts stay what they are.
 
     Args:
         rows: mappings.
@@ -108,7 +121,7 @@ def frame(rows: Iterable[Row], columns: Sequence[str] = ()) -> pd.DataFrame:
 
 
 def records(data: pd.DataFrame) -> list[dict[str, Any]]:
-    """The rows of a data frame as mappings; NaN is None."""
+    """The rows of a data frame as mappings; a missing value is None."""
     return [
         {
             str(key): None if value is None or value is pd.NA or value != value else value
@@ -118,131 +131,39 @@ def records(data: pd.DataFrame) -> list[dict[str, Any]]:
     ]
 
 
-def beside(ours: Table, theirs: Table) -> Table:
-    """Two tables of the same columns as one, so that each value stands beside its other.
-
-    Args:
-        ours, theirs: their ``key`` says which rows are the same, ``common`` what need not be shown
-            twice.
-    """
-    once = [*ours.key, *ours.common]
-
-    def keyed(table: Table) -> dict[tuple[str, ...], dict[str, str]]:
-        rows = (dict(zip(table.heads, cells, strict=True)) for cells in table.cells())
-        return {tuple(row[key] for key in table.key): row for row in rows}
-
-    one, other = keyed(ours), keyed(theirs)
-    rows = []
-    for key in dict.fromkeys([*other, *one]):
-        mine, reference = one.get(key, {}), other.get(key, {})
-        row = {}
-        for head in ours.heads:
-            if head in once:
-                row[head] = mine.get(head) or reference.get(head, "–")
-            else:
-                row[f"{head}, reference"] = reference.get(head, "–")
-                row[f"{head}, mine"] = mine.get(head, "–")
-        rows.append(row)
-    shown = frame(rows)
-    columns = {head: (lambda row, head=head: row[head]) for head in shown.columns}
-    return replace(ours, data=shown, columns=columns)
-
-
-def number(value: Any, digits: int = 3) -> str:
-    """A number to that many significant digits, a text as it is, nothing as a dash."""
-    if value is None:
-        return "–"
-    if isinstance(value, str | bool) or not isinstance(value, int | float | np.number):
-        return str(value)
-    value = value.item() if isinstance(value, np.number) else value
-    if not np.isfinite(value):
-        return "–" if np.isnan(value) else "∞"
-    if isinstance(value, int) and abs(value) < 1e5:
-        return str(value)
-    if value and not 1e-3 <= abs(value) < 1e5:
-        return f"{value:.{max(1, digits - 2)}e}"
-    decimals = max(0, digits - 1 - int(np.floor(np.log10(abs(value))))) if value else 0
-    return f"{value:.{decimals}f}"
-
-
-def cell(key: str, show: Callable[[Any], str] = number) -> Callable[[Row], str]:
-    """What shows this value of a row, nothing as a dash."""
-    return lambda row: show(row.get(key))
-
-
-def percent(value: float | None) -> str:
-    """A fraction in percent, one decimal where it is not whole."""
-    return "–" if value is None else f"{100 * value:.1f}".removesuffix(".0")
-
-
-def points(difference: float | None) -> str:
-    """A difference of two fractions in percentage points, with its sign; one decimal, or one digit
-    of what would be nothing by that."""
-    if difference is None or difference != difference:
-        return "–"
-    value = 100 * difference
-    if abs(value) < 1e-9:
-        return "0"
-    return (f"{value:+.1f}" if abs(value) >= 0.05 else f"{value:+.1g}").replace("-", "−")
-
-
-def interval(value: str, low: str, high: str) -> str:
-    """``value [low, high]``; the value alone where the bounds are unknown."""
-    return value if "–" in (value, low, high) else f"{value} [{low}, {high}]"
-
-
-def bounded(name: str, row: Row, show: Callable[[Any], str] = percent) -> str:
-    """``value [low, high]`` of a row's columns ``name``, ``name_low`` and ``name_high``."""
-    return interval(*(show(row.get(f"{name}{end}")) for end in ("", "_low", "_high")))
-
-
-def size(value: int | None) -> str:
-    """Bytes in B, kB or MB."""
-    if value is None:
-        return "unknown"
-    if value < 1e3:
-        return f"{value} B"
-    return f"{number(value / 1e3)} kB" if value < 1e6 else f"{number(value / 1e6)} MB"
-
-
-def markdown_text(text: str) -> str:
-    """Text as it is: what a record quotes makes no line, cell, tag, code or link of its own."""
-    # An underscore within a word is no markup.
-    signs = r"([\\`*|~]|(?<=\])[(\[:]|(?<![^\W_])_|_(?![^\W_]))"
-    text = re.sub(signs, r"\\\1", printable(" ".join(text.split())))
-    return text.replace("&", "&amp;").replace("<", "&lt;")
-
-
-def printable(text: str) -> str:
-    """Text with its control characters shown, as Python would write them."""
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
-
-
-_TEX = {
-    **{letter: f"\\{letter}" for letter in "&%$#_{}"},
-    **{letter: f"${letter}$" for letter in "<>|"},
-    "\\": r"\textbackslash{}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "×": r"$\times$",
-    "–": "--",
-    "−": "$-$",
-    "…": "--",
-    "“": "``",
-    "”": "''",
-    "∞": r"$\infty$",
-}
-
-
-def _tex(text: str) -> str:
-    # TeX stops at control characters.
-    return "".join(_TEX.get(letter, letter) for letter in printable(" ".join(text.split())))
+def beside(mine: Table, reference: Table) -> Table:
+    """Two tables of the same columns as one: each column that is no key stands twice."""
+    key = list(reference.key)
+    names = [name for name in reference.names if name not in key]
+    rows: dict[tuple[str, ...], dict[str, str]] = {}
+    for where, table in (("reference", reference), ("mine", mine)):
+        for row in records(table.data):
+            texts = {name: table.column(name).text(name, row) for name in (*key, *names)}
+            entry = rows.setdefault(tuple(texts[k] for k in key), {k: texts[k] for k in key})
+            entry |= {f"{name} {where}": texts[name] for name in names}
+    shown = [*key, *(f"{name} {where}" for name in names for where in ("reference", "mine"))]
+    columns = {k: Column(reference.column(k).head) for k in key} | {
+        f"{name} {where}": Column(f"{reference.column(name).head}, {where}")
+        for name in names
+        for where in ("reference", "mine")
+    }
+    return Table(
+        reference.name,
+        reference.title,
+        frame(rows.values(), shown),
+        columns=columns,
+        note=reference.notes,
+        commands=reference.commands,
+        folded=reference.folded,
+    )
 
 
 def _exact(value: Any) -> str:
-    """A value for a CSV; control characters of what a record quotes are shown, not kept."""
-    if value is None or value != value:
+    if value is None or value is pd.NA or value != value:
         return ""
     if isinstance(value, float):
         return f"{value:.6g}"
     return printable(str(value))
+
+
+__all__ = ["COLUMNS", "Column", "Table", "beside", "frame", "number", "records"]

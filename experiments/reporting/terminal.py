@@ -1,11 +1,9 @@
-"""What a run shows on the terminal at its end, and terminals that lack a character of it."""
+"""The summary of a run on the terminal, and terminals that lack a character of it."""
 
 from __future__ import annotations
 
 import io
-import os
 import sys
-from pathlib import Path
 
 import numpy as np
 from rich.console import Console
@@ -13,8 +11,8 @@ from rich.table import Table
 from rich.text import Text
 
 from experiments.protocol import evaluate
-from experiments.records import sources
 from experiments.records.record import Finished
+from experiments.records.sources import outdated
 
 _NAMED = 12  # classes up to which the confusion matrix is shown
 
@@ -26,11 +24,19 @@ def in_any_encoding() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def summarise(console: Console, record: Finished, folder: Path, repeated: bool = False) -> None:
-    """A few lines: accuracy with its interval, confusion, times, where the record lies."""
+def summarise(console: Console, record: Finished, repeated: bool = False) -> None:
+    """A few lines: accuracy with its interval, confusion, times; one line for a run that was
+    finished before."""
     scene = record.scene
     low, high = evaluate.wilson(int(record.right.sum()), record.n_test)
+    accuracy = f"test accuracy {record.test_accuracy_final:.1%} [{low:.1%}, {high:.1%}]"
     # Names go out as Text: no markup and no emoji codes are read in them.
+    if repeated:
+        changed = outdated(record.environment.sources)
+        note = f", by code that has changed since: {', '.join(changed)}" if changed else ""
+        text = f"{record.id}: {accuracy}, finished before (force=true runs it again){note}"
+        console.print(Text(text), soft_wrap=True)
+        return
     lines = [
         Text.assemble(
             (record.choices.model, "bold"),
@@ -38,29 +44,22 @@ def summarise(console: Console, record: Finished, folder: Path, repeated: bool =
             (scene.name, "bold"),
             f" ({scene.origin}), {record.n_train} training and {record.n_test} test samples",
         ),
-        Text(
-            f"  test accuracy {record.test_accuracy_final:.1%} "
-            f"(95 % interval {low:.1%} to {high:.1%})"
-        ),
+        Text(f"  {accuracy} (95 % interval)"),
         Text(
             f"  training {record.training_s:.4g} s ({record.stop}), prediction "
             f"{record.predict_single_s * 1e3:.3g} ms a single frame, "
             f"{record.predict_batch_s_per_frame * 1e3:.3g} ms a frame in a batch"
         ),
     ]
+    if scene.saturated:
+        lines.append(Text(f"  ranks no models: {scene.saturated}", "yellow"))
     if skipped := scene.skipped:
-        frames = "1 frame" if len(skipped) == 1 else f"{len(skipped)} frames"
-        lines.append(
-            Text(f"  {frames} skipped, listed in the record; the first: {skipped[0]}", "yellow")
-        )
+        lines.append(Text(f"  {len(skipped)} files skipped, the first: {skipped[0]}", "yellow"))
     for line in lines:
         console.print(line, soft_wrap=True)
     if len(scene.classes) <= _NAMED:
         _print_confusion(console, record)
-    note = " (finished before; force=true runs it again)" if repeated else ""
-    if changed := sources.outdated(record.environment.sources):
-        note += f" (made by other code than this: {', '.join(changed)})"
-    console.print(f"  record {os.path.relpath(folder)}{note}", soft_wrap=True, markup=False)
+    console.print(Text(f"  record {record.id}"), soft_wrap=True)
 
 
 def _print_confusion(console: Console, record: Finished) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import json
 import multiprocessing
 import os
 import sys
@@ -20,10 +19,9 @@ from rich.console import Console
 import hdc
 from experiments import run
 from experiments.protocol import job
-from experiments.records import record, sources
+from experiments.records import measurement, record, sources
 from experiments.records.configs import CONFIGS
 from experiments.records.environment import environment
-from experiments.records.files import write_atomically
 
 
 @pytest.fixture(autouse=True)
@@ -93,23 +91,29 @@ def made_by(config):
 
 @pytest.fixture
 def write_run(tmp_path, composed):
-    """write_run(model, …) → id of a record in tmp_path/runs, as the runner would have left it."""
+    """write_run(model, …) → id of a record in tmp_path, as the runner would have left it."""
 
     def write(
         model,
         *,
+        scene="touch",
+        classes=("L1", "L2", "R1", "R2", "None"),
+        origin="simulated",
         seed=0,
         n_train=None,
         pixels=None,
         stop="paper",
         wrong=(),
+        predicted=None,
+        truth=None,
         curve=None,
         status="finished",
         change=None,
-        choices=None,
+        fingerprint="f" * 64,
+        environment=None,
         **results,
     ):
-        cfg = composed("touch", model, stop)
+        cfg = composed(scene, model, stop)
         cfg.seed.run, cfg.split.n_train, cfg.data.pixels = seed, n_train, pixels
         for key, value in (change or {}).items():
             OmegaConf.update(cfg, key, value)
@@ -117,52 +121,54 @@ def write_run(tmp_path, composed):
         for key in record.NOT_IDENTITY:
             config.pop(key, None)
         config["threads"] = 2
-        names = {"scene": "touch", "model": model, "stop": stop, **(choices or {})}
-        seen = results.get("scene", {}).get("fingerprint", "f" * 64)
-        identity = record.run_id(names["scene"], names["model"], config, seen)
+        choices = {"scene": scene, "model": model, "stop": stop, **results.pop("choices", {})}
+        identity = record.run_id(choices["scene"], choices["model"], config, fingerprint)
         entry = {
             "schema": record.SCHEMA,
             "id": identity,
             "status": status,
-            "choices": names,
+            "choices": choices,
             "experiment": None,
             "config": config,
-            "environment": {"cpu": "A CPU", "threads": 2, **made_by(config)},
+            "environment": {"cpu": "A CPU", "threads": 2, **made_by(config), **(environment or {})},
             "scene": {
-                "name": names["scene"],
-                "origin": "simulated",
-                "classes": ["L1", "L2", "R1", "R2", "None"],
+                "name": choices["scene"],
+                "origin": origin,
+                "classes": list(classes),
                 "shape": [500, 500],
                 "n": 500,
-                "fingerprint": seen,
+                "fingerprint": fingerprint,
             },
         }
-        folder = tmp_path / "runs" / identity
         if status != "finished":
             entry["error"] = results.pop("error", "ValueError: it broke")
-            record.write_record(folder, entry)
+            record.append(tmp_path, entry, [])
             return identity
-        truth = np.arange(100) % 5
-        predicted = np.where(np.isin(np.arange(100), list(wrong)), (truth + 1) % 5, truth)
+        truth = np.arange(100) % len(classes) if truth is None else np.asarray(truth)
+        if predicted is None:
+            is_wrong = np.isin(np.arange(len(truth)), list(wrong))
+            predicted = np.where(is_wrong, (truth + 1) % len(classes), truth)
         curve = curve or [{"training_s": 0.5, "samples_seen": 400}]
-        final = 1 - len(list(wrong)) / 100
+        final = float(np.mean(np.asarray(predicted) == truth))
         rows = [{"train_accuracy": 1.0, "test_accuracy": final, **row} for row in curve]
 
-        def first(key):
-            return next((row["training_s"] for row in rows if row[key] > 0.9), None)
+        def first(key, value="training_s"):
+            return next((row[value] for row in rows if row[key] > 0.9), None)
 
         entry |= {
             "stop": "trained" if "loss" in rows[0] else "finished",
             "training_s": rows[-1]["training_s"],
             "time_to_target_train_s": first("train_accuracy"),
             "time_to_target_test_s": first("test_accuracy"),
+            "train_accuracy_at_target": first("train_accuracy", "train_accuracy"),
+            "test_accuracy_at_target": first("train_accuracy", "test_accuracy"),
             "train_accuracy_max": max(row["train_accuracy"] for row in rows),
             "train_accuracy_final": rows[-1]["train_accuracy"],
             "test_accuracy_max": max(row["test_accuracy"] for row in rows),
             "test_accuracy_final": final,
             "model_bytes": 1000,
             "n_train": n_train or 400,
-            "n_test": 100,
+            "n_test": len(truth),
             "test_labels": truth,
             "predicted": predicted,
             "predict_single_s": 1e-3,
@@ -170,8 +176,7 @@ def write_run(tmp_path, composed):
             "data_sha256": {"train": "a", "test": f"test of seed {seed}"},
             **results,
         }
-        record.write_curve(folder, rows)
-        record.write_record(folder, entry)
+        record.append(tmp_path, entry, rows)
         return identity
 
     return write
@@ -182,19 +187,19 @@ def write_measurement(tmp_path):
     """write_measurement(name, rows, …) leaves a measurement in tmp_path, as the runner would."""
 
     def write(name, rows, **entry):
-        folder = tmp_path / "measured" / name
         entry = {
             "schema": record.SCHEMA,
             "name": name,
+            "identity": "0" * 12,
+            "config": {},
             "status": "finished",
             "seconds": 1.5,
-            "peak_bytes": 10**6,
             "command": f"python -m experiments.run experiment={name}",
             "environment": {"cpu": "A CPU", "threads": 2, **made_by({})},
             **entry,
         }
-        record.write_record(folder, entry)
-        write_atomically(folder / "rows.csv", record.to_csv(rows))
+        folder = tmp_path / "measured" / f"{name}-{measurement.digest_of(entry['config'])}"
+        measurement.write(folder, entry, rows)
         return entry
 
     return write
@@ -202,8 +207,8 @@ def write_measurement(tmp_path):
 
 @pytest.fixture
 def read_run(tmp_path):
-    """read_run(id) → the record."""
-    return lambda identity: json.loads((tmp_path / "runs" / identity / "record.json").read_text())
+    """read_run(id) → the finished record."""
+    return lambda identity: record.find(tmp_path, identity)
 
 
 def epochs(*accuracies, step=10.0, test=None):
@@ -302,16 +307,13 @@ def composed_run(recording):
 @pytest.fixture
 def carry_out(results, one_thread, composed_run):
     """carry_out(*overrides, scene=None) → the record of that run, carried out in this process, or
-    found.
-
-    What is at carry_out.last tells of the last one: its folder, and whether it was there before.
-    """
+    found; carry_out.repeated tells whether the last one was there before."""
 
     def do(*overrides, scene=None):
         names = dict(
             word.split("=") for word in overrides if word.split("=")[0] in ("model", "stop")
         )
-        entry, *do.last = job.run(
+        entry, do.repeated = job.run(
             composed_run(*overrides, scene=scene),
             {"scene": "recorded", "model": "hdc", "stop": "paper", **names},
             list(overrides),

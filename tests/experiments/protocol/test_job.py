@@ -1,7 +1,6 @@
 """One config, one record: named after what determines it, not repeated, kept when it breaks off."""
 
-import json
-
+import msgspec
 import numpy as np
 import pytest
 import torch
@@ -10,25 +9,25 @@ from omegaconf import OmegaConf
 import hdc
 from experiments.protocol import job
 from experiments.records import locks, record
-from experiments.records.record import Finished, read_curve, read_record
+from experiments.records.record import Finished
 from experiments.records.results import Results
 
 
-def the_folder(results):
-    (folder,) = (results / "runs").iterdir()
-    return folder
+def the_record(results):
+    (entry,) = record.read(results)
+    return entry
 
 
-def test_a_run_says_what_it_was_and_what_came_out(carry_out, frames_and_labels):
+def test_a_run_says_what_it_was_and_what_came_out(carry_out, results, frames_and_labels):
     entry = carry_out()
-    assert read_record(carry_out.last[0]) == entry
+    assert the_record(results) == entry
     assert (entry.status, entry.stop, entry.error) == ("finished", "finished", None)
     assert entry.scene.origin == "recorded"
     assert (entry.scene.shape, entry.scene.skipped) == ((16, 16), [])
     assert entry.config["threads"] == entry.environment.threads == 1
     assert (entry.n_train, entry.n_test) == (40, 10)
     # Every figure again, from the predictions in the record.
-    held = json.loads((carry_out.last[0] / "record.json").read_text())
+    held = msgspec.json.decode((results / record.RUNS).read_bytes())
     assert entry.test_accuracy_final == entry.right.mean()
     frames, labels = frames_and_labels()
     np.testing.assert_array_equal(entry.test_labels, labels[held["test_indices"]])
@@ -91,50 +90,10 @@ def test_a_finished_run_is_not_repeated_unless_forced(carry_out, monkeypatch):
     first = carry_out()
     monkeypatch.setattr(job, "train_and_test", lambda *_: pytest.fail("run again"))
     assert carry_out() == first
-    assert carry_out.last[1] is True
+    assert carry_out.repeated
     monkeypatch.setattr(job, "train_and_test", lambda *_: (_ for _ in ()).throw(ZeroDivisionError))
     with pytest.raises(ZeroDivisionError):
         carry_out("force=true")
-
-
-def slowed(folder, by=10):
-    """The record and curve in a folder as if the machine had done something else beside it."""
-    entry = json.loads((folder / "record.json").read_text())
-    rows = read_curve(folder / "curve.csv")
-    for row in rows:
-        row["training_s"] *= by
-    record.write_curve(folder, rows)
-    record.write_record(folder, entry | {"training_s": entry["training_s"] * by})
-
-
-def test_one_that_took_unlike_as_long_as_its_siblings_is_made_again_once(carry_out, monkeypatch):
-    monkeypatch.setattr("experiments.records.timing._SHORTEST", 0)
-    monkeypatch.setattr("experiments.records.timing.FACTOR", 100)  # of so short runs
-    for seed in range(3):
-        carry_out(f"seed.run={seed}")
-    assert carry_out("seed.run=2").timed_again is None
-    folder, found = carry_out.last
-    assert found
-    slowed(folder, 1e4)
-    disturbed = read_record(folder).training_s
-    made = carry_out("seed.run=2")
-    assert (carry_out.last[1], made.timed_again) == (False, disturbed)
-    assert made.training_s < disturbed / 100
-    # Where it is as before, it stays and is told: the machine is no better.
-    slowed(folder, 1e4)
-    assert carry_out("seed.run=2").timed_again == disturbed
-    assert carry_out.last[1]
-
-
-def test_one_of_another_machine_is_not_made_again(carry_out, monkeypatch):
-    monkeypatch.setattr("experiments.records.timing._SHORTEST", 0)
-    monkeypatch.setattr("experiments.records.timing.FACTOR", 100)
-    for seed in range(3):
-        carry_out(f"seed.run={seed}")
-    slowed(carry_out.last[0], 1e4)
-    monkeypatch.setattr(job, "cpu_model", lambda: "Another CPU")
-    carry_out("seed.run=2")
-    assert carry_out.last[1]
 
 
 @pytest.mark.parametrize(
@@ -152,54 +111,31 @@ def test_a_run_that_breaks_off_is_kept_and_run_again(
     fake({"samples_seen": 1, "loss": 1.0}, error)  # neither the warm-up nor the first report fails
     with pytest.raises(type(error)):
         carry_out()
-    folder = the_folder(results)
-    entry = read_record(folder)
+    entry = the_record(results)
     assert entry.status == status
     assert entry.error.startswith(type(error).__name__)
-    assert len(read_curve(folder / "curve.csv")) == 1
+    assert len(entry.error) <= 2000
+    assert len(record.curve_of(entry)) == 1
     monkeypatch.setattr(hdc, "HDCClassifier", real)
     again = carry_out()
-    assert again.id == folder.name
-    assert (again.status, again.error) == ("finished", None)
+    assert again == the_record(results)
+    assert (again.id, again.status, again.error) == (entry.id, "finished", None)
 
 
-def test_the_curve_of_an_earlier_attempt_does_not_outlive_it(carry_out, monkeypatch):
-    carry_out()
+def test_a_failed_repetition_leaves_the_finished_record(carry_out, results, monkeypatch):
+    first = carry_out()
     monkeypatch.setattr(job, "train_and_test", lambda *_: (_ for _ in ()).throw(OSError("disk")))
     with pytest.raises(OSError, match="disk"):
         carry_out("force=true")
-    assert not (carry_out.last[0] / "curve.csv").exists()
+    assert the_record(results) == first
 
 
-@pytest.mark.parametrize("change", [None, {"training_s": "soon"}, {"predicted": [9] * 10}])
-def test_a_damaged_record_is_named_and_not_overwritten_unless_forced(carry_out, change):
-    carry_out()
-    path = carry_out.last[0] / "record.json"
-    damaged = json.dumps(json.loads(path.read_text()) | change) if change else '{"schema": 3, "st'
-    path.write_text(damaged)
-    with pytest.raises(ValueError, match=r"record\.json: .*expected .*force=true") as caught:
-        carry_out()
-    assert str(path) in str(caught.value)
-    assert path.read_text() == damaged
-    assert carry_out("force=true").status == "finished"
-
-
-def test_one_that_another_process_is_at_is_left_to_it(carry_out, results):
-    carry_out()
-    with locks.held(carry_out.last[0] / locks.FILE):
-        assert carry_out().status == "finished"  # what is finished can be shown
+def test_a_run_that_another_process_is_at_is_left_to_it(carry_out, results):
+    entry = carry_out()
+    with locks.held(results / "cache" / "locks" / entry.id):
+        assert carry_out() == entry  # a finished run can be shown
         with pytest.raises(locks.Held):
             carry_out("force=true")
-
-
-def test_many_classes_are_read_again(carry_out, recording):
-    """850 classes made a record larger than what was read: finished, and an error ever after."""
-    path = recording(5000, 1000, 8)
-    first = carry_out("exclusive=false", scene=path)
-    assert len(first.scene.classes) == 1000
-    assert carry_out(scene=path) == first
-    assert carry_out("force=true", scene=path).predicted == first.predicted
-    assert (carry_out.last[0] / "record.json").stat().st_size < 100_000
 
 
 # Nothing trained is lost --------------------------------------------------------------------------
@@ -231,21 +167,20 @@ def test_a_model_that_cannot_predict_in_the_end_leaves_its_times_and_curve(
     fake({"samples_seen": 1, "loss": 2.0}, {"samples_seen": 2, "loss": 1.0}, predict=predict)
     with pytest.raises(RuntimeError, match="not that way"):
         carry_out()
-    folder = the_folder(results)
-    entry = read_record(folder)
+    entry = the_record(results)
     assert (entry.status, entry.error) == ("failed", "RuntimeError: not that way")
     assert entry.training_s > 0
-    held = json.loads((folder / "record.json").read_text())
+    held = msgspec.json.decode((results / record.RUNS).read_bytes())
     assert held["train_accuracy_max"] == 0.2
     assert held["n_train"] == 40
-    assert len(read_curve(folder / "curve.csv")) == 2
+    assert len(record.curve_of(entry)) == 2
 
 
 def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(carry_out, results, fake):
     fake({"samples_seen": 1}, predict=lambda self, frames: np.full(len(frames), 99))
     with pytest.raises(ValueError, match="predicted: expected labels below 5, found 99"):
         carry_out()
-    entry = read_record(the_folder(results))
+    entry = the_record(results)
     assert (entry.status, entry.training_s > 0) == ("failed", True)
     assert Results(results).problems == []
 
@@ -263,6 +198,8 @@ def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(carry_ou
         (["+model.colour=1"], r"^model: .*unexpected keyword argument 'colour'"),
         (["stop.loss=-1"], r"^stop\.loss: expected at least 0, found -1"),
         (["+stop.colour=0"], r"^stop\.colour: expected one of target, reached_after_s, loss"),
+        (["split.test_fraction=nan"], r"^split\.test_fraction: expected a number, found nan"),
+        (["model.device=cuda:99"], r"^model\.device: expected one of cpu"),
         (["split.kind=sorted"], r"^split\.kind: expected one of"),
         (["data.pixels=1"], r"^data\.pixels: expected"),
         (["exclusive=no"], r"^exclusive: expected true or false, found 'no'"),
@@ -290,14 +227,6 @@ def test_what_is_wrong_is_found_before_frames_are_made(carry_out, monkeypatch, w
     monkeypatch.setattr("experiments.protocol.data.take", lambda *_: pytest.fail("too late"))
     with pytest.raises(ValueError, match=wrong.lstrip("+")[:5]):
         carry_out(wrong)
-
-
-def test_a_name_that_no_record_can_have_is_refused_before_the_training(
-    carry_out, composed_run, results
-):
-    with pytest.raises(ValueError, match=r"choices\.model: expected .* regex"):
-        job.run(composed_run(), {"scene": "recorded", "model": "my model"}, [], None)
-    assert not list(results.glob("runs/*/record.json"))
 
 
 # Frames that cannot be read -----------------------------------------------------------------------

@@ -65,13 +65,3 @@ def test_what_a_kill_left_is_removed_and_nothing_else(tmp_path):
         (tmp_path / name).touch()
     files.remove_leftovers(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {".lock", "record.json"}
-
-
-def test_only_files_of_a_size_are_read(tmp_path):
-    (tmp_path / "file").write_text("12345")
-    assert files.read_text(tmp_path / "file", 5) == "12345"
-    os.mkfifo(tmp_path / "pipe")  # would be waited for
-    (tmp_path / "latin").write_bytes(b"\xe9")
-    for name, most in (("file", 4), ("pipe", 5), (".", 10**6), ("latin", 5)):
-        with pytest.raises(ValueError, match="expected a"):
-            files.read_text(tmp_path / name, most)

@@ -1,150 +1,119 @@
-"""Measurements: written whole, not repeated, kept when they break off; other configs beside."""
+"""Measurements: typed rows, found again by config and code, never lost to a later failure."""
 
-from __future__ import annotations
+import json
 
+import numpy as np
 import pytest
 
-from experiments.records import files, locks, measurement
-from experiments.records.files import write_atomically
-from experiments.records.measurement import folder_of, in_parts, measure, read
-from experiments.records.results import Results
-
-CONFIG = {"_target_": "hdc.HDCClassifier", "n": 3}
-pytestmark = pytest.mark.usefixtures("results")
+from experiments.protocol.experiment import Run, experiment
+from experiments.records import measurement
 
 
-def rows():
-    yield {"n": 1, "error": 0.5}
-    yield {"n": 2, "note": "a, b"}
-
-
-def test_rows_come_back_as_text_with_how_they_were_made(results):
-    folder = measure("some", CONFIG, rows)
-    assert folder == folder_of("some", CONFIG)
-    assert folder.parent == results / "measured"
-    found = read(folder)
-    assert found.rows == [{"n": "1", "error": "0.5"}, {"n": "2", "note": "a, b"}]
-    assert found.record.config == {"n": 3}
-    assert "hdc/bits.py" in found.record.environment.sources
-    assert found.outdated == []
-    assert found.record.peak_bytes > 10e6
-
-
-def test_the_same_is_not_measured_twice_and_another_config_lies_beside_it(capsys):
-    one = measure("some", CONFIG, rows)
-    measure("some", CONFIG, lambda: pytest.fail("again"))
-    assert "finished before" in capsys.readouterr().out
-    made = []
-    for force in (False, True):
-        other = measure("some", {**CONFIG, "n": 4}, lambda: made.append(1) or rows(), force=force)
-    assert made == [1, 1]
-    assert one != other
-    assert read(one).record.config["n"] == 3
-
-
-def test_the_address_of_a_task_is_no_part_of_what_it_is():
-    assert folder_of("some", CONFIG) == folder_of("some", {"n": 3, "_target_": "moved.run"})
-
-
-def test_what_broke_off_keeps_its_rows_and_is_measured_again():
-    def broken():
-        yield {"n": 1}
-        raise ArithmeticError("no " + 20_000 * "!")  # more than a record can hold
-
-    with pytest.raises(ArithmeticError):
-        measure("some", CONFIG, broken)
-    folder = folder_of("some", CONFIG)
-    found = read(folder)
-    assert found.record.status == "failed"
-    assert found.record.error.startswith("ArithmeticError: no !!")
-    assert found.rows == [{"n": "1"}]
-    measure("some", CONFIG, rows)
-    assert read(folder).record.status == "finished"
-
-
-def test_a_killed_measurement_leaves_rows_that_nothing_vouches_for(monkeypatch):
-    measure("some", CONFIG, lambda: [{"n": 1}])
-    folder = folder_of("some", CONFIG)
-    (folder / ".rows.csv.123.0a1b").write_text("half")
-    real = files.write_atomically
-
-    def die(path, text):
-        real(path, text)
-        if path.name == "rows.csv":
-            raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(measurement, "write_atomically", die)
-        with pytest.raises(KeyboardInterrupt):
-            measure("some", CONFIG, lambda: [{"n": 2}], force=True)
-    found = read(folder)
-    assert (found.record.status, found.rows) == ("running", [{"n": "2"}])
-    assert sorted(path.name for path in folder.iterdir()) == [locks.FILE, "record.json", "rows.csv"]
-
-
-def test_one_that_another_process_is_at_is_left_to_it():
-    folder = folder_of("some", CONFIG)
-    with (
-        locks.held(folder / locks.FILE),
-        pytest.raises(locks.Held, match=f"{folder.name}: being run by another process"),
-    ):
-        measure("some", CONFIG, lambda: pytest.fail("measured"))
-
-
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        ("record.json", "{"),
-        ("record.json", '{"schema": 2}'),
-        ("record.json", "[" * 100_000),
-        ("rows.csv", "a,b\n1,2,3\n"),
-        ("rows.csv", 'a\n"'),
-    ],
-)
-def test_nonsense_is_named_and_force_measures_it_again(name, content):
-    folder = measure("some", CONFIG, rows)
-    write_atomically(folder / name, content)
-    with pytest.raises(ValueError, match=name.replace(".", r"\.") + ": expected"):
-        read(folder)
-    measure("some", CONFIG, rows, force=True)
-    assert len(read(folder).rows) == 2
-    assert read(folder / "nowhere") is None
-
-
-def test_what_was_measured_on_other_frames_is_never_the_experiments_own(results):
-    """Own frames under experiment=drift entered the comparison as the paper's drift."""
-    own = {"_target_": "experiments.studies.drift.measure.run", "scene": {"path": "mine.npz"}}
-    measure("drift", own, rows)
-    found = Results(results)
-    assert found.measured("drift") is None
-    (elsewhere,) = found.measured_elsewhere("drift")
-    assert elsewhere.of_other_frames
-    measure("numerics", {"seed": 7}, rows)  # other settings of the same frames: its own
-    found = Results(results)
-    assert found.measured("numerics").overrides["seed"] == "7"
-    assert list(found.measured_elsewhere("numerics")) == []
-
-
-def test_parts_that_are_done_are_not_made_again(tmp_path, monkeypatch):
+@pytest.fixture(autouse=True)
+def results(tmp_path, monkeypatch):
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
-    made = []
+    return tmp_path
 
-    def part(k, fails=False):
-        def compute():
-            made.append(k)
-            yield {"k": k, "x": 0.1}
-            if fails:
-                raise KeyError("no more")
 
-        return {**CONFIG, "k": k}, compute
+CALLS = []
 
-    with pytest.raises(KeyError):
-        list(in_parts("some", [part(0), part(1, fails=True)]))
-    assert list(in_parts("some", [part(0), part(1)])) == [{"k": 0, "x": 0.1}, {"k": 1, "x": 0.1}]
-    assert made == [0, 1, 1]
-    list(in_parts("some", [part(0)], force=True))
-    assert made == [0, 1, 1, 0]
-    (broken,) = (p for p in tmp_path.rglob("some-*.json") if '"k":1' in p.read_text())
-    broken.write_text("{")
-    assert len(list(in_parts("some", [part(0), part(1)]))) == 2
-    assert made == [0, 1, 1, 0, 1]
+
+@experiment
+def powers(run: Run, base: int, most: int = 3, fail_at: int | None = None):
+    """One row: an exponent."""
+    CALLS.append(base)
+    for k in range(most):
+        if k == fail_at:
+            raise ValueError("no more")
+        yield {"n": k, "value": np.float64(base**k), "label": "None", "odd": bool(k % 2)}
+
+
+@pytest.fixture(autouse=True)
+def no_calls():
+    CALLS.clear()
+
+
+def read(path):
+    return measurement.read(path)
+
+
+def test_rows_keep_their_types(results):
+    measured = read(powers(base=2, force=False))
+    assert measured.rows[1] == {"n": 1, "value": 2.0, "label": "None", "odd": True}
+    assert measured.frame["n"].tolist() == [0, 1, 2]
+    assert measured.frame["label"].tolist() == ["None"] * 3
+    assert measured.record.config == {"base": 2, "most": 3, "fail_at": None}
+    assert measured.record.status == "finished"
+
+
+def test_a_measurement_is_made_once_unless_forced(results):
+    for force in (False, False, True):
+        powers(base=2, force=force)
+    assert CALLS == [2, 2]
+    assert powers(base=3) != powers(base=2)
+
+
+def test_a_failure_leaves_what_was_finished(results, monkeypatch):
+    path = powers(base=2)
+    rows = (path / "rows.jsonl").read_bytes()
+
+    def broken(run, **_):
+        yield {"n": 0}
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(measurement, "write", lambda *_: pytest.fail("written"))
+    with pytest.raises(OSError, match="the disk is full"):
+        measurement.measure(
+            "powers",
+            {"base": 2, "most": 3, "fail_at": None},
+            lambda: broken(None),
+            force=True,
+        )
+    assert (path / "rows.jsonl").read_bytes() == rows
+    assert read(path).record.status == "finished"
+
+
+def test_a_first_failure_is_recorded_with_its_error(results):
+    with pytest.raises(ValueError, match="no more"):
+        powers(base=2, fail_at=1)
+    (folder,) = measurement.measurements(results)
+    entry = json.loads((folder / "record.json").read_text())
+    assert (entry["status"], entry["error"]) == ("failed", "ValueError: no more")
+
+
+@pytest.mark.parametrize("arguments", [{}, {"base": 2, "mots": 3}])
+def test_a_wrong_key_is_named(results, arguments):
+    with pytest.raises(ValueError, match="expected the keys base, most, fail_at"):
+        powers(**arguments)
+
+
+def test_finished_parts_are_not_computed_again(results):
+    computed = []
+
+    def rows(run, stop):
+        for seed in range(4):
+            if seed == stop:
+                raise KeyboardInterrupt
+            yield from run.part({"seed": seed}, lambda seed=seed: computed.append(seed) or [
+                {"seed": seed}
+            ])  # fmt: skip
+
+    run = Run("sums", {"_target_": "experiments.protocol.trial", "a": 1})
+    with pytest.raises(KeyboardInterrupt):
+        list(rows(run, 2))
+    assert list(rows(run, None)) == [{"seed": seed} for seed in range(4)]
+    assert computed == [0, 1, 2, 3]
+
+
+def test_numbers_that_json_lacks_become_null():
+    text = measurement.to_lines([{"a": float("nan"), "b": float("inf"), "c": np.int64(3)}])
+    assert measurement.from_lines(text) == [{"a": None, "b": None, "c": 3}]
+
+
+def test_what_is_no_record_is_named(results):
+    folder = results / "measured" / "x-0"
+    folder.mkdir(parents=True)
+    (folder / "record.json").write_text("{")
+    with pytest.raises(ValueError, match=r"record\.json: expected a record of a measurement"):
+        measurement.read(folder)
+    assert measurement.read(results) is None

@@ -123,9 +123,7 @@ def test_a_failed_run_counts_until_one_of_its_seeds_is_finished(tmp_path, write_
 
 
 def test_runs_merely_timed_beside_others_are_no_failures(tmp_path, write_run):
-    write_run("hdc", seed=0)
-    path = next((tmp_path / "runs").glob("*/record.json"))
-    path.write_text(path.read_text().replace('"cpu":"A CPU"', '"cpu":"A CPU","exclusive":false'))
+    write_run("hdc", seed=0, environment={"exclusive": False})
     group = Results(tmp_path).group("touch", "hdc")
     assert (group.failed, group.status) == ([], "1 timed beside other runs")
 
@@ -146,21 +144,16 @@ def test_other_devices_are_left_out(tmp_path, write_run):
     assert Results(tmp_path, "cuda")
 
 
-def test_what_is_no_run_costs_itself_only(tmp_path, write_run):
+def test_what_is_no_record_costs_itself_only(tmp_path, write_run):
     good = write_run("hdc")
-    for name in ("empty", "folder", "nonsense"):
-        (tmp_path / "runs" / name).mkdir()
-    (tmp_path / "runs" / "folder" / "record.json").mkdir()
-    (tmp_path / "runs" / "nonsense" / "record.json").write_text('{"schema": 3}')
-    (tmp_path / "runs" / "a file").touch()
+    with (tmp_path / "runs.jsonl").open("a") as file:
+        file.write('no\n{"schema": 3}\n')
     write_atomically(tmp_path / "measured" / "x" / "record.json", "[]")
-    write_atomically(tmp_path / "code.json", "{}")
-    write_atomically(tmp_path / "runs.jsonl", "no\n")
-    found = Results(tmp_path)
-    assert [run.record.id for run in found.runs] == [good]
-    assert found.measurements == []
-    for what in ("folder", "nonsense", "a file", "measured/x/record.json", "runs.jsonl, line 1"):
-        assert sum(what in problem for problem in found.problems) >= 1, what
+    results = Results(tmp_path)
+    assert [run.record.id for run in results.runs] == [good]
+    assert results.measurements == []
+    for name in ("runs.jsonl, line 2", "runs.jsonl, line 3", "measured/x/record.json"):
+        assert sum(name in problem for problem in results.problems) == 1, name
 
 
 # Runs of one's own, carried out -------------------------------------------------------------------

@@ -1,14 +1,12 @@
 """Runs of every scene and drawn figures, for the views of the studies."""
 
 import html
-import json
 import re
 
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
 
-from experiments.records import configs, record
 from experiments.records.results import Results
 
 CLASSES = {
@@ -32,27 +30,11 @@ def write_scene(tmp_path, write_run):
         predicted = truth.copy()
         for label, taken_for in wrong.items():
             predicted[2 * label] = taken_for
-        identity = write_run(
-            model,
-            choices={"scene": scene},
-            scene={"name": scene, "origin": origin, "classes": classes, "n": 10_000,
-                   "shape": [500, 500], "fingerprint": "f" * 64},
-            n_test=len(truth), test_labels=truth, predicted=predicted,
-            test_accuracy_final=float((predicted == truth).mean()),
-            change={"scene.samples_per_class": 200 + list(CLASSES).index(scene)},  # another name
+        more = {"n_train": None} | more
+        return write_run(
+            model, scene=scene, classes=classes, origin=origin, truth=truth, predicted=predicted,
             **more,
         )  # fmt: skip
-        # What write_run has of touch.
-        path = tmp_path / "runs" / identity / "record.json"
-        entry = json.loads(path.read_text())
-        entry["config"] |= configs.of_scene(scene)
-        entry["config"]["split"] = {**entry["config"]["split"], "n_train": more.get("n_train")}
-        entry["n_train"] = more.get("n_train") or 8 * len(classes)
-        entry["id"] = record.run_id(scene, model, entry["config"], entry["scene"]["fingerprint"])
-        path.unlink()
-        path.parent.rename(tmp_path / "runs" / entry["id"])
-        record.write_record(tmp_path / "runs" / entry["id"], entry)
-        return entry["id"]
 
     return write
 
@@ -66,13 +48,12 @@ def words_of(svg):
 @pytest.fixture
 def drawn(tmp_path):
     """drawn(study) → the words of each of its figures by name; all of it lies within the figure."""
-    from experiments.reporting.plot import WIDTH, save
+    from experiments.reporting.plot import save
 
     def draw(study):
         found = {}
-        for plot in study.plots(Results(tmp_path)):
+        for plot in study.plots_of(Results(tmp_path)):
             figure = plot.draw()
-            assert figure.get_figwidth() == pytest.approx(WIDTH)
             figure.draw_without_rendering()
             box = figure.get_tightbbox(figure.canvas.get_renderer())  # in inches
             assert box.x0 >= 0, plot.name
@@ -91,7 +72,7 @@ def number(tmp_path):
     """number(study, name, condition) → that Quantity, of the records in tmp_path."""
 
     def find(study, name, condition=""):
-        found = study.quantities(Results(tmp_path))
+        found = study.quantities_of(Results(tmp_path))
         (one,) = (q for q in found if (q.name, q.condition) == (name, condition))
         return one
 

@@ -1,0 +1,160 @@
+"""Show that changed code computes the same as the code that made the committed records.
+
+For each row of runs, and each measurement with seeds, the cheapest seed is computed again. Where
+every integer, text and digest agrees, the digest of today's code is adopted for all records of the
+row, and their field ``proven`` says by which run. Times are adopted only where the model and the
+protocol, the code that the clock measures, compute the same; otherwise ``times_by`` keeps the
+digest of the code that was timed. ``python -m experiments.reference --prove`` runs it.
+"""
+
+from __future__ import annotations
+
+import datetime
+import importlib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from omegaconf import OmegaConf
+from rich.console import Console
+
+from experiments.protocol import scenes as scenes_of
+from experiments.protocol.experiment import Run as Runner
+from experiments.protocol.trial import train_and_test
+from experiments.records import measurement, sources
+from experiments.records import record as records
+from experiments.records.configs import task
+from experiments.records.environment import cpu_model
+from experiments.records.measurement import Measured, Row
+from experiments.records.results import Results, Run
+
+_TIMED = tuple(f"experiments.protocol.{name}" for name in ("trial", "clock", "stop", "evaluate"))
+
+
+def prove(folder: Path, console: Console, chosen: Callable[[str], bool] = lambda _: True) -> int:
+    """Adopt today's code for the records of a results folder that it computes again.
+
+    Args:
+        folder: the reference.
+        console: shows each row and its result.
+        chosen: of the name of a row of runs (``scene-model``) or of a measurement.
+
+    Returns:
+        int: how many rows and measurements could not be proven.
+    """
+    results, failed = Results(folder), 0
+    adopted: dict[str, dict[str, Any]] = {}
+    for runs in _rows(results):
+        cheapest = min(runs, key=lambda run: run.record.training_s)
+        name = f"{cheapest.record.choices.scene}-{cheapest.record.choices.model}"
+        if not chosen(name) or not any(run.outdated for run in runs):
+            continue
+        difference = _run_differs(cheapest)
+        console.print(f"{name}: {difference or 'computes the same'}", soft_wrap=True)
+        failed += bool(difference)
+        if not difference:
+            adopted |= {run.record.id: _adoption(cheapest.record.id, run.record) for run in runs}
+    if adopted:
+        _rewrite(folder, adopted)
+    for measured in results.measurements:
+        if chosen(measured.record.name) and measured.outdated:
+            difference = _measurement_differs(measured, console)
+            console.print(f"{measured.folder.name}: {difference or 'computes the same'}")
+            failed += bool(difference)
+            if not difference:
+                _adopt_measurement(measured)
+    return failed
+
+
+def _rows(results: Results) -> Iterator[list[Run]]:
+    """Runs of the same configuration and code, whatever their seeds, N and D."""
+    rows: dict[tuple[str, str, str, str], list[Run]] = {}
+    for run in results.runs:
+        record = run.record
+        key = run.scene, run.model, str(record.choices.stop), record.environment.code
+        rows.setdefault(key, []).append(run)
+    yield from rows.values()
+
+
+def _run_differs(run: Run) -> str:
+    """How a run differs when it is computed again; nothing where it does not."""
+    record, again = run.record, dict[str, Any]()
+    cfg = OmegaConf.create({**record.config, "cache": False})
+    scene = scenes_of.instantiate(cfg.scene, "scene")
+    names = msgspec.to_builtins(record.choices)
+    train_and_test(cfg, scene, names, [], again, None, Console(quiet=True))
+    plain = msgspec.json.decode(records.to_line({**again, "environment": {}}, []))
+    keys = ["n_train", "n_test", "test_labels", "predicted", "model_bytes"]
+    if record.environment.cpu == cpu_model():  # frames differ in last bits between processors
+        keys.append("data_sha256")
+    known = msgspec.to_builtins(record)
+    differing = [key for key in keys if plain[key] != known[key]]
+    return f"differs in {', '.join(differing)}" if differing else ""
+
+
+def _adoption(proof: str, record: records.Finished) -> dict[str, Any]:
+    """The fields of a record that change by a proof."""
+    files = sources.sources(record.config)
+    timed = sources.closure(*_TIMED, *sources.targets(record.config["model"]))
+    same_time = timed.items() <= record.environment.sources.items()
+    return {
+        "sources": files,
+        "times_by": record.times_by if same_time else record.times_by or record.environment.code,
+        "proven": _proof(proof, record.environment.code),
+    }
+
+
+def _proof(by: str, code: str) -> dict[str, str]:
+    return {"by": by, "made_by_code": code, "on": datetime.date.today().isoformat()}
+
+
+def _rewrite(folder: Path, adopted: Mapping[str, Mapping[str, Any]]) -> None:
+    code, lines = records.read_code(folder), []
+    for line in (folder / records.RUNS).read_bytes().splitlines():
+        entry = msgspec.json.decode(line)
+        if (new := adopted.get(entry["id"])) is not None:
+            entry["environment"]["code"] = sources.code_hash(new["sources"])
+            code[entry["environment"]["code"]] = new["sources"]
+            entry |= {key: new[key] for key in ("times_by", "proven")}
+        lines.append(entry)
+    used = {entry["environment"]["code"] for entry in lines}
+    texts = [msgspec.json.encode(entry, order="sorted").decode() for entry in lines]
+    records.write_all(folder, texts, {name: files for name, files in code.items() if name in used})
+
+
+def _measurement_differs(measured: Measured, console: Console) -> str:
+    config = measured.record.config
+    target = task(measured.record.name).get("_target_", "")
+    module, _, name = target.rpartition(".")
+    seeds = config.get("seeds")
+    if not module or not seeds:
+        return "not proven: an experiment without seeds is measured again"
+    rows = getattr(importlib.import_module(module), name).rows
+    again = list(
+        rows(Runner(name, {**config, "_target_": target}), **config | {"seeds": seeds[:1]})
+    )
+    known = [row for row in measured.rows if row.get("seed") == seeds[0]]
+    if len(again) != len(known):
+        return f"differs in the number of rows: {len(known)}, now {len(again)}"
+    again = measurement.from_lines(measurement.to_lines(again))
+    differing = {key for a, b in zip(known, again, strict=True) for key in _differing(a, b)}
+    return f"differs in {', '.join(sorted(differing))}" if differing else ""
+
+
+def _differing(known: Row, again: Row) -> Iterator[str]:
+    """Columns of integers, texts and booleans that differ; numbers with a point may, in digits."""
+    for key in {**known, **again}:
+        value = known.get(key)
+        if not isinstance(value, float) and value != again.get(key):
+            yield key
+
+
+def _adopt_measurement(measured: Measured) -> None:
+    record = measured.record
+    target = task(record.name)["_target_"]
+    files = sources.sources({**record.config, "_target_": target})
+    entry = msgspec.to_builtins(record)
+    entry["proven"] = _proof(f"seed {record.config['seeds'][0]}", record.environment.code)
+    entry["environment"] |= {"code": sources.code_hash(files), "sources": files}
+    measurement.write(measured.folder, entry, measured.rows)

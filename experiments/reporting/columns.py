@@ -1,0 +1,202 @@
+"""Columns of tables: one entry a quantity, with its head, how it is shown, a note, and how it
+follows from runs.
+
+A table shows a column ``x`` that has ``x_low`` and ``x_high`` beside it as one cell,
+``value [low, high]``.
+
+- Times are medians over seeds. The training time of an iterative model is the paper's: until its
+  training accuracy exceeded 90 %. A seed that never did counts as infinitely long. A model that
+  learns in one pass has the time of the whole fit.
+- Accuracies are means over seeds; the interval of the final one is Student's over seeds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from experiments.records import configs
+from experiments.records.results import Group
+from experiments.reporting import estimates, published
+from experiments.reporting.text import number, percent, points, size
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Column:
+    """How a quantity is shown.
+
+    Attributes:
+        head: of the column, with its unit.
+        show: text of a value; a missing value is shown as a dash.
+        note: what a reader has to know to read it, a sentence.
+        of: its value in a row of runs, from their group and the group of HDC on the same frames; an
+            :class:`estimates.Estimate` fills ``x``, ``x_low`` and ``x_high``.
+        cell: text of a whole row, for a cell that several values make; replaces `show`.
+    """
+
+    head: str
+    show: Callable[[Any], str] = number
+    note: str = ""
+    of: Callable[[Group, Group], Any] | None = None
+    cell: Callable[[Row], str] | None = None
+
+    def text(self, name: str, row: Row) -> str:
+        """The cell of this column in a row, with the interval where the row has one."""
+        if self.cell is not None:
+            return self.cell(row)
+        value, low, high = (row.get(f"{name}{end}") for end in ("", "_low", "_high"))
+        if value is None:
+            return "–"
+        if low is None or high is None:
+            return self.show(value)
+        return f"{self.show(value)} [{self.show(low)}, {self.show(high)}]"
+
+
+def display_name(model: str) -> str:
+    """What a model is called in tables and figures; what was changed of it stays in brackets."""
+    name, changed, rest = model.partition(" (")
+    return configs.display(name)["name"] + changed + rest
+
+
+def milliseconds(seconds: float) -> str:
+    """Seconds in milliseconds."""
+    return number(1e3 * seconds)
+
+
+def same(values: Iterable[Any]) -> Any:
+    """The value that all have, or ``mixed``."""
+    distinct = set(values)
+    return distinct.pop() if len(distinct) == 1 else "mixed"
+
+
+def _mean(key: str) -> Callable[[Group, Group], float | None]:
+    def mean(group: Group, _: Group) -> float | None:
+        values = [getattr(run.record, key) for run in group.runs]
+        known = [value for value in values if value is not None]
+        return float(np.mean(known)) if known else None
+
+    return mean
+
+
+def _median(key: str) -> Callable[[Group, Group], float]:
+    return lambda group, _: float(np.median([getattr(run.record, key) for run in group.runs]))
+
+
+def _same(get: Callable[[Any], Any]) -> Callable[[Group, Group], Any]:
+    return lambda group, _: same(get(run.record) for run in group.runs)
+
+
+def _training_time(place: int) -> Callable[[Group, Group], float | str]:
+    """A quartile of the training times; a text where that run never reached 90 %."""
+
+    def quartile(group: Group, _: Group) -> float | str:
+        seconds = estimates.quartiles([estimates.training_time(run) for run in group.runs])[place]
+        if math.isfinite(seconds):
+            return seconds
+        longest = max(run.record.training_s for run in group.runs)
+        return f"not reached in {longest:.3g} s"
+
+    return quartile
+
+
+def _over_hdc(group: Group, hdc: Group) -> float | None:
+    """Median training time over that of HDC, on one processor with as many threads."""
+    times, reference = ([estimates.training_time(run) for run in g.runs] for g in (group, hdc))
+    if not reference or group.machines != hdc.machines or len(group.machines) != 1:
+        return None
+    ratio = estimates.quartiles(times)[1] / estimates.quartiles(reference)[1]
+    return ratio if math.isfinite(ratio) else None
+
+
+def _difference(group: Group, hdc: Group) -> estimates.Estimate | None:
+    if group.model == "hdc":
+        return None
+    difference = estimates.difference(group.runs, hdc.runs)
+    return None if difference is None else difference.share
+
+
+def _published(quantity: str) -> Callable[[Group, Group], float | None]:
+    return lambda group, _: published.value(f"table1/{group.model}_{quantity}")
+
+
+def _published_ratio(group: Group, _: Group) -> float | None:
+    time, hdc = (published.value(f"table1/{model}_training_time") for model in (group.model, "hdc"))
+    return time / hdc if time and hdc else None
+
+
+def _status(row: Row) -> str:
+    return ", ".join(filter(None, [row.get("status"), row.get("stop")]))
+
+
+# fmt: off
+COLUMNS: dict[str, Column] = {
+    # Of runs, in the order of the CSV.
+    "scene": Column("Scene", of=lambda group, _: group.scene),
+    "model": Column("Model", display_name, of=lambda group, _: group.model),
+    "n_train": Column("N", of=lambda group, _: group.runs[0].record.n_train),
+    "pixels": Column("D",
+        of=lambda group, _: group.pixels or math.prod(group.runs[0].record.scene.shape)),
+    "seeds": Column("Seeds", of=lambda group, _: len(group.runs)),
+    "stop": Column("Stop",
+        of=lambda group, _: "; ".join(sorted({run.record.stop for run in group.runs}))),
+    "status": Column("Status", of=lambda group, _: group.status, cell=_status),
+    "training_time_s": Column("Training time, s", of=_training_time(1),
+        note="Training time: iterative models, until training accuracy exceeds 90 %; one-pass "
+        "models, until fitted. Median over seeds."),
+    "training_time_q25_s": Column("Training time, quartile, s", of=_training_time(0)),
+    "training_time_q75_s": Column("Training time, third quartile, s", of=_training_time(2)),
+    "total_time_s": Column("Until it stopped, s", of=_median("training_s")),
+    "training_time_over_hdc": Column("× HDC", of=_over_hdc),
+    "train_accuracy_at_target": Column("Training accuracy at 90 %, %", percent,
+        of=_mean("train_accuracy_at_target")),
+    "test_accuracy_at_target": Column("Test accuracy when training passes 90 %, %", percent,
+        of=_mean("test_accuracy_at_target")),
+    "train_accuracy_max": Column("Training accuracy, maximum, %", percent,
+        of=_mean("train_accuracy_max")),
+    "train_accuracy_final": Column("Training accuracy, %", percent,
+        of=_mean("train_accuracy_final")),
+    "test_accuracy_max": Column("Test accuracy, maximum, %", percent,
+        of=_mean("test_accuracy_max"), note="A maximum over a run has no interval."),
+    "test_accuracy_final": Column("Test accuracy, % [95 %]", percent,
+        of=lambda group, _: estimates.share(group),
+        note="95 % intervals: Student over seeds, never narrower than the test set allows; Wilson "
+        "for one seed."),
+    "n_test": Column("Test samples", of=lambda group, _: len(group.right)),
+    "over_hdc": Column("Difference from HDC, points [95 %]", points, of=_difference,
+        note="Difference from HDC: paired by seed on the same test samples; above zero, the model "
+        "is more accurate."),
+    "model_bytes": Column("Size", size, of=_same(lambda record: record.model_bytes)),
+    "predict_single_s": Column("Prediction, ms a frame", milliseconds,
+        of=_median("predict_single_s")),
+    "predict_batch_s_per_frame": Column("Prediction in a batch, ms a frame", milliseconds,
+        of=_median("predict_batch_s_per_frame")),
+    "origin": Column("Frames", of=_same(lambda record: record.scene.origin)),
+    "cpu": Column("Processor", of=_same(lambda record: record.environment.cpu)),
+    "threads": Column("Threads", of=_same(lambda record: record.environment.threads)),
+    "code": Column("Code", of=lambda group, _: group.runs[0].record.environment.code[:12]),
+    # Of the paper; only Table I asks for them.
+    "published_training_time_s": Column("Training time, s, paper", of=_published("training_time")),
+    "published_training_time_over_hdc": Column("× HDC, paper", of=_published_ratio),
+    "published_train_accuracy": Column("Training accuracy, %, paper", percent,
+        of=_published("training_accuracy")),
+    "published_test_accuracy": Column("Test accuracy, %, paper", percent,
+        of=_published("test_accuracy")),
+    # Of measurements.
+    "right": Column("Right"),
+    "accuracy": Column("Accuracy, %", percent),
+    "test_accuracy": Column("Test accuracy, %", percent),
+    "train_accuracy": Column("Training accuracy, %", percent),
+    "difference": Column("Difference, points", points),
+    "seconds": Column("Time, s"),
+    "ratio": Column("Ratio"),
+    "bytes": Column("Size", size),
+    "error": Column("Error"),
+    "verdict": Column("Verdict"),
+}
+# fmt: on
