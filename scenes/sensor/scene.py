@@ -30,7 +30,7 @@ class SpeckleScene:
             a class in which nobody touches.
         contact: called with a class's mapping to make its contact (a ``_partial_`` in the
             configuration); may be ``None`` if nobody touches.
-        samples_per_class: in every session; one number, or a mapping of class names to numbers.
+        samples_per_class: in every session.
         sessions: one ``Room`` each, in order of time.
         seed: seed of everything that differs between samples.
 
@@ -45,7 +45,7 @@ class SpeckleScene:
         sensor: Sensor,
         classes: Mapping[str, Mapping[str, Any] | None],
         contact: Callable[..., Press] | None = None,
-        samples_per_class: int | Mapping[str, int] = 100,
+        samples_per_class: int = 100,
         sessions: Sequence[Room] = (Room(),),
         seed: int = 0,
     ) -> None:
@@ -57,7 +57,8 @@ class SpeckleScene:
         self.contacts = [
             _contact(str(name), contact, difference, sensor) for name, difference in classes.items()
         ]
-        self._counts = _counts(samples_per_class, self.classes)
+        require_integer("scene.samples_per_class", samples_per_class, 1)
+        self._counts = [samples_per_class] * len(self.classes)
         self.shape = (sensor.camera.crop, sensor.camera.crop)
         self.labels, self.samples = self._plan()
         self._bound: dict[int, BoundContact] = {}
@@ -163,14 +164,3 @@ def _contact(
     press = contact(**difference)  # type: ignore[misc]
     sensor.paths.require_inside(f"scene.classes.{name}.position", press.position)
     return press
-
-
-def _counts(wanted: int | Mapping[str, int], classes: tuple[str, ...]) -> list[int]:
-    key = "scene.samples_per_class"
-    if not isinstance(wanted, Mapping):
-        require_integer(key, wanted, 1)
-        return [wanted] * len(classes)
-    for name, count in wanted.items():
-        require(str(name) in classes, key, name, f"one of the labels {', '.join(classes)}")
-        require_integer(f"{key}.{name}", count, 0)
-    return [int(wanted.get(name, 0)) for name in classes]

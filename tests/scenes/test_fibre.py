@@ -195,8 +195,8 @@ def test_a_missing_repository_is_named(tmp_path, monkeypatch):
         FibreScene(tmp_path)
     monkeypatch.delenv("FIBRE_DATA", raising=False)
     monkeypatch.delenv("MEASURED_DATA", raising=False)
-    monkeypatch.setattr(fibre, "CANDIDATES", (tmp_path / "a", tmp_path / "b"))
-    with pytest.raises(FileNotFoundError, match=r"found no folder .*a/Data and .*b/Data"):
+    monkeypatch.setattr(fibre, "BESIDE", tmp_path / "a")
+    with pytest.raises(FileNotFoundError, match=r"found no folder .*a/Data; get it by: git clone"):
         FibreScene()
     shutil.copytree(EXCERPT, tmp_path / "article_MMF_disorder")
     monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
