@@ -7,11 +7,10 @@ For an input field a, one complex amplitude a mode, the field at the output is
 and a camera sees |E_p|². The matrices T and the modes m are measured; the frames are computed, with
 noise added. Three fibres are public:
 
-- ``wavefrontshaping/article_MMF_disorder`` (MIT): 52 matrices of all 110 input modes, of Matthès et
+- ``wavefrontshaping/article_MMF_disorder`` (MIT): 52 matrices of all 110 input modes; Matthès et
   al., "Learning and Avoiding Disorder in Multimode Fibers", Phys. Rev. X 11, 021060 (2021).
 - ``wavefrontshaping/article_RME_2023``: two more fibres of the same kind, 25 matrices each, of the
-  55 input modes of one polarisation. Their mode images are not in a file that can be read safely:
-  those of the first repository stand in.
+  55 input modes of one polarisation. The mode images of the first repository stand in for theirs.
 """
 
 from __future__ import annotations
@@ -49,17 +48,15 @@ class FibreScene:
     """Classes of press depth of a graded-index fibre.
 
     Sample i belongs to class i mod L. Its actuator position is drawn uniformly among the measured
-    positions of the class, so training and test samples share positions, and the finer steps below
-    a class edge are no easier than they were in the laboratory. Its input field is a + ε·z: a is
-    one random field shared by all samples, z an independent one of the same power. Everything
-    drawn for sample i comes from its own generator, seeded by (sampling_seed, i): it is the same
-    in any batch, order or number of samples.
+    positions of the class, so training and test samples share positions. Its input field is a +
+    ε·z: a is one random field shared by all samples, z an independent one of the same power.
+    Everything drawn for sample i comes from a generator seeded by (sampling_seed, i): it is the
+    same in any batch, order or number of samples.
 
     Args:
         path: a copy of :data:`PRESSED`; default: the one that :data:`DATA` names, a checkout in
             ``MEASURED_DATA``, or :data:`BESIDE` the checkout of this project.
-        depth_edges: upper press depths Δx (m) of the classes, increasing: the first class has
-            Δx ≤ edges[0], the next edges[0] < Δx ≤ edges[1], ...
+        depth_edges: upper press depths Δx (m) of the classes, increasing.
         samples_per_class: N / L.
         perturbation: ε ≥ 0.
         photons: mean photons a pixel (Poisson); 0 means no noise.

@@ -122,7 +122,8 @@ class MeasuredScene:
         for k, value in enumerate(values):
             if "column" in value:
                 at = columns.index(value["column"])
-                self.values[:, k] = np.concatenate([p.values[:, at] for p in self._parts])  # type: ignore[index]
+                column = [np.asarray(part.values)[:, at] for part in self._parts]
+                self.values[:, k] = np.concatenate(column)
             for name, number in value.get("labels", {}).items():
                 self.values[names == name, k] = number
         if levels is not None:

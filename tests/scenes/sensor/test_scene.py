@@ -1,6 +1,5 @@
 """The scenes as a user composes them, and the promise that a sample is always the same."""
 
-import functools
 import subprocess
 import sys
 
@@ -10,10 +9,6 @@ import torch
 
 from scenes.export import compose
 from scenes.frames import Scene
-from scenes.sensor.contact import Press
-from scenes.sensor.environment import Room
-from scenes.sensor.scene import SpeckleScene
-from scenes.sensor.sensor import Sensor
 
 TINY = ("sensor.camera.grid=64", "sensor.camera.crop=60", "sensor.camera.pupil=24")
 ALL = ("touch", "finger", "spatial", "drift", "tactile")
@@ -26,10 +21,6 @@ def scene(name, sensor, samples, overrides=()):
 
 def tiny(name, *overrides, sensor=3, samples=5):
     return scene(name, sensor, samples, (*TINY, *overrides))
-
-
-def press(**values):
-    return functools.partial(Press, **{"radius": 2.45e-3, "depth": 1.8e-3, **values})
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -148,15 +139,6 @@ def test_bad_values_are_named_before_any_frame(name, override, message):
 def test_sample_that_does_not_exist():
     with pytest.raises(IndexError, match="sample 500 of a scene of 500"):
         tiny("touch").frames([500])
-
-
-def test_rooms_and_contacts_from_python():
-    sensor = Sensor(camera={"grid": 64, "crop": 60, "pupil": 24})
-    classes = {"here": {"position": (0.03, 0.0)}, "nobody": None}
-    made = SpeckleScene(sensor, classes, press(), 4, [Room(), Room(offset=1.0)], seed=2)
-    assert made.frames(range(16)).shape == (16, 60, 60)
-    with pytest.raises(ValueError, match="at least one class"):
-        SpeckleScene(sensor, {})
 
 
 def test_absent_parts_are_not_imported():
