@@ -38,8 +38,7 @@ class Source:
 
     def find(self) -> Path | None:
         """The checkout in the folder that ``MEASURED_DATA`` names, if it is there."""
-        owner, name = self.repository.split("/")
-        root = os.environ.get(DATA)
+        root, (owner, name) = os.environ.get(DATA), self.repository.split("/")
         places = [Path(root).expanduser() / n for n in (name, f"{owner}+{name}")] if root else []
         return next((place for place in places if place.is_dir()), None)
 
