@@ -131,6 +131,8 @@ class MeasuredScene:
             require(levels["value"] in self.value_names, "scene.levels", dict(levels), expected)
             k = self.value_names.index(levels["value"])
             classes, labels = level_classes(self.values[:, k], levels["edges"], self.units[k])
+            top = f"a last edge of {self.values[:, k].max():g} or more"
+            require(labels.max() < len(classes), "scene.levels.edges", levels["edges"], top)
             names = np.array(classes)[labels]
         require(len(classes) > 0, "scene.levels", levels, "edges of a value: no image has a label")
         apart = np.isin(names, list(unknown))
