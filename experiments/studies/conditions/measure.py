@@ -86,6 +86,7 @@ def table1_conditions(
                 readings = train_all(problem, trainings, rate, levels, seed, **how)
                 for (start, number), reading in zip(trainings, readings, strict=True):
                     yield {
+                        "origin": made.origin,
                         "seed": seed,
                         "pixels": scaling,
                         "method": method,
@@ -98,7 +99,6 @@ def table1_conditions(
                     }
 
     for seed in seeds:
-        run.note(f"sensor {seed}")
         yield from run.part({"seed": seed}, partial(sensor, seed))
 
 

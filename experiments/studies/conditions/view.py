@@ -148,7 +148,8 @@ def seconds_per_step(results: Results, batch: int | None, machine: tuple[str, in
         recipe = model.get("optimizer"), model.get("batch_size", 0), run.scene
         here = record.environment.cpu, record.environment.threads
         if recipe == ("SGD", batch, "touch") and here == machine and "filters" not in model:
-            seconds.append(run.curve[-1]["training_s"] / run.curve[-1]["steps"])
+            steps = run.curve[-1]["samples_seen"] / (batch or record.n_train)
+            seconds.append(run.curve[-1]["training_s"] / steps)
     return float(np.median(seconds)) if seconds else np.nan
 
 

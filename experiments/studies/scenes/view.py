@@ -221,9 +221,11 @@ def confusions(figure: Figure, results: Results) -> None:
         axes.set(xlabel="predicted", ylabel="true")
         axes.tick_params(axis="x", rotation=90)
         of = f", {PAPER[group.scene]}" if group.scene in PAPER else ""
+        by = "" if group.model == "hdc" else f"{rows_of.display_name(group.model)}, "
         accuracy = 100 * estimates.share(group).value
-        panel(axes, letter, f"{literal(group.scene)}{of}\n{accuracy:.1f} %")
-    head(figure, "Confusion by HDC, % of the true label", [])
+        panel(axes, letter, f"{literal(group.scene)}{of}\n{by}{accuracy:.1f} %")
+    frames = rows_of.frames_of([{"origin": g.runs[0].record.scene.origin} for g in chosen])
+    head(figure, "Confusion by HDC, % of the true label", [frames])
 
 
 def confused(results: Results) -> list[Group]:
