@@ -73,15 +73,15 @@ def bundle_routes(case: Case) -> Iterator[Route]:
         return counters.majority()
 
     ones = cache(lambda: bits.unpack(words, case.d))  # as torchhd has them, a byte a bit
-    classes = cache(lambda: [unpack_bits(words[case.labels == c], case.d) for c in range(case.l)])
+    classes = cache(lambda: by_class(case, ones()))
     yield from ours(lambda backend: partial(count, backend))
     yield from limits(words)
-    yield Route(TORCHHD_BUNDLE, "torchhd", lambda: multiset(case, ones()))
+    yield Route(TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
     yield Route("torchhd.models.Centroid", "torchhd", lambda: centroid(case, ones()))
     yield Route(
         "numpy.add.reduce of bytes",
         "numpy",
-        lambda: np.stack([2 * x.sum(0, dtype=np.int16) > len(x) for x in classes()]),
+        lambda: np.stack([2 * x.numpy().sum(0, dtype=np.int16) > len(x) for x in classes()]),
     )
 
 
@@ -122,9 +122,11 @@ def train_routes(case: Case) -> Iterator[Route]:
     yield from ours(lambda backend: lambda: HDCClassifier(backend=backend).fit(frames, case.labels))
     yield from limits(frames, copy=True)
     numpy_ordinary = ORDINARY_ROUTES[1]
-    yield Route(TORCHHD_TRAIN, "torchhd", lambda: multiset(case, torch_bits(frames)))
+    yield Route(TORCHHD_TRAIN, "torchhd", lambda: multisets(by_class(case, torch_bits(frames))))
     yield Route(
-        numpy_ordinary, "torchhd", lambda: multiset(case, torch.from_numpy(numpy_bits(array)))
+        numpy_ordinary,
+        "torchhd",
+        lambda: multisets(by_class(case, torch.from_numpy(numpy_bits(array)))),
     )
     yield Route(
         "torch.median, torchhd.models.Centroid",
@@ -298,11 +300,16 @@ def opencv_counts(pixels: np.ndarray) -> np.ndarray:
     return counts.reshape(-1).astype(np.int64)
 
 
-def multiset(case: Case, ones: Tensor) -> Tensor:
-    """Prototypes of hypervectors bool [N, D] by torchhd, bool [L, D]."""
+def by_class(case: Case, ones: Tensor) -> list[Tensor]:
+    """Hypervectors bool [N, D], class by class."""
+    return [ones[case.labels == c] for c in range(case.l)]
+
+
+def multisets(classes: list[Tensor]) -> Tensor:
+    """Prototypes by torchhd, bool [L, D]."""
     torchhd = load("torchhd")
-    classes = (torchhd.BSCTensor(ones[case.labels == c]) for c in range(case.l))
-    return torch.stack([torchhd.multiset(x) for x in classes]).as_subclass(Tensor)
+    prototypes = [torchhd.multiset(torchhd.BSCTensor(ones)) for ones in classes]
+    return torch.stack(prototypes).as_subclass(Tensor)
 
 
 def centroid(case: Case, ones: Tensor) -> Tensor:
