@@ -12,10 +12,10 @@ from typing import Any, Self
 from hdc import inputs
 
 
-class Classifier:
+class Estimator:
     """Parameters by name, tags, and how an untrained model is refused."""
 
-    _estimator_type = "classifier"
+    _estimator_type: str
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Constructor parameters by name."""
@@ -37,17 +37,27 @@ class Classifier:
         kind = inputs.of_sklearn("NotFittedError", ValueError)
         return kind(f"{type(self).__name__}: expected a trained model; call fit first")
 
+    def _adopt(self, trained: Self) -> None:
+        """Take over all that another model of the same parameters has learned."""
+        parameters = self.get_params()
+        learned = {k: v for k, v in vars(trained).items() if k not in parameters}
+        for name in [n for n in vars(self) if n.endswith("_") and n not in learned]:
+            delattr(self, name)
+        vars(self).update(learned)
+
     def __repr__(self) -> str:
         parameters = ", ".join(f"{k}={v!r}" for k, v in self.get_params().items())
         return f"{type(self).__name__}({parameters})"
 
     def __sklearn_tags__(self) -> Any:
-        from sklearn.utils import ClassifierTags, InputTags, Tags, TargetTags
+        from sklearn.utils import ClassifierTags, InputTags, RegressorTags, Tags, TargetTags
 
+        # A median threshold leaves one bit of two features: no blob is told from its mirror.
+        classifier = self._estimator_type == "classifier"
         return Tags(
-            estimator_type="classifier",
-            target_tags=TargetTags(required=True),
-            # A median threshold leaves one bit of two features: no blob is told from its mirror.
-            classifier_tags=ClassifierTags(poor_score=True),
+            estimator_type=self._estimator_type,
+            target_tags=TargetTags(required=True, multi_output=not classifier),
+            classifier_tags=ClassifierTags(poor_score=True) if classifier else None,
+            regressor_tags=None if classifier else RegressorTags(poor_score=True),
             input_tags=InputTags(two_d_array=True, three_d_array=True),
         )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from scenes.frames import Frames, Scene, content_hash
+from scenes.frames import Frames, Scene
 
 
 def frames(dtype=np.uint8, **changed):
@@ -38,17 +38,19 @@ def test_the_fingerprint_changes_with_whatever_a_result_depends_on():
         frames(dtype=np.uint16),
     ]
     assert len({scene.fingerprint(), *(other.fingerprint() for other in others)}) == 7
-    assert len(content_hash(scene.images, scene.labels, scene.classes)) == 64
 
 
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"images": torch.zeros(4, 6, dtype=torch.uint8)}, r"images: expected shape \[N, H, W\]"),
-        ({"images": torch.zeros(4, 2, 3)}, "images: expected uint8 or uint16, found torch.float32"),
-        ({"labels": np.array([0, 1])}, r"labels: expected 4 \(one a frame\), found \(2,\)"),
-        ({"labels": np.array([0, 1, np.nan, 1])}, "labels: expected integers, found float64"),
-        ({"labels": np.array([0, 1, 2, 1])}, r"values in \[0, 2\), found 2 at index 2"),
+        ({"images": torch.zeros(4, 6, dtype=torch.uint8)}, r"images: .* of shape \[N, H, W\]"),
+        (
+            {"images": torch.zeros(4, 2, 3)},
+            "images: expected uint8 or uint16 .*, found 'torch.float32",
+        ),
+        ({"labels": np.array([0, 1])}, r"labels: expected 4 integers, found 'int64 \(2,\)"),
+        ({"labels": np.array([0, 1, np.nan, 1])}, "labels: expected 4 integers, found 'float64"),
+        ({"labels": np.array([0, 1, 2, 1])}, r"values in \[0, 2\), found array\(\[2\]\)"),
         ({"samples": {"session": np.zeros(3)}}, "samples.'session'.: expected 4 values, found 3"),
     ],
 )

@@ -143,10 +143,6 @@ def test_sessions():
         by_session(sessions, 0, 5)
     with pytest.raises(ValueError, match="expected a session other than 1"):
         by_session(sessions, 1, 1)
-    with pytest.raises(
-        ValueError, match=r"split.test: .* found the same .* session of manifest.csv"
-    ):
-        by_session(np.zeros(5), 0, 0)
 
 
 LABELS = np.arange(20) % 2
@@ -160,10 +156,10 @@ LABELS = np.arange(20) % 2
         (lambda: split(LABELS, test_fraction=float("nan")), "test_fraction: expected a number"),
         (lambda: split(LABELS, n_test=20), r"n_test: expected an integer in \[1, 19\], found 20"),
         (lambda: split(LABELS, n_test=True), "n_test: expected an integer"),
-        (lambda: split(LABELS, n_test=4, test_fraction=0.2), "found both"),
+        (lambda: split(LABELS, n_test=4, test_fraction=0.2), "null beside split.n_test, found 0.2"),
         (lambda: split(LABELS, kind="time"), "kind: expected one of random, .*, found 'time'"),
-        (lambda: split(LABELS, kind="ordered"), r"order: expected shape \(20,\), .* found none"),
-        (lambda: split(LABELS, kind="grouped"), r"groups: expected shape \(20,\), .* found none"),
+        (lambda: split(LABELS, kind="ordered"), r"order: expected shape \(20,\) .* found None"),
+        (lambda: split(LABELS, kind="grouped"), r"groups: expected shape \(20,\) .* found None"),
         (
             lambda: split(LABELS, kind="grouped", groups=LABELS),
             "groups: expected groups of class 0 of which some test and some train, found 1",
@@ -174,8 +170,11 @@ LABELS = np.arange(20) % 2
         ),
         (lambda: split(LABELS, seed=-1), "seed: expected an integer ≥ 0, found -1"),
         (lambda: split(LABELS.astype(float)), "labels: expected integers"),
-        (lambda: split(LABELS[:0]), "expected at least one sample"),
-        (lambda: split(np.array([0, 0, 0, 0, 1])), "class 1 has 1 samples, of which 0 would test"),
+        (lambda: split(LABELS[:0]), "expected integers of shape"),
+        (
+            lambda: split(np.array([0, 0, 0, 0, 1])),
+            "class 1 on both sides of its 1, found '0 to test",
+        ),
         (lambda: learning_curve_subsets(np.arange(9), LABELS, [1]), "integers from 2 .* found 1"),
         (lambda: learning_curve_subsets(np.arange(9), LABELS, [10]), "to 9 .* found 10"),
         (lambda: learning_curve_subsets(np.arange(9), LABELS, [4.5]), "found 4.5"),

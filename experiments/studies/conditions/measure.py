@@ -1,309 +1,173 @@
-"""What would have to be true for Table I: softmax regression, exactly, over what is not stated.
+"""Train softmax regression under the conditions that Table I leaves open.
 
-The paper gives the learning rate, 1e-4, and neither the optimiser nor the batch, the initial
-weights, the scale of the pixels or where training was stopped. Each is a factor here. Conditions
-are chosen on some sensors and reported on others; every row has the accuracy of HDC on the same
-frames.
+The paper gives the learning rate, 1e-4, but not the optimiser, the batch, the initial weights or the
+scale of the pixels. Gradient descent and SGD are computed exactly in sample space; Adam and the
+networks are ordinary runs of ``model=softmax``, ``cnn1`` and ``cnn3``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import torch
-from rich.console import Console
+from torch import Tensor
 
+from baselines.dual import Descent
 from experiments.protocol import data, evaluate
-from experiments.protocol.scenes import scene_at
-from experiments.records.measurement import Row, in_parts, measure
-from experiments.reporting import published
+from experiments.protocol.experiment import Row, Run, experiment
 from experiments.studies.conditions import linear
-from experiments.studies.conditions.linear import Descent, Problem, Products, Start
-from experiments.studies.conditions.readings import Curve, Levels, read, report
+from experiments.studies.conditions.linear import Problem, Start
 from hdc import HDCClassifier
-from scenes.frames import Scene
 
-NAME = "table1_conditions"
 METHODS = ("GD", "SGD")
-ROLES = ("choose", "report")
+VALUES = ("train", "test", "projected")  # accuracies read at each level
 
 
-def run(
+@experiment
+def table1_conditions(
+    run: Run,
     scene: Mapping[str, Any],
     split: Mapping[str, Any],
-    sensors: Mapping[str, Sequence[int]],
+    seeds: Sequence[int],
     draws: int,
-    kinds: Sequence[str],
     pixels: Sequence[str],
-    starts: Mapping[str, Mapping[str, Any]],
+    starts: Sequence[str],
+    normal: Sequence[float],
     methods: Mapping[str, Mapping[str, Any]],
     rate: float,
-    reading: Mapping[str, Any],
-    interventions: Mapping[str, Any],
-    cache: bool = True,
-    force: bool = False,
-) -> Path:
-    """The task of configs/experiment/table1_conditions.yaml: ``measured/table1_conditions-HASH/``.
+    levels: Mapping[str, float],
+) -> Iterator[Row]:
+    """One row: one training of softmax regression from one draw of initial weights.
+
+    Columns: ``seed`` of the sensor, ``pixels``, ``method``, ``start``, ``sigma`` (standard deviation
+    of an initial weight), ``draw``; for each level ``NAME`` of training accuracy
+    ``steps_NAME``, ``train_NAME``, ``test_NAME`` and ``projected_NAME`` (test accuracy had the start
+    been projected on the span of the training frames), None if not reached; ``across`` of
+    :class:`~experiments.studies.conditions.linear.Problem`; ``hdc``, test accuracy of HDC.
 
     Args:
         scene, split: as in the configuration of a run.
-        sensors: seeds by role, ``choose`` and ``report``.
-        draws: of initial weights for each sensor.
-        kinds: of splits.
+        seeds: of the sensors.
+        draws: of initial weights, each sensor.
         pixels: scalings, of ``linear.SCALINGS``.
-        starts: arguments of ``linear.Start`` by name, and ``of``: who starts so.
-        methods: by name, of :data:`METHODS`: ``batch`` (null: all frames), ``reports_per_epoch``
-            and the budget of ``steps``.
+        starts: rules of ``linear.Start`` other than normal.
+        normal: standard deviations of normal weights.
+        methods: ``GD`` and ``SGD``: ``batch`` (null: all frames), ``reports_per_epoch`` and the most
+            ``steps``.
         rate: learning rate.
-        reading: ``window``, ``plateau_steps`` and ``plateau_fall`` of ``readings.Levels``; the
-            other levels are published numbers.
-        interventions: what must remove the pattern: of the starts called ``starts``, in the split
-            ``kind`` and the scaling ``pixels``, weight ``decay`` and factors ``gain`` on the start,
-            and the scaling ``centred`` in place of the other.
-        cache: keep made frames.
-        force: measure again.
-
-    Returns:
-        Path: the folder. Its rows: ``role``, ``seed``, ``split``, ``pixels``, ``method``,
-        ``start``, ``draw``, ``intervention``, ``sigma`` (of a weight), the columns of
-        ``readings.read``, ``across`` of ``linear.Problem``, ``hdc`` (test accuracy), ``n_train``,
-        ``n_test``, ``pixels_in_all``.
+        levels: training accuracies: ``90`` is exceeded, ``end`` is reached and ends a training.
 
     Raises:
         ValueError: naming the key that is wrong.
     """
-    console = Console(highlight=False)
-    levels = levels_of(reading)
-    config = {
-        "_target_": f"{__name__}.run",
-        "scene": scene,
-        "split": split,
-        "sensors": sensors,
-        "draws": draws,
-        "kinds": kinds,
-        "pixels": pixels,
-        "starts": starts,
-        "methods": methods,
-        "rate": rate,
-        "reading": {**reading, "published": [levels.published, *levels.test]},
-        "interventions": interventions,
-    }
-    check(config)
-    settings = {**config, "starts": linear.starts_of(starts, "task.starts"), "levels": levels}
-
-    def compute() -> Iterator[Row]:
-        return in_parts(NAME, _parts(config, settings, cache, console), force=force)
-
-    return measure(NAME, config, compute, force=force, console=console)
-
-
-def levels_of(reading: Mapping[str, Any]) -> Levels:
-    """Where curves are read, published numbers included.
-
-    Raises:
-        ValueError: naming the key under ``task.reading`` that is wrong.
-    """
-    known = published.numbers()
-    test = known["table1/softmax_test_accuracy"]
-    bounds = [x for x in (test.low, test.value, test.high) if x is not None]
-    try:
-        return Levels(
-            published=known["table1/softmax_training_accuracy"].value / 100,
-            test=tuple(x / 100 for x in bounds),
-            **reading,
-        )
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"task.reading: {error}") from error
-
-
-def check(config: Mapping[str, Any]) -> None:
-    """Refuse what can be known to be wrong before frames are made.
-
-    Raises:
-        ValueError: naming the key, what was found and what was expected.
-    """
-    for key, names, known in (
-        ("sensors", config["sensors"], ROLES),
-        ("methods", config["methods"], METHODS),
-        ("kinds", config["kinds"], ("random", "ordered")),
-        ("pixels", config["pixels"], linear.SCALINGS),
-        ("interventions.starts", config["interventions"]["starts"], tuple(config["starts"])),
-    ):
+    for key, names, known in (("methods", methods, METHODS), ("pixels", pixels, linear.SCALINGS)):
         if unknown := [name for name in names if name not in known]:
             expected = ", ".join(known)
             raise ValueError(f"task.{key}: expected some of {expected}, found {unknown[0]!r}")
-    if not (isinstance(config["draws"], int) and config["draws"] > 0):
-        raise ValueError(f"task.draws: expected a positive integer, found {config['draws']!r}")
+    begun = [*(Start(rule) for rule in starts), *(Start("normal", float(std)) for std in normal)]
+    # All starts at zero are one.
+    trainings = [(s, k) for s in begun for k in range(1 if s.rule == "zeros" else draws)]
+
+    def sensor(seed: int) -> Iterator[Row]:
+        made = run.scene(scene, seed)
+        frames = made.frames(range(len(made.labels)))
+        if frames.dtype != torch.uint8:
+            raise ValueError(f"scene: expected frames of 8 bits a pixel, found {frames.dtype}")
+        train, test = data.choose(made, split, seed)
+        hdc = HDCClassifier().fit(frames[train], made.labels[train])
+        right = evaluate.accuracy(hdc.predict(frames[test]), made.labels[test])
+        classes, dimension = len(made.classes), frames[0].numel()
+        products = linear.products(frames, seed, draws, classes)
+        for scaling in pixels:
+            problem = linear.problem(products, made.labels, train, test, scaling)
+            for method, how in methods.items():
+                readings = train_all(problem, trainings, rate, levels, seed, **how)
+                for (start, number), reading in zip(trainings, readings, strict=True):
+                    yield {
+                        "seed": seed,
+                        "pixels": scaling,
+                        "method": method,
+                        "start": start.rule,
+                        "sigma": start.sigma(dimension, classes),
+                        "draw": number,
+                        **reading,
+                        "across": problem.across,
+                        "hdc": right,
+                    }
+
+    for seed in seeds:
+        run.note(f"sensor {seed}")
+        yield from run.part({"seed": seed}, partial(sensor, seed))
 
 
-def _parts(
-    config: Mapping[str, Any], settings: Mapping[str, Any], cache: bool, console: Console
-) -> Iterator[tuple[Mapping[str, Any], Callable[[], Iterator[Row]]]]:
-    """A part is a sensor, a split and a scaling; the frames of a sensor are made once."""
-    extra = config["interventions"]
-    for role, seeds in config["sensors"].items():
-        for seed in seeds:
-            sensor = Sensor(config["scene"], seed, config["draws"], cache, console)
-            for kind in config["kinds"]:
-                centred = [extra["centred"]] if kind == extra["kind"] else []
-                for pixels in [*config["pixels"], *centred]:
-                    of = {"role": role, "seed": seed, "split": kind, "pixels": pixels}
-                    yield {**config, "sensors": {}, **of}, partial(_rows, sensor, of, settings)
-
-
-class Sensor:
-    """The frames of a seed, and their products, made when they are asked for.
-
-    Args:
-        scene: configuration.
-        seed: of everything.
-        draws: of initial weights.
-        cache: keep made frames.
-        console: shows progress.
-    """
-
-    def __init__(
-        self, scene: Mapping[str, Any], seed: int, draws: int, cache: bool, console: Console
-    ):
-        self.seed, self.console = seed, console
-        self._how, self._draws = (scene, seed, cache, console), draws
-        self._made: tuple[Scene, torch.Tensor, Products] | None = None
-
-    def made(self) -> tuple[Scene, torch.Tensor, Products]:
-        """The scene, its frames uint8 [n, H, W], and their products.
-
-        Raises:
-            ValueError: for frames of more than 8 bits.
-        """
-        if self._made is None:
-            scene = scene_at(*self._how)
-            frames = scene.frames(range(len(scene.labels)))
-            if frames.dtype != torch.uint8:
-                raise ValueError(f"scene: expected frames of 8 bits a pixel, found {frames.dtype}")
-            size = len(scene.classes), frames[0].numel()
-            drawn = [linear.draw(self.seed, k, *size) for k in range(self._draws)]
-            self._made = scene, frames, linear.products(frames, drawn)
-        return self._made
-
-
-def _rows(sensor: Sensor, of: Row, settings: Mapping[str, Any]) -> Iterator[Row]:
-    """The rows of one part."""
-    sensor.console.print(f"[dim]{NAME}: {', '.join(map(str, of.values()))}[/dim]")
-    scene, frames, known = sensor.made()
-    chosen = {**settings["split"], "kind": of["split"]}
-    train, test = data.choose(scene, chosen, sensor.seed)
-    model = HDCClassifier().fit(frames[train], scene.labels[train])
-    right = evaluate.accuracy(model.predict(frames[test]), scene.labels[test])
-    here = linear.problem(known, scene.labels, train, test, of["pixels"])
-    fixed = {
-        "across": here.across,
-        "hdc": right,
-        "n_train": len(train),
-        "n_test": len(test),
-        "pixels_in_all": known.pixels,
-    }
-    cases = list(_cases(of, settings))
-    for method, how in settings["methods"].items():
-        found = curves(here, cases, settings["levels"], settings["rate"], sensor.seed, **how)
-        for (name, start, number, what, _), curve in zip(cases, found, strict=True):
-            yield {
-                **of,
-                "method": method,
-                "start": name,
-                "draw": number,
-                "intervention": what,
-                "sigma": start.sigma(known.pixels, here.classes),
-                **read(curve, settings["levels"]),
-                **fixed,
-            }
-
-
-Case = tuple[str, Start, int, str, float]
-"""Name of the start, the start, number of the draw, intervention, weight decay."""
-
-
-def _cases(of: Row, settings: Mapping[str, Any]) -> Iterator[Case]:
-    extra, starts = settings["interventions"], settings["starts"]
-    of_interest = [(name, starts[name]) for name in extra["starts"]]
-    numbers = range(settings["draws"])
-    if of["pixels"] == extra["centred"]:
-        for name, start in of_interest:
-            yield from ((name, start, k, "centred", 0.0) for k in numbers)
-        return
-    for name, start in starts.items():
-        # There is one start at zero.
-        drawn = numbers[:1] if start.rule == "zeros" else numbers
-        yield from ((name, start, k, "none", 0.0) for k in drawn)
-    if (of["split"], of["pixels"]) == (extra["kind"], extra["pixels"]):
-        for name, start in of_interest:
-            for k in numbers:
-                for decay in extra["decay"]:
-                    yield name, start, k, f"decay {decay:g}", float(decay)
-                for gain in extra["gain"]:
-                    changed = Start(start.rule, start.std, gain)
-                    yield name, changed, k, f"gain {gain:g}", 0.0
-
-
-def curves(
+def train_all(
     problem: Problem,
-    cases: Sequence[Case],
-    levels: Levels,
+    trainings: Sequence[tuple[Start, int]],
     rate: float,
+    levels: Mapping[str, float],
     seed: int,
     *,
     batch: int | None,
     reports_per_epoch: int,
     steps: int,
-) -> list[Curve]:
-    """The learning curves of all cases, trained side by side; each ends where all of it is read.
+) -> list[Row]:
+    """Accuracies of each training at each level, all trained side by side.
 
     Args:
         problem: the frames.
-        cases: starts and interventions.
-        levels: where curves are read.
+        trainings: start and number of the draw.
         rate: learning rate.
+        levels: training accuracies, the last of which ends a training.
         seed: of the minibatches.
-        batch: frames a step; None for all.
-        reports_per_epoch: how often in an epoch a curve has a point.
-        steps: after which a curve ends in any case.
+        batch: frames in a step; None for all.
+        reports_per_epoch: how often in an epoch accuracies are read.
+        steps: most steps.
     """
     n = problem.n_train
-    begun = [problem.start(start, number) for _, start, number, _, _ in cases]
-    logits = torch.stack([one for one, _ in begun], dim=2)
-    to_span = torch.stack([one for _, one in begun], dim=2)
-    decay = torch.tensor([one[4] for one in cases], dtype=torch.float64)
-    descent = Descent(problem, logits, decay, rate, batch, seed)
-    first, _ = report(logits[:n], problem.targets[:n])
-    found = [Curve(start) for start in first.tolist()]
-    alive = list(range(len(cases)))
     every = max(1, -(-n // (batch or n)) // reports_per_epoch)
-    for step, part in zip(range(1, steps + 1), descent.parts(), strict=False):
-        descent.step(part)
+    logits, shifts = zip(*(problem.start(*training) for training in trainings), strict=True)
+    to_span = torch.stack(shifts, dim=2)
+    starts = torch.stack(logits, dim=2)
+    targets, classes = problem.targets[:n], starts.shape[1]
+    descent = Descent(
+        problem.kernel, targets, classes, rate, logits=starts, batch=batch, seed=seed
+    )
+    names = [f"{value}_{level}" for level in levels for value in ("steps", *VALUES)]
+    readings: list[Row] = [dict.fromkeys(names) for _ in trainings]
+    *_, last = levels
+    alive = list(range(len(trainings)))
+    for step in range(1, steps + 1):
+        descent.step()
         if step % every and step != steps:
             continue
-        loss, train = report(descent.logits[:n], problem.targets[:n])
-        _, test = report(descent.logits[n:], problem.targets[n:])
-        shifted = descent.logits[n:] + descent.shrunk * to_span
-        _, projected = report(shifted, problem.targets[n:])
-        kept = []
-        for place, (k, *values) in enumerate(
-            zip(alive, *(x.tolist() for x in (loss, train, test, projected)), strict=True)
-        ):
-            curve = found[k]
-            curve.steps.append(step)
-            for into, value in zip(
-                (curve.loss, curve.train, curve.test, curve.projected), values, strict=True
-            ):
-                into.append(value)
-            if not curve.check(levels):
-                kept.append(place)
+        test = descent.logits[n:]
+        shares = (
+            accuracy(descent.logits[:n], targets),
+            accuracy(test, problem.targets[n:]),
+            accuracy(test + to_span, problem.targets[n:]),
+        )
+        for k, *values in zip(alive, *(share.tolist() for share in shares), strict=True):
+            for level, least in levels.items():
+                passed = values[0] >= least - 1e-9 if level == last else values[0] > least
+                if passed and readings[k][f"steps_{level}"] is None:
+                    readings[k][f"steps_{level}"] = step
+                    readings[k] |= {f"{x}_{level}": v for x, v in zip(VALUES, values, strict=True)}
+        kept = [p for p, k in enumerate(alive) if readings[k][f"steps_{last}"] is None]
+        if not kept:
+            break
         if len(kept) < len(alive):
             alive = [alive[place] for place in kept]
-            descent.drop(torch.tensor(kept, dtype=torch.int64))
+            descent.drop(torch.tensor(kept))
             to_span = to_span[:, :, kept].contiguous()
-        if not alive:
-            break
-    return found
+    return readings
+
+
+def accuracy(logits: Tensor, targets: Tensor) -> Tensor:
+    """Share of frames whose class has the highest logit: logits [n, L, V] → [V].
+
+    Ties count as right, a logit that is not a number as wrong.
+    """
+    right = logits[torch.arange(len(targets)), targets]
+    return (right >= logits.amax(dim=1)).double().mean(dim=0)

@@ -9,6 +9,8 @@ import pytest
 
 import hdc
 from experiments.protocol import data, trial
+from experiments.protocol.model import check_model
+from experiments.protocol.subsets import models_of
 from experiments.records.record import read_curve
 
 
@@ -37,21 +39,6 @@ def test_a_model_that_diverges_keeps_its_curve(carry_out, fake):
     assert header == "training_s,samples_seen,loss,train_accuracy,test_accuracy"
     assert re.fullmatch(r"[\d.e-]+,20,2\.0,0\.2,0\.2", first)
     assert re.fullmatch(r"[\d.e-]+,40,nan,,", last)
-
-
-def test_softmax_with_an_absurd_step_diverges(carry_out):
-    overrides = ("model=softmax", "model.optimizer=SGD", "model.lr=1e38")
-    assert carry_out(*overrides).stop == "diverged"
-
-
-def test_a_model_that_diverges_at_once_has_no_accuracy_and_can_be_read(carry_out, fake):
-    fake({"samples_seen": 1, "loss": float("nan")})
-    entry = carry_out()
-    assert (entry.stop, entry.train_accuracy_max, entry.test_accuracy_max) == (
-        "diverged",
-        None,
-        None,
-    )
 
 
 @pytest.mark.parametrize(
@@ -127,20 +114,6 @@ def test_only_training_counts(carry_out, fake, monkeypatch):
     assert entry.predict_batch_s_per_frame == 100
 
 
-def test_the_trained_model_is_not_the_one_that_was_warmed_up(carry_out, fake):
-    trained = []
-
-    def train(self, frames, labels):
-        trained.append((id(self), tuple(frames.shape)))
-        yield {"samples_seen": 1}
-
-    fake(train=train)
-    carry_out()
-    (warm, warm_shape), (real, shape) = trained
-    assert warm != real
-    assert warm_shape == shape == (40, 16, 16)
-
-
 # Many frames --------------------------------------------------------------------------------------
 
 
@@ -192,6 +165,73 @@ def test_frames_are_never_all_in_memory_where_there_are_too_many(
     assert max(asked) <= most
 
 
-def test_the_size_of_a_model_is_that_of_its_tensors():
-    model = hdc.HDCClassifier().fit(np.arange(36, dtype=np.uint8).reshape(4, 3, 3), [0, 1, 0, 1])
-    assert trial.model_bytes(model) == sum(t.nbytes for t in model.state_tensors().values())
+# What a model does wrong --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("report", "message"),
+    [
+        (
+            {"samples_seen": 1, "note": "hello"},
+            r"report\['note'\]: expected a number, found 'hello'",
+        ),
+        ({"samples_seen": None}, r"report\['samples_seen'\]: expected a number, found None"),
+        ({"samples_seen": 1, "loss": True}, r"report\['loss'\]: expected a number, found True"),
+        ({"samples_seen": 1, "training_s": 0.0}, r"report\['training_s'\]: expected no such key"),
+    ],
+)
+def test_a_report_that_no_curve_can_hold_is_refused(carry_out, fake, report, message):
+    fake(report)
+    with pytest.raises(ValueError, match=message):
+        carry_out()
+
+
+def test_a_model_that_writes_into_its_frames_changes_no_run(carry_out, fake):
+    honest = carry_out()
+
+    def train(self, frames, labels):
+        frames.fill_(7)
+        yield {"samples_seen": len(labels)}
+
+    def predict(self, frames):
+        seen.append(frames.float().mean().item())
+        frames.zero_()
+        return np.zeros(len(frames), np.int64)
+
+    seen = []
+    fake(train=train, predict=predict)
+    spoilt = carry_out("force=true")
+    assert spoilt.data_sha256 == honest.data_sha256
+    assert seen[1] == seen[4] > 0  # the training frames at the only report and in the end
+
+
+class NoModel:
+    def fit(self, frames, labels):
+        return self
+
+
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        (NoModel(), "found NoModel without train and predict; .*sklearn_classifier"),
+        ({"lr": 1}, r"found dict without train and predict; model\._target_ names the class"),
+    ],
+)
+def test_an_object_that_is_no_model_is_refused_with_a_hint(model, message):
+    with pytest.raises(ValueError, match=f"^model: expected an object with train.*{message}"):
+        check_model(model)
+
+
+def test_models_of_subsets_are_hdc_or_computed_from_products():
+    configs = {
+        "hdc": {"_target_": "hdc.HDCClassifier"},
+        "ridge": {"_target_": "baselines.ridge.RidgeReadout", "pixels": "standardised"},
+        "neighbours": {"_target_": "baselines.nearest_neighbour.NearestNeighbour", "k": 3},
+    }
+    assert list(models_of({name: {"model": m} for name, m in configs.items()})) == list(configs)
+    for wrong in (
+        {"_target_": "baselines.softmax.SoftmaxRegression"},
+        {"_target_": "hdc.HDCClassifier", "prototype": "integer"},
+    ):
+        with pytest.raises(ValueError, match=r"^task\.models\.wrong: expected HDC with binary"):
+            models_of({"wrong": {"model": wrong}})

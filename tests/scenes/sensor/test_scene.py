@@ -216,9 +216,8 @@ def test_rooms_and_contacts_from_python():
 @pytest.mark.parametrize(
     ("name", "absent"),
     [
-        ("touch", ["scenes.sensor.texture", "scenes.sensor.creep"]),
-        ("drift", ["scenes.sensor.texture", "scenes.sensor.creep"]),
-        ("tactile", ["scenes.sensor.creep"]),
+        ("touch", ["scenes.sensor.texture"]),
+        ("tactile", []),
     ],
 )
 def test_absent_parts_are_not_imported(name, absent):
