@@ -141,7 +141,8 @@ def headline(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     other_n = ~rows["operation"].isin(["encode", "bundle", "train"])
     rows = rows[(rows["frames"] == "speckle") & (other_n | (rows["n"] == HEADLINE["n"]))]
     rows = rows[(rows["d"] == HEADLINE["d"]) & (rows["l"] == HEADLINE["l"])]
-    return rows.sort_values("operation", key=lambda x: x.map(list(OPERATIONS).index), kind="stable")
+    rows = rows.sort_values("operation", key=lambda x: x.map(list(OPERATIONS).index), kind="stable")
+    return rows.astype(object)  # whole numbers stay whole beside missing ones
 
 
 @STUDY.table(
