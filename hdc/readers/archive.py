@@ -9,7 +9,7 @@ import hashlib
 import math
 import os
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -85,11 +85,10 @@ def open_array(
         raise ValueError(f"{shown(path)}: expected arrays frames and labels, found no labels")
     native = frames.dtype.newbyteorder("=")
 
-    def read(index: np.ndarray) -> np.ndarray:
-        out = np.empty((len(index), *shape), native)
-        for frame, i in zip(out, index, strict=True):  # only the pixels of the window are copied
-            frame[...] = window.of(frames[np.unravel_index(i, sides)])
-        return out
+    def each(index: np.ndarray) -> Iterator[np.ndarray]:
+        for i in index:
+            frame = window.of(frames[np.unravel_index(i, sides)])
+            yield np.ascontiguousarray(frame, dtype=native)
 
     def digest() -> str:
         with path.open("rb") as file:
@@ -99,14 +98,13 @@ def open_array(
         classes=classes,
         labels=labels,
         samples={"order": np.arange(n), **samples},
-        each=lambda index: (read(i)[0] for i in index[:, None]),
+        each=each,
         place=lambda i: f"{shown(path)}, frame {i}",
         digest=cache(digest),
         window=window,
         values=np.stack([arrays[c].astype(float) for c in columns], 1) if columns else None,
         value_names=columns,
         size=shape,
-        read=read,
     )
 
 

@@ -11,12 +11,11 @@ from __future__ import annotations
 import hashlib
 import io
 import warnings
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from functools import cache
-from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -93,7 +92,7 @@ def _check_header(header: Any, data: bytes, max_pixels: int) -> None:
 def _check_alike(image: np.ndarray, header: Any) -> None:
     """Compare a TIFF with what Pillow decodes: OpenCV leaves damaged strips as they come."""
     plain = header.convert({"1": "L", "P": "RGB"}.get(header.mode, header.mode))
-    other = np.asarray(plain).astype(plain.mode.startswith("I") and np.uint16 or np.uint8)
+    other = np.asarray(plain).astype(np.uint16 if plain.mode.startswith("I") else np.uint8)
     if other.ndim == 3:
         other = other[..., ::-1]
     shift = 8 * (image.dtype.itemsize - other.dtype.itemsize)  # Pillow has 8 bits of colour
@@ -173,44 +172,52 @@ def open_listing(
     """Open the images of a folder; with ``check`` every one is decoded at once.
 
     Raises:
-        BadFrame: a file is no usable image, or its size or depth is not that of the others.
+        BadFrame: a file is no usable image, or its size or depth is not that of the first.
         ValueError: a class is left without a frame.
     """
-    files, expected = listing.files, Counter[tuple[Any, ...]]()
-    digests: list[bytes] = []
+    files, first, digests = listing.files, list[tuple[Any, ...]](), dict[Path, bytes]()
 
-    def load(i: int) -> np.ndarray:
-        data, image = decode(files[i], max_pixels)
+    def load(file: Path) -> np.ndarray:
+        data, image = decode(file, max_pixels)
         kind = (image.shape[:2], image.dtype)
-        if not expected:
-            expected[kind] += 1
-        if (like := expected.most_common(1)[0][0]) != kind:
-            raise _odd(files[i], kind, like)
-        if digests and hashlib.sha256(data).digest() != digests[i]:
+        first[:] = first or [kind]
+        if kind != first[0]:
+            ((height, width), dtype), ((h, w), other) = first[0], kind
             raise BadFrame(
-                f"{shown(files[i])}: expected the file that was opened, found it changed"
+                f"{shown(file)}: expected {width} × {height} pixels {dtype} as in the other "
+                f"frames, found {w} × {h} {other}"
             )
-        return _frame(files[i], image, window)
+        if check and digests.setdefault(file, digest := hashlib.sha256(data).digest()) != digest:
+            raise BadFrame(f"{shown(file)}: expected the file that was opened, found it changed")
+        return _frame(file, image, window)
 
-    good, problems, read = list(range(len(files))), (), None
+    def attempt(file: Path) -> np.ndarray | BadFrame:
+        try:
+            return load(file)
+        except BadFrame as error:
+            if not skip:
+                raise
+            return error
+
+    good, problems, kept = list(range(len(files))), [], list[np.ndarray]()
     if check:
-        images, found = _inspect(files, window, skip, threads, memory_bytes, max_pixels)
-        expected.update(kind for kind, _ in found.values())
-        like = expected.most_common(1)[0][0] if expected else None
-        for i, (kind, _) in found.items():
-            if kind != like:
-                images[i] = _odd(files[i], kind, like)
-        problems = tuple(str(image) for image in images if isinstance(image, BadFrame))
-        if problems and not (skip and like):
-            raise next(image for image in images if isinstance(image, BadFrame))
-        good = [i for i, image in enumerate(images) if not isinstance(image, BadFrame)]
-        window.shape(*like[0])  # raises
-        if good and images[good[0]] is not None:
-            kept = np.stack([images[i] for i in good])
-            read = lambda index: np.ascontiguousarray(kept[index])  # noqa: E731
-        files = [files[i] for i in good]
-        digests += [found[i][1] for i in good]
-    relative = np.array([shown(_relative(file, root)) for file in listing.files])
+        good, in_memory = [], True
+        frames = _decoded(attempt, files, first, threads)
+        for i, frame in enumerate(with_progress(frames, len(files), "Reading images")):
+            if isinstance(frame, BadFrame):
+                problems.append(str(frame))
+                continue
+            good.append(i)
+            in_memory = in_memory and (len(kept) + 1) * frame.nbytes <= memory_bytes
+            if in_memory:
+                kept.append(frame)
+            else:
+                kept.clear()
+        if not good:
+            raise BadFrame(problems[0])
+    relative = np.array([shown(_relative(file, root)) for file in files])
+    left_out = np.delete(relative, good).tolist()
+    usable = [files[i] for i in good]
     classes: tuple[str, ...] = ()
     labels = None
     if listing.labels is not None:
@@ -218,89 +225,48 @@ def open_listing(
         if lost := sorted(set(listing.labels) - set(names), key=natural_key):
             raise ValueError(f"{shown(root)}: class {lost[0]!r}: none of its frames can be used")
         classes, labels = class_indices(names, root, fewest_classes, listing.classes)
-    samples = {name: values[good] for name, values in listing.samples.items()}
-    left_out = np.delete(relative, good).tolist()
+    stack = np.stack(kept) if kept else None
 
     def digest() -> str:
-        hashes = digests or [hashlib.sha256(file.read_bytes()).digest() for file in files]
+        hashes = (digests.get(f) or hashlib.sha256(f.read_bytes()).digest() for f in usable)
         whole = hashlib.sha256(b"".join(hashes))
         whole.update(repr(left_out).encode() if left_out else b"")
         return whole.hexdigest()
 
     def each(index: np.ndarray) -> Iterator[np.ndarray]:
-        if read:
-            return iter(read(index))
-        order = index.tolist()
-        # The first says what the others must be like.
-        first = [load(i) for i in order[:1]] if not expected else []
-        return chain(first, ahead(load, order[len(first) :], threads))
+        if stack is not None:
+            return iter(stack[index])
+        return _decoded(load, [usable[i] for i in index], first, threads)
 
     return Recording(
         classes=classes,
         labels=labels,
-        samples={"order": np.arange(len(good)), **samples, "file": relative[good]},
+        samples={
+            "order": np.arange(len(good)),
+            **{name: values[good] for name, values in listing.samples.items()},
+            "file": relative[good],
+        },
         each=each,
-        place=lambda i: shown(files[i]),
+        place=lambda i: shown(usable[i]),
         digest=cache(digest),
         window=window,
         values=None if listing.values is None else listing.values[good],
         value_names=listing.value_names,
-        skipped=problems,
+        skipped=tuple(problems),
         others=tuple(map(shown, listing.others)),
-        size=window.shape(*expected.most_common(1)[0][0][0]) if check else None,
-        read=read,
+        size=window.shape(*first[0][0]) if first else None,
     )
 
 
-def _inspect(
-    files: list[Path],
-    window: Window,
-    skip: bool,
-    threads: int | None,
-    memory_bytes: int,
-    max_pixels: int,
-) -> tuple[list[Any], dict[int, tuple[Any, bytes]]]:
-    """Decode every file once.
-
-    Returns:
-        Of each file its frame (None: there are too many for the memory) or the BadFrame; size,
-        depth and digest of those that were decoded.
-    """
-
-    def inspect(i: int) -> Any:
-        try:
-            data, image = decode(files[i], max_pixels)
-        except BadFrame as error:
-            return i, error, None
-        try:
-            frame = grey(window.of(image))
-        except SettingError:  # the crop: for the caller, who knows the size of the others
-            frame = None
-        return i, frame, ((image.shape[:2], image.dtype), hashlib.sha256(data).digest())
-
-    images: list[Any] = []
-    found: dict[int, tuple[Any, bytes]] = {}
-    kept = 0
-    with closing(ahead(inspect, range(len(files)), threads)) as inspected:
-        for i, frame, kind in with_progress(inspected, len(files), "Reading images"):
-            if kind is None and not skip:
-                raise frame
-            if kind is not None:
-                found[i] = kind
-                kept += 0 if frame is None else frame.nbytes
-                if kept > memory_bytes:
-                    images = [x if isinstance(x, BadFrame) else None for x in images]
-                    frame = None
-            images.append(frame)
-    return images, found
-
-
-def _odd(file: Path, kind: Any, like: Any) -> BadFrame:
-    ((h, w), dtype), ((height, width), expected) = kind, like
-    return BadFrame(
-        f"{shown(file)}: expected {width} × {height} pixels {expected} as in the other frames, "
-        f"found {w} × {h} {dtype}"
-    )
+def _decoded(
+    load: Callable[[Path], T], files: Sequence[Path], first: list[Any], threads: int | None
+) -> Iterator[T]:
+    """Frames of files, ahead of the caller; the first one says what the others must be like."""
+    start = 0
+    while not first and start < len(files):
+        yield load(files[start])
+        start += 1
+    yield from ahead(load, files[start:], threads)
 
 
 def _relative(file: Path, root: Path) -> str:

@@ -96,23 +96,23 @@ def image_files(root: Path) -> list[Path]:
     Raises:
         ValueError: there is none, or a folder cannot be read.
     """
-    files = [root / file for file in all_files(root) if _is_image(file)]
+    files = [root / file for file in all_files(root) if is_image(file)]
     if not files:
         raise ValueError(f"{shown(root)}: expected images ({', '.join(SUFFIXES)}), found none")
     return files
 
 
-def _is_image(file: str) -> bool:
+def is_image(file: str) -> bool:
     return file.lower().endswith(SUFFIXES)
 
 
 def _from_folders(root: Path) -> Listing:
     files = all_files(root)
-    inside = [file for file in files if _is_image(file) and "/" in file]
+    inside = [file for file in files if is_image(file) and "/" in file]
     if not inside:
         raise ValueError(
             f"{shown(root)}: expected images in one sub-folder a class, a {MANIFEST}, or a "
-            f"template, found {'images in no sub-folder' if any(map(_is_image, files)) else 'none'}"
+            f"template, found {'images in no sub-folder' if any(map(is_image, files)) else 'none'}"
         )
     labels = [label(file.split("/")[0], shown(root / file)) for file in inside]
     others = sorted(set(files) - set(inside), key=natural_key)
@@ -149,7 +149,7 @@ def template_pattern(template: str) -> re.Pattern[str]:
 def _from_template(root: Path, pattern: re.Pattern[str]) -> Listing:
     files, fields, others = [], [], []
     for file in all_files(root):
-        match = pattern.fullmatch(file) if _is_image(file) else None
+        match = pattern.fullmatch(file) if is_image(file) else None
         if match is None:
             others.append(file)
         else:

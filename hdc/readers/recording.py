@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -98,7 +98,6 @@ class Recording:
     skipped: tuple[str, ...] = ()
     others: tuple[str, ...] = ()
     size: tuple[int, int] | None = None
-    read: Callable[[np.ndarray], np.ndarray] | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.samples["order"])
@@ -146,11 +145,14 @@ class Recording:
             IndexError: an index is outside [0, N).
             BadFrame: a frame cannot be used, or changed since it was checked.
         """
-        index = self._checked(indices)
-        if self.read:
-            return self.read(index)
-        frames = list(self.each(index))
-        return np.stack(frames) if frames else np.empty((0, *self.shape), np.uint8)
+        frames = self.stream(indices)
+        if (first := next(frames, None)) is None:
+            return np.empty((0, *self.shape), np.uint8)
+        out = np.empty((np.size(indices), *first.shape), first.dtype)
+        out[0] = first
+        for i, frame in enumerate(frames, 1):
+            out[i] = frame
+        return out
 
     def stream(self, indices: Sequence[int] | np.ndarray | None = None) -> Iterator[np.ndarray]:
         """Frames [H, W] of the given indices (default: all), decoded ahead by threads.

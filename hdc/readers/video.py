@@ -21,7 +21,7 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -62,8 +62,9 @@ def open_video(
         early = 1e-3 / video.rate  # 0.3 s × 10 Hz must be frame 3, and is 3.0000000000000004
         starts = [interval.start - early for interval in intervals]
         end, due = intervals[-1].end - early, 0.0
-        kept = _Frames(path, video.shape, memory_bytes)
-        numbers, times, members, prints = [], [], [], []
+        # It goes with the recording.
+        kept = tempfile.SpooledTemporaryFile(memory_bytes)  # noqa: SIM115
+        numbers, times, members, prints = [], [], [], list[int]()
         total = math.ceil(min(video.count, end * video.rate))
         for number, time in enumerate(with_progress(video.times(), total, "Reading video")):
             due = time + video.gap
@@ -77,8 +78,8 @@ def open_video(
                 numbers.append(number)
                 times.append(time)
                 members.append(member)
-                prints.append(zlib.crc32(image))
-                kept.append(grey(window.of(image)))
+                prints.append(zlib.crc32(image.data))
+                _keep(kept, grey(window.of(image)), path)
         video.check_converted(numbers, prints)
     skipped = _cut_off(video, table, intervals, due)
     if skipped and not (skip and numbers):
@@ -93,10 +94,12 @@ def open_video(
     classes, labels = class_indices(
         [intervals[m].label for m in members], f"{path} with {table}", fewest_classes
     )
-    frames, chosen = kept.array(), np.array(numbers, dtype="<i8")
-
-    def read(index: np.ndarray) -> np.ndarray:
-        return np.ascontiguousarray(frames[index])
+    chosen, shape = np.array(numbers, dtype="<i8"), (len(numbers), *video.shape)
+    kept.seek(0)
+    if math.prod(shape) <= memory_bytes:
+        frames = np.frombuffer(kept.read(), np.uint8).reshape(shape)
+    else:
+        frames = np.memmap(kept, np.uint8, "r", shape=shape)  # type: ignore[call-overload]
 
     return Recording(
         classes=classes,
@@ -107,30 +110,31 @@ def open_video(
             "time": np.array(times),  # seconds
             "interval": np.array(members),
         },
-        each=lambda index: (read(i)[0] for i in index[:, None]),
+        each=lambda index: (np.array(frames[i]) for i in index),
         place=lambda i: f"{shown(path)}, frame {numbers[i]}",
         digest=cache(lambda: _digest(path, chosen, len(skipped))),
         window=window,
         skipped=skipped,
         size=video.shape,
-        read=read,
     )
 
 
-def stream_video(path: Path, window: Window, max_pixels: int = 2**24) -> Iterator[np.ndarray]:
-    """Grey frames [H, W] of a whole video, each with its time in s.
+def stream_video(
+    path: Path, window: Window, max_pixels: int = 2**24
+) -> Iterator[tuple[float, np.ndarray]]:
+    """Times in s and grey frames [H, W] of a whole video.
 
     Raises:
         ValueError: it is no video that is read here.
     """
     with quiet_opencv():
         video = _Video(path, window, max_pixels)
-        numbers, prints = [], []
+        numbers, prints = list[int](), list[int]()
         for number, time in enumerate(video.times()):
             if (image := video.retrieve()) is None:
                 raise BadFrame(f"{shown(path)}: expected a frame at {time:g} s, found none")
             numbers.append(number)
-            prints.append(zlib.crc32(image))
+            prints.append(zlib.crc32(image.data))
             yield time, grey(window.of(image))
         video.check_converted(numbers, prints)
 
@@ -278,7 +282,7 @@ class _Video:
             if not suspect and waiting and prints[i] == prints[waiting[0]]:
                 continue  # the buffer must hold another image when the suspect's turn comes
             image = self.retrieve()
-            now = held if image is None else zlib.crc32(image)
+            now = held if image is None else zlib.crc32(image.data)
             if suspect and now == held != prints[i]:
                 return True
             held = now
@@ -287,55 +291,27 @@ class _Video:
 
 
 def _cut_off(video: _Video, table: Path, intervals: list[_Interval], due: float) -> tuple[str, ...]:
-    """A line for each labelled frame beyond the end of the video, the next one being ``due``."""
-    early, seconds = 1e-3 / video.rate, video.count / video.rate
-    if due >= intervals[-1].end - early:
+    """A line where the video ends before an interval does, the next frame being ``due``."""
+    seconds, early = video.count / video.rate, 1e-3 / video.rate
+    start, end, _ = intervals[-1]
+    if due >= end - early:
         return ()
-    for start, end, _ in intervals:
-        if end - early > seconds:
-            raise ValueError(
-                f"{shown(table)}: expected intervals within the {seconds:g} s of "
-                f"{shown(video.path.name)}, found {start:g}–{end:g} s"
-            )
-    lines: list[str] = []
-    for start, end, _ in intervals:
-        first = math.ceil((max(start, due) - early) / video.gap)
-        last = max(first, math.ceil((end - early) / video.gap))
-        lines += (
-            f"{shown(video.path)}: expected {video.count:g} frames as its header says, found it "
-            f"ending before the one at {k * video.gap:g} s"
-            for k in range(first, last)
+    if end - early > seconds:
+        raise ValueError(
+            f"{shown(table)}: expected intervals within the {seconds:g} s of "
+            f"{shown(video.path.name)}, found {start:g}–{end:g} s"
         )
-    return tuple(lines)
+    return (
+        f"{shown(video.path)}: expected {video.count:g} frames as its header says, found it "
+        f"ending at {due:g} s",
+    )
 
 
-class _Frames:
-    """Frames [N, H, W] of 8 bits, in memory up to a number of bytes, then in a temporary file."""
-
-    def __init__(self, path: Path, shape: tuple[int, int], memory_bytes: int) -> None:
-        self.path, self.shape, self.memory_bytes = path, shape, memory_bytes
-        self.images: list[np.ndarray] = []
-        self.file: BinaryIO | None = None
-        self.n = 0
-
-    def append(self, image: np.ndarray) -> None:
-        self.n += 1
-        self.images.append(image)
-        if self.n * image.nbytes <= self.memory_bytes:
-            return
-        try:
-            if self.file is None:
-                self.file = tempfile.TemporaryFile()  # noqa: SIM115, it goes with the recording
-            self.file.writelines(image.data for image in self.images)
-            self.file.flush()
-        except OSError as error:
-            raise ValueError(
-                f"{shown(self.path)}: expected room for its frames in memory (memory_bytes) or in "
-                f"{shown(tempfile.gettempdir())} (TMPDIR), found: {error.strerror}"
-            ) from error
-        self.images.clear()
-
-    def array(self) -> np.ndarray:
-        if self.file is None:
-            return np.stack(self.images) if self.images else np.empty((0, *self.shape), np.uint8)
-        return np.memmap(self.file, np.uint8, "r", shape=(self.n, *self.shape))
+def _keep(file: Any, frame: np.ndarray, path: Path) -> None:
+    try:
+        file.write(frame.data)
+    except OSError as error:
+        raise ValueError(
+            f"{shown(path)}: expected room for its frames in memory (memory_bytes) or in "
+            f"{shown(tempfile.gettempdir())} (TMPDIR), found: {error.strerror}"
+        ) from error
