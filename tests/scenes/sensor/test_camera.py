@@ -97,24 +97,6 @@ def test_bits_keep_their_share_of_a_small_correlation():
     assert found[1] / found[0] == pytest.approx(2 * (m**2 * np.exp(-m)) ** 2, abs=0.03)
 
 
-def test_decorrelation_spreads_as_one_over_the_root_of_the_paths():
-    """Correlation of a frame before and after a step of phases, from sensor to sensor."""
-
-    def spread(pupil):
-        camera = Camera(grid=64, crop=64, pupil=pupil, unevenness=0)
-        mounted = camera.on(CPU)
-        found = []
-        for i in range(100):
-            rng = stream(5, "test", i)
-            start = rng.uniform(0, 2 * np.pi, camera.path_count)
-            both = np.stack([start, start + 0.8 * rng.standard_normal(camera.path_count)])
-            frames = mounted.intensity(torch.from_numpy(both)).reshape(2, -1).numpy()
-            found.append(np.corrcoef(frames)[0, 1])
-        return np.std(found, ddof=1)
-
-    assert spread(12) / spread(48) == pytest.approx(4, rel=0.3)  # three standard errors
-
-
 def test_illumination_has_its_unevenness():
     w = Camera().illumination
     assert w.mean() == pytest.approx(1)

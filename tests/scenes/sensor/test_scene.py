@@ -78,21 +78,14 @@ def test_first_session_of_drift_is_touch():
     assert (drift.samples["order"][500:] == np.arange(500)).all()
 
 
-def test_fingerprint_knows_what_matters_and_makes_no_frame():
-    prints = [
-        tiny("touch").fingerprint(),
-        tiny("touch", sensor=4).fingerprint(),
-        tiny("touch", samples=6).fingerprint(),
-        tiny("touch", "contact.depth=1.7e-3").fingerprint(),
-        tiny("touch", "samples_per_class=99").fingerprint(),
-        tiny("touch", "sessions.0.offset=0.1").fingerprint(),
-        tiny("touch", "sensor.thermal.scale=100.0").fingerprint(),
-        tiny("tactile").fingerprint(),
-        tiny("tactile", "classes.P40.offset=0.0").fingerprint(),
-    ]
-    assert len(set(prints)) == len(prints)
+def test_fingerprint_knows_every_setting_and_makes_no_frame():
+    settings = ["contact.depth=1.7e-3", "samples_per_class=99", "sessions.0.offset=0.1"]
+    prints = {tiny("touch", setting).fingerprint() for setting in settings}
+    prints |= {tiny("touch", sensor=4).fingerprint(), tiny("touch", samples=6).fingerprint()}
+    prints |= {tiny("tactile").fingerprint(), tiny("tactile", "classes.P40.offset=0").fingerprint()}
     made = tiny("touch")
-    assert made.fingerprint() == prints[0]
+    assert len(prints | {made.fingerprint()}) == 8
+    assert made.fingerprint() == tiny("touch").fingerprint()
     assert "path_set" not in vars(made.sensor)
 
 
