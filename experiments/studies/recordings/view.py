@@ -1,4 +1,4 @@
-"""Every model on recordings that others measured: accuracies, where information is lost, distances."""
+"""Every model on measured recordings: accuracies, where information is lost, distances."""
 
 from __future__ import annotations
 
