@@ -26,14 +26,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.dual import PenalisedClassifier
+from baselines.dual import PenalisedClassifier, scores_from_old
 from experiments.protocol import data
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.subsets import Products, models_of
 from hdc import HDCClassifier, bits
 from hdc.encode import encode
-from hdc.prototypes import Counters, recalibrate
-from hdc.recalibration import merged
+from hdc.prototypes import Counters, merged, recalibrate
 from scenes.frames import Scene
 from scenes.split import by_session, learning_curve_subsets, split
 
@@ -295,5 +294,5 @@ def of_linear(
     ):
         yield method, None, sessions.trained(model, train, asked)
     if isinstance(model, PenalisedClassifier):
-        scores = model.scores_from_old(sessions.products, old, new, asked)
+        scores = scores_from_old(sessions.products, model, old, new, asked)
         yield "from_old", None, scores.argmax(1).numpy()
