@@ -85,6 +85,7 @@ def measure(case: Case, limit_bytes: float, budget_s: float, peers: bool = True)
     """A row for each route of the case's operation."""
     rows: list[Row] = []
     samplers: dict[str, Callable[[], float]] = {}
+    gc.collect()  # memory of the size before
     with at_most(limit_bytes), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # constant frames carry no information
         for route in OPERATIONS[case.operation](case):
@@ -148,7 +149,6 @@ def call_bytes(call: Callable[[], Any]) -> int | None:
     """Memory that a call takes beyond its inputs, its result included; None without /proc."""
     if not _START_PEAK_ANEW.exists():
         return None
-    gc.collect()
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)  # so that the call cannot take freed memory unseen
     _START_PEAK_ANEW.write_text("5")

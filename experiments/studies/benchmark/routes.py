@@ -30,6 +30,7 @@ OURS, OURS_COMPILED = "hdc", "hdc, compiled"
 READ, COPY = "one read of the bytes", "one copy of the bytes"
 DECODED = "OpenCV in as many threads, no more"
 LIMITS = (READ, COPY, DECODED)  # they have no result
+RIDGE = "sklearn RidgeClassifier"
 NUMKONG, TORCHHD_BUNDLE = "numkong.cdist", "torchhd.multiset"
 TORCHHD_TRAIN = "torch.median, torchhd.multiset"
 ORDINARY_ROUTES = (TORCHHD_TRAIN, "numpy.median, torchhd.multiset")
@@ -53,13 +54,11 @@ def encode_routes(case: Case) -> Iterator[Route]:
     if case.dtype != np.uint16:  # torch does not sort it
         yield Route("torch.median, compare", "torch", lambda: torch_bits(frames))
     if case.dtype != np.float32:
-        for counter in (opencv_counts, np.bincount):
-            package = "cv2.calcHist" if counter is opencv_counts else "numpy.bincount"
-            threshold = partial(histogram_bits, counter=counter)
+        for package, counter in (("cv2.calcHist", opencv_counts), ("numpy.bincount", np.bincount)):
             yield Route(
                 f"{package}, compare, packbits",
                 package.partition(".")[0],
-                partial(lambda threshold: np.stack([*map(threshold, array)]), threshold),
+                partial(histogram_rows, array, counter),
             )
 
 
@@ -73,15 +72,15 @@ def bundle_routes(case: Case) -> Iterator[Route]:
         return counters.majority()
 
     ones = cache(lambda: bits.unpack(words, case.d))  # as torchhd has them, a byte a bit
-    classes = cache(lambda: [unpack_bits(words[case.labels == c], case.d) for c in range(case.l)])
+    classes = cache(lambda: by_class(case, ones()))
     yield from ours(lambda backend: partial(count, backend))
     yield from limits(words)
-    yield Route(TORCHHD_BUNDLE, "torchhd", lambda: multiset(case, ones()))
+    yield Route(TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
     yield Route("torchhd.models.Centroid", "torchhd", lambda: centroid(case, ones()))
     yield Route(
         "numpy.add.reduce of bytes",
         "numpy",
-        lambda: np.stack([2 * x.sum(0, dtype=np.int16) > len(x) for x in classes()]),
+        lambda: np.stack([2 * x.numpy().sum(0, dtype=np.int16) > len(x) for x in classes()]),
     )
 
 
@@ -119,20 +118,17 @@ def hamming_routes(case: Case) -> Iterator[Route]:
 def train_routes(case: Case) -> Iterator[Route]:
     """Frames to prototypes, or to another model that predicts."""
     frames, array = case.pixels, case.pixels.numpy()
+
+    def numpy_multisets() -> Tensor:
+        return multisets(by_class(case, torch.from_numpy(numpy_bits(array))))
+
     yield from ours(lambda backend: lambda: HDCClassifier(backend=backend).fit(frames, case.labels))
     yield from limits(frames, copy=True)
-    numpy_ordinary = ORDINARY_ROUTES[1]
-    yield Route(TORCHHD_TRAIN, "torchhd", lambda: multiset(case, torch_bits(frames)))
-    yield Route(
-        numpy_ordinary, "torchhd", lambda: multiset(case, torch.from_numpy(numpy_bits(array)))
-    )
-    yield Route(
-        "torch.median, torchhd.models.Centroid",
-        "torchhd",
-        lambda: centroid(case, torch_bits(frames)),
-    )
-    for name in SKLEARN:
-        yield Route(f"sklearn {name}", "sklearn", partial(sklearn_fit, name, frames, case.labels))
+    yield Route(TORCHHD_TRAIN, "torchhd", lambda: multisets(by_class(case, torch_bits(frames))))
+    yield Route(ORDINARY_ROUTES[1], "torchhd", numpy_multisets)
+    name = "torch.median, torchhd.models.Centroid"
+    yield Route(name, "torchhd", lambda: centroid(case, torch_bits(frames)))
+    yield Route(RIDGE, "sklearn", lambda: ridge(frames, case.labels))
 
 
 def predict_routes(case: Case) -> Iterator[Route]:
@@ -140,13 +136,11 @@ def predict_routes(case: Case) -> Iterator[Route]:
     frames = case.held_out[0].split(1)
     packed = cache(lambda: encode(case.examples[0]).numpy().view(np.uint8))
     ones = cache(lambda: load("torchhd").BSCTensor(torch_bits(case.examples[0])))
-
-    def hdc_label(model: HDCClassifier, frame: Tensor) -> Any:
-        return model.predict(frame)[0]
+    model = cache(lambda: ridge(*case.examples))
 
     def numpy_label(frame: Tensor) -> np.intp:
         query = np.zeros((1, packed().shape[1]), np.uint8)
-        query[0, : -(-case.d // 8)] = histogram_bits(frame.numpy()[0])
+        query[:, : -(-case.d // 8)] = histogram_rows(frame.numpy())
         return numpy_hamming(query, packed()).argmin()
 
     def torchhd_label(frame: Tensor) -> Tensor:
@@ -157,21 +151,11 @@ def predict_routes(case: Case) -> Iterator[Route]:
         turn = itertools.cycle(frames)
         return lambda: label(next(turn))
 
-    def sklearn(name: str) -> Callable[[], Any]:
-        model = cache(partial(sklearn_fit, name, *case.examples))
-        return each(lambda frame: model().predict(scaled(frame))[0])
-
-    yield from ours(lambda backend: each(partial(hdc_label, trained(case, backend))))
+    yield from ours(lambda backend: each(trained(case, backend).predict))
     yield from limits(frames[0], case.prototypes)
     yield Route("torch.median, torchhd.hamming_similarity", "torchhd", each(torchhd_label))
     yield Route("numpy.bincount, numpy.bitwise_count", "numpy", each(numpy_label))
-    yield from (Route(f"sklearn {name}", "sklearn", sklearn(name)) for name in SKLEARN)
-
-
-def predict_all_routes(case: Case) -> Iterator[Route]:
-    """Frames to their labels."""
-    yield from ours(lambda backend: partial(trained(case, backend).predict, case.pixels))
-    yield from limits(case.pixels, case.prototypes)
+    yield Route(RIDGE, "sklearn", each(lambda frame: model().predict(scaled(frame))[0]))
 
 
 def learn_one_routes(case: Case) -> Iterator[Route]:
@@ -222,7 +206,6 @@ OPERATIONS: Mapping[str, Callable[[Case], Iterator[Route]]] = {
     "hamming": hamming_routes,
     "train": train_routes,
     "predict": predict_routes,
-    "predict_all": predict_all_routes,
     "learn_one": learn_one_routes,
     "folder": file_routes,
     "video": file_routes,
@@ -232,7 +215,7 @@ OPERATIONS: Mapping[str, Callable[[Case], Iterator[Route]]] = {
 def common_form(case: Case, call: Callable[[], Any]) -> np.ndarray:
     """The result of a call: packed bits uint8, distances, or labels of the held-out frames."""
     one_by_one = case.operation == "predict"
-    result: Any = [int(call()) for _ in range(HELD_OUT)] if one_by_one else call()
+    result: Any = np.array([call() for _ in range(HELD_OUT)]).ravel() if one_by_one else call()
     if isinstance(result, Path):
         result = HDCClassifier.load(result)
     if case.operation == "learn_one":
@@ -284,11 +267,13 @@ def numpy_bits(frames: np.ndarray) -> np.ndarray:
     return frames > np.median(frames, axis=1, keepdims=True)
 
 
-def histogram_bits(
-    pixels: np.ndarray, counter: Callable[[np.ndarray], np.ndarray] = np.bincount
+def histogram_rows(
+    frames: np.ndarray, counter: Callable[[np.ndarray], np.ndarray] = np.bincount
 ) -> np.ndarray:
-    """The same, packed, of one frame [D], by a function that counts grey levels."""
-    return pack_bits(pixels > np.searchsorted(counter(pixels).cumsum(), (len(pixels) + 1) // 2))
+    """The same, packed, by a function that counts grey levels."""
+    middle = (frames.shape[1] + 1) // 2
+    rows = [pack_bits(x > np.searchsorted(counter(x).cumsum(), middle)) for x in frames]
+    return np.stack(rows)
 
 
 def opencv_counts(pixels: np.ndarray) -> np.ndarray:
@@ -298,11 +283,16 @@ def opencv_counts(pixels: np.ndarray) -> np.ndarray:
     return counts.reshape(-1).astype(np.int64)
 
 
-def multiset(case: Case, ones: Tensor) -> Tensor:
-    """Prototypes of hypervectors bool [N, D] by torchhd, bool [L, D]."""
+def by_class(case: Case, ones: Tensor) -> list[Tensor]:
+    """Hypervectors bool [N, D], class by class."""
+    return [ones[case.labels == c] for c in range(case.l)]
+
+
+def multisets(classes: list[Tensor]) -> Tensor:
+    """Prototypes by torchhd, bool [L, D]."""
     torchhd = load("torchhd")
-    classes = (torchhd.BSCTensor(ones[case.labels == c]) for c in range(case.l))
-    return torch.stack([torchhd.multiset(x) for x in classes]).as_subclass(Tensor)
+    prototypes = [torchhd.multiset(torchhd.BSCTensor(ones)) for ones in classes]
+    return torch.stack(prototypes).as_subclass(Tensor)
 
 
 def centroid(case: Case, ones: Tensor) -> Tensor:
@@ -319,12 +309,10 @@ def numpy_hamming(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
     return np.stack([np.bitwise_count(q ^ row).sum(1, dtype=np.int64) for row in p], 1)
 
 
-SKLEARN = {"RidgeClassifier": "sklearn.linear_model", "NearestCentroid": "sklearn.neighbors"}
-
-
-def sklearn_fit(name: str, frames: Tensor, labels: np.ndarray) -> Any:
-    """A model of scikit-learn on scaled pixels."""
-    return getattr(load(SKLEARN[name]), name)().fit(scaled(frames), labels)
+def ridge(frames: Tensor, labels: np.ndarray) -> Any:
+    """scikit-learn's linear model of scaled pixels, which it may overwrite: a copy less."""
+    model = load("sklearn.linear_model").RidgeClassifier(copy_X=False)
+    return model.fit(scaled(frames), labels)
 
 
 def scaled(frames: Tensor) -> np.ndarray:

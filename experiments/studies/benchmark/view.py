@@ -39,7 +39,6 @@ NOTE = (
 )
 TEXTS = {
     "predict": "predict, one frame",
-    "predict_all": "predict, a batch",
     "learn_one": "learn, one frame",
     "folder": "hdc train FOLDER",
     "video": "hdc train VIDEO",
@@ -142,7 +141,8 @@ def headline(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     other_n = ~rows["operation"].isin(["encode", "bundle", "train"])
     rows = rows[(rows["frames"] == "speckle") & (other_n | (rows["n"] == HEADLINE["n"]))]
     rows = rows[(rows["d"] == HEADLINE["d"]) & (rows["l"] == HEADLINE["l"])]
-    return rows.sort_values("operation", key=lambda x: x.map(list(OPERATIONS).index), kind="stable")
+    rows = rows.sort_values("operation", key=lambda x: x.map(list(OPERATIONS).index), kind="stable")
+    return rows.astype(object)  # whole numbers stay whole beside missing ones
 
 
 @STUDY.table(
@@ -169,7 +169,7 @@ def by_kind(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
 )
 def by_classes(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """Ours beside one read."""
-    rows = rows[rows["operation"].isin(["predict", "predict_all", "learn_one"])]
+    rows = rows[rows["operation"].isin(["predict", "learn_one"])]
     rows = rows[rows["route"].isin([OURS, OURS_COMPILED, READ]) & (rows["status"] == "ok")]
     names = ["operation", "frames", "route", "d", "l", "µs a frame"]
     table = per_frame(rows)[names]

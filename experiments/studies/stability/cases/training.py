@@ -14,10 +14,10 @@ from torch.nn import functional as F
 
 from baselines.base import Classifier
 from baselines.correlation import CorrelationClassifier
-from baselines.dual import centred_gram
+from baselines.dual import Products
 from baselines.integer import integer_product
 from baselines.nearest_neighbour import NearestNeighbour
-from baselines.pixels import PixelScaling, fit_scaling
+from baselines.pixels import fit_scaling
 from baselines.ridge import RidgeReadout
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
@@ -68,7 +68,7 @@ def integer_overflow(d: int = 250_000) -> Forms:
 @training_case(
     extreme="frames of 200 and 201 only: their difference is 10^-5 of the Gram matrix",
     naive="float32 X·Xᵀ, then centred",
-    ours="centred_gram",
+    ours="Products.centred",
     unit="relative",
     tolerance=1e-10,
     small={"d": 10_000},
@@ -77,7 +77,7 @@ def gram_matrix_of_nearly_equal_frames(n: int = 6, d: int = 250_000) -> Forms:
     extra = np.random.default_rng(0).integers(0, 2, (n, d))
     centred = n * extra - extra.sum(0)  # n times the centred frames, in integers
     exact = torch.from_numpy((centred @ centred.T) / (n * n * 255.0**2))
-    frames = torch.from_numpy((200 + extra).astype(np.uint8))
+    frames, rows = torch.from_numpy((200 + extra).astype(np.uint8)), np.arange(n)
 
     def naive() -> Tensor:
         x = frames.float() / 255
@@ -86,7 +86,7 @@ def gram_matrix_of_nearly_equal_frames(n: int = 6, d: int = 250_000) -> Forms:
 
     return Forms(
         naive,
-        lambda: centred_gram(frames, PixelScaling(scale=1 / 255)),
+        lambda: Products(frames, rows, n).centred(rows, rows)[0],
         lambda gram: float((gram - exact).abs().max() / exact.abs().max()),
     )
 
