@@ -26,7 +26,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.dual import PenalisedClassifier, scores_from_old
+from baselines.dual import PenalisedClassifier
 from experiments.protocol import data
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.subsets import Products, models_of
@@ -294,5 +294,5 @@ def of_linear(
     ):
         yield method, None, sessions.trained(model, train, asked)
     if isinstance(model, PenalisedClassifier):
-        scores = scores_from_old(sessions.products, model, old, new, asked)
+        scores = model.scores_from_old(sessions.products, old, new, asked)
         yield "from_old", None, scores.argmax(1).numpy()
