@@ -26,14 +26,16 @@ COLOURS = {"float32": "#0072B2", "mixed": "#009E73", "float64": "#D55E00"}  # Ok
     "numerics",
     of="numerics",
     caption="Error against CPU time, one thread: the field of a path by its phase, and the mean "
-    "correlation of a class (Eq. 4) for two kinds of frames. Dashed: the error that is tolerable, the "
-    "camera's read noise and half of the last digit that the paper prints.",
+    "correlation of a class (Eq. 4) for two kinds of frames. Dashed: the error that is tolerable, "
+    "the camera's read noise and half of the last digit that the paper prints.",
     size=(3.4, 5.2),
 )
 def error_against_time(figure: Figure, rows: pd.DataFrame, config: dict[str, Any]) -> None:
     """A panel an input: a colour a precision, a marker a method."""
     every = figure.subplots(rows["input"].nunique(), 1)
-    for axes, letter, (name, part) in zip(every, "abc", rows.groupby("input", sort=False)):
+    for axes, letter, (name, part) in zip(
+        every, "abc", rows.groupby("input", sort=False), strict=True
+    ):
         markers = dict(zip(part["method"].unique(), "os^", strict=False))
         for row in part.to_dict("records"):
             look = {"marker": markers[row["method"]], "color": COLOURS[row["number"]]}
@@ -46,7 +48,9 @@ def error_against_time(figure: Figure, rows: pd.DataFrame, config: dict[str, Any
         plain_decades(axes)
         panel(axes, letter, name if name == "phases" else f"mean correlation, {name}")
         dots: dict[str, Any] = {"ls": "", "marker": "o"}
-        handles = [Line2D([], [], color=COLOURS[n], label=n, **dots) for n in part["number"].unique()]
+        handles = [
+            Line2D([], [], color=COLOURS[n], label=n, **dots) for n in part["number"].unique()
+        ]
         for method, marker in markers.items():
             handles.append(Line2D([], [], **dots | {"marker": marker}, color="0.4", label=method))
         axes.legend(handles=handles, loc="center left", bbox_to_anchor=(1, 0.5), handlelength=1)

@@ -45,7 +45,12 @@ EXPERIMENT = "all_scenes"
 BY_STEPS = ("softmax", "cnn1_fast")  # iterative models, run where an epoch is short
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
 # Which figure of the paper shows the confusion of a scene.
-PAPER = {"touch": "Fig. 5(a)", "finger": "Fig. 6(b)", "spatial": "Fig. 7(b)", "tactile": "Fig. 9(d)"}
+PAPER = {
+    "touch": "Fig. 5(a)",
+    "finger": "Fig. 6(b)",
+    "spatial": "Fig. 7(b)",
+    "tactile": "Fig. 9(d)",
+}
 SHOWN = (
     "scene",
     "origin",
@@ -92,7 +97,9 @@ def groups(results: Results) -> list[Group]:
 
 def lines_of(results: Results) -> list[Row]:
     """A row of a table for each of :func:`groups`."""
-    return [row(group, results.group(group.scene, "hdc", group.n_train)) for group in groups(results)]
+    return [
+        row(group, results.group(group.scene, "hdc", group.n_train)) for group in groups(results)
+    ]
 
 
 def few_samples(results: Results) -> dict[str, list[Row]]:
@@ -112,8 +119,8 @@ def few_samples(results: Results) -> dict[str, list[Row]]:
 @STUDY.table(
     EXPERIMENT,
     title="Every model on every scene",
-    note="Fibre: frames computed from measured transmission matrices. Each model on all pixels of a "
-    "scene and the most training samples that it was given.",
+    note="Fibre: frames computed from measured transmission matrices. Each model on all pixels of "
+    "a scene and the most training samples that it was given.",
     shown=SHOWN,
     key=("scene", "model"),
 )
@@ -145,7 +152,8 @@ def errors_by_scene(figure: Figure, results: Results) -> None:
         if line["model"] in models or line["model"] in results.extra_models(line["scene"]):
             scenes.setdefault(line["scene"], []).append(line)
     scenes = {scene: lines for scene, lines in scenes.items() if len(lines) > 1} or scenes
-    for axes, letter, (scene, lines) in zip(grid(figure, len(scenes), 1.6), LETTERS, scenes.items()):
+    panels = grid(figure, len(scenes), 1.6)
+    for axes, letter, (scene, lines) in zip(panels, LETTERS, scenes.items(), strict=False):
         _errors(axes, lines)
         axes.set(xlabel="training time (s)", ylabel="test error (%)")
         panel(axes, letter, f"{literal(scene)}\n{lines[0]['origin']}")
@@ -199,15 +207,16 @@ def grid(figure: Figure, n: int, height: float) -> list[Axes]:
 
 @STUDY.figure(
     "confusions",
-    caption="Confusion of the classes by HDC, in percent of the true label (rows), test samples of all "
-    "seeds together (Figs. 5(a), 6(b) and 9(d)); less than 0.5 % is left blank.",
+    caption="Confusion of the classes by HDC, in percent of the true label (rows), test samples of "
+    "all seeds together (Figs. 5(a), 6(b) and 9(d)); less than 0.5 % is left blank.",
     needs=lambda results: bool(confused(results)),
     commands=(f"{RUN}scenes", f"{RUN}{EXPERIMENT}", f"{RUN}tactile_controls"),
 )
 def confusions(figure: Figure, results: Results) -> None:
     """A panel a scene."""
     chosen = confused(results)
-    for axes, letter, group in zip(grid(figure, len(chosen), 1.55), LETTERS, chosen):
+    panels = grid(figure, len(chosen), 1.55)
+    for axes, letter, group in zip(panels, LETTERS, chosen, strict=False):
         confusion(axes, group)
         axes.set(xlabel="predicted", ylabel="true")
         axes.tick_params(axis="x", rotation=90)
@@ -328,7 +337,9 @@ def spatial(figure: Figure, results: Results) -> None:
     axes.text(0.98, 0.95, text, transform=axes.transAxes, ha="right", va="top", fontsize=6)
     panel(axes, "d", f"distribution of the error, {len(error):,} test samples")
     frames = rows_of.frames_of([{"origin": group.runs[0].record.scene.origin}])
-    head(figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", [f"{frames}, {seeds_of(len(group.runs))}"])
+    head(
+        figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", [f"{frames}, {seeds_of(len(group.runs))}"]
+    )
 
 
 # Published numbers --------------------------------------------------------------------------------
@@ -351,11 +362,15 @@ def quantities(results: Results) -> Iterator[Quantity]:
             )
     group = results.group("spatial", "hdc")
     errors = [1e3 * np.abs(position_errors(run.record)) for run in group.runs]
-    summaries = {"mean": np.mean, "median": np.median, "p95": lambda e: np.percentile(e, 95)}
-    for name, summary in summaries.items() if errors else ():
+    summaries = {
+        "mean": [error.mean() for error in errors],
+        "median": [np.median(error) for error in errors],
+        "p95": [np.percentile(error, 95) for error in errors],
+    }
+    for name, values in summaries.items() if errors else ():
         yield Quantity.of(
             f"spatial/{name}_position_error",
-            estimates.one_sensor([float(summary(error)) for error in errors]),
+            estimates.one_sensor([float(value) for value in values]),
             ONE_SENSOR,
             n=sum(map(len, errors)),
             seeds=len(group.runs),
