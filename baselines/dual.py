@@ -15,7 +15,7 @@ import functools
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import torch
@@ -76,14 +76,6 @@ def _planes(block: Tensor) -> list[tuple[int, Tensor]]:
     return [(256, high), (1, low)]
 
 
-class FromProducts(Protocol):
-    """A model that can be computed from :class:`Products` alone."""
-
-    def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
-        """Scores float64 [n, L] of ``queries`` by a model of the samples ``train``."""
-        ...
-
-
 class Products:
     """Inner products of frames with those that may train, by every scaling of their pixels.
 
@@ -137,12 +129,12 @@ class Products:
         """Σ x and Σ x² of grey values less :func:`constant_of` them, float64 [N] each."""
         return moments(self._images)
 
-    def scores(self, model: FromProducts, train: np.ndarray, queries: np.ndarray) -> Tensor:
+    def scores(self, model: Any, train: np.ndarray, queries: np.ndarray) -> Tensor:
         """Scores of some samples by a model trained on others: float64 [n, L], the largest wins.
 
         Args:
-            model: one of baselines.dual, image correlation or nearest neighbours; it is left as it
-                was.
+            model: one with ``scores_from``: linear models in dual form, image correlation, nearest
+                neighbours; it is left as it was.
             train: indices below M; one that stands there k times counts k times.
             queries: indices [n].
         """
@@ -293,42 +285,30 @@ class PenalisedClassifier(DualLinearClassifier):
     def solve(
         self, gram: Tensor, targets: Tensor, before: Tensor | None = None
     ) -> tuple[Tensor, Tensor, float]:
-        """A, b and the loss of what is added to scores ``before`` [N, L] (zero, if None), with the
+        """A, b and the loss of a change of scores ``before`` [N, L] (zero, if None), with the
         penalty on the change alone."""
 
     def scores_from_old(
         self, products: Products, old: np.ndarray, new: np.ndarray, queries: np.ndarray
     ) -> Tensor:
-        """See :func:`scores_from_old`."""
+        """Scores float64 [n, L] after an update from old weights:
+        min over W of loss(new frames) + penalty·‖W − W_old‖².
+
+        The change of the weights is a combination of the new frames, so the old model enters by its
+        scores of them alone.
+
+        Args:
+            products: of the frames.
+            old: samples that the old weights were trained on.
+            new: samples to update with; a few are enough.
+            queries: samples to score [n].
+        """
         before = self.scores_from(products, old, np.concatenate([new, queries]))
         solver = copy.copy(self)
         solver.classes_ = np.arange(products.n_classes)
         inside, across = products.centred(new, queries, self.pixels)
         change, bias, _ = solver.solve(inside, products.labels[new], before[: len(new)])
         return before[len(new) :] + across @ (change - change.mean(0)) + bias
-
-
-def scores_from_old(
-    products: Products,
-    model: PenalisedClassifier,
-    old: np.ndarray,
-    new: np.ndarray,
-    queries: np.ndarray,
-) -> Tensor:
-    """Scores float64 [n, L] of a linear model updated from its old weights:
-    min over W of loss(new frames) + penalty·‖W − W_old‖².
-
-    The change of the weights is a combination of the new frames, so the old model enters by its
-    scores of them alone.
-
-    Args:
-        products: of the frames.
-        model: ridge, or softmax at its optimum, whose loss and penalty count.
-        old: samples that the old weights were trained on.
-        new: samples to update with; a few are enough.
-        queries: samples to score [n].
-    """
-    return model.scores_from_old(products, old, new, queries)
 
 
 class Descent:

@@ -45,21 +45,17 @@ class RecordHDC(Classifier):
     Args:
         dimension: D, a multiple of 16; the literature uses 1,000–10,000.
         levels: n, grey levels told apart, 2…256; ours, the literature uses 10–100.
-        n_pixels: how many pixels are encoded, drawn once at random; None for all.
-        seed: of positions, levels and the choice of pixels.
+        seed: of positions and levels.
 
     Attributes:
         prototypes_: uint8 [L, D/8].
         base_: L_0, uint8 [1, D/8].
         positions_: P, uint8 [m, D/8].
         fixed_: the half of V that is the same for every frame, uint8 [1, D/16].
-        pixels_: int64 [m], the pixels encoded.
-        codebook_bytes_: positions and levels in a standard implementation, (m + n)·D/8.
     """
 
     dimension: int = 10_000
     levels: int = 16
-    n_pixels: int | None = None
     seed: int = 0
 
     prediction_batch: ClassVar[int] = 500  # each batch unpacks the whole codebook once
@@ -82,14 +78,14 @@ class RecordHDC(Classifier):
         # The last row of t is all ones and gives Σ B; Σ t is a cumulative histogram.
         t = torch.ones(n + 1, POSITIONS, dtype=torch.bool, device=self.device)
         products = torch.zeros(n + 1, half, device=self.device)
-        for start in range(0, len(self.pixels_), POSITIONS):
+        for start in range(0, images.shape[1], POSITIONS):
             bits = unpack(self.positions_[start : start + POSITIONS, : half // 8].contiguous())
             chunk = images[:, start : start + POSITIONS]
             used = t[:, : chunk.shape[1]]
             for level, block in self._blocks():
                 torch.lt(chunk, level, out=used[:n])
                 products[:, block] += integer_product(used.view(torch.int8), bits[:, block])
-        sums = 4 * products[:n] - 2 * products[n] + len(self.pixels_)
+        sums = 4 * products[:n] - 2 * products[n] + images.shape[1]
         histogram = torch.stack([torch.bincount(row, minlength=self.levels) for row in images])
         below = histogram.cumsum(dim=1).float()
         for level, block in self._blocks():
@@ -113,19 +109,12 @@ class RecordHDC(Classifier):
             raise ValueError(f"dimension: expected a multiple of 16, found {self.dimension}")
         if not 2 <= self.levels <= 256:
             raise ValueError(f"levels: expected 2 to 256, found {self.levels}")
-        size = self.shape_[0] * self.shape_[1]
-        m = size if self.n_pixels is None else self.n_pixels
-        if not 1 <= m <= size:
-            raise ValueError(f"n_pixels: expected 1 to {size}, found {m}")
-        random = self._stream(-1)
-        chosen = np.arange(size) if m == size else np.sort(random.choice(size, m, replace=False))
-        self.pixels_ = torch.from_numpy(chosen).to(self.device)
-        self.base_ = self._random_bytes(random, 1)
-        self.codebook_bytes_ = (m + self.levels) * self.dimension // 8
+        m = self.shape_[0] * self.shape_[1]
+        self.base_ = self._random_bytes(-1, 1)
         half = self.dimension // 2
         self.positions_ = torch.cat(
             [
-                self._random_bytes(self._stream(start), min(POSITIONS, m - start))
+                self._random_bytes(start, min(POSITIONS, m - start))
                 for start in range(0, m, POSITIONS)
             ]
         )
@@ -143,21 +132,18 @@ class RecordHDC(Classifier):
         return [(k, slice(int(edges[k - 1]), int(edges[k]))) for k in range(1, self.levels)]
 
     def _quantise(self, images: Tensor) -> Tensor:
-        """Levels uint8 [n, m] of the encoded pixels, equal steps of the camera's range."""
+        """Levels uint8 [n, m], equal steps of the camera's range."""
         bits = 8 if images.dtype == torch.uint8 else 16
-        if len(self.pixels_) < images.shape[1]:
-            images = images[:, self.pixels_]
         out = torch.empty(images.shape, dtype=torch.uint8, device=self.device)
         for row, image in zip(out, images, strict=True):
             row.copy_((image.int() * self.levels) >> bits)
         return out
 
-    def _random_bytes(self, random: np.random.Generator, rows: int) -> Tensor:
+    def _random_bytes(self, start: int, rows: int) -> Tensor:
+        """Random hypervectors [rows, D/8], a pure function of the seed and the first row."""
+        random = np.random.Generator(np.random.Philox(key=[self.seed, start + 1]))
         drawn = bytearray(random.bytes(rows * self.dimension // 8))
         return torch.frombuffer(drawn, dtype=torch.uint8).view(rows, -1).to(self.device)
-
-    def _stream(self, start: int) -> np.random.Generator:
-        return np.random.Generator(np.random.Philox(key=[self.seed, start + 1]))
 
     def _base(self) -> Tensor:
         """L_0 as ±1, float32 [D]."""

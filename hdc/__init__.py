@@ -1,22 +1,23 @@
-"""Hyperdimensional classification on packed bit tensors; needs torch and numpy only."""
+"""Hyperdimensional classification and regression on packed bits; needs torch and numpy only."""
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hdc.classifier import HDCClassifier
+    from hdc.regressor import HDCRegressor
 
-__all__ = ["HDCClassifier", "__version__"]
+__all__ = ["HDCClassifier", "HDCRegressor", "__version__"]
 
+_MODULES = {"HDCClassifier": "hdc.classifier", "HDCRegressor": "hdc.regressor"}
 __version__ = "0.1.0"  # pyproject.toml has it from here
 
 
 def __getattr__(name: str) -> Any:
-    """The classifier, imported when asked for: readers and command lines do without torch."""
-    if name == "HDCClassifier":
-        from hdc.classifier import HDCClassifier
-
-        globals()[name] = HDCClassifier
-        return HDCClassifier
+    """The estimators, imported when asked for: readers and command lines do without torch."""
+    if name in _MODULES:
+        globals()[name] = found = getattr(importlib.import_module(_MODULES[name]), name)
+        return found
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

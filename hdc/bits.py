@@ -1,17 +1,25 @@
-"""Packed bit tensors: the only file that knows where a bit lies in a word.
+"""Packed bits in torch: 64 bits in an int64, on any device. Useful on its own.
 
 A hypervector of D bits is W = ⌈D/64⌉ int64 words; bit j is bit j mod 64 (least significant first)
-of word j // 64, and the bits of the last word above D are zero. Everything is plain torch and runs
-on any device; on the CPU, where torch 2.13 has no population count, numpy's (or NumKong's, where it
-is installed) takes its place, with the same results bit for bit.
+of word j // 64, and the bits of the last word above D are zero. On the CPU, where torch has no
+population count, numpy's takes its place, with the same results bit for bit.
+
+>>> import torch
+>>> from hdc import bits
+>>> masks = torch.tensor([[True, False, True], [True, True, True], [False, False, True]])
+>>> words = bits.pack(masks)
+>>> words.tolist(), bits.popcount(words).tolist()
+([[5], [7], [4]], [[2], [3], [1]])
+>>> bits.hamming(words, words).tolist()
+[[0, 1, 1], [1, 0, 2], [1, 2, 0]]
+>>> bits.unpack(bits.majority(words), 3).tolist()
+[True, False, True]
 """
 
 from __future__ import annotations
 
-import functools
-import os
+import importlib.util
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from types import ModuleType
 
 import numpy as np
@@ -23,14 +31,7 @@ from hdc import planes
 WORD = 64
 TIES = ("zero", "one", "random")
 BACKENDS = ("numpy", "compiled")
-# What it takes to load numba, and the kernels from their cache (the first time on a machine they
-# are compiled, in 4 s), and what these save of fitting 256 frames of 500 × 500 pixels of 8 bits:
-# the least of some runs on two shared cores of an AMD EPYC with numba 0.68.
-_NUMBA_S = 0.2
-_KERNELS_S = 0.4
-_SAVED_S = 0.45e-9  # a pixel
-_UNPACKED = 2  # queries for which NumKong's packing of the prototypes, a copy, takes longer
-_PARALLEL_BYTES = 2**20  # of queries that are worth a second thread
+_WORTH_LOADING = 2**30  # pixels; numba and the kernels take 0.6 s to load, 10^9 pixels save 0.45 s
 
 # Eight bools seen as one int64 times this constant carry their bits into the top byte, in order.
 _GATHER_BYTE = 0x0102040810204080
@@ -47,7 +48,7 @@ def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
             without numba.
     """
     if backend not in BACKENDS:
-        raise ValueError(f"backend: expected one of {', '.join(BACKENDS)}, found {backend!r}")
+        raise ValueError(f"backend: expected one of auto, {', '.join(BACKENDS)}, found {backend!r}")
     if backend == "numpy":
         return None
     if torch.device(device).type != "cpu":
@@ -64,30 +65,19 @@ def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
 def choose_backend(backend: str, device: torch.device | str, n_pixels: float) -> str:
     """The backend for so many pixels (frames × pixels of each), one of :data:`BACKENDS`.
 
-    Each is itself; ``"auto"`` is ``"compiled"`` on the CPU where numba is installed, unless loading
-    what is not loaded yet would take longer than it saves. That leaves ``"numpy"`` for less than
-    about 5000 frames of 500 × 500, so nothing is loaded in the midst of a few of them.
+    ``"auto"`` is ``"compiled"`` on the CPU where the kernels are loaded, or numba is installed and
+    there are pixels enough that loading it pays: more than about 4000 frames of 500 × 500.
 
     Raises:
         ValueError: for an unknown backend, or ``"compiled"`` where it is not to be had.
     """
-    if backend != "auto":
-        if backend not in BACKENDS:
-            raise ValueError(
-                f"backend: expected one of auto, {', '.join(BACKENDS)}, found {backend!r}"
-            )
-        kernels(backend, device)
-        return backend
-    load_s = _NUMBA_S * ("numba" not in sys.modules) + _KERNELS_S * (
-        "hdc.compiled" not in sys.modules
-    )
-    if n_pixels * _SAVED_S < load_s:
-        return "numpy"
-    try:
-        kernels("compiled", device)
-    except ValueError:  # another device, or no numba
-        return "numpy"
-    return "compiled"
+    if backend == "auto":
+        ready = "hdc.compiled" in sys.modules or (
+            n_pixels > _WORTH_LOADING and importlib.util.find_spec("numba") is not None
+        )
+        return "compiled" if ready and torch.device(device).type == "cpu" else "numpy"
+    kernels(backend, device)
+    return backend
 
 
 def words_for(dimension: int) -> int:
@@ -155,7 +145,7 @@ def count_ones(words: Tensor) -> Tensor:
     return _swar_popcount(words).sum(-1)
 
 
-def hamming(queries: Tensor, prototypes: Tensor) -> Tensor:
+def hamming(queries: Tensor, prototypes: Tensor, backend: str = "numpy") -> Tensor:
     """Hamming distances (paper, Eq. 2) between all pairs: [Q, W] × [L, W] → int64 [Q, L].
 
     Raises:
@@ -167,7 +157,10 @@ def hamming(queries: Tensor, prototypes: Tensor) -> Tensor:
             f"{queries.shape[-1]} and {prototypes.shape[-1]} words"
         )
     if queries.device.type == "cpu" and prototypes.device.type == "cpu":
-        return _cpu_hamming()(queries.contiguous(), prototypes.contiguous())
+        queries, prototypes = queries.contiguous(), prototypes.contiguous()
+        if backend == "compiled" and (compiled := kernels(backend, "cpu")):
+            return torch.from_numpy(compiled.hamming(queries.numpy(), prototypes.numpy()))
+        return hamming_numpy(queries, prototypes)
     return hamming_torch(queries, prototypes)
 
 
@@ -195,55 +188,6 @@ def hamming_numpy(queries: Tensor, prototypes: Tensor) -> Tensor:
     return torch.from_numpy(out)
 
 
-def hamming_numkong(queries: Tensor, prototypes: Tensor) -> Tensor:
-    """:func:`hamming` by NumKong's vectorised population count."""
-    import numkong
-
-    q, p = (x.numpy().view(np.uint8) for x in (queries, prototypes))
-    if 0 in (len(q), len(p), q.shape[1]):
-        return torch.zeros(len(q), len(p), dtype=torch.int64)
-    if len(q) <= _UNPACKED:
-        found = numkong.cdist(q, p, metric="hamming", dtype="uint1")
-        return torch.from_numpy(np.asarray(found).astype(np.int64).reshape(len(q), len(p)))
-    packed = numkong.hammings_pack(p, dtype="uint1")
-    halves = [q]
-    if q.nbytes > _PARALLEL_BYTES and torch.get_num_threads() > 1:
-        halves = [q[: len(q) // 2], q[len(q) // 2 :]]
-    others = [_pool().submit(numkong.hammings_packed, half, packed) for half in halves[1:]]
-    distances = [numkong.hammings_packed(halves[0], packed), *(other.result() for other in others)]
-    return torch.from_numpy(np.concatenate(distances, dtype=np.int64).reshape(len(q), len(p)))
-
-
-def _pool() -> ThreadPoolExecutor:
-    """A thread of this process for half of the queries; NumKong computes without the interpreter.
-
-    One more thread saturates the memory of a small machine; starting one for every call would take
-    as long as the call.
-    """
-    # A forked process has the pool of its parent but not its thread.
-    return _pool_of(os.getpid())
-
-
-@functools.cache
-def _pool_of(process: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(1, thread_name_prefix="hamming")
-
-
-@functools.cache
-def _cpu_hamming():
-    """The fastest CPU route that is installed and agrees with numpy's on a trial; chosen once."""
-    trial = torch.arange(-6, 6).reshape(3, 4) * 0x0123456789ABCDEF
-    try:
-        if all(
-            torch.equal(hamming_numkong(queries, trial), hamming_numpy(queries, trial))
-            for queries in (trial, trial[:1])  # packed and not
-        ):
-            return hamming_numkong
-    except (ImportError, TypeError, ValueError, AttributeError):
-        pass  # absent, or a version with another interface
-    return hamming_numpy
-
-
 def majority(words: Tensor, ties: str = "zero", tie_breaker: Tensor | None = None) -> Tensor:
     """Bitwise majority (paper, Eq. 1) of N hypervectors: int64 [N, W] → [W].
 
@@ -253,7 +197,12 @@ def majority(words: Tensor, ties: str = "zero", tie_breaker: Tensor | None = Non
             ``"random"``, the bit of ``tie_breaker``: the same as adding that hypervector to the
             bundle (Schmuck et al., ACM JETC 15, 32 (2019)).
         tie_breaker: int64 [W], needed for ``"random"`` only.
+
+    Raises:
+        ValueError: for no hypervectors, an unknown rule, or ``"random"`` without a tie breaker.
     """
+    if len(words) == 0:
+        raise ValueError("majority: expected at least one hypervector, found none")
     counts = planes.vertical_sum(words)
     return majority_of_counts(counts, len(words), ties, tie_breaker)
 
@@ -264,16 +213,14 @@ def majority_of_counts(
     """Majority from bit-sliced counts: int64 [P, W] of n hypervectors → [W]; see :func:`majority`.
 
     Raises:
-        ValueError: for an unknown rule, n = 0, or ``"random"`` without a tie breaker.
+        ValueError: for an unknown rule, or ``"random"`` without a tie breaker.
     """
     if ties not in TIES:
         raise ValueError(f"ties: expected one of {', '.join(TIES)}, found {ties!r}")
-    if n < 1:
-        raise ValueError("majority: expected at least one hypervector, found none")
     more = planes.greater(counts, n // 2)
     if n % 2 or ties == "zero":
         return more
-    # n // 2 ≥ 1 here, so the zero counts beyond D are not among these.
+    # For n ≥ 1 the zero counts beyond D are not among these.
     at_least_half = planes.greater(counts, n // 2 - 1)
     if ties == "one":
         return at_least_half
@@ -290,14 +237,17 @@ def random_hypervector(
     Args:
         seed: any integer.
         stream: non-negative integers that tell apart what is drawn from one seed. Every pair of
-            seed and stream is a source of its own (numpy's SeedSequence).
+            seed and stream is a source of its own.
     """
-    # 2·seed, or −2·seed − 1: SeedSequence takes no negative number.
-    entropy = 2 * abs(int(seed)) - int(seed < 0)
-    source = np.random.PCG64(np.random.SeedSequence(entropy, spawn_key=stream))
+    source = np.random.PCG64(seed_sequence(seed, stream))
     # A double has 53 random bits, and so has p.
     ones = source.random_raw(dimension) >> np.uint64(11) < round(p * 2**53)
     return pack(torch.from_numpy(ones))
+
+
+def seed_sequence(seed: int, stream: tuple[int, ...]) -> np.random.SeedSequence:
+    """numpy's source of random numbers for any integer seed, negative ones too, and a stream."""
+    return np.random.SeedSequence(2 * abs(int(seed)) - int(seed < 0), spawn_key=stream)
 
 
 def _swar_popcount(words: Tensor) -> Tensor:

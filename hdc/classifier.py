@@ -2,35 +2,40 @@
 
 from __future__ import annotations
 
-import warnings
 from collections import Counter
-from collections.abc import Hashable, Iterator, Mapping, Sequence
-from math import prod
-from pathlib import Path
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from math import inf, prod
 from typing import Any, Self
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import files, inputs, stored
-from hdc.prediction import CHUNK
-from hdc.prototypes import Counters
-from hdc.recalibration import Recalibrator
+from hdc import bits, cosine, inputs, io
+from hdc.estimator import CHUNK, Estimator
+from hdc.inputs import Label
+from hdc.prototypes import Counters, check_share, merged, replaced_bits
+from hdc.readout import Ridge, ridge
+from hdc.rejection import EXTRAS, KEPT, RATE, Peers, Sample, p_values
+
+PROTOTYPES = ("binary", "integer")
+READOUTS = ("prototype", "ridge", "neighbours")
+METHODS = ("replace", "merge")
 
 
-class HDCClassifier(Recalibrator):
+class HDCClassifier(Estimator):
     """Nearest-prototype classifier on packed hypervectors (Kitagawa et al., Opt. Express 32, 3209).
 
     A frame becomes a hypervector by thresholding at its own median (:func:`hdc.encode.encode`), a
     class prototype is the bitwise majority of its hypervectors (Eq. 1), and a query belongs to the
     class whose prototype is nearest in Hamming distance (Eqs. 2, 3); among equally near ones, to
-    the first in ``classes_``. Memory: one chunk of packed hypervectors, a sample of 64 for
-    :meth:`is_known`, and the counters, however many frames are given.
+    the first in ``classes_``. Memory: one chunk of packed hypervectors, the counters, and up to 19
+    hypervectors a class for :meth:`is_known`, however many frames are given.
 
-    Frames of :meth:`fit` are [N, H, W] or [N, D]; a model of images takes a single one, [H, W], as
-    a batch of one, images of no other shape, and flattened ones. A process that is forked
-    after torch has used its threads may hang in any call of torch, and so in a model: start
-    processes by ``spawn``.
+    Frames are [N, H, W] or [N, D]; a model of images takes a single one, [H, W], as a batch of one,
+    images of no other shape, and flattened ones. Several threads may ask a model at once; while one
+    trains it, no other may use it. A process that is forked after torch has used its threads may
+    hang in any call of torch, and so in a model: start processes by ``spawn``.
 
     Args:
         ties: what a prototype bit becomes that as many hypervectors have as have not (even number
@@ -39,23 +44,31 @@ class HDCClassifier(Recalibrator):
             al., ACM JETC 15, 32 (2019).
         prototype: ``"binary"`` as published, or ``"integer"``: the counters themselves, compared
             by the cosine between 2·count − n and the bipolar query.
-        seed: seed of the random vectors for ``ties="random"``.
+        readout: ``"prototype"`` as published; ``"ridge"``: ridge regression of ±1 a class on the
+            same bits in ±1, with an intercept, the penalty with the least leave-one-out error, and
+            weights of 8 bits (:mod:`hdc.readout`); or ``"neighbours"``: the class of most of the
+            `n_neighbours` nearest training frames, all of which are kept. Prototypes are made with
+            each, for :meth:`distances` and :meth:`is_known`.
+        balance: make classes of unequal size comparable. The majority raises a prototype's
+            correlation with every frame, the more so the more frames it bundles, and a larger class
+            takes frames of the others. With True, classes count as if each had as many frames as
+            the smallest (:meth:`hdc.prototypes.Counters.thinned`); equal classes are as published.
+            False is the published rule. Other read-outs than prototypes have no such parameter.
+        n_neighbours: how many of the nearest frames vote; a tie goes to the nearest of them.
+        seed: seed of the random vectors for ``ties="random"``, and of ``balance``.
         device: where frames are encoded and prototypes live.
         backend: ``"numpy"``, or ``"compiled"`` for the CPU kernels of :mod:`hdc.compiled`, which
             need numba and give the same model, bit for bit, in less time; ``"auto"`` is one of them
-            by :func:`hdc.bits.choose_backend`, by the number of pixels in ``fit`` or in the first
-            batch of ``partial_fit``, or, of a loaded model, in each call of ``predict``. A saved
-            model does not remember it: it is of the machine.
+            by :func:`hdc.bits.choose_backend`. A saved model does not remember it.
 
     Attributes:
-        classes_: array [L] of the labels, sorted (labels of mixed types by type and spelling).
+        classes_: array [L] of the labels, sorted: str, int, float or bool.
         counts_: int64 array [L], training samples a class; votes after a recalibration by votes.
-        prototypes_: int64 tensor [L, W], the packed prototypes, made when asked for; zeros for a
-            class without samples.
+        prototypes_: int64 tensor [L, W], the packed prototypes; zeros for a class without samples.
         dimension_, n_features_in_: D, the pixels of a frame.
         frame_shape_: (H, W) or (D,).
-        feature_names_in_: columns of the data frame that a model was trained on, if it was one.
-        metadata_: what :meth:`save` was given to keep with the model.
+        counters_: the counts, :class:`hdc.prototypes.Counters`.
+        metadata_: values that :meth:`save` was given to keep with the model.
         backend_: ``"numpy"`` or ``"compiled"``, with which the model was trained.
 
     Example:
@@ -65,16 +78,39 @@ class HDCClassifier(Recalibrator):
         array(['left'], dtype='<U5')
     """
 
+    _estimator_type = "classifier"
+
+    classes_: np.ndarray
+    counts_: np.ndarray
+    counters_: Counters
+    prototypes_: Tensor
+    backend_: str
+    ridge_: Ridge
+    _index: dict[Label, int]  # label → row
+    _outdated: set[int]  # rows whose prototypes are not those of the counters
+    _size: int | None  # samples a class that prototypes count as, where some are thinned
+    _sample: Sample | None  # None where the frames that were counted are not known
+    _deciding: Tensor | None  # [L, 5, W], see rejection.EXTRAS, where counters do not tell them
+    _peers: list[Peers | None] | None  # made of the last two when asked for
+    _frames: tuple[Tensor, list[Label]] | None  # hypervectors [N, W] and labels of all frames
+    _recalibrated: bool
+
     def __init__(
         self,
         ties: str = "zero",
         prototype: str = "binary",
+        readout: str = "prototype",
+        balance: bool = True,
+        n_neighbours: int = 1,
         seed: int = 0,
         device: str = "cpu",
         backend: str = "auto",
     ):
         self.ties = ties
         self.prototype = prototype
+        self.readout = readout
+        self.balance = balance
+        self.n_neighbours = n_neighbours
         self.seed = seed
         self.device = device
         self.backend = backend
@@ -82,15 +118,18 @@ class HDCClassifier(Recalibrator):
     # Training ------------------------------------------------------------------------------------
 
     def fit(self, frames: Any, y: Any) -> Self:
-        """Learn prototypes from frames [N, H, W] or [N, D] and N labels y of any hashable type.
+        """Learn prototypes from frames [N, H, W] or [N, D] and N labels y.
+
+        A call that raises leaves the model as it was.
 
         Raises:
             ValueError: for no frames, one class only, lengths that differ, pixels that are not
-                finite, or an unknown parameter value.
+                finite, labels other than str, int, float or bool, or an unknown parameter value.
         """
-        for _ in self._train(frames, y):
+        trained = type(self)(**self.get_params())
+        for _ in trained._train(frames, y):
             pass
-        self._majority()
+        self._adopt(trained)
         return self
 
     def train(self, frames: Any, y: Any) -> Iterator[dict[str, float]]:
@@ -98,36 +137,38 @@ class HDCClassifier(Recalibrator):
 
         `frames` may be anything with ``shape`` and batches ``frames[a:b]``.
         """
-        for seen in self._train(frames, y):
-            self._majority()  # whoever times training times the making of prototypes
+        trained = type(self)(**self.get_params())
+        for seen in trained._train(frames, y):
+            self._adopt(trained)
             yield {"samples_seen": seen}
 
     def _train(self, frames: Any, y: Any) -> Iterator[int]:
         self._check_parameters()
-        self._forget()
         frames = inputs.indexable(frames)
-        labels = inputs.label_array(y, len(frames))
-        if len(labels) == 0:
+        labels = inputs.label_array(y, len(frames)).tolist()
+        if not labels:
             raise ValueError("frames: expected at least one frame, found none")
-        names = inputs.feature_names(frames)
         self.backend_ = self._backend(frames)
         classes = inputs.classes_of(labels)
         if len(classes) < 2:
             raise inputs.one_class(classes)
-        known = inputs.values(classes)
         words: Tensor | None = None
+        kept = self.readout != "prototype"
         for start in range(0, len(frames), CHUNK):
             part = inputs.tensor(frames[start : start + CHUNK])
-            words = self._encode(part, start, self.backend_, words)
+            words = self._encode(part, start, self.backend_, None if kept else words)
             if start == 0:  # room once for all that will come
-                self._start(part.shape[1:], expected=len(frames))
-                self._know(known)
-                self.counters_.reserve(max(Counter(inputs.values(labels)).values()))
+                self._start(part.shape[1:])
+                self._know(classes.tolist())
+                self.counters_.reserve(max(Counter(labels).values()))
             self._add(words, labels[start : start + CHUNK])
-            if self._empty() is None:  # a model that has seen one frame of each class at least
-                if names is not None:
-                    self.feature_names_in_ = names
-                yield min(start + CHUNK, len(frames))
+            seen = min(start + CHUNK, len(frames))
+            if self.readout == "ridge" and seen == len(frames):
+                self._fit_ridge()
+            # A model that has seen one frame of each class at least.
+            if self._empty() is None and (self.readout != "ridge" or seen == len(frames)):
+                self._update_prototypes()
+                yield seen
 
     def partial_fit(self, frames: Any, y: Any = None, classes: Any = None) -> Self:
         """Add frames to the counters; a label not met before becomes a new class.
@@ -140,28 +181,35 @@ class HDCClassifier(Recalibrator):
 
         Raises:
             ValueError: as :meth:`fit`, or after :meth:`recalibrate`, whose prototypes are not those
-                of counted frames. What was counted before a batch that raises stays counted.
+                of counted frames. Frames counted before a batch that raises stay counted.
         """
         self._check_parameters()
         self._check_counts("partial_fit")
-        allowed = (
-            None if classes is None else inputs.values(inputs.label_array(classes, len(classes)))
-        )
+        self._check_not_ridge("partial_fit")
+        allowed = None if classes is None else inputs.label_array(classes, len(classes)).tolist()
         if y is None and hasattr(frames, "shape"):
             inputs.label_array(y, len(frames))
-        for batch, batch_labels in frames if y is None else [(frames, y)]:
-            batch = inputs.indexable(batch, getattr(self, "frame_shape_", None))
-            labels = inputs.label_array(batch_labels, len(batch))
+        try:
+            for batch, batch_labels in frames if y is None else [(frames, y)]:
+                batch = inputs.indexable(batch, getattr(self, "frame_shape_", None))
+                labels = inputs.label_array(batch_labels, len(batch)).tolist()
+                if allowed is not None:
+                    inputs.check_among(labels, allowed)
+                inputs.classes_of([*getattr(self, "_index", ()), *labels])
+                self.backend_ = self._backend(batch)
+                for start in range(0, len(batch), CHUNK):
+                    part = inputs.tensor(batch[start : start + CHUNK])
+                    words = self._encode(part, start, self.backend_)
+                    if not hasattr(self, "counters_"):
+                        self._start(part.shape[1:])
+                    self._add(words, labels[start : start + CHUNK])
+            if not hasattr(self, "counters_"):
+                raise ValueError("frames: expected at least one frame, found none")
             if allowed is not None:
-                inputs.check_among(labels, allowed)
-            self.backend_ = self._backend(batch)
-            for start in range(0, len(batch), CHUNK):
-                chunk = slice(start, start + CHUNK)
-                self._count(batch[chunk], labels[chunk], start)
-        if not hasattr(self, "counters_"):
-            raise ValueError("frames: expected at least one frame, found none")
-        if allowed is not None:
-            self._know(allowed)
+                self._know(allowed)
+        finally:
+            if hasattr(self, "counters_"):
+                self._update_prototypes()
         return self
 
     def merge(self, other: HDCClassifier) -> Self:
@@ -177,14 +225,16 @@ class HDCClassifier(Recalibrator):
             raise ValueError(
                 f"merge: expected a {type(self).__name__}, found {type(other).__name__}"
             )
-        if not hasattr(other, "counters_"):
-            raise other._not_trained()
+        Estimator._check_is_trained(other)
         for model in (self, other):
             model._check_counts("merge")
+            model._check_not_ridge("merge")
+        if self.readout != other.readout:
+            raise ValueError(f"merge: expected readout {self.readout!r}, found {other.readout!r}")
         if not hasattr(self, "counters_"):
             self._start(other.frame_shape_)
         inputs.check_shape(other.frame_shape_, self.frame_shape_, type(self).__name__)
-        labels = inputs.values(other.classes_)
+        labels = other.classes_.tolist()
         self._know(labels)
         rows = [self._index[label] for label in labels]
         self.counters_.merge(other.counters_, rows)
@@ -192,14 +242,115 @@ class HDCClassifier(Recalibrator):
             self._sample.merge(other._sample)
         else:
             self._sample = None
+        if other._frames is not None:
+            self._keep(*other._frames)
         self._changed(rows)
+        self._update_prototypes()
         return self
+
+    def recalibrate(
+        self, frames: Any, y: Any, p: float = 0.5, seed: int = 0, method: str = "replace"
+    ) -> Self:
+        """Adapt to a changed environment by new frames; see :mod:`hdc.prototypes`.
+
+        Classes without new frames keep their prototypes. :meth:`is_known` compares with the new
+        frames. A recalibrated model can be recalibrated again; ``partial_fit`` and ``merge`` refuse
+        it, as a frame's weight beside the shares is not defined. Ridge regression goes from its old
+        weights to those near them that fit the new frames; kept frames of classes with new ones
+        are replaced by the new ones. Neither depends on p.
+
+        Args:
+            frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
+            y: their labels.
+            p: share of the new: probability with which a bit is replaced, or share of the votes.
+            seed: seed of the choice of bits that are replaced.
+            method: ``"replace"`` as published, for binary prototypes only, or ``"merge"``, by
+                votes, which recovers more (of binary and of integer prototypes).
+
+        Raises:
+            ValueError: if p is outside [0, 1], or a label is not among ``classes_``.
+        """
+        self._check_is_trained()
+        self._check_parameters()
+        check_share(p)
+        if method not in METHODS:
+            raise ValueError(f"method: expected one of {', '.join(METHODS)}, found {method!r}")
+        if self.prototype != "binary" and self.readout == "prototype" and method == "replace":
+            raise ValueError(
+                f"prototype: replacing bits expects 'binary', found {self.prototype!r}; "
+                "method='merge' takes any"
+            )
+        new, rows, sample, encoded = self._counted_apart(frames, y)
+        size = _smallest(new) if self.balance else None
+        counters, before = self.counters_, self.prototypes_
+        if method == "merge":
+            old, placed = counters, Counters(len(self._index), self.dimension_, counters.device)
+            if self.balance and not self._recalibrated:
+                old = old.thinned(_smallest(old), self.seed)
+            placed.merge(new.thinned(size, seed) if size else new, rows)
+            counters, weights = merged(old, placed, p)
+            after = counters.prototypes(self.ties, self.seed)
+
+            def deciding(i: int, extra: int) -> Tensor:
+                c = rows[i]
+                return counters.prototype(c, self.ties, self.seed, extra * weights[c])
+        else:
+            mask = replaced_bits(len(self._index), self.dimension_, p, seed).to(before.device)
+            after = before.clone()
+            after[rows] ^= (before[rows] ^ new.prototypes(self.ties, self.seed, size)) & mask[rows]
+
+            def deciding(i: int, extra: int) -> Tensor:
+                c, fresh = rows[i], new.prototype(i, self.ties, self.seed, extra)
+                return before[c] ^ ((before[c] ^ fresh) & mask[c])
+
+        kept = self._sample or Sample()
+        decided = self._deciding_prototypes()
+        for i, c in enumerate(rows):
+            decided[c] = torch.stack([deciding(i, extra) for extra in EXTRAS])
+            label = self.classes_.tolist()[c]
+            kept.put(label, sample.of(label), sample.seen[label])
+        if self.readout == "ridge":
+            self.ridge_, _ = ridge(*self._targets(*encoded), self.dimension_, self.ridge_)
+        elif self._frames is not None:
+            words, names = self._frames
+            old_rows = [i for i, name in enumerate(names) if name not in set(encoded[1])]
+            self._frames = words[old_rows], [names[i] for i in old_rows]
+            self._keep(*encoded)
+        self.counters_, self.counts_ = counters, counters.n.numpy().copy()
+        self.prototypes_, self._recalibrated = after, True
+        self._deciding, self._sample, self._peers = decided, kept, None
+        return self
+
+    def _counted_apart(
+        self, frames: Any, y: Any
+    ) -> tuple[Counters, list[int], Sample, tuple[Tensor, list[Label]]]:
+        """More frames of known classes: counters, rows of these classes here, a sample, and, for
+        read-outs that need them, all hypervectors and labels.
+        """
+        frames = inputs.indexable(frames, self.frame_shape_)
+        labels = inputs.label_array(y, len(frames)).tolist()
+        inputs.check_among(labels, self._index)
+        if not labels:
+            raise ValueError("frames: expected at least one frame, found none")
+        rows = sorted({self._index[label] for label in labels})
+        places = {row: i for i, row in enumerate(rows)}
+        backend = self._backend(frames)
+        counters = Counters(len(rows), self.dimension_, self.device, backend)
+        sample, encoded = Sample(), []
+        for start in range(0, len(labels), CHUNK):
+            chunk = labels[start : start + CHUNK]
+            words = self._encode(frames[start : start + CHUNK], start, backend)
+            counters.add(words, torch.tensor([places[self._index[label]] for label in chunk]))
+            sample.add(words, chunk)
+            if self.readout != "prototype":
+                encoded.append(words)
+        return counters, rows, sample, (torch.cat(encoded) if encoded else words[:0], labels)
 
     @classmethod
     def from_counters(
         cls,
         counters: Counters,
-        classes: Sequence[Hashable],
+        classes: Sequence[Label],
         frame_shape: tuple[int, ...],
         **parameters: Any,
     ) -> Self:
@@ -217,97 +368,207 @@ class HDCClassifier(Recalibrator):
         """
         model = cls(**parameters)
         model._check_parameters()
-        labels = inputs.label_array(classes, len(counters.n))
+        if model.readout != "prototype":
+            raise ValueError(f"readout: expected 'prototype' of counters, found {model.readout!r}")
+        labels = inputs.label_array(classes, len(counters.n)).tolist()
         ordered = inputs.classes_of(labels)
         if len(ordered) < len(labels):
-            raise ValueError(f"classes: expected different ones, found {inputs.values(labels)}")
+            raise ValueError(f"classes: expected different ones, found {labels}")
         if len(labels) < 2:
-            raise inputs.one_class(labels)
+            raise inputs.one_class(ordered)
         if prod(frame_shape) != counters.dimension:
             raise ValueError(
                 f"frame_shape: expected {counters.dimension} pixels, found {tuple(frame_shape)}"
             )
         counters.planes = counters.planes.to(model.device)
-        model._start(tuple(frame_shape), counters)
-        known = inputs.values(labels)
-        model._arrange(known, inputs.values(ordered))
+        model._start(tuple(frame_shape))
+        model._know(labels)
+        model.counters_.merge(counters, [model._index[label] for label in labels])
         model._sample = None
-        model._changed(range(len(known)))
+        model._changed(range(len(labels)))
+        model._update_prototypes()
         return model
+
+    # Answers -------------------------------------------------------------------------------------
+
+    def predict(self, frames: Any, reject: bool | float = False) -> np.ndarray:
+        """Labels [Q] of frames [Q, H, W] or [Q, D], or of a single image [H, W].
+
+        Args:
+            frames: the queries.
+            reject: answer None, in an array of objects, for a frame that :meth:`is_known` does not
+                know: the share of frames of known classes that may be lost so; True for 5 %.
+        """
+        share = None if reject is False else _share(RATE if reject is True else reject)
+        self._check_is_trained()
+        rows, known = [], []
+        for words in self._encoded(frames):
+            rows.append(self._scores_of(words).argmin(1).numpy(force=True))
+            if share is not None:
+                known.append(self._p_values(words, share).max(1) > share)
+        labels = self.classes_[np.concatenate(rows)]
+        if share is None:
+            return labels
+        labels = labels.astype(object)
+        labels[~np.concatenate(known)] = None
+        return labels
+
+    def score(self, frames: Any, y: Any) -> float:
+        """Fraction of frames whose predicted label is right."""
+        predicted = self.predict(frames).tolist()
+        labels = inputs.label_array(y, len(predicted)).tolist()
+        return float(np.mean([a == b for a, b in zip(predicted, labels, strict=True)]))
+
+    def predict_set(self, frames: Any, alpha: float = 0.1) -> list[np.ndarray]:
+        """The classes that each of Q frames may be of: Q arrays of labels.
+
+        For fresh frames exchangeable with the training frames of their class, the set has the right
+        label with probability 1 − alpha at least (:mod:`hdc.rejection` has theorem and limits). It
+        is empty for a frame that is like none of the classes.
+
+        Raises:
+            ValueError: as :meth:`is_known`.
+        """
+        possible = self._all_p_values(frames, share := _share(alpha)) > share
+        return [self.classes_[row] for row in list(possible)]
+
+    def is_known(self, frames: Any, reject: float = RATE) -> np.ndarray:
+        """Whether frames are as near to a prototype as frames of its class are: bool [Q].
+
+        False where :meth:`predict_set` is empty. Of fresh frames of known classes a share `reject`
+        at most is refused, if they come as the training frames did; noise, a black frame, or an
+        object that was not trained is refused, as long as there are 1/reject training frames.
+
+        Raises:
+            ValueError: for a share outside (0, 1), or a model of counters alone, which keeps no
+                frames to compare with.
+        """
+        return self._all_p_values(frames, share := _share(reject)).max(1) > share
+
+    def limits(self, reject: float = RATE) -> np.ndarray:
+        """About the largest Hamming distance [L] at which :meth:`is_known` knows a frame.
+
+        The (1 − reject) quantile of leave-one-out distances, to be drawn beside distances; infinite
+        for a class of one frame. :meth:`is_known` decides by p-values.
+        """
+        share, peers = _share(reject), self._known_peers()
+        pool = np.sort(np.concatenate([p.held_out for p in peers if p is not None]))
+        limits = np.full(len(peers), np.inf)
+        for c, own in enumerate(peers):
+            if own is not None and len(own.held_out):
+                enough = (len(own.constant) + 1) * share >= 1
+                spread = np.sort(own.held_out) if enough else pool
+                place = min(int(np.ceil((1 - share) * (len(spread) + 1))), len(spread)) - 1
+                limits[c] = own.mean + spread[place]
+        return limits
+
+    def decision_function(self, frames: Any) -> np.ndarray:
+        """How near each class is, [Q, L]: minus the distance as a share of the pixels.
+
+        Of two classes the difference [Q], positive for the second. Integer prototypes have the
+        cosine in place of it.
+        """
+        near = -self._scores(frames).numpy(force=True)
+        if self.readout != "ridge":
+            integer = self.readout == "prototype" and self.prototype == "integer"
+            near = near / self.dimension_ ** (0.5 if integer else 1)
+        return near[:, 1] - near[:, 0] if near.shape[1] == 2 else near
+
+    def distances(self, frames: Any) -> np.ndarray:
+        """Hamming distances int64 [Q, L] between queries and prototypes (Eq. 2).
+
+        D + 1, farther than anything, from a class without samples.
+        """
+        self._check_is_trained()
+        return torch.cat([self._hamming(words) for words in self._encoded(frames)]).numpy(
+            force=True
+        )
+
+    def state_tensors(self) -> dict[str, Tensor]:
+        """The tensors that have to be stored to predict; they share memory with the model."""
+        self._check_is_trained()
+        if self.readout == "ridge":
+            return {"weights": self.ridge_.planes, "scales": self.ridge_.scales}
+        if self._frames is not None:
+            return {"frames": self._frames[0]}
+        if self.prototype == "binary":
+            return {"prototypes": self.prototypes_}
+        return {"counters": self.counters_.planes}
 
     # Files ---------------------------------------------------------------------------------------
 
-    def save(self, path: str | Path, metadata: Mapping[str, Any] | None = None) -> None:
-        """Write the model to a safetensors file, whole or not at all.
+    def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+        classes, seen = self.classes_.tolist(), None
+        tensors = {
+            "planes": self.counters_.planes, "n": self.counters_.n, "prototypes": self.prototypes_
+        }  # fmt: skip
+        if self._sample is not None and self._sample.seen:
+            seen = [self._sample.seen.get(c, 0) for c in classes]
+            kept = [self._sample.of(c) for c, n in zip(classes, seen, strict=True) if n]
+            tensors["sample"] = torch.cat(kept)
+        if self._deciding is not None:
+            tensors["deciding"] = self._deciding
+        if self.readout == "ridge":
+            tensors |= self.ridge_.tensors()
+        if self._frames is not None:
+            rows = torch.tensor([self._index[label] for label in self._frames[1]])
+            tensors |= {"frames": self._frames[0], "rows": rows}
+        return {"classes": classes, "seen": seen, "recalibrated": self._recalibrated}, tensors
 
-        Args:
-            path: file name, in a folder that exists.
-            metadata: whatever is to be kept with the model, such as how frames are cropped; values
-                that JSON has. By default that of the file the model was read from.
+    def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
+        if not isinstance(self.seed, int) or abs(self.seed) > io.LARGEST**2:
+            raise ValueError(f"seed {self.seed!r}")
+        self._start(self.frame_shape_)
+        classes, seen = header["classes"], header["seen"]
+        counters, width = Counters(len(classes), self.dimension_), self.counters_.planes.shape[2]
+        n, n_planes = tensors["n"], tensors["planes"].shape[1]
+        n_frames = len(tensors["frames"]) if "frames" in tensors else 0
+        expected = {
+            "planes": (len(classes), n_planes, width), "n": (len(classes),),
+            "prototypes": (len(classes), width), "deciding": (len(classes), len(EXTRAS), width),
+            "rows": (n_frames,), "frames": (n_frames, width), **Ridge.shapes(len(classes), width),
+        }  # fmt: skip
+        if seen is not None:
+            if not all(isinstance(s, int) and 0 <= s < io.LARGEST for s in seen):
+                raise ValueError(f"seen {seen!r}")
+            kept = [min(s, KEPT) for s in seen]
+            expected["sample"] = (sum(kept), width)
+        io.check_tensors(tensors, expected)
+        if (n < 0).any() or (n >= io.LARGEST).any() or not n.any() or n_planes > 53:
+            raise ValueError(f"sample counts {n.tolist()}")
+        self.classes_ = inputs.classes_of(inputs.label_array(classes, len(classes)).tolist())
+        if self.classes_.tolist() != classes or len(classes) < 2:
+            raise ValueError(f"classes {classes!r}")
+        here = {name: tensor.to(self.device) for name, tensor in tensors.items()}
+        counters.planes, counters.n = here["planes"], n
+        self.counters_, self.counts_ = counters, n.numpy().copy()
+        self.prototypes_, self._deciding = here["prototypes"], here.get("deciding")
+        self._index = {label: row for row, label in enumerate(classes)}
+        self._recalibrated = bool(header["recalibrated"])
+        self._sample = None
+        if seen is not None:
+            self._sample = sample = Sample()
+            for label, words, n_seen in zip(classes, here["sample"].split(kept), seen, strict=True):
+                sample.put(label, words, n_seen)
+        if self.readout == "ridge":
+            self.ridge_ = Ridge.of(here, self.dimension_)
+        elif self.readout == "neighbours":
+            self._frames = here["frames"], [classes[row] for row in tensors["rows"].tolist()]
 
-        Raises:
-            TypeError: for labels or metadata that JSON has not.
-            FileNotFoundError: for a folder that does not exist.
-        """
-        self._check_is_trained()
-        metadata = getattr(self, "metadata_", {}) if metadata is None else dict(metadata)
-        parameters = self.get_params() | {"seed": int(self.seed), "device": str(self.device)}
-        parameters.pop("backend", None)  # of this machine; the model is the same with any
-        content = stored.Stored(
-            kind=type(self).__name__,
-            parameters=parameters,
-            classes=self.classes_,
-            frame_shape=self.frame_shape_,
-            counters=self.counters_,
-            prototypes=self._majority(),
-            recalibrated=self._recalibrated,
-            calibration=self._try_calibration(),
-            metadata=metadata,
-        )
-        try:
-            header = content.header()
-        except TypeError as error:
-            raise TypeError(f"{path}: {error}") from None
-        files.write(Path(path), header, content.tensors())
-        self.metadata_ = metadata
+    # Parts ---------------------------------------------------------------------------------------
 
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a model that :meth:`save` wrote.
-
-        Raises:
-            ValueError: if the file is not such a model, of another class, or damaged; it is named.
-        """
-        try:
-            header, tensors = files.read(Path(path))
-            return cls._of(stored.checked(cls.__name__, header, tensors))
-        except FileNotFoundError:
-            raise
-        except Exception as error:  # a hostile header reaches numpy and torch in many ways
-            raise ValueError(f"{path}: expected a saved {cls.__name__}, found {error}") from error
-
-    @classmethod
-    def _of(cls, found: stored.Stored) -> Self:
-        model = cls().set_params(**found.parameters)
-        if torch.device(model.device).type == "cuda" and not torch.cuda.is_available():
-            warnings.warn(
-                f"trained on {model.device!r}, which is not here: on the CPU", stacklevel=3
-            )
-            model.device = "cpu"
-        torch.zeros(1, device=model.device).item()  # raises where the device is not to be had
-        if not isinstance(model.seed, int):
-            raise ValueError(f"seed {model.seed!r}")
-        labels = inputs.values(found.classes)
-        model = cls.from_counters(found.counters, labels, found.frame_shape, **model.get_params())
-        if inputs.values(model.classes_) != labels:
-            raise ValueError(f"classes out of order: {labels!r}")
-        prototypes = found.prototypes.to(model.device)
-        model._recalibrated = found.recalibrated or not torch.equal(model._majority(), prototypes)
-        model.prototypes_ = prototypes
-        model._made.calibration, model.metadata_ = found.calibration, found.metadata
-        return model
-
-    # ---------------------------------------------------------------------------------------------
+    def _check_parameters(self) -> None:
+        for name, value, valid in (
+            ("ties", self.ties, bits.TIES),
+            ("prototype", self.prototype, PROTOTYPES),
+            ("readout", self.readout, READOUTS),
+            ("balance", self.balance, (True, False)),
+        ):
+            if value not in valid:
+                listed = ", ".join(map(str, valid))
+                raise ValueError(f"{name}: expected one of {listed}, found {value!r}")
+        inputs.check_count("n_neighbours", self.n_neighbours)
+        bits.choose_backend(self.backend, self.device, 0)
 
     def _check_counts(self, action: str) -> None:
         if getattr(self, "_recalibrated", False):
@@ -315,3 +576,200 @@ class HDCClassifier(Recalibrator):
                 f"{action}: expected a model of counted frames, found one that was recalibrated; "
                 "recalibrate it again, or fit anew"
             )
+
+    def _check_not_ridge(self, action: str) -> None:
+        if self.readout == "ridge":
+            raise ValueError(
+                f"{action}: expected readout 'prototype' or 'neighbours', found 'ridge', which "
+                "does not keep its frames; fit it with all of them"
+            )
+
+    def _check_is_trained(self) -> None:
+        super()._check_is_trained()
+        if len(self.classes_) < 2:
+            raise inputs.one_class(self.classes_)
+
+    def _backend(self, frames: Any) -> str:
+        """The backend for these frames; with "auto", the one that training began with."""
+        n_pixels: float = prod(frames.shape)
+        if self.backend == "auto" and hasattr(self, "backend_"):
+            if self.backend_ == "numpy":
+                return "numpy"
+            n_pixels = inf  # the same again, unless this is a machine without numba
+        return bits.choose_backend(self.backend, self.device, n_pixels)
+
+    def _start(self, shape: Sequence[int]) -> None:
+        self._set_shape(shape)
+        self.counters_ = Counters(0, self.dimension_, self.device)
+        self._index, self.classes_ = {}, np.empty(0, object)
+        self.prototypes_ = self.counters_.planes[:, 0]
+        self._outdated, self._size = set(), None
+        self._sample, self._deciding, self._peers = Sample(), None, None
+        self._frames = None
+        self._recalibrated = False
+
+    def _know(self, labels: Iterable[Label]) -> None:
+        """Make room for the labels that are new, in the order of classes."""
+        if all(label in self._index for label in labels):
+            return
+        classes = inputs.classes_of([*self._index, *labels])
+        index = {label: i for i, label in enumerate(classes.tolist())}
+        rows = [index[label] for label in self._index]
+        prototypes = self.prototypes_.new_zeros(len(index), self.prototypes_.shape[1])
+        prototypes[rows] = self.prototypes_
+        self.counters_.spread(rows, len(index))
+        self._outdated = {rows[c] for c in self._outdated}
+        self._index, self.classes_, self.prototypes_ = index, classes, prototypes
+        # A class's random ties and its thinned counts go by its row.
+        self._changed(row for before, row in enumerate(rows) if before != row)
+
+    def _add(self, words: Tensor, labels: Sequence[Label]) -> None:
+        """Count hypervectors [N, W] of N labels."""
+        self._know(labels)
+        self.counters_.backend = self.backend_
+        rows = [self._index[label] for label in labels]
+        self._learn(words, torch.tensor(rows, dtype=torch.int64), labels)
+        self._changed(rows)
+
+    def _learn(self, words: Tensor, rows: Tensor, labels: Sequence[Label]) -> None:
+        self.counters_.add(words, rows)
+        if self._sample is not None:
+            self._sample.add(words, labels)
+        if self.readout != "prototype":
+            self._keep(words, labels)
+
+    def _keep(self, words: Tensor, labels: Sequence[Label]) -> None:
+        """Keep hypervectors for the read-outs that are made of them."""
+        if self._frames is not None:
+            words, labels = torch.cat((self._frames[0], words)), [*self._frames[1], *labels]
+        self._frames = words, list(labels)
+
+    def _fit_ridge(self) -> None:
+        assert self._frames is not None
+        words, targets = self._targets(*self._frames)
+        self.ridge_, _ = ridge(words, targets, self.dimension_, backend=self.backend_)
+        self._frames = None
+
+    def _targets(self, words: Tensor, labels: Sequence[Label]) -> tuple[Tensor, Tensor]:
+        """Hypervectors, and 1 for the class of each and −1 for the others, float64 [N, L]."""
+        rows = torch.tensor([self._index[label] for label in labels])
+        targets = -torch.ones(len(labels), len(self._index), dtype=torch.float64)
+        targets[torch.arange(len(labels)), rows] = 1
+        return words, targets
+
+    def _changed(self, rows: Iterable[int]) -> None:
+        """Counts of these classes are others than before."""
+        self.counts_ = self.counters_.n.numpy().copy()
+        self._outdated.update(rows)
+        self._peers = None
+
+    def _update_prototypes(self) -> None:
+        """Make the prototypes of the classes that have changed."""
+        counters, size = self.counters_, None
+        if self.balance and (counters.n > _smallest(counters)).any():
+            size = _smallest(counters)
+        if size != self._size:
+            self._outdated = set(range(len(self._index)))
+        prototypes = self.prototypes_.clone()  # others may be reading the ones of before
+        for c in self._outdated:
+            if counters.n[c]:
+                prototypes[c] = counters.prototype(c, self.ties, self.seed, size=size)
+        self.prototypes_, self._outdated, self._size = prototypes, set(), size
+
+    def _empty(self) -> Tensor | None:
+        """Which classes have no samples: bool [L], or None where all have."""
+        empty = self.counters_.n == 0
+        return empty if empty.any() else None
+
+    def _hamming(self, words: Tensor) -> Tensor:
+        distances = bits.hamming(words, self.prototypes_, self._loaded_backend())
+        if (empty := self._empty()) is not None:
+            distances[:, empty] = self.dimension_ + 1
+        return distances
+
+    def _scores(self, frames: Any) -> Tensor:
+        self._check_is_trained()
+        return torch.cat([self._scores_of(words) for words in self._encoded(frames)])
+
+    def _scores_of(self, words: Tensor) -> Tensor:
+        """Dissimilarity [Q, L], smaller is nearer."""
+        if self.readout == "ridge":
+            return -self.ridge_.scores(words, self._loaded_backend())
+        if self.readout == "neighbours":
+            return self._nearest_frames(words)
+        if self.prototype == "binary":
+            return self._hamming(words)
+        size = _smallest(self.counters_) if self.balance and not self._recalibrated else None
+        scores = cosine.scores(self.counters_, words, size)
+        if (empty := self._empty()) is not None:
+            scores[:, empty] = torch.inf
+        return scores
+
+    def _nearest_frames(self, words: Tensor) -> Tensor:
+        """The distance of the nearest frame of each class, and far less for one with votes."""
+        assert self._frames is not None
+        kept, labels = self._frames
+        rows = torch.tensor([self._index[label] for label in labels], device=words.device)
+        distances = bits.hamming(words, kept, self._loaded_backend())
+        rows = rows.expand_as(distances)
+        far = distances.new_full((len(words), len(self._index)), self.dimension_ + 1)
+        scores = far.scatter_reduce(1, rows, distances, "amin")
+        if self.n_neighbours > 1:
+            voting = distances.argsort(dim=1, stable=True)[:, : self.n_neighbours]
+            votes = torch.zeros_like(scores)
+            votes.scatter_add_(1, rows.gather(1, voting), torch.ones_like(voting))
+            scores -= (self.dimension_ + 2) * votes
+        return scores
+
+    # Rejection -----------------------------------------------------------------------------------
+
+    def _all_p_values(self, frames: Any, alpha: float) -> np.ndarray:
+        self._check_is_trained()
+        return np.concatenate([self._p_values(words, alpha) for words in self._encoded(frames)])
+
+    def _p_values(self, words: Tensor, alpha: float) -> np.ndarray:
+        return p_values(self._known_peers(), words, alpha)
+
+    def _known_peers(self) -> list[Peers | None]:
+        self._check_is_trained()
+        peers = self._peers  # another thread may be making them, too, and of the same
+        if peers is None:
+            if (sample := self._sample) is None or not sample.seen:
+                raise ValueError(
+                    "reject: expected a model that kept some of its training frames, found one of "
+                    "counters alone"
+                )
+            deciding = self._deciding_prototypes()
+            peers = [
+                Peers.of(sample.of(label), deciding[c]) if sample.seen.get(label) else None
+                for c, label in enumerate(self.classes_.tolist())
+            ]
+            self._peers = peers
+        return peers
+
+    def _deciding_prototypes(self) -> Tensor:
+        """Prototypes [L, 5, W] with the extras that :mod:`hdc.rejection` asks for."""
+        if self._deciding is not None:
+            return self._deciding.clone()
+        n_classes, width = self.prototypes_.shape
+        deciding = self.prototypes_.new_zeros(n_classes, len(EXTRAS), width)
+        for c in self.counters_.n.nonzero().flatten().tolist():
+            for i, extra in enumerate(EXTRAS):
+                deciding[c, i] = self.counters_.prototype(c, self.ties, self.seed, extra)
+        return deciding
+
+
+def _smallest(counters: Counters) -> int:
+    """Samples of the smallest class that has any."""
+    return int(counters.n[counters.n > 0].min()) if counters.n.any() else 0
+
+
+def _share(share: Any) -> float:
+    """A share of frames that may be missed.
+
+    Raises:
+        ValueError: if it is not in (0, 1).
+    """
+    if isinstance(share, bool) or not isinstance(share, float | np.floating) or not 0 < share < 1:
+        raise ValueError(f"reject, alpha: expected a share in (0, 1), found {share!r}")
+    return float(share)

@@ -66,6 +66,17 @@ def count_into(counts: np.ndarray, words: np.ndarray, order: np.ndarray, ends: n
     )
 
 
+def hamming(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
+    """Hamming distances int64 [Q, L] of words [Q, W] and [L, W]."""
+    distances = np.empty((len(queries), len(prototypes)), np.int64)
+    _share(
+        lambda start, stop: _hamming(queries[start:stop], prototypes, distances[start:stop]),
+        len(queries),
+        queries.nbytes * max(1, len(prototypes)),
+    )
+    return distances
+
+
 def _share(work: Callable[[int, int], object], n: int, n_bytes: int) -> None:
     """work(start, stop) on consecutive pieces of range(n); every thread takes the next one."""
     n_threads = max(1, min(torch.get_num_threads(), n, n_bytes // _SHARE_BYTES))
@@ -317,3 +328,14 @@ def _count(counts, words, order, ends, start, stop):
                         plane[i] = old ^ carry[i]
                         carry[i] &= old
                     p += 1
+
+
+@_compile("void(int64[:, ::1], int64[:, ::1], int64[:, ::1])")
+def _hamming(queries, prototypes, distances):
+    """:func:`hamming` in one thread."""
+    for i in range(len(queries)):
+        for j in range(len(prototypes)):
+            total = np.int64(0)
+            for w in range(queries.shape[1]):
+                total += _ones(np.uint64(queries[i, w] ^ prototypes[j, w]))
+            distances[i, j] = total

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -26,65 +25,52 @@ def moments(planes: Tensor) -> tuple[int, int]:
     return first, second
 
 
-@dataclass(frozen=True)
-class Cosine:
-    """Minus √D times the cosine of queries and 2c − n, from the planes of c alone.
+def norms(counters: Counters, size: int | None = None) -> list[float]:
+    """‖2c − n‖ of each class, correctly rounded; see :func:`scores` for `size`."""
+    lengths = []
+    for planes, n in zip(counters.planes, counters.n.tolist(), strict=True):
+        total, square = moments(planes)
+        length = 4 * square - 4 * n * total + n * n * counters.dimension
+        if size is not None and 1 < n > size:
+            # n·D + Σ_{i≠k} x_i·x_k = ‖s‖², and the mean product of a pair is that of a subset's.
+            diagonal = n * counters.dimension
+            pairs = (length - diagonal) * size * (size - 1) / (n * (n - 1))
+            lengths.append(math.sqrt(max(0.0, size * counters.dimension + pairs)) * n / size)
+        else:
+            lengths.append(math.sqrt(length))
+    return lengths
 
-    Attributes:
+
+def scores(counters: Counters, words: Tensor, size: int | None = None) -> Tensor:
+    """Minus √D times the cosine of queries int64 [Q, W] and 2c − n: float64 [Q, L].
+
+    Smaller is nearer. Classes that are equally near may differ by rounding.
+
+    Args:
         counters: the counts c and numbers of samples n of L classes.
-        plane_ones: int64 [L, P], ones of each plane.
-        squares: float64 [L], ‖2c − n‖².
-        norms: float64 [L], their roots, correctly rounded (those of torch are not always).
+        words: the queries.
+        size: a class of more samples is compared as a random subset of so many is expected to be;
+            by default all samples count.
+
+    Raises:
+        ValueError: for counts so large that 64 bits do not hold their products.
     """
+    if counters.n.max() >= 2**60 // counters.dimension:
+        raise ValueError(f"counters: expected fewer samples, found {int(counters.n.max())}")
+    lengths = torch.tensor(norms(counters, size), dtype=torch.float64, device=words.device)
+    return -dot(counters.planes, counters.n, words, counters.dimension) / lengths.clamp(min=1)
 
-    counters: Counters
-    plane_ones: Tensor
-    squares: Tensor
-    norms: Tensor
 
-    @classmethod
-    def of(cls, counters: Counters) -> Cosine:
-        """Work out once what every query needs."""
-        d, squares = counters.dimension, []
-        for planes, n in zip(counters.planes, counters.n.tolist(), strict=True):
-            total, square = moments(planes)
-            squares.append(float(4 * square - 4 * n * total + n * n * d))
-        norms = [math.sqrt(square) for square in squares]
-        return cls(
-            counters,
-            bits.count_ones(counters.planes),
-            torch.tensor(squares, dtype=torch.float64),
-            torch.tensor(norms, dtype=torch.float64),
-        )
+def dot(planes: Tensor, n: Tensor, words: Tensor, dimension: int, backend: str = "numpy") -> Tensor:
+    """(2v − 1)·(2c − n) of queries v, int64 [Q, L], from bit-sliced c, int64 [L, P, W].
 
-    def scores(self, words: Tensor) -> Tensor:
-        """Dissimilarities float64 [Q, L] of hypervectors int64 [Q, W], smaller is nearer."""
-        dot = self._dot(words)
-        return -dot / self.norms.to(words.device).clamp(min=1)
-
-    def held_out(self, words: Tensor, own: Tensor, weights: Tensor) -> Tensor:
-        """Scores [Q] with the class of each, int64 [Q], as if it had not been counted there.
-
-        A hypervector x in ±1 that was counted w times has x·(s − w·x) = x·s − w·D, and
-        ‖s − w·x‖² = ‖s‖² − 2w·x·s + w²·D.
-        """
-        rows, d = torch.arange(len(words)), self.counters.dimension
-        own, weights = own.to(words.device), weights.to(words.device)
-        dot = self._dot(words)[rows.to(words.device), own].double()
-        squares = self.squares.to(words.device)[own] - 2 * weights * dot + weights**2 * d
-        return -(dot - weights * d) / squares.clamp(min=1).sqrt()
-
-    def _dot(self, words: Tensor) -> Tensor:
-        """(2v − 1)·(2c − n), int64 [Q, L].
-
-        A query v ∈ {0, 1} has v·c = Σ_p 2^p |v ∧ plane_p| and |v ∧ b| = (|v| + |b| − Ham(v, b))/2.
-        """
-        planes, n = self.counters.planes, self.counters.n.to(words.device)
-        n_classes, n_planes, width = planes.shape
-        weights = 2 ** torch.arange(n_planes, device=words.device)
-        ones = bits.count_ones(words)
-        distances = bits.hamming(words, planes.reshape(-1, width)).view(-1, n_classes, n_planes)
-        overlap = (ones[:, None, None] + self.plane_ones - distances) // 2
-        dot = (overlap * weights).sum(2)
-        total = (self.plane_ones * weights).sum(1)
-        return 4 * dot - 2 * total - n * (2 * ones[:, None] - self.counters.dimension)
+    A query v ∈ {0, 1} has v·c = Σ_p 2^p |v ∧ plane_p| and |v ∧ b| = (|v| + |b| − Ham(v, b))/2.
+    """
+    n_classes, n_planes, width = planes.shape
+    weights = 2 ** torch.arange(n_planes, device=words.device)
+    ones, plane_ones = bits.count_ones(words), bits.count_ones(planes)
+    distances = bits.hamming(words, planes.reshape(-1, width), backend)
+    distances = distances.view(-1, n_classes, n_planes)
+    overlap = (ones[:, None, None] + plane_ones - distances) // 2
+    products, total = (overlap * weights).sum(2), (plane_ones * weights).sum(1)
+    return 4 * products - 2 * total - n.to(words.device) * (2 * ones[:, None] - dimension)

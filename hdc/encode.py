@@ -104,7 +104,8 @@ def _pixels(frames: Tensor, first: int) -> Tensor:
     if not (math.isfinite(values.min()) and math.isfinite(values.max())):  # NaN is both
         index = int((~pixels.isfinite().all(1)).nonzero()[0])
         value = pixels[index][~pixels[index].isfinite()][0].item()
-        raise ValueError(f"frames[{first + index}]: expected finite pixels, found {value}")
+        found = "NaN" if math.isnan(value) else value
+        raise ValueError(f"frames[{first + index}]: expected finite pixels, found {found}")
     return pixels
 
 

@@ -1,36 +1,36 @@
-"""What users give as frames and labels, made into what the classifier works with."""
+"""Frames and labels as users give them, made into tensors and arrays."""
 
 from __future__ import annotations
 
 import math
 import sys
 import warnings
-from collections.abc import Hashable, Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
+Label = str | int | float | bool
+_COMPLEX = "expected real numbers, Complex data not supported"  # scikit-learn asks for these words
+
 
 def of_sklearn(name: str, otherwise: type) -> Any:
     """An exception or warning class of scikit-learn, or another one where it is not loaded.
 
-    Who knows scikit-learn's name for it has imported scikit-learn; this package never does, which
-    would take as long as importing torch.
+    Importing scikit-learn takes as long as importing torch, so this package never does.
     """
     return getattr(sys.modules.get("sklearn.exceptions"), name, otherwise)
-
-
-# Frames -------------------------------------------------------------------------------------------
 
 
 def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
     """Frames with a shape [N, ...]: arrays, tensors and lazy sources as they are, others as arrays.
 
     Args:
-        frames: anything with ``shape`` and batches ``frames[a:b]``, or a sequence of frames.
-        shape: shape (H, W) of a frame, where it is known: one such frame is a batch of one.
+        frames: anything with ``shape`` and batches ``frames[a:b]``, a sequence of frames, or a data
+            frame, whose columns are taken in their order (their names are not compared).
+        shape: shape (H, W) of a frame, where it is known: a single frame is then a batch of one.
 
     Raises:
         TypeError: for a sparse matrix.
@@ -38,7 +38,7 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
     """
     if hasattr(frames, "nnz") and hasattr(frames, "toarray"):
         raise TypeError("frames: expected a dense array, found a sparse one; use its toarray()")
-    if not (hasattr(frames, "shape") and hasattr(frames, "__getitem__")):
+    if hasattr(frames, "iloc") or not (hasattr(frames, "shape") and hasattr(frames, "__getitem__")):
         frames = _array_of(frames)
     if len(frames.shape) == 1 and frames.shape[0]:
         raise ValueError(
@@ -69,7 +69,7 @@ def tensor(frames: Any) -> Tensor:
     """A batch of frames as a tensor, without a copy where torch can read the memory as it is.
 
     Raises:
-        TypeError: for what are no numbers.
+        TypeError: for values that are no numbers.
         ValueError: for complex numbers, or frames without pixels.
     """
     if not isinstance(frames, Tensor):
@@ -89,23 +89,22 @@ def _numbers(array: np.ndarray) -> np.ndarray:
         except (TypeError, ValueError) as error:
             raise type(error)(f"frames: expected real or integer pixels: {error}") from error
     if array.dtype.kind == "c":
-        raise ValueError(
-            f"frames: expected real or integer pixels, found dtype {array.dtype}: "
-            "Complex data not supported"
-        )
+        raise ValueError(f"frames: {_COMPLEX}, found dtype {array.dtype}")
     if array.dtype.kind not in "uif":
         raise TypeError(f"frames: expected real or integer pixels, found dtype {array.dtype}")
     if not array.dtype.isnative:
         array = array.astype(array.dtype.newbyteorder("="))
-    if not array.flags.writeable or not array.flags.c_contiguous:
+    # numpy calls an axis of length 1 contiguous whatever its stride; torch refuses negative ones.
+    negative = min(array.strides, default=0) < 0
+    if negative or not (array.flags.writeable and array.flags.c_contiguous):
         array = array.copy()
     return array
 
 
-def check_shape(found: tuple[int, ...], expected: tuple[int, ...], model: str) -> None:
+def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> None:
     """Check the shape of a frame against that of the frames a model was trained on.
 
-    Frames that are flattened, (D,), fit those of any shape with as many pixels.
+    Flattened frames, (D,), fit those of any shape with as many pixels.
 
     Raises:
         ValueError: for another number of pixels, or an image of another shape.
@@ -121,106 +120,113 @@ def check_shape(found: tuple[int, ...], expected: tuple[int, ...], model: str) -
         raise ValueError(f"frames: expected shape {expected} as in training, found {found}")
 
 
-def feature_names(frames: Any) -> np.ndarray | None:
-    """The names of a data frame's columns, where all are strings, as scikit-learn keeps them."""
-    if not (hasattr(frames, "columns") and hasattr(frames, "iloc")):
-        return None
-    names = list(frames.columns)
-    return object_array(names) if all(isinstance(name, str) for name in names) else None
-
-
-# Labels -------------------------------------------------------------------------------------------
-
-
 def label_array(labels: Any, n: int) -> np.ndarray:
-    """Labels [n] of one of numpy's types where all are of one, else as objects.
+    """Labels [n], each a str, int, float or bool, as an array.
 
     Raises:
-        ValueError: for labels of another number or of two dimensions, or one that equals nothing
-            (NaN, NaT).
+        ValueError: for a wrong number of labels, two dimensions, another type, or NaN.
     """
-    if labels is None:
-        raise ValueError(
-            f"labels: expected {n}, one a frame, found None: the classifier requires y to be "
-            "passed, but the target y is None"
-        )
-    if isinstance(labels, Tensor):
-        labels = labels.numpy(force=True)
-    elif hasattr(labels, "__array__") and not isinstance(labels, np.generic):
-        labels = np.asarray(labels)
-    if not isinstance(labels, np.ndarray):
-        labels = _array_of_labels(list(labels) if isinstance(labels, Iterable) else [labels])
-    if labels.ndim == 2 and labels.shape[1] == 1:
-        warnings.warn(
-            "A column-vector y was passed when a 1d array was expected: "
-            f"expected shape ({n},), found {labels.shape}",
-            of_sklearn("DataConversionWarning", UserWarning),
-            stacklevel=2,
-        )
-        labels = labels[:, 0]
-    if labels.ndim != 1:
-        raise ValueError(f"labels: expected one dimension, found shape {labels.shape}")
-    if len(labels) != n:
-        raise ValueError(f"labels: expected {n}, one a frame, found {len(labels)}")
-    for i, label in enumerate(values(labels) if labels.dtype.kind in "fcMmO" else ()):
-        if isinstance(label, float | complex | np.datetime64 | np.timedelta64) and label != label:
-            found = "NaT" if isinstance(label, np.datetime64 | np.timedelta64) else "NaN"
-            raise ValueError(f"labels[{i}]: found {found}")
-        if not isinstance(label, Hashable):
-            raise ValueError(f"labels[{i}]: expected a hashable label, found {label!r}")
-    return labels
-
-
-def _array_of_labels(given: list[Any]) -> np.ndarray:
-    of_time = np.datetime64 | np.timedelta64
-    items = [
-        x.item() if isinstance(x, np.generic | Tensor) and not isinstance(x, of_time) else x
-        for x in given
-    ]
+    labels = _one_dimension("labels", labels, n)
+    items = [x.item() if isinstance(x, np.generic | Tensor) else x for x in labels]
+    for i, label in enumerate(items):
+        if isinstance(label, complex):
+            raise ValueError(f"labels[{i}]: {_COMPLEX}, found {label!r}")
+        if not isinstance(label, Label):
+            raise ValueError(f"labels[{i}]: expected a str, int, float or bool, found {label!r}")
+        if label != label:
+            raise ValueError(f"labels[{i}]: expected a number, found NaN")
+    if isinstance(labels, np.ndarray) and labels.dtype != object:
+        return labels
     kinds = {type(item) for item in items}
-    if len(kinds) == 1 and kinds <= {str, int, float, bool, np.datetime64, np.timedelta64}:
-        array = np.array(items)
-        # numpy rounds some large integers and drops null characters at the end of a string.
-        if kinds <= {float, np.datetime64, np.timedelta64} or array.tolist() == items:
-            return array
-    return object_array(items)
+    array = np.array(items) if len(kinds) == 1 else np.array(items, object)
+    # numpy drops null characters at the end of a string.
+    return array if array.tolist() == items else np.array(items, object)
 
 
-def values(labels: np.ndarray) -> list[Any]:
-    """Labels as Python objects; times as numpy's, which keep the unit that Python's have not."""
-    return list(labels) if labels.dtype.kind in "Mm" else labels.tolist()
+def targets(values: Any, n: int) -> np.ndarray:
+    """Numbers to predict, float64 [n] or [n, T].
 
-
-def object_array(items: list[Any]) -> np.ndarray:
-    """A one-dimensional array of these objects, also where they are sequences."""
-    array = np.empty(len(items), object)
-    array[:] = items
+    Raises:
+        ValueError: for a wrong number of them, or values that are not finite numbers.
+    """
+    values = _one_dimension("targets", values, n, columns=True)
+    if np.iscomplexobj(values):
+        raise ValueError(f"targets: {_COMPLEX}, found {np.asarray(values).dtype}")
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"targets: expected numbers, found: {error}") from error
+    if not np.isfinite(array).all():
+        raise ValueError("targets: expected finite numbers, found NaN or infinity in y")
     return array
 
 
-def classes_of(labels: np.ndarray) -> np.ndarray:
-    """The distinct labels, sorted; those without a common order by type and spelling."""
-    distinct = list(dict.fromkeys(values(labels)))
+def _one_dimension(name: str, values: Any, n: int, columns: bool = False) -> Any:
+    if values is None:
+        raise ValueError(
+            f"{name}: expected {n}, one a frame, found None: the estimator requires y to be "
+            "passed, but the target y is None"
+        )
+    if isinstance(values, Tensor):
+        values = values.numpy(force=True)
+    elif hasattr(values, "__array__") and not isinstance(values, np.generic):
+        values = np.asarray(values)
+    elif not isinstance(values, np.ndarray):
+        values = list(values) if isinstance(values, Iterable) else [values]
+    whole = isinstance(values, np.ndarray) or columns
+    shape: tuple[int, ...] = np.shape(values) if whole else (len(values),)
+    if len(shape) == 2 and shape[1] == 1 and not columns:
+        warnings.warn(
+            "A column-vector y was passed when a 1d array was expected: "
+            f"expected shape ({n},), found {shape}",
+            of_sklearn("DataConversionWarning", UserWarning),
+            stacklevel=4,
+        )
+        values, shape = values[:, 0], shape[:1]
+    if not 1 <= len(shape) <= 1 + columns:
+        raise ValueError(f"{name}: expected one dimension, found shape {shape}")
+    if shape[0] != n:
+        raise ValueError(f"{name}: expected {n}, one a frame, found {shape[0]}")
+    return values
+
+
+def classes_of(labels: Iterable[Label]) -> np.ndarray:
+    """The distinct labels, sorted.
+
+    Raises:
+        ValueError: for text beside numbers, which have no order.
+    """
+    distinct = list(dict.fromkeys(labels))
     try:
         distinct.sort()
-    except TypeError:
-        distinct.sort(key=lambda label: (type(label).__name__, repr(label)))
+    except TypeError as error:
+        raise ValueError("labels: expected all text or all numbers, found both") from error
     return label_array(distinct, len(distinct))
 
 
 def one_class(classes: np.ndarray) -> ValueError:
     """The error of training with one class only."""
-    found = values(classes)[0]
+    found = classes.tolist()[0]
     return ValueError(f"labels: expected at least two classes, found one class, {found!r}")
 
 
-def check_among(labels: np.ndarray, classes: list[Hashable]) -> None:
+def check_among(labels: Iterable[Label], classes: Iterable[Label]) -> None:
     """Check that labels are among the classes of a model.
 
     Raises:
         ValueError: for the first that is not.
     """
     known = set(classes)
-    for label in values(labels):
+    for label in labels:
         if label not in known:
-            raise ValueError(f"labels: expected classes among {classes}, found {label!r}")
+            raise ValueError(f"labels: expected classes among {sorted(known)}, found {label!r}")
+
+
+def check_count(name: str, value: Any) -> None:
+    """Check that a parameter is an integer from 1.
+
+    Raises:
+        ValueError: if it is not.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise ValueError(f"{name}: expected an integer from 1, found {value!r}")

@@ -117,13 +117,15 @@ def add(a: Tensor, b: Tensor) -> Tensor:
 
 
 def greater(counts: Tensor, threshold: int) -> Tensor:
-    """Where counters [P, W] are greater than a number ≥ 0: a mask [W].
+    """Where counters [P, W] are greater than a number: a mask [W], all ones for a negative number.
 
     Adding 2^P − 1 − threshold to a counter overflows P bits if and only if it is greater, and the
     carry through a constant costs one operation a plane: OR where its bit is one, AND where not.
     """
     n_planes = len(counts)
     mask = torch.zeros_like(counts[0])
+    if threshold < 0:
+        return ~mask
     if threshold >> n_planes:
         return mask  # more than the planes can hold
     carry, rows = (mask.numpy(), counts.numpy()) if counts.device.type == "cpu" else (mask, counts)

@@ -8,15 +8,20 @@ have it set. Counts are kept bit-sliced (:mod:`hdc.planes`), L·P·D bits for cl
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from fractions import Fraction
+from math import gcd
+from typing import Self
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import bits, planes
 
 # Streams of random bits from one seed.
-_TIES, _RECALIBRATION = range(2)
+_TIES, _RECALIBRATION, _THINNING = range(3)
+_VOTE_BITS = 24  # of the votes after repeated merges
+_P_STEPS = 1000
 
 
 class Counters:
@@ -46,7 +51,6 @@ class Counters:
         self.backend = backend
         self.n = torch.zeros(n_classes, dtype=torch.int64)
         self.planes = planes.zeros((n_classes, 1, bits.words_for(dimension)), device)
-        self._room: Tensor | None = None  # what planes is the beginning of, once classes came later
 
     def add(self, words: Tensor, labels: Tensor) -> None:
         """Count hypervectors int64 [N, W] with class indices int64 [N] in [0, L).
@@ -116,7 +120,7 @@ class Counters:
         return scaled
 
     @classmethod
-    def from_counts(cls, counts: Tensor, n: Tensor) -> Counters:
+    def from_counts(cls, counts: Tensor, n: Tensor) -> Self:
         """Counters of counts, integers [L, D], of n hypervectors a class, int64 [L].
 
         Raises:
@@ -137,32 +141,40 @@ class Counters:
             counters.planes[:, p] = bits.pack((counts >> p) & 1 == 1)
         return counters
 
-    def append_classes(self, n_new: int) -> None:
-        """Make room for further classes, at the end, with counts of zero.
+    def spread(self, rows: Sequence[int], n_classes: int) -> None:
+        """Give class i the row rows[i] of `n_classes`; the other classes have no samples."""
+        n, counts = self.n.new_zeros(n_classes), self.planes
+        n[list(rows)] = self.n
+        self.n = n
+        self.planes = planes.zeros((n_classes, *counts.shape[1:]), self.device)
+        self.planes[list(rows)] = counts
 
-        Room is made for as many classes again, so that classes that come one by one are copied
-        about once each; memory that no class has used yet is not taken from the system.
+    def thinned(self, size: int, seed: int = 0) -> Counters:
+        """Counters of `size` samples for every class that has more.
+
+        Each bit's count is drawn from those of a random subset of the samples (hypergeometric),
+        independently of the other bits. A prototype then correlates with any frame as one of
+        `size` samples is expected to, and still averages over all samples.
         """
-        self.n = torch.cat((self.n, self.n.new_zeros(n_new)))
-        n_old, n_planes, width = self.planes.shape
-        room = self._room
-        if (
-            room is None
-            or room.data_ptr() != self.planes.data_ptr()  # planes were replaced since
-            or room.shape[1] != n_planes
-            or len(room) < len(self.n)
-        ):
-            room = planes.zeros((max(len(self.n), 2 * n_old), n_planes, width), self.device)
-            _copy(room[:n_old], self.planes)
-        self._room = room
-        self.planes = room[: len(self.n)]
+        thinned = Counters(len(self.n), self.dimension, self.device)
+        thinned.n = self.n.clamp(max=size)
+        thinned.reserve(max(thinned.n.tolist(), default=0))
+        for c in range(len(self.n)):
+            counts = self._thinned(c, size, seed)[: thinned.planes.shape[1]]
+            thinned.planes[c, : len(counts)] = counts
+        return thinned
 
-    def reorder(self, order: Sequence[int]) -> None:
-        """Put class order[i] in place i; classes before the first that moves are not copied."""
-        first = next((i for i, c in enumerate(order) if i != c), len(order))
-        index = torch.as_tensor(order[first:], dtype=torch.int64)
-        self.n[first:] = self.n[index]
-        self.planes[first:] = self.planes[index.to(self.planes.device)]
+    def _thinned(self, c: int, size: int, seed: int) -> Tensor:
+        n = int(self.n[c])
+        if n <= size:
+            return self.planes[c]
+        ones = sum(
+            bits.unpack(plane, self.dimension).numpy(force=True).astype(np.int64) << p
+            for p, plane in enumerate(self.planes[c])
+        )
+        source = np.random.Generator(np.random.PCG64(bits.seed_sequence(seed, (_THINNING, c))))
+        drawn = torch.from_numpy(source.hypergeometric(ones, n - ones, size))
+        return Counters.from_counts(drawn[None], torch.tensor([size])).planes[0].to(self.device)
 
     def majority(self, ties: str = "zero", seed: int = 0) -> Tensor:
         """Prototypes int64 [L, W] by bitwise majority (paper, Eq. 1).
@@ -178,27 +190,38 @@ class Counters:
             raise ValueError(
                 f"class {int((self.n == 0).nonzero()[0])}: expected at least one sample, found none"
             )
-        prototypes = torch.empty_like(self.planes[:, 0])
-        for c in range(len(self.n)):
-            prototypes[c] = self.prototype(c, ties, seed)
+        return self.prototypes(ties, seed)
+
+    def prototypes(self, ties: str = "zero", seed: int = 0, size: int | None = None) -> Tensor:
+        """:meth:`majority`, zeros for classes without samples; `size` as of :meth:`thinned`."""
+        prototypes = torch.zeros_like(self.planes[:, 0])
+        for c in self.n.nonzero().flatten().tolist():
+            prototypes[c] = self.prototype(c, ties, seed, size=size)
         return prototypes
 
-    def prototype(self, c: int, ties: str = "zero", seed: int = 0, extra: int = 0) -> Tensor:
+    def prototype(
+        self, c: int, ties: str = "zero", seed: int = 0, extra: int = 0, size: int | None = None
+    ) -> Tensor:
         """The majority of one class, int64 [W]; arguments as of :meth:`majority`.
 
-        Leaving out a hypervector of the class changes bit j of its prototype to that of
-        ``extra=1`` where the hypervector has a one, and of ``extra=-1`` where it has a zero:
-        2·(count − 1) > n − 1 if and only if 2·count > n + 1, and 2·count > n − 1.
+        A prototype without one hypervector of the class has the bits of ``extra=1`` where that
+        hypervector has ones, and of ``extra=-1`` where it has zeros: 2·(count − 1) > n − 1 if and
+        only if 2·count > n + 1, and 2·count > n − 1. With another hypervector in its place it has
+        those of ``extra=2`` where a one becomes a zero, and of ``extra=-2`` where a zero becomes a
+        one.
 
         Args:
             c: row of the class.
             ties, seed: see :meth:`majority`.
-            extra: how many hypervectors of zeros alone are counted besides.
+            extra: a bit needs more than (n + extra)/2 ones.
+            size: as of :meth:`thinned`; by default all samples count.
         """
-        n, breaker = int(self.n[c]) + extra, None
-        if ties == "random" and n % 2 == 0:
+        n, counts, breaker = int(self.n[c]), self.planes[c], None
+        if size is not None and n > size:
+            n, counts = size, self._thinned(c, size, seed)
+        if ties == "random" and (n + extra) % 2 == 0:
             breaker = self._tie_breaker(seed, c)
-        return bits.majority_of_counts(self.planes[c], n, ties, breaker)
+        return bits.majority_of_counts(counts, n + extra, ties, breaker)
 
     def counts(self, dtype: torch.dtype = torch.int64) -> Tensor:
         """The counts as integers [L, D], of a type that holds the largest."""
@@ -217,22 +240,11 @@ class Counters:
         n_classes, n_old, width = self.planes.shape
         if n_planes > n_old:
             grown = planes.zeros((n_classes, n_planes, width), self.device)
-            _copy(grown[:, :n_old], self.planes)
+            grown[:, :n_old] = self.planes
             self.planes = grown
-
-    def __getstate__(self) -> dict[str, Any]:
-        whole = self.planes if self._room is None else self.planes.clone()
-        return vars(self) | {"planes": whole, "_room": None}
 
     def _tie_breaker(self, seed: int, c: int) -> Tensor:
         return bits.random_hypervector(self.dimension, seed, stream=(_TIES, c)).to(self.device)
-
-
-def _copy(into: Tensor, source: Tensor) -> None:
-    if into.device.type == "cpu":  # without torch's threads, as planes.zeros
-        into.numpy()[:] = source.numpy()
-    else:
-        into.copy_(source)
 
 
 def recalibrate(stored: Tensor, new: Tensor, dimension: int, p: float, seed: int = 0) -> Tensor:
@@ -252,6 +264,36 @@ def recalibrate(stored: Tensor, new: Tensor, dimension: int, p: float, seed: int
         )
     mask = replaced_bits(len(stored), dimension, p, seed)
     return stored ^ ((stored ^ new) & mask.to(stored.device))
+
+
+def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]:
+    """Votes of old and new hypervectors of the same L classes, the new with the share p.
+
+    Where a class has hypervectors on one side only, those decide. p is taken as the nearest
+    fraction with a denominator of at most 1000, and votes are integers: no rounding decides a tie.
+    Votes above 2^24, after some merges, are halved until they fit.
+
+    Returns:
+        The votes, and how many a new hypervector of each class has.
+
+    Raises:
+        ValueError: if p is not in [0, 1].
+    """
+    check_share(p)
+    share = Fraction(p).limit_denominator(_P_STEPS)
+    of_old, of_new = [], []
+    for n_old, n_new in zip(old.n.tolist(), new.n.tolist(), strict=True):
+        a, b = (share.denominator - share.numerator) * n_new, share.numerator * n_old
+        if n_old == 0 or n_new == 0:
+            a = b = 1
+        of_old.append(a // gcd(a, b))
+        of_new.append(b // gcd(a, b))
+    votes = old.scaled(of_old)
+    votes.merge(new.scaled(of_new))
+    while (votes.n >= 2**_VOTE_BITS).any():
+        votes.n, votes.planes = votes.n >> 1, votes.planes[:, 1:].contiguous()
+        of_new = [w // 2 for w in of_new]
+    return votes, of_new
 
 
 def replaced_bits(n_classes: int, dimension: int, p: float, seed: int) -> Tensor:

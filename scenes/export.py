@@ -1,9 +1,9 @@
-"""A scene as a folder of images: ``python -m scenes.export scene=touch out=FOLDER [key=value …]``.
+"""Write a scene to disk: ``python -m scenes.export scene=touch out=FOLDER [key=value …]``.
 
-The frames go to FOLDER/CLASS/00000.png as lossless 8- or 16-bit PNG, numbered as in the scene, and
-FOLDER/manifest.csv says of each file its label, the index of its class and what the sample was
-(``order``, ``session``, ``temperature`` …), with every digit. ``scene=recorded scene.path=FOLDER``
-reads the same scene back. The other arguments are those of ``experiments.run``.
+Frames become FOLDER/CLASS/00000.png, lossless 8- or 16-bit PNG, numbered as in the scene.
+FOLDER/manifest.csv has the label, class index and properties (``order``, ``session`` …) of each
+file, with every digit. ``scene=recorded scene.path=FOLDER`` reads the same scene back. The other
+arguments are those of ``experiments.run``.
 """
 
 from __future__ import annotations
@@ -14,44 +14,35 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 
 from scenes.frames import Scene
-
-BATCH = 50
+from scenes.validate import require
 
 
 def export(scene: Scene, folder: Path) -> Path:
-    """Write all frames of a scene and the manifest, whose path is returned.
-
-    Raises:
-        FileExistsError: the folder is there and not empty.
-        ValueError: a class name cannot be the name of a folder.
-    """
+    """Write all frames of a scene into a new or empty folder; returns the path of the manifest."""
     import cv2
 
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise FileExistsError(f"out: expected a new or an empty folder, found {folder}")
     for name in scene.classes:
-        if name != Path(name).name or name in ("", ".", ".."):
-            raise ValueError(f"class {name!r}: expected a name that a folder can have")
+        folder_name = name == Path(name).name and name not in ("", ".", "..")
+        require(folder_name, "scene.classes", name, "names that a folder can have")
         (folder / name).mkdir(parents=True, exist_ok=True)
     names = [f"{scene.classes[c]}/{i:05d}.png" for i, c in enumerate(scene.labels)]
-    for start in range(0, len(names), BATCH):
-        indices = np.arange(start, min(start + BATCH, len(names)))
-        for i, frame in zip(indices, scene.frames(indices).numpy(), strict=True):
-            path = folder / names[i]
-            # Speckle hardly compresses: the fastest level.
-            if not cv2.imwrite(str(path), frame, [cv2.IMWRITE_PNG_COMPRESSION, 1]):
-                raise OSError(f"{path}: could not be written")
+    for i, name in enumerate(names):
+        # Speckle hardly compresses: the fastest level.
+        speed = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+        if not cv2.imwrite(str(folder / name), scene.frames([i])[0].numpy(), speed):
+            raise OSError(f"{folder / name}: could not be written")
     manifest = folder / "manifest.csv"
     with manifest.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["file", "label", "class_index", *scene.samples])
         for k, (name, c) in enumerate(zip(names, scene.labels, strict=True)):
-            what = [values[k].item() for values in scene.samples.values()]
-            writer.writerow([name, scene.classes[c], int(c), *what])
+            properties = [values[k].item() for values in scene.samples.values()]
+            writer.writerow([name, scene.classes[c], int(c), *properties])
     return manifest
 
 
@@ -63,18 +54,15 @@ def compose(overrides: Sequence[str]) -> Any:
 
     with initialize_config_module("configs", version_base="1.3"):
         config = hydra_compose("config", overrides=list(overrides))
-    if config.threads is not None:
-        torch.set_num_threads(config.threads)
+    torch.set_num_threads(config.threads or torch.get_num_threads())
     return instantiate(config.scene, _convert_="all")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     given = list(sys.argv[1:] if arguments is None else arguments)
-    if not given or {"-h", "--help"} & set(given):
-        sys.exit(__doc__)
     out = [a.removeprefix("out=") for a in given if a.startswith("out=")]
-    if len(out) != 1 or not out[0]:
-        sys.exit(f"out: expected one folder, out=FOLDER, found {len(out)}")
+    if len(out) != 1 or not out[0] or {"-h", "--help"} & set(given):
+        sys.exit(f"{__doc__}\nout: expected one folder, out=FOLDER, found {len(out)}")
     scene = compose([a for a in given if not a.startswith("out=")])
     manifest = export(scene, Path(out[0]).expanduser())
     print(f"{len(scene)} frames of {len(scene.classes)} classes, {manifest}")

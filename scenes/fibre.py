@@ -1,80 +1,90 @@
-"""How hard is a multimode fibre pressed? Frames computed from its measured transmission matrices.
+"""How hard is a multimode fibre pressed? Frames computed from measured transmission matrices.
 
-The matrices were measured by Matthès et al., "Learning and Avoiding Disorder in Multimode Fibers",
-Phys. Rev. X 11, 021060 (2021), and are published in ``wavefrontshaping/article_MMF_disorder``
-(MIT licence). For an input field a, one complex amplitude a mode, the field at the output is
+For an input field a, one complex amplitude a mode, the field at the output is
 
     E_p(x, y) = Σ_m  m_m(x, y) · (T·a)_{p,m},        p = two polarisations,
 
-and a camera sees |E_p|². T and the modes m are measured; the frames are not: they are computed, so
-noise is added here. Call them "measured transmission matrices", never camera frames.
+and a camera sees |E_p|². The matrices T and the modes m are measured; the frames are computed, with
+noise added. Three fibres are public:
+
+- ``wavefrontshaping/article_MMF_disorder`` (MIT): 52 matrices of all 110 input modes; Matthès et
+  al., "Learning and Avoiding Disorder in Multimode Fibers", Phys. Rev. X 11, 021060 (2021).
+- ``wavefrontshaping/article_RME_2023``: two more fibres of the same kind, 25 matrices each, of the
+  55 input modes of one polarisation. The mode images of the first repository stand in for theirs.
 """
 
 from __future__ import annotations
 
 import hashlib
+import math
 import os
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from scenes.validate import require_integer, require_number
+from scenes.frames import level_classes
+from scenes.source import Source
+from scenes.validate import is_number, require, require_integer, require_number
 
 DATA = "FIBRE_DATA"
-"""Environment variable that names a copy of the repository."""
-REPOSITORY = "wavefrontshaping/article_MMF_disorder"
-CHECKOUT = Path(__file__).resolve().parents[1]
-CANDIDATES = (
-    CHECKOUT / "data" / "article_MMF_disorder",
-    CHECKOUT.parent / "shared" / "data" / "mmf_disorder",
+"""Environment variable that names a copy of :data:`PRESSED`."""
+PRESSED = Source(
+    repository="wavefrontshaping/article_MMF_disorder",
+    commit="273faaa7161f23c22a7d97d99e922e930eaccd8a",
+    cite="M. W. Matthès, Y. Bromberg, J. de Rosny, S. M. Popoff, Phys. Rev. X 11, 021060 (2021)",
+    licence="MIT",
 )
+BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data" / "mmf_disorder"
 CONTACT = 5.04e-3
-"""Position of the actuator (m) at which it starts to press; measured from there, as published."""
-MODES, SIDE = 55, 41
-"""Guided modes a polarisation, and pixels a side of the grid on which their fields are stored."""
+"""Position of the actuator (m) at which it starts to press; depths count from there."""
 
 
 class FibreScene:
-    """Five classes of press depth of a graded-index fibre: "measured transmission matrices".
+    """Classes of press depth of a graded-index fibre.
 
     Sample i belongs to class i mod L. Its actuator position is drawn uniformly among the measured
-    positions of the class, so training and test samples share positions, and the finer steps below
-    a class edge are no easier than they were in the laboratory. Its input field is a + ε·z: a is
-    one random field shared by all samples, z an independent one of the same power. Everything
-    drawn for sample i comes from its own generator, seeded by (sampling_seed, i): it is the same
-    in any batch, order or number of samples.
+    positions of the class, so training and test samples share positions. Its input field is a +
+    ε·z: a is one random field shared by all samples, z an independent one of the same power.
+    Everything drawn for sample i comes from a generator seeded by (sampling_seed, i): it is the
+    same in any batch, order or number of samples.
 
     Args:
-        path: a copy of the public repository; default: what the environment variable
-            :data:`DATA` names, or the first of :data:`CANDIDATES` there is.
-        depth_edges: upper press depths Δx (m) of the classes, increasing: the first class has
-            Δx ≤ edges[0], the next edges[0] < Δx ≤ edges[1], ...
+        path: a copy of :data:`PRESSED`; default: the one that :data:`DATA` names, a checkout in
+            ``MEASURED_DATA``, or :data:`BESIDE` the checkout of this project.
+        depth_edges: upper press depths Δx (m) of the classes, increasing.
         samples_per_class: N / L.
         perturbation: ε ≥ 0.
         photons: mean photons a pixel (Poisson); 0 means no noise.
         saturation: 8-bit frames reach 255 at this multiple of the mean intensity. The exposure is
             fixed: the mean is taken over all positions and perturbations, not a frame.
-        side: pixels a side of each polarisation's image; above 41 the *field* is interpolated,
-            band-limited (zero-padded Fourier series: the modes are dark at the rim of the grid
-            and sampled 1.5 times faster than their spectrum needs).
-        seed: of the input field.
+        side: pixels a side of each polarisation's image; above the 41 of the stored modes the
+            *field* is interpolated, band-limited (zero-padded Fourier series: the modes are dark at
+            the rim of the grid and sampled 1.5 times faster than their spectrum needs).
+        seed: of the input fields.
         sampling_seed: of positions, perturbations and photons.
+        n_fields: K input fields, one after the other into the same fibre; their images lie side by
+            side, so a frame has K times the pixels.
+        source: repository of another fibre (a :class:`scenes.source.Source` or its arguments).
+        file: array [P, 110, inputs] of its matrices in that repository.
+        step: press depth between one matrix and the next, from 0 on (m).
 
     Attributes:
-        labels, classes, shape, samples, origin: see :class:`scenes.frames.Scene`; shape is
-            (side, 2·side), both polarisations side by side. ``samples["depth"]`` is Δx in metres.
+        labels, classes, shape, samples, values, origin: see :class:`scenes.frames.Scene`; shape is
+            (side, 2·side·K), both polarisations side by side. ``samples["depth"]`` is Δx in m.
+        source, sha256: where the matrices come from, and the digest of their files.
 
     Raises:
-        FileNotFoundError: no copy of the repository is at ``path``.
+        FileNotFoundError: a repository is not there.
         ValueError: a file or a parameter is not as described.
     """
 
-    origin = "measured"
+    origin = "computed"
+    value_names, units = ("depth",), ("µm",)
 
     def __init__(
         self,
@@ -84,56 +94,79 @@ class FibreScene:
         perturbation: float = 0.3,
         photons: float = 50.0,
         saturation: float = 10.0,
-        side: int = SIDE,
+        side: int = 41,
         seed: int = 0,
         sampling_seed: int = 0,
+        n_fields: int = 1,
+        source: Source | Mapping[str, Any] | None = None,
+        file: str | None = None,
+        step: float | None = None,
     ) -> None:
-        edges = _edges(depth_edges)
         require_integer("scene.samples_per_class", samples_per_class, 1)
         require_number("scene.perturbation", perturbation, 0)
         require_number("scene.photons", photons, 0)
         require_number("scene.saturation", saturation, 0, strict=True)
-        require_integer("scene.side", side, SIDE, 4096)
         require_integer("scene.seed", seed, 0)
         require_integer("scene.sampling_seed", sampling_seed, 0)
+        require_integer("scene.n_fields", n_fields, 1, 64)
 
-        depths, self._matrices, self._modes = _load(_locate(path))
-        class_of = np.searchsorted(edges, depths)  # Δx ≤ edges[0] → 0; deeper than all → L
-        members = [np.flatnonzero(class_of == c) for c in range(len(edges))]
-        for c, positions in enumerate(members):
-            if not len(positions):
-                raise ValueError(
-                    f"scene.depth_edges: class {c} ({_class_name(edges, c)}) holds none of the "
-                    f"{len(depths)} measured depths ({depths[0]:g} … {depths[-1]:g} m)"
-                )
+        data = _locate(path)
+        self._modes = _array(data / "modes_out_after_correction.npy", (None, None))
+        self._grid = math.isqrt(self._modes.shape[1])
+        require_integer("scene.side", side, self._grid, 4096)
+        self.source = PRESSED
+        if source is None:
+            depths, self._matrices = _pressed(data, 2 * len(self._modes))
+            files = [file.name for file in data.glob("TM_modes_*.npz")]
+            self.sha256 = PRESSED.check(data, [*files, "modes_out_after_correction.npy"])
+        else:
+            self.source = source if isinstance(source, Source) else Source(**source)
+            depths, self._matrices = _stepped(self.source, file, step, 2 * len(self._modes))
+            self.sha256 = self.source.check(self.source.folder(), [str(file)])
+        self.classes, class_of = level_classes(
+            depths, depth_edges, "µm", key="scene.depth_edges", scale=1e6
+        )
+        members = [np.flatnonzero(class_of == c) for c in range(len(self.classes))]
+        for name, positions in zip(self.classes, members, strict=True):
+            expected = f"some of the {len(depths)} measured depths in class {name}"
+            require(len(positions) > 0, "scene.depth_edges", depth_edges, expected)
 
-        n = len(edges) * samples_per_class
-        self.classes = tuple(_class_name(edges, c) for c in range(len(edges)))
-        self.labels = np.arange(n) % len(edges)
-        self.shape = (side, 2 * side)
+        n = len(self.classes) * samples_per_class
+        self.labels = np.arange(n) % len(self.classes)
+        self.shape = (side, 2 * side * n_fields)
         self._perturbation, self._photons = float(perturbation), float(photons)
         self._sampling_seed = sampling_seed
         self._position = np.array(
             [self._draw(i).choice(members[c]) for i, c in enumerate(self.labels)]
         )
-        self.samples: Mapping[str, np.ndarray] = {
-            "order": np.arange(n),
-            "depth": depths[self._position],
-        }
+        depth = depths[self._position]
+        self.samples: Mapping[str, np.ndarray] = {"order": np.arange(n), "depth": depth}
+        self.values = depth[:, None] * 1e6
 
-        self._field = _complex_normal(np.random.default_rng(seed), 2 * MODES)
+        self.cacheable = self.source.licence != "none stated"
+
+        self._inputs = self._matrices.shape[2]
+        fields = _complex_normal(np.random.default_rng(seed), n_fields * self._inputs)
+        self._fields = fields.reshape(n_fields, self._inputs)
         used = self._matrices[np.concatenate(members)]
-        self._mean = _mean_intensity(used, self._modes, self._field, self._perturbation)
+        means = [_mean_intensity(used, self._modes, f, self._perturbation) for f in self._fields]
+        self._mean = float(np.mean(means))
         self._full_scale = float(saturation) * self._mean
-        self._interpolate = _dirichlet(side) if side > SIDE else None
-        settings = (tuple(edges), samples_per_class, self._perturbation, self._photons)
-        self._settings = (*settings, float(saturation), side, seed, sampling_seed)
+        self._interpolate = _dirichlet(side, self._grid) if side > self._grid else None
+        settings = (
+            tuple(np.asarray(depth_edges, float)),
+            samples_per_class,
+            self._perturbation,
+            self._photons,
+        )
+        more = (n_fields,) if n_fields > 1 else ()
+        self._settings = (*settings, float(saturation), side, seed, sampling_seed, *more)
 
     def __len__(self) -> int:
         return len(self.labels)
 
     def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
-        """Frames uint8 [len(indices), side, 2·side].
+        """Frames uint8 [len(indices), side, 2·side·K].
 
         Raises:
             IndexError: an index is outside [0, N).
@@ -161,62 +194,76 @@ class FibreScene:
         # the batch, and a photon count with it.
         rng = self._draw(i)
         rng.choice(1)  # the position, drawn in __init__
-        field = self._field + self._perturbation * _complex_normal(rng, 2 * MODES)
-        amplitudes = (self._matrices[self._position[i]] @ field).reshape(2, MODES)
-        image = (amplitudes @ self._modes).reshape(2, SIDE, SIDE)
+        matrix = self._matrices[self._position[i]]
+        intensity = np.hstack([self._intensity(matrix, field, rng) for field in self._fields])
+        return np.clip(np.rint(intensity * (255 / self._full_scale)), 0, 255).astype(np.uint8)
+
+    def _intensity(
+        self, matrix: np.ndarray, field: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        """|E|² [side, 2·side] of one perturbed input field, photons counted."""
+        field = field + self._perturbation * _complex_normal(rng, self._inputs)
+        amplitudes = (matrix @ field).reshape(2, -1)
+        image = (amplitudes @ self._modes).reshape(2, self._grid, self._grid)
         if self._interpolate is not None:
             image = self._interpolate @ image @ self._interpolate.T
         intensity = np.hstack(list(image.real**2 + image.imag**2))
-        if self._photons:
-            intensity = rng.poisson(intensity * (self._photons / self._mean))
-            intensity = intensity * (self._mean / self._photons)
-        return np.clip(np.rint(intensity * (255 / self._full_scale)), 0, 255).astype(np.uint8)
+        if not self._photons:
+            return intensity
+        counted = rng.poisson(intensity * (self._photons / self._mean))
+        return np.asarray(counted * (self._mean / self._photons))
 
 
 def _locate(path: str | Path | None) -> Path:
-    named = [Path(folder) for folder in (path, os.environ.get(DATA)) if folder]
-    tried = [named[0].expanduser()] if named else CANDIDATES
-    for folder in tried:
-        if (folder / "Data").is_dir():
-            return folder / "Data"
-    places = " and ".join(str(folder / "Data") for folder in tried)
-    raise FileNotFoundError(
-        f"scene.path: expected a copy of the public repository {REPOSITORY} "
-        f"(github.com/{REPOSITORY}), found no folder {places}"
-    )
+    """Folder ``Data`` of a copy of :data:`PRESSED`."""
+    folder = Path(path or os.environ.get(DATA) or PRESSED.find() or BESIDE).expanduser() / "Data"
+    if not folder.is_dir():
+        raise FileNotFoundError(
+            f"scene.path: expected a copy of github.com/{PRESSED.repository}, found no folder "
+            f"{folder}; get it by: {PRESSED.command()}"
+        )
+    return folder
 
 
-def _load(data: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Press depths [P] (m, increasing), matrices complex128 [P, 110, 110], modes [55, 1681]."""
-    found = {}
-    for file in data.iterdir():
-        if match := re.fullmatch(r"TM_modes_(\d+(?:\.\d+)?)\.npz", file.name):
-            # Rounded to a nanometre: 5.06 − 5.04 is not 0.02 in floating point, and it is an edge.
-            found[round(float(match[1]) * 1e-3 - CONTACT, 9)] = file
-    if not found:
+def _pressed(data: Path, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Press depths [P] (m, increasing) and matrices complex128 [P, size, size] of PRESSED."""
+    # Rounded to a nanometre: 5.06 − 5.04 is not 0.02 in floating point, and it is an edge.
+    files = {
+        round(float(file.stem.removeprefix("TM_modes_")) * 1e-3 - CONTACT, 9): file
+        for file in data.glob("TM_modes_*.npz")
+    }
+    if not files:
         raise FileNotFoundError(f"{data}: expected files TM_modes_X.npz, found none")
-    depths = sorted(found)
-    matrices = np.stack([_array(found[d], "TM_corr_modes", (2 * MODES, 2 * MODES)) for d in depths])
-    modes = _array(data / "modes_out_after_correction.npy", None, (MODES, SIDE * SIDE))
-    return np.array(depths), matrices, modes
+    arrays = [_array(files[d], (size, size), "TM_corr_modes") for d in sorted(files)]
+    return np.array(sorted(files)), np.stack(arrays)
 
 
-def _array(file: Path, key: str | None, shape: tuple[int, int]) -> np.ndarray:
-    """One finite complex array of the given shape from .npz[key] or .npy; nothing is unpickled."""
-    what = f"{file}[{key}]" if key else str(file)
+def _stepped(
+    source: Source, file: str | None, step: float | None, size: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Press depths [P] (m) and matrices complex128 [P, size, inputs] of one array."""
+    require(isinstance(file, str), "scene.file", file, "the array of matrices in scene.source")
+    require(is_number(step) and step > 0, "scene.step", step, "a depth in m between two matrices")
+    assert file is not None
+    assert step is not None
+    root = source.folder()
+    matrices = _array(root / file, (None, size, None))
+    return np.round(np.arange(len(matrices)) * step, 9), matrices
+
+
+def _array(file: Path, shape: tuple[int | None, ...], key: str | None = None) -> np.ndarray:
+    """A finite complex array from .npz[key] or .npy, None any length; nothing is unpickled."""
     try:
         loaded = np.load(file, allow_pickle=False)
-        if isinstance(loaded, np.lib.npyio.NpzFile) != (key is not None):
-            raise ValueError(f"not the format that {file.suffix} promises")
-        array = loaded[key] if key else loaded
-    except (OSError, EOFError, KeyError, ValueError, BadZipFile) as error:
-        raise ValueError(f"{what}: expected a complex array {shape}, found: {error}") from error
-    if array.shape != shape or array.dtype.kind != "c":
-        raise ValueError(
-            f"{what}: expected a complex array {shape}, found {array.dtype} {array.shape}"
-        )
-    if not np.isfinite(array).all():
-        raise ValueError(f"{what}: expected finite values, found NaN or infinity")
+        array = np.asarray(loaded[key] if key else loaded)
+    except (OSError, EOFError, IndexError, KeyError, ValueError, BadZipFile) as error:
+        raise ValueError(f"{file}: expected a complex array {shape}, found: {error}") from error
+    fits = array.ndim == len(shape) and all(
+        n in (None, m) for n, m in zip(shape, array.shape, strict=True)
+    )
+    if not fits or array.dtype.kind != "c" or not np.isfinite(array).all():
+        kind = f"{array.dtype} {array.shape}" + ", not all finite" * (array.dtype.kind == "c")
+        raise ValueError(f"{file}: expected a finite complex array {shape}, found {kind}")
     return array.astype(np.complex128)
 
 
@@ -229,40 +276,23 @@ def _mean_intensity(
     """
     gram = modes.conj() @ modes.T
     sources = np.concatenate([field[:, None], perturbation * np.eye(len(field))], axis=1)
-    out = (matrices @ sources).reshape(len(matrices), 2, MODES, -1)
+    out = (matrices @ sources).reshape(len(matrices), 2, len(modes), -1)
     power = np.einsum("pqms,mn,pqns->", out.conj(), gram, out, optimize=True).real
     return float(power / (len(matrices) * 2 * modes.shape[1]))
 
 
-def _dirichlet(side: int) -> np.ndarray:
-    """Matrix [side, 41] of trigonometric interpolation, pixel centres spread over the same width.
+def _dirichlet(side: int, grid: int) -> np.ndarray:
+    """Matrix [side, grid] of trigonometric interpolation, pixel centres spread over the same width.
 
-    It is the zero-padded FFT written as a sum: Σ_k exp(2πi·k·x/41)/41 over the 41 frequencies.
+    It is the zero-padded FFT of an odd number of points, written as a sum over the frequencies k:
+    Σ_k exp(2πi·k·x/grid)/grid.
     """
-    x = (np.arange(side) + 0.5) * SIDE / side - 0.5
-    k = np.arange(-(SIDE // 2), SIDE // 2 + 1)
-    offsets = x[:, None, None] - np.arange(SIDE)[None, :, None]
-    return np.cos(2 * np.pi * k * offsets / SIDE).sum(-1) / SIDE
+    x = (np.arange(side) + 0.5) * grid / side - 0.5
+    k = np.arange(-(grid // 2), grid // 2 + 1)
+    offsets = x[:, None, None] - np.arange(grid)[None, :, None]
+    return np.cos(2 * np.pi * k * offsets / grid).sum(-1) / grid
 
 
 def _complex_normal(rng: np.random.Generator, n: int) -> np.ndarray:
     """n circular complex numbers of mean square 1."""
     return rng.standard_normal((n, 2)).view(np.complex128)[:, 0] / np.sqrt(2)
-
-
-def _edges(depth_edges: Sequence[float]) -> np.ndarray:
-    try:
-        edges = np.asarray(depth_edges, dtype=np.float64)
-    except (TypeError, ValueError):
-        edges = np.empty(0)
-    if edges.ndim != 1 or len(edges) < 2 or not (np.diff(edges) > 0).all():
-        raise ValueError(
-            f"scene.depth_edges: expected two or more increasing depths in metres, "
-            f"found {depth_edges!r}"
-        )
-    return edges
-
-
-def _class_name(edges: np.ndarray, c: int) -> str:
-    um = [f"{edge * 1e6:g}" for edge in edges]
-    return f"≤ {um[0]} µm" if c == 0 else f"{um[c - 1]}–{um[c]} µm"

@@ -1,7 +1,7 @@
-"""What a scene is: a labelled, ordered collection of camera frames that are made when asked for.
+"""A scene: labelled camera frames in an order of time, each made or read when asked for.
 
-Every scene of this package (a simulated sensor, a measured fibre, a folder of images) has the
-attributes and methods of :class:`Scene`; :class:`Frames` is the scene that lies in memory.
+Every scene of this package (a simulated sensor, a fibre, a recording) has the attributes and
+methods of :class:`Scene`; :class:`Frames` is a scene in memory.
 """
 
 from __future__ import annotations
@@ -9,24 +9,32 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from scenes.validate import is_number, require
+
 
 @runtime_checkable
 class Scene(Protocol):
-    """N labelled frames, each made on request; nothing is made before it is asked for.
+    """N labelled frames, each made or read on request.
 
     Attributes:
         classes: names of the L classes; label c means ``classes[c]``.
         labels: int64 [N], known before any frame is made.
         shape: (H, W) of one frame in pixels.
-        samples: what each sample was, one array [N] a property (``order`` is its place in time,
-            counted from 0; others as the scene has them: ``session``, ``temperature``, ``file``).
-        origin: ``"simulated"``, ``"measured"`` or ``"recorded"``; shown wherever results are.
+        samples: properties of the samples, one array [N] each: ``order`` is the place in time,
+            counted from 0; others are ``session``, ``group``, ``temperature``, ``depth``.
+        origin: ``"simulated"``; ``"computed"`` from measured matrices; ``"measured"`` by a camera
+            of others and public; or ``"recorded"`` by the user. Shown wherever results are.
+
+    Some scenes have more: ``values`` float64 [N, k], continuous quantities beside the label, with
+    ``value_names`` and ``units`` [k]; ``cacheable = False`` where a licence forbids to store frames
+    elsewhere; ``unknown``, a scene of frames that belong to none of the classes and never train.
     """
 
     classes: tuple[str, ...]
@@ -36,7 +44,7 @@ class Scene(Protocol):
     origin: str
 
     def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
-        """Frames uint8 (or uint16) [len(indices), H, W], the same whatever else is asked for."""
+        """Frames uint8 (or uint16) [len(indices), H, W], the same in any batch and order."""
         ...
 
     def fingerprint(self) -> str:
@@ -54,9 +62,6 @@ class Frames:
         classes: L names.
         samples: arrays [N]; ``order`` is added when absent.
         origin: see :class:`Scene`.
-
-    Raises:
-        ValueError: if the lengths disagree, a label is outside [0, L) or a shape is wrong.
     """
 
     images: Tensor
@@ -66,24 +71,16 @@ class Frames:
     origin: str = "recorded"
 
     def __post_init__(self) -> None:
-        n = len(self.images)
-        if self.images.ndim != 3:
-            raise ValueError(f"images: expected shape [N, H, W], found {tuple(self.images.shape)}")
-        if self.images.dtype not in (torch.uint8, torch.uint16):
-            raise ValueError(f"images: expected uint8 or uint16, found {self.images.dtype}")
-        if np.shape(self.labels) != (n,):
-            raise ValueError(f"labels: expected {n} (one a frame), found {np.shape(self.labels)}")
-        if np.asarray(self.labels).dtype.kind not in "iu":
-            raise ValueError(f"labels: expected integers, found {np.asarray(self.labels).dtype}")
-        bad = (self.labels < 0) | (self.labels >= len(self.classes))
-        if bad.any():
-            raise ValueError(
-                f"labels: expected values in [0, {len(self.classes)}), "
-                f"found {self.labels[bad][0]} at index {int(np.flatnonzero(bad)[0])}"
-            )
+        n, found = len(self.images), f"{self.images.dtype} {tuple(self.images.shape)}"
+        grey = self.images.ndim == 3 and self.images.dtype in (torch.uint8, torch.uint16)
+        require(grey, "images", found, "uint8 or uint16 of shape [N, H, W]")
+        labels = np.asarray(self.labels)
+        integers = labels.shape == (n,) and labels.dtype.kind in "iu"
+        require(integers, "labels", f"{labels.dtype} {labels.shape}", f"{n} integers")
+        outside = labels[(labels < 0) | (labels >= len(self.classes))]
+        require(not len(outside), "labels", outside[:1], f"values in [0, {len(self.classes)})")
         for name, values in self.samples.items():
-            if len(values) != n:
-                raise ValueError(f"samples[{name!r}]: expected {n} values, found {len(values)}")
+            require(len(values) == n, f"samples[{name!r}]", len(values), f"{n} values")
         object.__setattr__(self, "samples", {"order": np.arange(n), **self.samples})
 
     def __len__(self) -> int:
@@ -97,15 +94,34 @@ class Frames:
         return self.images[torch.as_tensor(np.asarray(indices), dtype=torch.int64)]
 
     def fingerprint(self) -> str:
+        kind = (tuple(self.images.shape), str(self.images.dtype), list(self.classes))
+        content = hashlib.sha256(repr(kind).encode())
+        content.update(np.ascontiguousarray(self.labels, dtype="<i8").data)
+        content.update(np.ascontiguousarray(self.images.numpy(force=True)).data)
         # The order is part of it: a split by time depends on it.
-        order = np.ascontiguousarray(self.samples["order"], dtype="<f8")
-        content = content_hash(self.images, self.labels, self.classes)
-        return hashlib.sha256(content.encode() + order.tobytes()).hexdigest()
+        order = np.ascontiguousarray(self.samples["order"], dtype="<f8").tobytes()
+        return hashlib.sha256(content.hexdigest().encode() + order).hexdigest()
 
 
-def content_hash(images: Tensor, labels: np.ndarray, classes: Sequence[str]) -> str:
-    """SHA-256 over the pixels, labels and class names: equal data, equal digest."""
-    digest = hashlib.sha256(repr((tuple(images.shape), str(images.dtype), list(classes))).encode())
-    digest.update(np.ascontiguousarray(labels, dtype="<i8").data)
-    digest.update(np.ascontiguousarray(images.numpy(force=True)).data)
-    return digest.hexdigest()
+def level_classes(
+    values: np.ndarray,
+    edges: Sequence[float],
+    unit: str,
+    key: str = "scene.levels.edges",
+    scale: float = 1.0,
+) -> tuple[tuple[str, ...], np.ndarray]:
+    """Classes of a continuous value: names [L], and the index of each value's [N].
+
+    Args:
+        values: float [N].
+        edges: upper ends of the L classes, increasing: the first has values ≤ edges[0], the next
+            edges[0] < value ≤ edges[1], ...; values above all get the index L.
+        unit: of the names, in which an edge is shown after multiplication by ``scale``.
+        key: of the edges in the configuration, for errors.
+    """
+    numbers = isinstance(edges, Sequence) and all(map(is_number, edges))
+    increasing = numbers and len(edges) >= 2 and bool((np.diff(edges) > 0).all())
+    require(increasing, key, edges, "two or more increasing numbers")
+    texts = [f"{edge * scale:g}" for edge in edges]
+    names = [f"{low}–{high} {unit}" for low, high in pairwise(texts)]
+    return (f"≤ {texts[0]} {unit}", *names), np.searchsorted(np.asarray(edges, float), values)

@@ -9,12 +9,8 @@ of the paths) unless ``--full`` is given: the speckle grains keep their size in 
 from __future__ import annotations
 
 import argparse
-import resource
 import sys
-import time
 from collections.abc import Sequence
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -37,9 +33,8 @@ class SimulatedSensor:
 
     Each touch comes at another time of the day: its temperature is drawn from the room's
     distribution (:class:`scenes.sensor.environment.Room`), and it misses place and depth as the
-    robot of the scene ``touch`` does. Of several touches at once the displacements add up, as in
-    any linear elastic layer. What the k-th press and the k-th fresh touch draw is determined by the
-    seed and k.
+    robot of the scene ``touch`` does; the seed and the number of the touch determine both.
+    Displacements of several touches add up, as in any linear elastic layer.
 
     Args:
         side: pixels a side of the frame: 250, or 500 as in the scenes.
@@ -68,103 +63,49 @@ class SimulatedSensor:
         self.offset = 0.0
         self._press = ExactPress(Press((0.0, 0.0), RADIUS, 0.0), self._sensor)
         self._room = Room()
-        self._seed, self._presses, self._fresh, self._frames = seed, 0, 0, 0
-        self._lengthening: dict[tuple[float, float], Tensor] = {}
+        self._seed, self._touched, self._frames = seed, 0, 0
         self.touches: tuple[Touch, ...] = ()
-        self._missed: list[Touch] = []
-        self._temperature = 0.0
+        self._temperature = 0.0  # of the present touches, in K
+        self._indented = self._indentation(())
 
     def press(self, touches: Sequence[Touch], moved: bool = False) -> None:
         self.touches = tuple(touches)
-        if moved:
-            self._missed = list(touches)
-        else:
-            rng = stream(self._seed, "live press", self._presses)
-            self._presses += 1
-            self._temperature = float(self._room.temperatures(1, rng)[0])
-            self._missed = [_missed(touch, rng) for touch in touches]
-        self._lengthening = {}
+        if not moved:
+            touches, self._temperature, _ = self._draw(touches)
+        self._indented = self._indentation(touches)
 
     def frame(self) -> np.ndarray:
         self._frames += 1
         noise = stream(self._seed, "live noise", self._frames)
-        phases = self._phases(self._missed, self._temperature, self._lengthening)
-        return self._exposed(phases, noise)
+        return self._exposed(self._indented, self._temperature, noise)
 
-    def sample(self) -> np.ndarray:
-        return self.fresh(self.touches)
+    def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
+        draws = (self._draw(touches) for _ in range(n))
+        return [self._exposed(self._indentation(m), kelvin, rng) for m, kelvin, rng in draws]
 
-    def fresh(self, touches: Sequence[Touch]) -> np.ndarray:
-        rng = stream(self._seed, "live fresh", self._fresh)
-        self._fresh += 1
+    def _draw(self, touches: Sequence[Touch]) -> tuple[list[Touch], float, np.random.Generator]:
+        """Touches that miss their places, the temperature in K, and the generator for the noise."""
+        rng = stream(self._seed, "live touch", self._touched)
+        self._touched += 1
         temperature = float(self._room.temperatures(1, rng)[0])
-        missed = [_missed(touch, rng) for touch in touches]
-        return self._exposed(self._phases(missed, temperature, {}), rng)
-
-    def _phases(
-        self,
-        touches: Sequence[Touch],
-        temperature: float,
-        known: dict[tuple[float, float], Tensor],
-    ) -> Tensor:
-        """φ float64 [P] in rad; ``known``: lengthening a metre of depth of what stays pressed."""
-        sensor = self._sensor
-        phases = sensor.phase + sensor.sensitivity * (self.offset + temperature)
+        missed = []
         for touch in touches:
-            place = touch.x, touch.y
-            if place not in known:
-                known[place] = self._press(Contact(1.0, *place))
-            phases.add_(known[place], alpha=touch.depth)
-        return phases
+            across, along, deeper = rng.standard_normal(3)
+            x, y = touch.x + POSITION_SPREAD * across, touch.y + POSITION_SPREAD * along
+            missed.append(Touch(x, y, touch.depth * max(0.0, 1 + DEPTH_SPREAD * deeper)))
+        return missed, temperature, rng
 
-    def _exposed(self, phases: Tensor, noise: np.random.Generator) -> np.ndarray:
-        camera = self._sensor.mounted
+    def _indentation(self, touches: Sequence[Touch]) -> Tensor:
+        """Change of phase float64 [P] in rad."""
+        changes = [self._press(Contact(touch.depth, touch.x, touch.y)) for touch in touches]
+        return torch.stack([torch.zeros_like(self._sensor.phase), *changes]).sum(0)
+
+    def _exposed(
+        self, indented: Tensor, temperature: float, noise: np.random.Generator
+    ) -> np.ndarray:
+        sensor, camera = self._sensor, self._sensor.mounted
+        phases = sensor.phase + sensor.sensitivity * (self.offset + temperature) + indented
         return camera.expose(camera.intensity(phases[None]), [noise])[0].numpy()
-
-
-def _missed(touch: Touch, rng: np.random.Generator) -> Touch:
-    across, along, deeper = rng.standard_normal(3)
-    return Touch(
-        touch.x + POSITION_SPREAD * across,
-        touch.y + POSITION_SPREAD * along,
-        touch.depth * max(0.0, 1 + DEPTH_SPREAD * deeper),
-    )
-
-
-def measure(sensor: SimulatedSensor, seconds: float) -> str:
-    """Teach three classes, press one, and tell how many frames were made; without a browser."""
-    from hdc.live.session import Session
-    from hdc.live.worker import Worker
-
-    worker = Worker(Session(sensor))
-    for name, x in (("left", 28e-3), ("middle", 40e-3), ("right", 52e-3)):
-        place = (Touch(x, 0.0, 1.8e-3),)
-        worker.do(partial(Session.new_class, name=name, n=10, touches=place))
-    worker.do(lambda _: sensor.press(place))
-    worker.start()
-    worker.watch(+1)
-    while len(worker.session.counts) < 3 or worker.waiting:
-        time.sleep(0.1)
-    worker.session.ridge.wait()
-    first, memory, begin = worker.view.number, _megabytes(), time.monotonic()
-    time.sleep(seconds)
-    made, passed = worker.view.number - first, time.monotonic() - begin
-    steps = worker.session.milliseconds.items()
-    worker.stop()
-    return "\n".join(
-        [
-            f"{sensor.shape[0]} × {sensor.shape[1]} pixels, {made} frames in {passed:.0f} s: "
-            f"{made / passed:.1f} a second",
-            "ms: " + ", ".join(f"{step} {took:.1f}" for step, took in steps),
-            f"memory: {memory:.0f} MB, afterwards {_megabytes():.0f} MB",
-        ]
-    )
-
-
-def _megabytes() -> float:
-    """Memory of this process that is in use, in MB (Linux)."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * resource.getpagesize() / 1e6
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -172,18 +113,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--full", action="store_true", help="500 × 500 pixels, as in the scenes")
     parser.add_argument("--seed", type=int, default=0, help="which sensor (default: 0)")
     parser.add_argument("--port", type=int, default=8080, help="default: 8080")
-    parser.add_argument("--host", help="address to listen at; others then need the token printed")
-    parser.add_argument(
-        "--measure", type=float, metavar="SECONDS", help="no page: say how fast it would be"
-    )
+    parser.add_argument("--host", help="address to listen at (default: this computer alone)")
     given = parser.parse_args(arguments)
-    torch.set_num_threads(1)  # the other core is the page's and ridge regression's
+    torch.set_num_threads(1)  # the other core is the page's
     if given.seed < 0:
         parser.error(f"--seed: expected an integer from 0, found {given.seed}")
     sensor = SimulatedSensor(500 if given.full else 250, given.seed)
-    if given.measure is not None:
-        print(measure(sensor, given.measure))
-        return
     from hdc.live.page import serve
 
     try:

@@ -1,8 +1,8 @@
-"""Frames that somebody recorded, as a scene; :mod:`hdc.readers` describes the formats."""
+"""Recorded frames of the user as a scene; :mod:`hdc.readers` describes the formats."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,40 +14,23 @@ from hdc import readers
 
 
 class RecordedScene:
-    """A :class:`scenes.frames.Scene` of a recording.
-
-    Attributes:
-        recording: what was opened.
-        skipped: a line for each bad frame that was left out, naming it and the reason.
-    """
+    """A :class:`scenes.frames.Scene` of a recording (:func:`hdc.readers.open_recording`)."""
 
     origin = "recorded"
 
     def __init__(self, recording: readers.Recording) -> None:
-        self.recording = recording
+        if recording.labels is None:
+            raise readers.SettingError("path: expected a recording with labels, found values only")
+        self.recording, self.skipped = recording, recording.skipped
         self.classes, self.labels = recording.classes, recording.labels
-        self.shape, self.samples = recording.shape, recording.samples
-        self.skipped = recording.skipped
+        self.shape, self.samples, self.values = recording.shape, recording.samples, recording.values
 
     def __len__(self) -> int:
         return len(self.recording)
 
     def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
-        """Frames uint8 or uint16 [len(indices), H, W].
-
-        Raises:
-            IndexError: an index is outside [0, N).
-            BadFrame: the recording changed since it was opened.
-        """
+        """Frames uint8 or uint16 [len(indices), H, W]; raises as the recording does."""
         return torch.from_numpy(self.recording.frames(np.asarray(indices)))
-
-    def stream(
-        self, indices: Sequence[int] | np.ndarray | Tensor | None = None
-    ) -> Iterator[Tensor]:
-        """Frames [H, W] of the given indices (default: all), one after the other, decoded ahead of
-        whoever takes them; raises as :meth:`frames`."""
-        index = None if indices is None else np.asarray(indices)
-        return map(torch.from_numpy, self.recording.stream(index))
 
     def fingerprint(self) -> str:
         """SHA-256 over the recorded bytes, the pixels kept of them, labels, classes and order."""
@@ -55,11 +38,7 @@ class RecordedScene:
 
 
 def open_recording(path: str | Path, **settings: Any) -> RecordedScene:
-    """The scene of a recording, every frame checked.
-
-    Args:
-        path: a folder of images, an .npz or a video.
-        settings: those of :func:`hdc.readers.open_recording`.
+    """The scene of a recording, opened with the settings of :func:`hdc.readers.open_recording`.
 
     Raises:
         ValueError: as there; a setting is named as in the configuration, ``scene.crop``.

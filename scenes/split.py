@@ -1,8 +1,7 @@
-"""Which samples train and which test: index arrays, seeded, and the same on every machine.
+"""Training and test indices: pure functions of labels and seed, the same on every machine.
 
-Every function is a pure function of its arguments; the indices it returns are int64, in increasing
-order for test sets and in random order for training sets, so that a model that learns as it reads
-does not see one class after the other (in time order, where a split by time is asked for).
+Test indices are in increasing order. Training indices are in random order, so that a model that
+learns as it reads does not see one class after the other; a split by time keeps the order of time.
 """
 
 from __future__ import annotations
@@ -27,86 +26,69 @@ def split(
     order: np.ndarray | None = None,
     groups: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Training and test indices, stratified: each class is split in the same proportion.
+    """Split the samples in two, each class in the same proportion.
 
     Args:
         labels: int64 [N].
-        test_fraction: share of the samples to test on, in (0, 1); 0.2 if ``n_test`` is not given.
-        n_test: their number instead. What the classes' proportions leave over goes to the classes
-            with the largest remainders, ties to the lowest label.
-        kind: ``"random"``; ``"ordered"``: the last samples in time of each class test, so the
-            model is asked about what came after everything it has learnt of that class; or
-            ``"grouped"``: samples of one group are never on both sides, so the model is asked about
-            groups it has not seen. Groups are drawn in random order; one tests if that brings the
-            test samples of the classes nearer to their proportions.
+        test_fraction: share of the samples to test on, in (0, 1); 0.2 without ``n_test``.
+        n_test: their number instead. Rounding goes by largest remainder, ties to the lowest label.
+        kind: ``"random"``; ``"ordered"``: the last samples in time of each class test; or
+            ``"grouped"``: no group has samples on both sides. Groups are visited in random order;
+            one tests if that brings the test samples of the classes nearer to their proportions.
         seed: seed of the random choice, and of the order of the training indices.
-        order: place in time of each sample [N], for ``"ordered"``; ``scene.samples["order"]``.
-        groups: group of each sample [N], numbers or strings, for ``"grouped"``: what neighbouring
-            samples share, for example the actuator position of the fibre
-            (``scene.samples["depth"]``) or the session (``scene.samples["session"]``).
+        order: place in time of each sample [N], for ``"ordered"``.
+        groups: group of each sample [N], numbers or strings, for ``"grouped"``: the session, the
+            object, the position of the actuator.
 
     Returns:
-        train [N − n_test], test [n_test]. For ``"grouped"`` the number of test samples is as near
-        to n_test as whole groups allow.
+        train [N − n_test], test [n_test]. Of ``"grouped"``, n_test is as near as whole groups come.
 
     Raises:
-        ValueError: an argument is out of range, or some class would be left without a training or
-            a test sample.
+        ValueError: an argument is out of range, or a class would have no training or test sample.
     """
     classes, class_of, counts = _classes(labels)
     n = len(class_of)
-    n_test = _n_test(n, test_fraction, n_test)
     kinds = (*KINDS, "grouped")
     require(kind in kinds, "split.kind", kind, f"one of {', '.join(kinds)}")
-    for name, values, needed in (("order", order, "ordered"), ("groups", groups, "grouped")):
-        if kind == needed and np.asarray(values).shape != (n,):
-            found = "none" if values is None else f"shape {np.asarray(values).shape}"
-            raise ValueError(
-                f"split.{name}: expected shape ({n},), a value each sample, for split.kind={kind}, "
-                f"found {found}"
-            )
-    tested = _apportion(n_test, counts)
-    for c, name in enumerate(classes):
-        if not 0 < tested[c] < counts[c]:
-            raise ValueError(
-                f"split: class {name} has {counts[c]} samples, of which {tested[c]} would test; "
-                f"expected at least one to train and one to test"
-            )
+    for name, values, needed_by in (("order", order, "ordered"), ("groups", groups, "grouped")):
+        shape = None if values is None else np.asarray(values).shape
+        fits = kind != needed_by or shape == (n,)
+        require(fits, f"split.{name}", shape, f"shape ({n},) for split.kind={kind}")
+    target = _apportion(_n_test(n, test_fraction, n_test), counts)
+    for name, tested, count in zip(classes, target, counts, strict=True):
+        expected = f"samples of class {name} on both sides of its {count}"
+        require(0 < tested < count, "split", f"{tested} to test", expected)
 
     rng = _generator(seed)
     if kind == "grouped":
-        test = _of_whole_groups(classes, class_of, tested, np.asarray(groups), rng)
+        test = _of_whole_groups(classes, class_of, target, np.asarray(groups), rng)
         train = rng.permutation(n)
         return train[~np.isin(train, test)], test
     rank = rng.permutation(n) if kind == "random" else np.asarray(order)
     members = _by_class(class_of, rank, len(classes))
-    train = np.concatenate([m[: len(m) - t] for m, t in zip(members, tested, strict=True)])
-    test = np.concatenate([m[len(m) - t :] for m, t in zip(members, tested, strict=True)])
-    train = train[np.argsort(rank[train], kind="stable")]
-    return train, np.sort(test)
+    train = np.concatenate([m[: len(m) - t] for m, t in zip(members, target, strict=True)])
+    test = np.concatenate([m[len(m) - t :] for m, t in zip(members, target, strict=True)])
+    return train[np.argsort(rank[train], kind="stable")], np.sort(test)
 
 
 def neighbours_leak(
     labels: np.ndarray, order: np.ndarray, train: np.ndarray, test: np.ndarray
 ) -> float:
-    """Share of the test samples next to which, in time, a training sample of their class lies.
+    """Share of the test samples that have a training sample of their class beside them in time.
 
-    Neighbouring frames of one touch are nearly copies. Near 1, a test of recorded frames says how
-    well a model remembers, and ``"ordered"`` or ``"grouped"`` is the split to take; independent
-    samples in any order of L classes come to 2/L or less.
+    Neighbouring frames of one touch are nearly copies: near 1, a test measures memory. Independent
+    samples of L classes come to 2/L or less.
 
     Args:
         labels: int64 [N].
-        order: place in time of each sample [N]; ``scene.samples["order"]``.
-        train, test: indices that :func:`split` gave.
+        order: place in time of each sample [N].
+        train, test: indices from :func:`split`.
     """
     _, class_of, _ = _classes(labels)
     in_time = np.argsort(order, kind="stable")
     place = np.empty_like(in_time)
     place[in_time] = np.arange(1, len(in_time) + 1)
-    trained = np.full(
-        len(in_time) + 2, -1
-    )  # by place: class of a training sample; none at the ends
+    trained = np.full(len(in_time) + 2, -1)  # by place: class of a training sample, else −1
     trained[place[train]] = class_of[train]
     before, after = trained[place[test] - 1], trained[place[test] + 1]
     return float(((before == class_of[test]) | (after == class_of[test])).mean())
@@ -115,11 +97,10 @@ def neighbours_leak(
 def learning_curve_subsets(
     train: np.ndarray, labels: np.ndarray, sizes: Sequence[int], seed: int = 0
 ) -> dict[int, np.ndarray]:
-    """For each size n, n of the training indices: stratified, and nested in every larger subset.
+    """For each size n, n training indices: stratified, and contained in every larger subset.
 
-    The training samples are put in one fixed order, in which every beginning is as close to the
-    classes' proportions as whole samples allow and the first L hold each class once; a subset is
-    the first n.
+    They are the first n in one order of all: every beginning of it is as near to the classes'
+    proportions as whole samples allow, and the first L hold each class once.
 
     Args:
         train: training indices [M].
@@ -129,26 +110,18 @@ def learning_curve_subsets(
 
     Returns:
         {n: indices [n]} in increasing n.
-
-    Raises:
-        ValueError: a size is out of range or not an integer.
     """
     train = np.asarray(train)
     classes, class_of, _ = _classes(np.asarray(labels)[train])
+    low, high = len(classes), len(train)
     for size in sizes:
-        require(
-            is_integer(size) and len(classes) <= size <= len(train),
-            "split.sizes",
-            size,
-            f"integers from {len(classes)} (one sample a class) to {len(train)} "
-            "(all training samples)",
-        )
+        expected = f"integers from {low} (one sample a class) to {high} (all training samples)"
+        require(is_integer(size) and low <= size <= high, "split.sizes", size, expected)
     rank = _generator(seed).permutation(len(train))
-    members = _by_class(class_of, rank, len(classes))
     # The k-th sample of a class of n is due at the share (k + 1/2)/n of the whole; the first of
     # each class is due at once.
     due = np.empty(len(train))
-    for m in members:
+    for m in _by_class(class_of, rank, len(classes)):
         due[m] = (np.arange(len(m)) + 0.5) / len(m)
         due[m[0]] = -1.0
     ordered = train[np.lexsort((rank, due))]
@@ -158,40 +131,21 @@ def learning_curve_subsets(
 def by_session(
     sessions: np.ndarray, train: object = 0, test: object = 1
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the samples of one session and of another: what was learnt then, asked now.
-
-    Args:
-        sessions: session of each sample [N]; ``scene.samples["session"]``.
-        train, test: the sessions to train and to test on; different, both present.
-    """
+    """Indices of the samples of one session, and of those of another, given each sample's [N]."""
     sessions = np.asarray(sessions)
-    if train == test:
-        same = "the same"
-        if len(np.unique(sessions)) == 1:
-            same += (
-                " as all are of one session (recordings state them in a column session of "
-                "manifest.csv, or in an array session of the .npz)"
-            )
-        raise ValueError(f"split.test: expected a session other than {train!r}, found {same}")
-    chosen = [np.flatnonzero(sessions == s) for s in (train, test)]
-    for key, session, found in zip(("train", "test"), (train, test), chosen, strict=True):
-        if not len(found):
-            raise ValueError(
-                f"split.{key}: expected one of the sessions {np.unique(sessions).tolist()}, "
-                f"found {session!r}"
-            )
-    return chosen[0], chosen[1]
+    present = np.unique(sessions).tolist()
+    expected = f"a session other than {train!r} of the sessions {present}"
+    require(train != test, "split.test", test, expected)
+    for key, session in (("train", train), ("test", test)):
+        require(session in present, f"split.{key}", session, f"one of the sessions {present}")
+    return np.flatnonzero(sessions == train), np.flatnonzero(sessions == test)
 
 
 def _classes(labels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Labels there are [L], which of them each sample has [N], samples of each [L]."""
+    """Labels that occur [L], the index of each sample's among them [N], their counts [L]."""
     labels = np.asarray(labels)
-    if labels.ndim != 1 or labels.dtype.kind not in "iu":
-        raise ValueError(
-            f"labels: expected integers of shape [N], found {labels.dtype} {labels.shape}"
-        )
-    if not len(labels):
-        raise ValueError("labels: expected at least one sample, found none")
+    integers = labels.ndim == 1 and labels.dtype.kind in "iu" and len(labels) > 0
+    require(integers, "labels", f"{labels.dtype} {labels.shape}", "integers of shape [N], N ≥ 1")
     return np.unique(labels, return_inverse=True, return_counts=True)
 
 
@@ -201,10 +155,7 @@ def _n_test(n: int, test_fraction: float | None, n_test: int | None) -> int:
         inside = is_number(fraction) and 0 < fraction < 1
         require(inside, "split.test_fraction", fraction, "a number in (0, 1)")
         return round(n * float(fraction))
-    if test_fraction is not None:
-        raise ValueError(
-            f"split: expected n_test or test_fraction, found both ({n_test}, {test_fraction})"
-        )
+    require(test_fraction is None, "split.test_fraction", test_fraction, "null beside split.n_test")
     require_integer("split.n_test", n_test, 1, n - 1)
     return int(n_test)
 
@@ -223,7 +174,7 @@ def _of_whole_groups(
     groups: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Test indices, increasing: of whole groups, near ``target`` [L] samples of each class.
+    """Test indices, increasing: whole groups, near ``target`` [L] samples of each class.
 
     Every class keeps a group to train on and one to test on.
     """
@@ -244,13 +195,10 @@ def _of_whole_groups(
             chosen[g] = True
             missing -= held[g]
     for c, name in enumerate(classes):
-        if missing[c] == target[c]:  # its groups are larger than what should test
+        if missing[c] == target[c]:  # each of its groups is larger than the test set
             possible = [g for g in drawn if held[g, c] and can_test(g)]
-            if not possible:
-                raise ValueError(
-                    f"split.groups: expected groups of class {name} of which some test and some "
-                    f"train, found {np.count_nonzero(held[:, c])}"
-                )
+            expected = f"groups of class {name} of which some test and some train"
+            require(bool(possible), "split.groups", int(np.count_nonzero(held[:, c])), expected)
             smallest = min(possible, key=lambda g: held[g].sum())
             chosen[smallest] = True
             missing -= held[smallest]

@@ -40,7 +40,8 @@ def keep_memory() -> bool:
         mallopt = ctypes.CDLL(None).mallopt
     except (OSError, AttributeError, TypeError):
         return False
-    return all([mallopt(option, value) == 1 for option, value in _MALLOPT.items()])
+    results = [mallopt(option, value) for option, value in _MALLOPT.items()]
+    return all(result == 1 for result in results)
 
 
 def available() -> list[int]:

@@ -1,16 +1,16 @@
 """The command ``hdc``: train, evaluate, ask and adapt a model without writing Python.
 
-    hdc train touches/ -o touch.safetensors --crop 70 0 500 500 --test-fraction 0.2
+    hdc train touches/ -o touch.safetensors --test-fraction 0.2
     hdc predict touch.safetensors frame1.png frame2.png --reject
     hdc evaluate touch.safetensors tomorrow/
     hdc recalibrate touch.safetensors tomorrow/ -o tomorrow.safetensors --method merge
-    hdc compare touches/ -o compare.html
+    hdc compare touches/ --test tomorrow/ -o compare.html
     hdc info touch.safetensors
     hdc live --camera 0      # a page to teach it in the browser
 
-:mod:`hdc.readers` describes what ``touches/`` may be: a folder of images, an .npz, or a video with
-a table of intervals. Crop and subsampling are kept in the model's file, and what is read for that
-model later is cropped and subsampled alike. Nothing is written but the file named by ``-o``.
+docs/formats.md describes what ``touches/`` may be: a folder of images, arrays, or a video with a
+table of intervals. Crop and subsampling are kept in the model's file, and later frames are cropped
+and subsampled alike. Nothing is written but the file named by ``-o``.
 
 It exits with 0; with 1 after an error in what was read, which is one line and names the file, what
 was expected and what was found; or with 2 if the command line is not as ``--help`` says.
@@ -25,9 +25,16 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
-_NEEDED = {"click": "command", "cv2": "command", "PIL": "command", "rich": "command",
-           "sklearn": "compare", "matplotlib": "compare", "nicegui": "live"}  # fmt: skip
-"""Package → extra of this distribution that brings it."""
+EXTRAS = {
+    "sklearn": "compare",
+    "matplotlib": "compare",
+    "nicegui": "live",
+    "fastapi": "live",
+    "starlette": "live",
+    "socketio": "live",
+    "uvicorn": "live",
+}
+"""Packages and the extra of this distribution that brings them; ``command`` brings the others."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -48,7 +55,10 @@ def _status(arguments: Sequence[str] | None) -> int:
         from hdc.command.cli import cli
 
         try:
-            return cli.main(arguments, prog_name="hdc", standalone_mode=False) or 0
+            status = cli.main(arguments, prog_name="hdc", standalone_mode=False) or 0
+            if sys.stdout:  # closed by the caller: none
+                sys.stdout.flush()
+            return status
         except click.exceptions.NoArgsIsHelpError as error:
             error.show()
             return error.exit_code
@@ -57,13 +67,14 @@ def _status(arguments: Sequence[str] | None) -> int:
         except click.ClickException as error:
             return _say(f"error: {error.format_message()}", error.exit_code)
     except ModuleNotFoundError as error:
-        missing = (error.name or "").partition(".")[0]
-        if missing not in _NEEDED:
+        package = (error.name or "").partition(".")[0]
+        if package == "hdc":
             raise
-        extra = _NEEDED[missing]
+        extra = EXTRAS.get(package, "command")
         return _say(
-            f"error: expected the package {missing}, found none; pip install 'hdc[{extra}]'", 1
-        )
+            f"error: expected the package {package}, found none; "
+            f"pip install 'speckle-hdc[{extra}]'", 1
+        )  # fmt: skip
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
@@ -72,7 +83,7 @@ def _status(arguments: Sequence[str] | None) -> int:
 
 
 def _say(text: str, status: int) -> int:
-    """Writes one line, whatever control characters a file's name or content brought into it."""
+    """Write one line, whatever control characters a file's name or content brought into it."""
     line = " ".join(text.split("\n"))
     plain = (c if c.isprintable() else ascii(c)[1:-1] for c in line)
     print("".join(plain), file=sys.stderr)

@@ -1,15 +1,16 @@
-"""What can be typed after ``hdc``; what it does is in :mod:`hdc.command.work`.
+"""Options of the command ``hdc``; :mod:`hdc.command.work` does the work.
 
 torch takes seconds to import, so it is not imported before the words, and the files that they name,
-were looked at.
+were checked.
 """
 
 from __future__ import annotations
 
+import json
 import os
-import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+import stat
+from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,10 @@ import click
 import hdc
 from hdc import readers
 from hdc.readers.files import file_size, shown
-from hdc.readers.listing import image_files
+from hdc.readers.listing import image_files, is_image
 
 RATE = 0.01
-"""Share of frames of known classes that --reject alone may lose; that of ``predict``."""
+"""Share of frames of known classes that ``--reject`` alone may refuse."""
 
 
 class _File(click.ParamType[Path]):
@@ -30,61 +31,63 @@ class _File(click.ParamType[Path]):
     name = "path"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        if value == "":
+            self.fail("expected a path, found nothing", param, ctx)
         return Path(os.path.expanduser(value))
 
 
-class _OptionalRate(click.Command):
-    """``--reject`` with or without a number after it, which click would take for its value."""
+class _Share(click.FloatRange):
+    """A range of numbers that NaN is not in."""
 
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        for i, word in enumerate(args):
-            if word == "--reject" and not _is_number(args[i + 1 : i + 2]):
-                args[i] = f"--reject={RATE}"
-        return super().parse_args(ctx, args)
-
-
-def _is_number(words: Sequence[str]) -> bool:
-    try:
-        return bool(words) and float(words[0]) is not None
-    except ValueError:
-        return False
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if number != number:
+            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
+        return number
 
 
-def _recording(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The argument and option of all that read labelled frames."""
-    argument = click.argument("recording", type=_File())
-    option = click.option(
-        "--intervals", type=_File(), metavar="CSV", help="Table of a video. [default: beside it]"
-    )
-    return argument(option(command))
+def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
+    """One decorator of several, in the order of the help."""
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
 
 
-def _pixels(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Which pixels of an image are kept."""
-    crop = click.option(
-        "--crop", type=click.IntRange(0), nargs=4, metavar="X Y WIDTH HEIGHT",
-        help="Pixels to keep, from the top left corner. [default: all]",
-    )  # fmt: skip
-    subsample = click.option(
-        "--subsample", type=click.IntRange(1), default=1, metavar="N",
-        help="Keep every N-th pixel on both axes.",
-    )  # fmt: skip
-    return crop(subsample(command))
-
-
-def _window(crop: tuple[int, ...] | None, subsample: int) -> readers.Window:
-    try:
-        return readers.Window(crop, subsample)
-    except readers.SettingError as error:
-        raise click.UsageError(f"--{error}") from error
-
-
-_SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
-
+_recording = _options(
+    click.argument("recording", type=_File()),
+    click.option("--template", metavar="PATTERN",
+                 help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'."),
+    click.option("--values", "table", type=_File(), metavar="CSV",
+                 help="Table of numbers to learn or compare with, a row an image."),
+    click.option("--column", "columns", multiple=True, metavar="NAME",
+                 help="Column of numbers; may be repeated. [default: all numeric ones]"),
+    click.option("--image-column", default="image", metavar="NAME",
+                 help="Column of the table that names the image."),
+    click.option("--intervals", type=_File(), metavar="CSV",
+                 help="Table of a video. [default: beside it]"),
+)  # fmt: skip
+_pixels = _options(
+    click.option("--crop", type=click.IntRange(0), nargs=4, metavar="X Y WIDTH HEIGHT",
+                 help="Pixels to keep, from the top left corner. [default: all]"),
+    click.option("--subsample", type=click.IntRange(1), default=1, metavar="N",
+                 help="Keep every N-th pixel on both axes."),
+)  # fmt: skip
+_SHARE = _Share(0, 1, min_open=True, max_open=True)
 _output = click.option(
     "-o", "--output", type=_File(), required=True, help="File to write the model to."
 )
 _model = click.argument("model", type=_File())
+_json = click.option("--json", "as_json", is_flag=True, help="Write JSON.")
+_reject = click.option(
+    "--reject", type=_Share(0, 0.5, min_open=True), is_flag=False, flag_value=RATE,
+    default=None, metavar="[RATE]",
+    help="Refuse frames unlike every class; about this share of frames like those trained on is "
+    f"refused, too ({RATE} if no number follows).",
+)  # fmt: skip
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "show_default": True})
@@ -92,9 +95,9 @@ _model = click.argument("model", type=_File())
 def cli() -> None:
     """Train a hyperdimensional classifier of images, and use it.
 
-    A RECORDING is a folder with one sub-folder of images a class, or with a manifest.csv (columns
-    file, label); an .npz with frames [N, H, W] and labels [N]; or a video with a CSV table of
-    intervals (columns start_s, end_s, label) beside it.
+    A RECORDING is a folder of images with one sub-folder a class, a manifest.csv (columns file,
+    label), a --template or a table of --values; an .npz with frames [N, H, W] and labels [N]; or a
+    video with a CSV table of intervals (columns start_s, end_s, label) beside it.
     """
 
 
@@ -103,43 +106,44 @@ def cli() -> None:
 @_output
 @_pixels
 @click.option("--test-fraction", type=_SHARE,
-              help="Hold out this share of each class, and tell the accuracy on it.")  # fmt: skip
+              help="Hold out this share: the last sessions if known, else at random.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, help="Choice of the frames held out.")
+@click.option("--readout", type=click.Choice(["prototype", "ridge", "neighbours"]),
+              help="How bits are read. [default: prototype; for numbers ridge]")  # fmt: skip
+@click.option("--balance/--no-balance", default=None,
+              help="Whether classes of unequal size count alike. [default: balanced]")  # fmt: skip
 def train(
     recording: Path,
     output: Path,
-    intervals: Path | None,
     crop: tuple[int, ...] | None,
     subsample: int,
     test_fraction: float | None,
     seed: int,
+    readout: str | None,
+    balance: bool | None,
+    **source: Any,
 ) -> None:
-    """Learn the classes of a RECORDING.
-
-    Each of its files is read once.
-    """
+    """Learn the classes of a RECORDING, or its numbers with --values."""
     window = _window(crop, subsample)
-    _check_output(output)
-    readers.check_path(recording, intervals)
+    _check_output(output, _is_model, "a saved model")
+    readers.check_path(recording, source["intervals"])
     from hdc.command import work
 
-    stream = readers.open_stream(recording, intervals, readers.Options(window))
-    click.echo(work.train(stream, window, output, test_fraction, seed))
+    frames = work.open_frames(recording, window, **source)
+    click.echo(work.train(frames, window, output, test_fraction, seed, readout, balance))
 
 
-@cli.command(cls=_OptionalRate)
+@cli.command()
 @_model
 @click.argument("images", type=_File(), nargs=-1, required=True)
-@click.option("--reject", type=click.FloatRange(0, 0.5, min_open=True), metavar="[RATE]",
-              help="Answer none for images like no class; about this share of those of known "
-              f"classes is lost ({RATE} if no number is given).")  # fmt: skip
+@_reject
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line.")
 def predict(model: Path, images: tuple[Path, ...], reject: float | None, as_json: bool) -> None:
     """Classify images.
 
-    IMAGES are files, or folders, whose images and those of their sub-folders are taken. For each:
-    file, label, margin (how much farther the second nearest class is) and the distance of each
-    class, as shares of the pixels; 0.5 is the distance of noise.
+    IMAGES are image files, videos, or folders, whose images and those of their sub-folders are
+    taken. For each: file, label, margin (how much farther the second nearest class is) and the
+    distance of each class, as shares of the pixels; 0.5 is the distance of noise.
     """
     _check_model(model)
     files = [file for image in images for file in _images(image)]
@@ -152,85 +156,86 @@ def predict(model: Path, images: tuple[Path, ...], reject: float | None, as_json
 @cli.command()
 @_model
 @_recording
-def evaluate(model: Path, recording: Path, intervals: Path | None) -> None:
-    """Tell accuracy and confusions on a RECORDING.
+@_reject
+@_json
+def evaluate(
+    model: Path, recording: Path, reject: float | None, as_json: bool, **source: Any
+) -> None:
+    """Measure accuracy and confusions on a RECORDING.
 
     The interval of the accuracy is Wilson's, for 95 %.
     """
     _check_model(model)
-    readers.check_path(recording, intervals)
+    readers.check_path(recording, source["intervals"])
     from hdc.command import work
 
-    click.echo(work.evaluate(model, recording, intervals))
+    click.echo(work.evaluate(model, recording, source, reject, as_json))
 
 
 @cli.command()
 @_model
 @_recording
 @_output
-@click.option("--p", type=click.FloatRange(0, 1), default=0.5, help="Share of the new frames.")
+@click.option("--p", type=_Share(0, 1), default=0.5, help="Share of the new frames.")
 @click.option("--method", type=click.Choice(["replace", "merge"]), default="replace",
               help="Replace bits with probability p, as published, or merge votes.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, help="Choice of the bits replaced.")
 def recalibrate(
-    model: Path,
-    recording: Path,
-    output: Path,
-    intervals: Path | None,
-    p: float,
-    method: str,
-    seed: int,
+    model: Path, recording: Path, output: Path, p: float, method: str, seed: int, **source: Any
 ) -> None:
     """Adapt a model to a changed sensor.
 
     The new RECORDING is of some or all of the classes of the model.
     """
-    _check_output(output)
+    _check_output(output, _is_model, "a saved model")
     _check_model(model)
-    readers.check_path(recording, intervals)
+    readers.check_path(recording, source["intervals"])
     from hdc.command import work
 
-    click.echo(work.recalibrate(model, recording, intervals, output, p, method, seed))
+    click.echo(work.recalibrate(model, recording, source, output, p, method, seed))
 
 
 @cli.command()
 @_recording
+@click.option("--test", "other", type=_File(), metavar="RECORDING",
+              help="Test on this recording, of another day.")  # fmt: skip
 @click.option("-o", "--output", type=_File(), help="File to write a page of HTML to.")
 @_pixels
-@click.option("--test-fraction", type=_SHARE, default=0.2,
-              help="Share of each class to hold out at random.")  # fmt: skip
-@click.option("--seeds", type=click.IntRange(1, 100), default=3, metavar="N",
-              help="How often other frames are held out.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="One JSON object instead of the table.")
+@click.option("--test-fraction", type=_SHARE, default=0.2, help="Share of frames to hold out.")
+@click.option("--draws", type=click.IntRange(1, 100), default=5, metavar="N",
+              help="Random choices of frames at each number a class.")  # fmt: skip
+@_json
 def compare(
     recording: Path,
+    other: Path | None,
     output: Path | None,
-    intervals: Path | None,
     crop: tuple[int, ...] | None,
     subsample: int,
     test_fraction: float,
-    seeds: int,
+    draws: int,
     as_json: bool,
+    **source: Any,
 ) -> None:
-    """Compare classifiers on a RECORDING.
+    """Compare read-outs of bits and grey values on a RECORDING.
 
-    HDC, ridge and softmax regression and a small network: accuracy on frames held out, times,
-    sizes; with -o a page with learning curve and confusions, too. Frames are held in memory.
+    Accuracy for 1, 2, 5 … frames a class, held out at random and by time, training times, and
+    advice. Frames are held in memory.
     """
     window = _window(crop, subsample)
     if output:
-        _check_output(output)
-    readers.check_path(recording, intervals)
-    if output:
-        with _fonts_elsewhere():
-            from hdc.command import compare_page
-    from hdc.command import compare as comparing
+        _check_output(output, _is_page, "a page of hdc compare")
+        if find_spec("matplotlib") is None:  # said before the work
+            raise ModuleNotFoundError("matplotlib", name="matplotlib")
+    for path in filter(None, (recording, other)):
+        readers.check_path(path, source["intervals"])
+    from hdc.command import comparison, work
 
-    frames = readers.open_recording(recording, intervals, window.crop, window.subsample)
-    result = comparing.compare(frames, recording, test_fraction, seeds)
+    frames = work.open_frames(recording, window, **source)
+    tests = work.open_frames(other, window, **source) if other else None
+    result = comparison.compare(frames, tests, recording, test_fraction, draws)
     if output:
-        output.write_text(compare_page.page(result), encoding="utf-8")
-    click.echo(result.json() if as_json else comparing.text(result))
+        comparison.write_page(output, result)
+    click.echo(json.dumps(result, ensure_ascii=False) if as_json else comparison.text(result))
 
 
 @cli.command()
@@ -272,39 +277,66 @@ def live(
 
 @cli.command()
 @_model
-def info(model: Path) -> None:
-    """Tell what a model was trained on."""
+@_json
+def info(model: Path, as_json: bool) -> None:
+    """Show what a model was trained on."""
     _check_model(model)
     from hdc.command import work
 
-    click.echo(work.info(model))
+    click.echo(work.info(model, as_json))
+
+
+# Checks before anything is read -----------------------------------------------------------------
+
+
+def _window(crop: tuple[int, ...] | None, subsample: int) -> readers.Window:
+    try:
+        return readers.Window(crop, subsample)
+    except readers.SettingError as error:
+        raise click.UsageError(f"--{error}") from error
 
 
 def _check_model(path: Path) -> None:
     if not path.exists():
         raise ValueError(f"{shown(path)}: expected a saved model, found no such file")
+    if path.is_file() and is_image(path.name):
+        raise ValueError(
+            f"{shown(path)}: expected a saved model, found an image; the model is first"
+        )
 
 
-def _check_output(path: Path) -> None:
-    """Found before anything is read: that the model could not be written in the end."""
+def _check_output(path: Path, ours: Callable[[Path], bool], kind: str) -> None:
+    """Refuse a name that cannot be written, or that is taken by anything but a file of ours."""
     if not path.parent.is_dir():
         raise ValueError(f"{shown(path)}: expected a folder to write into, found none")
     if path.is_dir():
         raise ValueError(f"{shown(path)}: expected a file name, found a folder")
+    if os.path.lexists(path):
+        if not stat.S_ISREG(path.lstat().st_mode):
+            raise ValueError(f"{shown(path)}: expected {kind} or no file, found a link or a device")
+        if not ours(path):
+            raise ValueError(
+                f"{shown(path)}: expected {kind} or no file, found another file; not replaced"
+            )
     if not os.access(path.parent, os.W_OK):
         raise ValueError(f"{shown(path)}: expected a folder that can be written, found none")
 
 
-@contextmanager
-def _fonts_elsewhere() -> Iterator[None]:
-    """matplotlib keeps a list of fonts in the home folder; the command writes its page only."""
-    with tempfile.TemporaryDirectory() as folder:
-        used = os.environ.setdefault("MPLCONFIGDIR", folder)
+def _is_model(path: Path) -> bool:
+    """Whether a file has the header of a saved model, a safetensors file with JSON at its start."""
+    with path.open("rb") as file:
+        length = int.from_bytes(file.read(8), "little")
+        if length > path.stat().st_size:
+            return False
         try:
-            yield
-        finally:
-            if used == folder:
-                del os.environ["MPLCONFIGDIR"]
+            return "model" in json.loads(file.read(length))["__metadata__"]
+        except (ValueError, KeyError, TypeError):
+            return False
+
+
+def _is_page(path: Path) -> bool:
+    with path.open("rb") as file:
+        return b"<title>hdc compare" in file.read(500)
 
 
 def _images(path: Path) -> list[Path]:

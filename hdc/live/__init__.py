@@ -1,13 +1,12 @@
-"""A page in the browser on which a sensor is touched, taught, and recalibrated while it runs.
+"""A page in the browser that teaches a sensor, lets it drift and recalibrates it.
 
-``hdc live --camera 0`` and ``hdc live --folder DIR`` open it for a camera or a recording;
-``python -m scenes.live`` of the harness for the simulated sensor. It needs ``pip install
-'hdc[live]'``.
+``hdc live --camera 0`` and ``hdc live --folder DIR`` open it for a camera or a recording,
+``python -m scenes.live`` for the simulated sensor. It needs ``pip install 'hdc[live]'``.
 
-There is one sensor and one model. A worker thread takes frames, asks the model and does what the
-page wants done, one step a frame (:mod:`hdc.live.worker`, :mod:`hdc.live.session`); everybody who
-opens the page sees the same frames and teaches the same model. Frames are made only while somebody
-looks. Nothing is written to disk: a saved model is downloaded, a loaded one uploaded.
+There is one sensor and one model, shared by all who open the page. One worker thread takes frames,
+predicts and trains (:mod:`hdc.live.worker`); :mod:`hdc.live.session` holds the model and the taught
+frames. Frames are taken only while a page is open. Nothing is written to disk: a model is saved by
+download and loaded by upload.
 """
 
 from __future__ import annotations

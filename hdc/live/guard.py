@@ -1,55 +1,39 @@
-"""Who may open the page: this computer alone, or whoever has the token."""
+"""Access to the page: only for browsers that have its token."""
 
 from __future__ import annotations
 
 import secrets
-from http.cookies import SimpleCookie
 from typing import Any
-from urllib.parse import parse_qs
 
-COOKIE = "hdc_live"
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse, RedirectResponse
 
 
 class Guard:
     """ASGI middleware that refuses (403) every request and socket without the token.
 
-    The token comes in the address once, ``/?token=…``, and in a cookie from then on.
+    The token comes in the address once, ``/?token=…``, and in a cookie from then on. Neither a page
+    of another site nor another user of this computer has it.
+
+    Args:
+        app: the application behind it.
+        token: the secret.
+        cookie: name of the cookie; browsers share cookies between the ports of a host.
     """
 
-    def __init__(self, app: Any, token: str) -> None:
-        self._app, self._token = app, token.encode()
+    def __init__(self, app: Any, token: str, cookie: str) -> None:
+        self._app, self._token, self._cookie = app, token, cookie
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        if scope["type"] not in ("http", "websocket"):
-            await self._app(scope, receive, send)
-            return
-        headers = {key.decode("latin-1"): value for key, value in scope["headers"]}
-        try:
-            cookies = SimpleCookie(headers.get("cookie", b"").decode("latin-1"))
-        except Exception:  # whatever else is in that header
-            cookies = SimpleCookie()
-        query = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
-        if self._is_token(query):
+        answer: Any = self._app
+        if scope["type"] in ("http", "websocket"):
+            request = HTTPConnection(scope)
+            if self._is_token(request.query_params.get("token")) and scope["type"] == "http":
+                answer = RedirectResponse(request.url.path)
+                answer.set_cookie(self._cookie, self._token, httponly=True, samesite="lax")
+            elif not self._is_token(request.cookies.get(self._cookie)):
+                answer = PlainTextResponse("Open this page with the address that was printed.", 403)
+        await answer(scope, receive, send)
 
-            async def with_cookie(message: Any) -> None:
-                if message["type"] == "http.response.start":
-                    cookie = f"{COOKIE}={query}; HttpOnly; SameSite=Strict; Path=/"
-                    message["headers"] = [
-                        *message.get("headers", []),
-                        (b"set-cookie", cookie.encode()),
-                    ]
-                await send(message)
-
-            await self._app(scope, receive, with_cookie)
-        elif COOKIE in cookies and self._is_token(cookies[COOKIE].value):
-            await self._app(scope, receive, send)
-        elif scope["type"] == "websocket":
-            await send({"type": "websocket.close", "code": 1008})
-        else:
-            text = "Open this page with the address that was printed where it was started."
-            headers_sent = [(b"content-type", b"text/plain; charset=utf-8")]
-            await send({"type": "http.response.start", "status": 403, "headers": headers_sent})
-            await send({"type": "http.response.body", "body": text.encode()})
-
-    def _is_token(self, found: str) -> bool:
-        return secrets.compare_digest(found.encode(), self._token)
+    def _is_token(self, text: str | None) -> bool:
+        return secrets.compare_digest((text or "").encode(), self._token.encode())

@@ -4,162 +4,126 @@ from __future__ import annotations
 
 import html
 import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from nicegui import ui
 
-from hdc.live import colours
-from hdc.live.session import Session, within
+from hdc.live.session import HAS_VALUES, Session, within
 from hdc.live.sources import Pressable, Touch
-from hdc.live.worker import Worker
 
 NEAR = 2e-3
-"""m; so near a taught place the robot returns to it, and so near a touch it is that touch."""
-MOST_TOUCHES = 4
+"""m; a press so near a taught place goes to it, and a touch follows the finger in such steps."""
+# Okabe and Ito's colours, which the colour-blind tell apart, darkened for text.
+_COLOURS = (
+    "#0060a0", "#a83c00", "#007a56", "#9a4f7e", "#7a6a00", "#2f7fa8", "#555555", "#5b3fa0"
+)  # fmt: skip
 _POINTER = """(e) => {
   const pad = e.currentTarget, box = pad.getBoundingClientRect();
   if (e.type === 'pointermove' && !e.buttons) return;
   if (e.type === 'pointerdown') pad.setPointerCapture(e.pointerId);
   emit([e.type, (e.clientX - box.left) / box.width, (e.clientY - box.top) / box.height]);
 }"""
+_SURFACE = """<svg viewBox="0 0 {0:g} {1:g}" role="img" aria-label="the sensor">
+<rect width="{0:g}" height="{1:g}" rx="1.5" fill="#fbe3dc" stroke="#c99" stroke-width=".4"/>"""
+_OPTICS = """<g transform="translate({:.2f} {:.2f})"><rect y="-1" width="3" height="2"
+ fill="#b00020"/><text x="4" y="0.9" font-size="2.6" fill="#733">{}</text></g>"""
+_PLACE = """<g transform="translate({:.2f} {:.2f})" stroke="{c}" fill="{c}">
+<circle r="2" fill="none" stroke-width=".6"/>
+<text y="-2.8" text-anchor="middle" font-size="3" stroke="none">{name}</text></g>"""
+_TOUCH = '<circle cx="{:.2f}" cy="{:.2f}" r="{:.2f}" fill="#222" fill-opacity=".55"/>'
+_CROSS = """<g class="cross" transform="translate({:.2f} {:.2f})" fill="none" stroke="#000"><path
+ d="M-3 0H3M0-3V3" stroke-width=".5"/><ellipse rx="{:.2f}" ry="{:.2f}" stroke-width=".2"/></g>"""
+
+
+def colour(names: Sequence[str], name: str | None) -> str:
+    """The colour of a class among others."""
+    return _COLOURS[names.index(name) % len(_COLOURS)] if name in names else "#222222"
+
+
+def slider(name: str, low: float, high: float, step: float, value: float, text: str) -> ui.slider:
+    """A slider between its name and its value."""
+    with ui.element("div").classes("row").style("flex-wrap: nowrap; gap: 16px"):
+        ui.label(name).classes("small")
+        made = ui.slider(min=low, max=high, step=step, value=value).props(f'aria-label="{name}"')
+        label = ui.label().classes("small").style("white-space: nowrap")
+        label.bind_text_from(made, "value", text.format)
+    return made
 
 
 class Pad:
-    """A drawing of the surface in millimetres, and how it is pressed.
+    """A drawing of the surface in millimetres, and the controls to press it.
 
-    The sensor is one for all pages, and so are the touches on it.
+    Args:
+        do: has the worker do a job.
+        session: with the taught places.
+        source: the sensor; it and its touches are shared by all pages.
     """
 
-    def __init__(self, worker: Worker, source: Pressable) -> None:
-        self._worker, self._source = worker, source
-        self._drawn = ""
-        self._held = False  # the one touch is held, and moves along
+    def __init__(self, do: Callable[..., Any], session: Session, source: Pressable) -> None:
+        self._do, self._session, self._source, self._drawn = do, session, source, ""
         with ui.element("div").classes("pad").mark("pad") as pad:
             self._drawing = ui.html("", sanitize=False)
-        for kind in ("pointerdown", "pointermove", "pointerup", "pointercancel"):
+        for kind in ("pointerdown", "pointermove"):
             throttle = 0.05 if kind == "pointermove" else 0.0
             pad.on(kind, self._pointer, throttle=throttle, js_handler=_POINTER)
         ui.label(
             f"The silicone from above, {source.length * 1e3:.0f} × {source.width * 1e3:.0f} mm: "
-            "press it. Near the mark of a class the robot returns to where it was taught."
+            "press it. Near the ring of a class the robot returns to where it was taught."
+            + (" Cross: the predicted place, by frames of taught places." if HAS_VALUES else "")
         ).classes("small")
-        with ui.element("div").classes("row").style("flex-wrap: nowrap"):
-            ui.label("depth").classes("small")
-            deepest = source.deepest * 1e3
-            self._depth = ui.slider(min=0.1, max=deepest, step=0.1, value=1.8)
-            self._depth.props('aria-label="depth in millimetres"')
-            self._depth.on("update:model-value", self._deeper, throttle=0.1)
-            self._depth_text = ui.label("").classes("small numbers").style("white-space: nowrap")
-        with ui.element("div").classes("row"):
-            self._stays = ui.switch("stays pressed", value=True)
-            self._several = ui.switch("several at once", value=False)
-            ui.button("Lift off", on_click=self._lift).props(
-                "no-caps outline dense padding='4px 10px'"
-            )
+        self._depth = slider("depth", 0.1, source.deepest * 1e3, 0.1, 1.8, "{:.1f} mm")
+        self._depth.on("update:model-value", self._deeper, throttle=0.1)
+        ui.button("Lift off", on_click=lambda: self._press()).props(
+            "no-caps outline dense padding='4px 10px'"
+        ).style("align-self: flex-start")
 
-    @property
-    def touches(self) -> tuple[Touch, ...]:
-        """What presses now."""
-        return self._source.touches
-
-    def show(self, session: Session) -> None:
-        """Draw what there is now."""
-        if (text := f"{self._depth.value:.1f} mm") != self._depth_text.text:
-            self._depth_text.set_text(text)
-        drawing = self._svg(session)
-        if drawing != self._drawn:
+    def show(self, values: Sequence[tuple[float, float, float]]) -> None:
+        """Draw taught places, touches, and the predicted place (x, y) with its interval in mm."""
+        source, names = self._source, list(self._session.counts)
+        drawn = [_SURFACE.format(source.length * 1e3, source.width * 1e3)]
+        for name, (x, y) in (("laser light in", source.fibre), ("camera", source.camera)):
+            drawn.append(_OPTICS.format(*self._at(x, y), name))
+        for name, touches in self._session.places.items():
+            for t in touches:
+                look = {"c": colour(names, name), "name": html.escape(name)}
+                drawn.append(_PLACE.format(*self._at(t.x, t.y), **look))
+        drawn += [_TOUCH.format(*self._at(t.x, t.y), 1 + 900 * t.depth) for t in source.touches]
+        if len(values) == 2:
+            (x, *of_x), (y, *of_y) = values
+            half = (of_x[1] - of_x[0]) / 2, (of_y[1] - of_y[0]) / 2
+            drawn.append(_CROSS.format(*self._at(x * 1e-3, y * 1e-3), *half))
+        if (drawing := "".join([*drawn, "</svg>"])) != self._drawn:
             self._drawn = drawing
             self._drawing.set_content(drawing)
 
-    # ---------------------------------------------------------------------------------------------
+    def _at(self, x: float, y: float) -> tuple[float, float]:
+        """Place of (x, y) in m on the drawing in mm."""
+        return x * 1e3, (self._source.width / 2 - y) * 1e3
 
-    def _pointer(self, event: Any) -> None:
-        kind, across, down = event.args
+    async def _pointer(self, event: Any) -> None:
+        kind, *shares = event.args
+        across, down = (within(share, 0.0, 1.0) for share in shares)
+        x, y = across * self._source.length, (0.5 - down) * self._source.width
         if kind == "pointerdown":
-            self._down(*self._place(across, down))
-        elif kind == "pointermove":
-            if self._held and len(self.touches) == 1:
-                x, y = self._place(across, down)
-                near = self.touches[0]
-                if math.hypot(near.x - x, near.y - y) > NEAR:  # a hand shakes
-                    self._press([Touch(x, y, self._deep)], moved=True)
-        else:
-            if not self._stays.value:
-                self._lift()
-            self._held = False
+            taught = [t for place in self._session.places.values() for t in place]
+            near = [t for t in taught if _apart(t, x, y) < NEAR]
+            place = min(near, key=lambda t: _apart(t, x, y), default=Touch(x, y, 0.0))
+            await self._press(Touch(place.x, place.y, self._deep))
+        elif all(_apart(t, x, y) > NEAR for t in self._source.touches):  # a hand shakes
+            await self._press(Touch(x, y, self._deep), moved=True)
 
-    def _down(self, x: float, y: float) -> None:
-        several, deep = bool(self._several.value), self._deep
+    async def _press(self, *touches: Touch, moved: bool = False) -> None:
+        await self._do(lambda session: self._source.press(touches, moved))
 
-        def press(session: Session) -> None:  # in the worker: another finger may have come before
-            places = [t for place in session.places.values() for t in place]
-            near = min(places, key=lambda t: math.hypot(t.x - x, t.y - y), default=None)
-            is_near = near is not None and math.hypot(near.x - x, near.y - y) < NEAR
-            touch = Touch(near.x, near.y, deep) if near and is_near else Touch(x, y, deep)
-            now = list(self.touches) if several else []
-            left = [t for t in now if math.hypot(t.x - touch.x, t.y - touch.y) >= NEAR]
-            if len(left) >= MOST_TOUCHES:
-                raise ValueError(f"{MOST_TOUCHES} touches at once are the most.")
-            added = len(left) == len(now)  # pressed once more, a touch is lifted
-            self._source.press([*left, touch] if added else left)
-
-        self._held = not several  # of several, none is moved
-        self._worker.do(press)
-
-    def _press(self, touches: list[Touch], moved: bool = False) -> None:
-        self._worker.do(lambda session: self._source.press(touches, moved))
-
-    def _lift(self) -> None:
-        self._press([])
-
-    def _deeper(self) -> None:
-        touches = [Touch(t.x, t.y, self._deep) for t in self.touches]
-        if touches:
-            self._press(touches, moved=True)
+    async def _deeper(self) -> None:
+        if touches := [Touch(t.x, t.y, self._deep) for t in self._source.touches]:
+            await self._press(*touches, moved=True)
 
     @property
     def _deep(self) -> float:
         return within(self._depth.value, 0.0, self._source.deepest * 1e3) * 1e-3
 
-    def _place(self, across: Any, down: Any) -> tuple[float, float]:
-        """(x, y) in m of a place on the pad, as shares of its width and height."""
-        across, down = (within(share, 0.0, 1.0) for share in (across, down))
-        return across * self._source.length, (0.5 - down) * self._source.width
 
-    def _svg(self, session: Session) -> str:
-        source = self._source
-        length, width = source.length * 1e3, source.width * 1e3
-
-        def at(x: float, y: float) -> tuple[str, str]:
-            return f"{x * 1e3:.2f}", f"{width / 2 - y * 1e3:.2f}"
-
-        drawn = [
-            f'<svg viewBox="0 0 {length:g} {width:g}" role="img" aria-label="the sensor">',
-            f'<rect width="{length:g}" height="{width:g}" rx="1.5" fill="#fbe3dc" '
-            'stroke="#c99" stroke-width=".4"/>',
-        ]
-        for name, (x, y) in (("laser light in", source.fibre), ("camera", source.camera)):
-            cx, cy = at(x, y)
-            drawn.append(
-                f'<rect x="{cx}" y="{float(cy) - 1:.2f}" width="3" height="2" fill="#b00020"/>'
-                f'<text x="{float(cx) + 4:.2f}" y="{float(cy) + 0.9:.2f}" font-size="2.6" '
-                f'fill="#733">{name}</text>'
-            )
-        names = list(session.counts)
-        for name, touches in list(session.places.items()):
-            for touch in touches:
-                cx, cy = at(touch.x, touch.y)
-                colour = colours.of(names, name)
-                drawn.append(
-                    f'<circle cx="{cx}" cy="{cy}" r="2" fill="none" stroke="{colour}" '
-                    f'stroke-width=".6"/><text x="{cx}" y="{float(cy) - 2.8:.2f}" '
-                    f'text-anchor="middle" font-size="3" fill="{colour}">{html.escape(name)}'
-                    "</text>"
-                )
-        for touch in source.touches:
-            cx, cy = at(touch.x, touch.y)
-            radius = 1 + 0.9 * touch.depth * 1e3
-            drawn.append(
-                f'<circle cx="{cx}" cy="{cy}" r="{radius:.2f}" fill="#222" fill-opacity=".55"/>'
-            )
-        return "".join([*drawn, "</svg>"])
+def _apart(touch: Touch, x: float, y: float) -> float:
+    return math.hypot(touch.x - x, touch.y - y)

@@ -1,411 +1,335 @@
-"""What is taught on the page, and what the model says: no threads and no browser here.
+"""The model that the page teaches, and the frames it was taught with; no threads, no browser.
 
-Whatever takes more than a frame's time is a generator that yields after every step, so that frames
-go on meanwhile. Whatever a user can do wrong is a ValueError whose text is shown on the page.
+The model is always trained anew from the kept samples, and recalibrated by those of each
+recalibration. That takes milliseconds, and makes forgetting a class, switching the read-out and
+learning after a recalibration the same simple operation. An operation that is refused raises
+ValueError, whose text the page shows, and changes nothing.
 """
 
 from __future__ import annotations
 
+import re
 import tempfile
-import time
-from collections import deque
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections import Counter, deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+import hdc
 from hdc import HDCClassifier, bits
 from hdc.encode import encode
 from hdc.inputs import tensor
-from hdc.live.ridge import Ridge
 from hdc.live.sources import Pressable, Source, Touch
-from hdc.rejection import RATE
 
-MOST_CLASSES, MOST_LETTERS = 12, 24
-KEPT_BYTES = 2**26
-"""For frames kept to train ridge with, and to forget a class, at two bytes a pixel: 536 frames of
-250 × 250 pixels. Training ridge takes twice as much for a moment."""
+MOST_CLASSES, MOST_LETTERS, MOST_SAMPLES = 12, 24, 1000
 RECENT = 20
-"""Tests behind the accuracy shown."""
-FEWEST = 6
-"""Tests from which on it is drawn."""
-MOST_POINTS = 400
-STEPS = ("frame", "encode", "predict", "learn", "picture", "send")
+"""Tests behind the accuracy that is shown."""
+ALPHA = 0.1
+"""Error rate of prediction sets: they miss the true class in one of ten frames."""
+_NUMBER = re.compile(r"([-+]?\d+(?:\.\d+)?)\s*[^\d\s]*")  # "1.5" or "1.5 mm"
+
+# Parts of the library that the page shows where they are there.
+HAS_SETS = hasattr(HDCClassifier, "predict_set")
+HAS_VALUES = hasattr(hdc, "HDCRegressor")
+HAS_READOUTS = "readout" in HDCClassifier().get_params()
+READOUTS = ("prototype", "ridge", "neighbours") if HAS_READOUTS else ("prototype",)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Answer:
-    """What the model says of a frame.
+    """The model's prediction for a frame."""
 
-    Attributes:
-        label: nearest class; None: like none of them.
-        names: of the L classes.
-        distances, limits: to each prototype, and from where on a frame is refused, as shares of
-            the pixels; limits None where they are not known yet.
-        ridge: what ridge regression says; None if it does not.
-    """
-
-    label: str | None
-    names: list[str]
-    distances: np.ndarray
-    limits: np.ndarray | None
-    ridge: str | None = None
+    label: str | None  # None: none of these
+    likely: tuple[str, ...] | None  # prediction set; None where the library has none
+    distances: dict[str, float]  # Hamming, to each prototype, as a share of the bits
+    values: tuple[tuple[float, float, float], ...] = ()  # value, low, high, where taught
 
 
-@dataclass
-class Point:
-    """Accuracies (share) after so many samples; `change` counts what made them start afresh."""
+class Lesson(NamedTuple):
+    """Samples of lesson 0 train the model; those of a later one recalibrate it by p and method."""
 
-    samples: int
-    change: int
-    accuracy: float
-    ridge: float | None
+    number: int = 0
+    p: float = 0.0
+    method: str = ""
 
 
-@dataclass
+class Sample(NamedTuple):
+    """A frame with its label, and with its position or number where that is known."""
+
+    frame: np.ndarray
+    label: str
+    value: tuple[float, ...] | None
+    lesson: Lesson
+
+
 class Session:
     """One model, taught by frames of one source.
 
     Attributes:
-        counts: samples of each class, in the model's order; replaced, never changed.
-        places: where a class is touched, for sources that can be pressed.
-        shown: samples learnt or recalibrated with.
-        version: grows whenever prototypes change.
-        milliseconds: of each step, a running mean.
+        source: of the frames.
+        model: None until a class is taught.
+        readout: of the model.
+        counts: samples of each class, in the order they were taught; replaced, never changed.
+        places: touches of each class, for a source that can be pressed.
+        tests: whether the latest tests were right.
+        version: grows whenever the model changes.
     """
 
-    source: Source
-    model: HDCClassifier = field(default_factory=HDCClassifier)
-    ridge: Ridge = field(default_factory=Ridge)
-    counts: dict[str, int] = field(default_factory=dict)
-    places: dict[str, tuple[Touch, ...]] = field(default_factory=dict)
-    shown: int = 0
-    version: int = 0
-    milliseconds: dict[str, float] = field(default_factory=dict)
-    points: deque[Point] = field(default_factory=lambda: deque(maxlen=MOST_POINTS))
+    def __init__(self, source: Source) -> None:
+        self.source, self.readout = source, READOUTS[0]
+        self.model: Any = None
+        self.counts: dict[str, int] = {}
+        self.places: dict[str, tuple[Touch, ...]] = {}
+        self.tests: deque[bool] = deque(maxlen=RECENT)
+        self.version = 0
+        self._samples: list[Sample] = []
+        self._file: bytes | None = None  # of a loaded model, which training starts from
+        self._regressor: Any = None
+        self._tested = 0
 
-    def __post_init__(self) -> None:
-        self._frames: list[np.ndarray] = []
-        self._labels: list[str] = []
-        self._pure = True  # the model is that of the frames kept, and of no others
-        self._limits: tuple[int, np.ndarray | None] = (-1, None)
-        self._tests: deque[tuple[bool, bool | None]] = deque(maxlen=RECENT)
-        self._change = self._tested = 0
-
-    # What is seen --------------------------------------------------------------------------------
-
-    @property
-    def tests(self) -> tuple[int, int]:
-        """How many of the latest tests were answered rightly, and how many there were."""
-        tests = list(self._tests)
-        return sum(right for right, _ in tests), len(tests)
-
-    @property
-    def tested_by(self) -> str:
-        if isinstance(self.source, Pressable):
-            return "fresh simulated touches of each class, never learnt from"
-        return "samples, each predicted before it is learnt"
+    # Prediction ----------------------------------------------------------------------------------
 
     def look(self) -> tuple[np.ndarray, np.ndarray, Answer | None]:
-        """The next frame, its hypervector as bool [H, W], and the answer, if there is a model.
+        """The next frame [H, W], its hypervector as bool [H, W], and the model's answer.
 
         Raises:
             ValueError: the source gives no more frames.
         """
-        begin = time.perf_counter()
         frame = self.source.frame()
-        begin = self.took("frame", begin)
-        words = encode(tensor(frame[None]))
-        begin = self.took("encode", begin)
-        answer = self._nearest(frame)
-        if answer is not None:
-            self.took("predict", begin)
-            answer.ridge = self.ridge.predict(frame)
-        return frame, bits.unpack(words, frame.size)[0].numpy().reshape(frame.shape), answer
+        hypervector = bits.unpack(encode(tensor(frame[None])), frame.size)[0].numpy()
+        return frame, hypervector.reshape(frame.shape), self.ask(frame)
 
     def ask(self, frame: np.ndarray) -> Answer | None:
-        """What the model says of a frame; None with fewer than two classes."""
-        if (answer := self._nearest(frame)) is not None:
-            answer.ridge = self.ridge.predict(frame)
-        return answer
-
-    def _nearest(self, frame: np.ndarray) -> Answer | None:
+        """The model's answer for a frame [H, W]; None with fewer than two classes."""
         if len(self.counts) < 2:
             return None
-        distances = self.model.distances(frame[None])[0]
-        row, limits = int(distances.argmin()), self._current_limits()
-        known = limits is None or distances[row] <= limits[row]
-        names = self.model.classes_.tolist()
-        pixels = self.model.dimension_
-        return Answer(
-            names[row] if known else None,
-            names,
-            distances / pixels,
-            None if limits is None else limits / pixels,
-        )
+        answer = _answer(self.model, frame)
+        if self._regressor is None:
+            return answer
+        each = self._regressor.predict(frame[None], return_interval=True)
+        values = zip(*(np.ravel(x).tolist() for x in each), strict=True)
+        return replace(answer, values=tuple(values))
 
     def prototypes(self) -> dict[str, np.ndarray]:
         """Bits of each class's prototype, bool [H, W]."""
-        if not self.counts:
+        if self.model is None:
             return {}
-        unpacked = bits.unpack(self.model.prototypes_, self.model.dimension_).numpy()
-        shape = self.source.shape
-        names = self.model.classes_.tolist()
-        return {name: plane.reshape(shape) for name, plane in zip(names, unpacked, strict=True)}
+        planes = bits.unpack(self.model.prototypes_, self.model.dimension_).numpy()
+        classes = self.model.classes_.tolist()
+        return dict(zip(classes, planes.reshape(-1, *self.source.shape), strict=True))
 
-    def took(self, step: str, begin: float) -> float:
-        """Note that a step took from `begin` until now, which is returned."""
-        now = time.perf_counter()
-        before = self.milliseconds.get(step, 1e3 * (now - begin))
-        self.milliseconds[step] = before + 0.1 * (1e3 * (now - begin) - before)
-        return now
+    def test(self) -> None:
+        """Test the model on one new touch of a taught class, if the source can be pressed."""
+        taught = [name for name in self.counts if name in self.places]
+        if isinstance(self.source, Pressable) and len(taught) > 1:
+            name = taught[self._tested % len(taught)]
+            self._count(self._take(name, 1, self.places[name], Lesson()))
 
-    # What is taught ------------------------------------------------------------------------------
+    def _count(self, samples: list[Sample]) -> None:
+        for sample in samples:
+            if answer := self.ask(sample.frame):
+                self._tested += 1
+                self.tests.append(answer.label == sample.label)
 
-    def new_class(self, name: str, n: int, touches: Sequence[Touch] = ()) -> Iterator[None]:
-        """Learn n samples of what is seen now, as a new class."""
-        name = checked_name(name)
-        if name in self.counts:
+    # Teaching ------------------------------------------------------------------------------------
+
+    def learn(self, name: str, n: int, new: bool = False) -> None:
+        """Learn up to n samples of the present touch or scene, as a new class or as a known one."""
+        if not new:
+            self._check_known(name)
+        elif not _is_name(name := name.strip()):
+            raise ValueError(f"A class needs a name of 1 to {MOST_LETTERS} letters.")
+        elif name in self.counts:
             raise ValueError(f"There is a class “{name}” already: choose another name.")
-        if len(self.counts) >= MOST_CLASSES:
+        elif len(self.counts) >= MOST_CLASSES:
             raise ValueError(f"There are {MOST_CLASSES} classes, as many as the page shows.")
-        yield from self._learn(name, n, touches)
-
-    def add(self, name: str, n: int, touches: Sequence[Touch] = ()) -> Iterator[None]:
-        """Learn n more samples of what is seen now, as a class that there is."""
-        self._check_known(name)
-        yield from self._learn(name, n, touches)
-
-    def _learn(self, name: str, n: int, touches: Sequence[Touch]) -> Iterator[None]:
-        if getattr(self.model, "_recalibrated", False):
-            raise ValueError(
-                "This model was recalibrated: recalibrate it again, or forget everything and "
-                "teach anew."
-            )
+        # Samples join the latest recalibration of their class: they are of today, too.
+        lesson = max((s.lesson for s in self._samples if s.label == name), default=Lesson())
+        samples = self._take(name, n, self._touches, lesson)
         pressed = isinstance(self.source, Pressable)
+        if not new and not pressed:
+            self._count(samples)
+        self._train(self._samples + samples)
         if pressed:
-            self.places[name] = tuple(touches)
-            if name not in self.counts:
-                self._start_tests()
-        for _ in range(n):
-            self._check_room()
-            frame = self._sample(touches)
-            if not pressed and name in self.counts:
-                self._test(frame, name)
-            begin = time.perf_counter()
-            self.model.partial_fit(frame[None], [name])
-            self.took("learn", begin)
-            self._keep(frame, name)
-            yield
-        if not pressed:
-            self._note()
+            self.places = self.places | {name: self._touches}
+        if new and pressed:
+            self.tests.clear()
 
-    def recalibrate(
-        self, names: Sequence[str], n: int, p: float, method: str, touches: Sequence[Touch] | None
-    ) -> Iterator[None]:
-        """Recalibrate some classes by n new samples of each.
+    def recalibrate(self, name: str | None, n: int, p: float, method: str) -> None:
+        """Recalibrate a class by n samples of the present touch or scene.
 
         Args:
-            names: the classes.
-            n: samples of each.
+            name: of the class; None: all of them, each touched where it was taught.
+            n: samples of each class.
             p, method: see :meth:`hdc.HDCClassifier.recalibrate`.
-            touches: what is pressed now; None: each class is touched where it was taught.
         """
         if len(self.counts) < 2:
             raise ValueError("There is nothing to recalibrate yet: teach two classes first.")
-        frames: list[np.ndarray] = []
-        labels: list[str] = []
-        for name in names:
-            self._check_known(name)
-            place = self.places.get(name) if touches is None else tuple(touches)
-            if place is None:
-                raise ValueError(
-                    f"Where “{name}” was touched is not known: press there, and recalibrate it "
-                    "with the button in its row."
-                )
-            for _ in range(n):
-                self._check_room(len(frames))
-                frames.append(self._sample(place))
-                labels.append(name)
-                yield
-        begin = time.perf_counter()
-        self.model.recalibrate(np.stack(frames), labels, p, seed=self.version, method=method)
-        self.took("recalibrate", begin)
-        self._pure = False
-        for frame, label in zip(frames, labels, strict=True):
-            self._keep(frame, label)
-        self._start_tests()
+        samples: list[Sample] = []
+        lesson = Lesson(max((s.lesson.number for s in self._samples), default=0) + 1, p, method)
+        for label in self.counts if name is None else [name]:
+            self._check_known(label)
+            if name is None and label not in self.places:
+                raise ValueError(f"The place of “{label}” is not known: recalibrate it in its row.")
+            place = self.places[label] if name is None else self._touches
+            samples += self._take(label, n, place, lesson)
+        self._train(self._samples + samples)
+        self.tests.clear()
 
     def forget(self, name: str | None) -> None:
         """Forget a class, or (None) all of them."""
-        if name is not None:
-            self._check_known(name)
-            if not self._pure:
-                raise ValueError(
-                    "A model that was recalibrated or loaded forgets everything or nothing: what "
-                    "it learnt of a class is no longer kept apart."
-                )
-        left = [(f, c) for f, c in zip(self._frames, self._labels, strict=True) if c != name]
-        left = [] if name is None else left
-        self.model, self._pure = HDCClassifier(), True
-        self._frames, self._labels = [f for f, _ in left], [c for _, c in left]
-        if left:
-            self.model.partial_fit(np.stack(self._frames), self._labels)
-        self.places = {c: place for c, place in self.places.items() if c in self._labels}
         if name is None:
-            self.shown = 0
-            self.points.clear()
-        self._changed()
-        self._retrain_ridge()
-        self._start_tests()
+            self._file, self.places = None, {}
+            self._train([])
+        else:
+            self._check_known(name)
+            if self._file:
+                raise ValueError("A loaded model has no frames: it forgets everything or nothing.")
+            self._train([sample for sample in self._samples if sample.label != name])
+            self.places = {n: place for n, place in self.places.items() if n != name}
+        self.tests.clear()
+
+    def use(self, readout: str) -> None:
+        """Switch the read-out, trained on the same frames."""
+        if readout == self.readout:
+            return
+        if self._file:
+            raise ValueError("A loaded model has no frames to train another read-out with.")
+        self._train(self._samples, readout)
+        self.tests.clear()
 
     def drift(self, kelvin: float) -> None:
-        """Change the temperature of a sensor that can be changed."""
-        assert isinstance(self.source, Pressable)
-        self.source.offset = within(kelvin, 0.0, self.source.most)
-        self._start_tests()
+        """Set the drift of a sensor that can be pressed."""
+        if isinstance(self.source, Pressable):
+            self.source.offset = within(kelvin, 0.0, self.source.most)
+            self.tests.clear()
 
-    # Files ---------------------------------------------------------------------------------------
+    @property
+    def _touches(self) -> tuple[Touch, ...]:
+        return self.source.touches if isinstance(self.source, Pressable) else ()
 
-    def saved(self) -> bytes:
-        """The model as the file that :meth:`hdc.HDCClassifier.save` writes."""
-        if len(self.counts) < 2:
-            raise ValueError("There is nothing to save yet: teach two classes first.")
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "model.safetensors"
-            self.model.save(path, self.source.metadata)
-            return path.read_bytes()
-
-    def load(self, content: bytes) -> None:
-        """Go on with the model of such a file."""
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "model.safetensors"
-            path.write_bytes(content)
-            try:
-                model = HDCClassifier.load(path)
-            except ValueError as error:
-                said = str(error).removeprefix(f"{path}: ")[:200]
-                raise ValueError(f"This file is no saved model: {said}") from None
-        expected, found = (
-            " × ".join(map(str, shape)) for shape in (self.source.shape, model.frame_shape_)
-        )
-        if found != expected:
-            raise ValueError(
-                f"This model is of frames of {found} pixels; here they have {expected}."
-            )
-        if model.prototype != "binary":
-            raise ValueError("This model has integer prototypes; the page shows binary ones.")
-        names = model.classes_.tolist()
-        if len(names) > MOST_CLASSES:
-            raise ValueError(f"This model has {len(names)} classes; {MOST_CLASSES} can be shown.")
-        for name in names:
-            if checked_name(name) != name:
-                raise ValueError("This model has a class whose name cannot be shown.")
-        self.forget(None)
-        self.model, self._pure = model, False
-        self._changed()
-
-    # Tests ---------------------------------------------------------------------------------------
-
-    def test(self) -> bool:
-        """Ask about one fresh touch of a class; False if the source cannot be touched so."""
-        taught = [name for name in self.counts if name in self.places]
-        if not isinstance(self.source, Pressable) or len(taught) < 2:
-            return False
-        name = taught[self._tested % len(taught)]
-        self._test(self.source.fresh(self.places[name]), name)
-        self._note()
-        return True
-
-    def _test(self, frame: np.ndarray, name: str) -> None:
-        answer = self.ask(frame)
-        if answer is not None:
-            self._tested += 1
-            by_ridge = None if answer.ridge is None else answer.ridge == name
-            self._tests.append((answer.label == name, by_ridge))
-
-    def _note(self) -> None:
-        right, n = self.tests
-        if n < FEWEST:
-            return
-        of_ridge = [ridge for _, ridge in self._tests if ridge is not None]
-        ridge = sum(of_ridge) / len(of_ridge) if of_ridge else None
-        point = Point(self.shown, self._change, right / n, ridge)
-        last = self.points[-1] if self.points else None
-        if last is not None and (last.samples, last.change) == (point.samples, point.change):
-            self.points[-1] = point
-        else:
-            self.points.append(point)
-
-    def _start_tests(self) -> None:
-        self._tests.clear()
-        self._change += 1
-
-    # ---------------------------------------------------------------------------------------------
-
-    def _sample(self, touches: Sequence[Touch]) -> np.ndarray:
-        source = self.source
-        return source.fresh(touches) if isinstance(source, Pressable) else source.sample()
-
-    def _keep(self, frame: np.ndarray, name: str) -> None:
-        self._frames.append(frame)
-        self._labels.append(name)
-        self.shown += 1
-        self._changed()
-        self._retrain_ridge()
-
-    def _changed(self) -> None:
-        model = self.model
-        if hasattr(model, "counts_"):
-            names = model.classes_.tolist()
-            self.counts = dict(zip(names, model.counts_.tolist(), strict=True))
-        else:
-            self.counts = {}
-        self.version += 1
-
-    def _retrain_ridge(self) -> None:
-        self.ridge.train(list(self._frames), list(self._labels))
+    def _take(self, name: str, n: int, touches: tuple[Touch, ...], lesson: Lesson) -> list[Sample]:
+        if n + len(self._samples) > MOST_SAMPLES:
+            raise ValueError(f"The page keeps {MOST_SAMPLES} samples: forget a class or all.")
+        value: tuple[float, ...] | None = None
+        if len(touches) == 1:
+            value = 1e3 * touches[0].x, 1e3 * touches[0].y
+        elif not isinstance(self.source, Pressable) and (number := _NUMBER.fullmatch(name)):
+            value = (float(number[1]),)
+        return [Sample(frame, name, value, lesson) for frame in self.source.samples(n, touches)]
 
     def _check_known(self, name: str) -> None:
         if name not in self.counts:
             raise ValueError(f"There is no class “{name}” any more.")
 
-    def _check_room(self, more: int = 0) -> None:
-        most = KEPT_BYTES // (int(np.prod(self.source.shape)) * 2)
-        if len(self._frames) + more >= most:
-            raise ValueError(
-                f"The page keeps up to {most} samples of this size: forget a class, or everything."
-            )
+    def _train(self, samples: list[Sample], readout: str | None = None) -> None:
+        """Train on these samples and keep them; where that raises, nothing changes."""
+        readout = readout or self.readout
+        parameters: dict[str, Any] = {"readout": readout} if HAS_READOUTS else {}
+        model: Any = None if self._file is None else _read(self._file)
+        counts = Counter({} if model is None else _counts(model))
+        counts.update(sample.label for sample in samples)
+        for lesson in sorted({sample.lesson for sample in samples}):
+            chosen = [sample for sample in samples if sample.lesson == lesson]
+            frames, labels = np.stack([s.frame for s in chosen]), [s.label for s in chosen]
+            if lesson.number and len(counts) > 1:
+                model.recalibrate(
+                    frames, labels, lesson.p, seed=lesson.number, method=lesson.method
+                )
+            elif model is None and len(counts) > 1:
+                model = HDCClassifier(**parameters).fit(frames, labels)
+            else:  # a single class has no read-out yet, but a prototype to show
+                model = (model or HDCClassifier()).partial_fit(frames, labels)
+        self._regressor = _regressor(samples, readout)
+        self._samples, self.model, self.readout = samples, model, readout
+        self.counts = dict(counts)
+        self.version += 1
 
-    def _current_limits(self) -> np.ndarray | None:
-        version, limits = self._limits
-        if version != self.version:
-            try:
-                limits = self.model.limits(RATE)
-            except ValueError:  # one sample of each class: nothing is known of distances yet
-                limits = None
-            self._limits = self.version, limits
-        return limits
+    # Files ---------------------------------------------------------------------------------------
+
+    def saved(self) -> bytes:
+        """The model as a file of :meth:`hdc.HDCClassifier.save`, with the places as metadata."""
+        if len(self.counts) < 2:
+            raise ValueError("There is nothing to save yet: teach two classes first.")
+        places = {n: [[t.x, t.y, t.depth] for t in place] for n, place in self.places.items()}
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "model.safetensors"
+            self.model.save(path, self.source.metadata | ({"places": places} if places else {}))
+            return path.read_bytes()
+
+    def load(self, content: bytes) -> None:
+        """Go on with the model of such a file."""
+        try:
+            model = _read(content)
+            shape, names = model.frame_shape_, list(_counts(model))
+            # A file may load and still fail to predict: find out before all pages depend on it.
+            _answer(model, np.arange(model.dimension_).reshape(shape))
+        except Exception as error:
+            reason = str(error).partition("model: ")[2] or repr(error)
+            raise ValueError(f"This file is no model that can be used: {reason:.200}") from None
+        if shape != self.source.shape:
+            size, here = (" × ".join(map(str, x)) for x in (shape, self.source.shape))
+            raise ValueError(f"This model is of frames of {size} pixels; here they have {here}.")
+        if len(names) > MOST_CLASSES or not all(map(_is_name, names)):
+            wanted = f"up to {MOST_CLASSES} classes with names of 1 to {MOST_LETTERS} letters"
+            raise ValueError(f"The page shows {wanted}; this model has {len(names)}: {names}"[:200])
+        self._file, self.places = content, _places(model.metadata_.get("places"), names)
+        self._train([], model.get_params().get("readout", "prototype"))
+        self.tests.clear()
+
+
+def _regressor(samples: list[Sample], readout: str) -> Any:
+    """A regressor of the values of samples that have one; None with fewer than two values."""
+    known = [sample for sample in samples if sample.value]
+    if not HAS_VALUES or len({sample.value for sample in known}) < 2:
+        return None
+    library: Any = hdc
+    frames, values = np.stack([s.frame for s in known]), np.array([s.value for s in known])
+    # Few places are far apart: the nearest frame tells them, where a line between them does not.
+    regressor = library.HDCRegressor(readout="ridge" if readout == "ridge" else "neighbours")
+    return regressor.fit(frames, values)
+
+
+def _answer(model: Any, frame: np.ndarray) -> Answer:
+    frames, likely = frame[None], None
+    distances = (model.distances(frames)[0] / model.dimension_).tolist()
+    try:
+        label = model.predict(frames, reject=True)[0]
+        if HAS_SETS:
+            likely = tuple(map(str, model.predict_set(frames, ALPHA)[0]))
+    except ValueError:  # too few samples to tell an outlier
+        label = model.predict(frames)[0]
+    return Answer(label, likely, dict(zip(model.classes_.tolist(), distances, strict=True)))
+
+
+def _counts(model: HDCClassifier) -> dict[str, int]:
+    return dict(zip(model.classes_.tolist(), model.counts_.tolist(), strict=True))
+
+
+def _read(content: bytes) -> HDCClassifier:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model"
+        path.write_bytes(content)
+        return HDCClassifier.load(path)
+
+
+def _places(saved: Any, names: Sequence[str]) -> dict[str, tuple[Touch, ...]]:
+    """Places in a model's metadata, as :meth:`Session.saved` writes them; none if they differ."""
+    try:
+        places = {n: tuple(Touch(*map(float, t)) for t in saved[n]) for n in saved}
+    except (TypeError, ValueError, KeyError, IndexError):
+        return {}
+    finite = np.isfinite([(t.x, t.y, t.depth) for place in places.values() for t in place]).all()
+    return places if finite and set(places) <= set(names) else {}
 
 
 def within(value: Any, low: float, high: float) -> float:
-    """A number that a browser sent, brought between two others; no number: the lower one."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        return low
-    return min(max(number, low), high) if number == number else low
+    """A number from a browser, clipped to [low, high]; NaN becomes low."""
+    return min(max(low, float(value)), high)
 
 
-def checked_name(name: object) -> str:
-    """A name that can be shown.
-
-    Raises:
-        ValueError: it cannot.
-    """
-    text = name.strip() if isinstance(name, str) else ""
-    if not text or len(text) > MOST_LETTERS or not text.isprintable():
-        raise ValueError(f"A class needs a name of 1 to {MOST_LETTERS} letters.")
-    return text
+def _is_name(name: object) -> bool:
+    return isinstance(name, str) and 0 < len(name.strip()) <= MOST_LETTERS and name.isprintable()

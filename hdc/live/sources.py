@@ -1,4 +1,4 @@
-"""Where the page has its frames from: a camera, a recording, or a sensor that the page presses."""
+"""Sources of frames for the page: a camera, a recording, or a sensor that the page presses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from hdc import readers
-from hdc.readers import BadFrame
 from hdc.readers.files import shown
 
 PLAYBACK = 20.0
@@ -28,77 +27,52 @@ class Touch:
 
 
 class Source(Protocol):
-    """Frames, one after the other, taken by one thread.
-
-    Attributes:
-        title: what the page calls it.
-        note: one sentence about it.
-        shape: (H, W) of a frame.
-        metadata: what is kept with a saved model; crop and subsample, as the command has them.
-    """
+    """Frames for the page, taken by one thread."""
 
     title: str
-    note: str
-    shape: tuple[int, int]
-    metadata: dict[str, Any]
+    note: str  # one sentence about it
+    shape: tuple[int, int]  # (H, W) of a frame
+    metadata: dict[str, Any]  # kept with a saved model: crop and subsample, for the command ``hdc``
 
     @property
     def label(self) -> str | None:
-        """What is known to be seen now."""
+        """Class of the latest frame, if it is known."""
         ...
 
     def frame(self) -> np.ndarray:
-        """The next frame uint8 or uint16 [H, W].
+        """The next frame, uint8 or uint16 [H, W].
 
         Raises:
             ValueError: there are no more.
         """
         ...
 
-    def sample(self) -> np.ndarray:
-        """A frame to learn what is seen now from."""
+    def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
+        """Up to n different frames of the class that is seen now, to learn from."""
         ...
 
 
 @runtime_checkable
 class Pressable(Source, Protocol):
-    """A sensor that the page presses.
+    """A sensor that the page presses. Its samples are new touches at the places asked for."""
 
-    Attributes:
-        length, width: of its surface in m; x in [0, length], \\|y\\| ≤ width/2.
-        deepest: depth in m up to which it may be pressed.
-        fibre, camera: (x, y) of where light enters and is seen.
-        offset: change of temperature in K since the sensor was new.
-        sixteen_days, most: what it is after 16 days, and the largest that can be set.
-        touches: as they were told, last.
-    """
-
-    length: float
-    width: float
-    deepest: float
-    fibre: tuple[float, float]
-    camera: tuple[float, float]
-    offset: float
-    sixteen_days: float
-    most: float
-    touches: tuple[Touch, ...]
+    length: float  # of the surface in m: x in [0, length]
+    width: float  # in m: |y| ≤ width/2
+    deepest: float  # largest depth in m
+    fibre: tuple[float, float]  # (x, y) in m, where light enters
+    camera: tuple[float, float]  # (x, y) in m
+    offset: float  # temperature drift in K
+    sixteen_days: float  # drift in K after 16 days
+    most: float  # largest drift in K
+    touches: tuple[Touch, ...]  # the present ones
 
     def press(self, touches: Sequence[Touch], moved: bool = False) -> None:
-        """Press here until told otherwise; none: nobody touches.
-
-        Args:
-            touches: where and how deep.
-            moved: the fingers that press already were moved; otherwise they come anew.
-        """
-        ...
-
-    def fresh(self, touches: Sequence[Touch]) -> np.ndarray:
-        """A frame of another touch at these places, which misses them as a robot does."""
+        """Press here until the next call (no touches: lift off); `moved`: the finger slides."""
         ...
 
 
 class Camera:
-    """A camera that is connected.
+    """A connected camera; its samples are the next frames.
 
     Raises:
         ValueError: there is no such camera, or the crop does not fit its frames.
@@ -110,19 +84,25 @@ class Camera:
         self._frames = readers.camera(index, window.crop, window.subsample)
         self.title, self.note = f"Camera {index}", "Samples are its next frames."
         self.metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
-        self.shape: tuple[int, int] = next(self._frames).shape  # type: ignore[assignment]
+        height, width = next(self._frames).shape
+        self.shape = (height, width)
 
     def frame(self) -> np.ndarray:
         try:
             return next(self._frames)
         except StopIteration:
-            raise BadFrame("camera: it gives no more frames; start the page again") from None
+            raise ValueError("camera: it gives no more frames; start the page again") from None
 
-    sample = frame
+    def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
+        return [self.frame() for _ in range(n)]
 
 
 class Recorded:
     """A recording played back in its order, over and over.
+
+    Attributes:
+        classes: names of the classes.
+        playing: False: paused.
 
     Raises:
         ValueError: see :func:`hdc.readers.open_recording`.
@@ -131,32 +111,44 @@ class Recorded:
     def __init__(
         self, path: Path, window: readers.Window, seconds_a_frame: float = 1 / PLAYBACK
     ) -> None:
-        self._recording = readers.open_recording(path, None, window.crop, window.subsample)
+        recording = readers.open_recording(path, None, window.crop, window.subsample)
+        self._recording, self._seconds_a_frame = recording, seconds_a_frame
         self.title = f"Recording {shown(path.name)}"
-        self.note = "Played back; samples are its next frames of the class that is shown."
+        self.note = "Played back; samples are the next frames of the class that is shown."
         self.metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
-        self.shape = self._recording.shape
-        self._order = np.argsort(self._recording.samples["order"], kind="stable")
-        self._place, self._due, self._step = -1, time.monotonic(), seconds_a_frame
+        self.shape, self.classes = recording.shape, recording.classes
+        self._order = np.argsort(recording.samples["order"], kind="stable")
+        self._labels = recording.labels[self._order]
+        self._place, self._due, self.playing = -1, time.monotonic(), True
 
     @property
-    def label(self) -> str | None:
-        if self._place < 0:
-            return None
-        row = self._order[self._place % len(self._order)]
-        return self._recording.classes[self._recording.labels[row]]
+    def label(self) -> str:
+        return self.classes[self._labels[max(0, self._place)]]
 
     def frame(self) -> np.ndarray:
         time.sleep(max(0.0, self._due - time.monotonic()))
-        self._due = time.monotonic() + self._step
-        self._place = (self._place + 1) % len(self._order)
+        self._due = time.monotonic() + self._seconds_a_frame
+        if self.playing or self._place < 0:
+            self._place = (self._place + 1) % len(self._order)
         return self._recording.frames(self._order[[self._place]])[0]
 
-    def sample(self) -> np.ndarray:
-        """The next frame of the class that is shown; after its last one, its first."""
-        rows = self._order[np.roll(np.arange(len(self._order)), -self._place - 1)]
-        classes = self._recording.labels
-        now = classes[self._order[self._place]]
-        row = rows[classes[rows] == now][0]
-        self._place = int(np.flatnonzero(self._order == row)[0])
-        return self._recording.frames([row])[0]
+    def play(self) -> None:
+        """Play, or pause."""
+        self.playing = not self.playing
+
+    def step(self, frames: int) -> None:
+        """Pause, this many frames ahead (or, negative, back)."""
+        self.playing = False
+        self._place = (self._place + frames) % len(self._order)
+
+    def go(self, label: str) -> None:
+        """Pause at the first frame of a class."""
+        self.playing = False
+        self._place = int(np.argmax(self._labels == self.classes.index(label)))
+
+    def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
+        """The next n frames of the class that is shown, or all of them where there are fewer."""
+        ahead = np.roll(np.arange(len(self._order)), -max(0, self._place) - 1)
+        places = ahead[self._labels[ahead] == self._labels[max(0, self._place)]][:n]
+        self._place = int(places[-1])
+        return list(self._recording.frames(self._order[places]))

@@ -1,9 +1,8 @@
-"""Reading files that may be broken or hostile: bounded, regular, and named in every error."""
+"""Names, tables and files that people give: read with care, and named in every error."""
 
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import os
 import re
@@ -11,16 +10,25 @@ import stat
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
-MOST_TABLE_BYTES = 2**23
-"""Of a table: some 100,000 rows, which take some 100 times as many bytes as Python objects."""
+MOST_TABLE_BYTES = 2**26
 MOST_LETTERS = 200
-"""Of a label; an archive may hold one of a gigabyte."""
+"""Length of a label."""
 
 
 class BadFrame(ValueError):
     """A frame that cannot be used, and why; ``on_bad_frame`` decides what happens."""
+
+
+class SettingError(ValueError):
+    """A setting out of range, as ``name: expected …, found …``."""
+
+
+def require(condition: bool, name: str, found: Any, expected: str) -> None:
+    """Raise a :class:`SettingError` unless the condition holds."""
+    if not condition:
+        raise SettingError(f"{name}: expected {expected}, found {found!r}")
 
 
 def shown(name: object) -> str:
@@ -31,11 +39,10 @@ def shown(name: object) -> str:
 
 
 def label(text: str, where: str) -> str:
-    """The name of a class as it is shown and recorded.
+    """Check the name of a class.
 
     Raises:
-        ValueError: it is empty, holds control characters (two names could look alike), or is longer
-            than a name would be.
+        ValueError: it is empty, too long, or holds control characters (two could look alike).
     """
     if not text:
         raise ValueError(f"{where}: expected a label, found none")
@@ -49,76 +56,50 @@ def label(text: str, where: str) -> str:
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
-    """Sorts frame2 before frame10, and the same everywhere: no locale is asked."""
+    """Sort key that puts frame2 before frame10, whatever the locale."""
     parts = re.split(r"([0-9]+)", name)
     key = tuple((0, int(p), p) if p.isdecimal() else (1, 0, p.casefold()) for p in parts if p)
     return (*key, (2, 0, name))  # Frame1 and frame1 in a fixed order
 
 
 def file_size(path: Path) -> int:
-    """Bytes of a regular file; to open a pipe or a device would wait for ever.
+    """Bytes of a regular file.
 
     Raises:
-        BadFrame: it is no regular file (a folder, a pipe, a loop of links), or there is none.
+        BadFrame: there is no such file, or it is a folder, a pipe or a device.
     """
     try:
         status = path.stat()
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
-        raise BadFrame(_unreadable(path, error)) from error
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise BadFrame(f"{shown(path)}: expected a readable file, found: {reason}") from error
     if not stat.S_ISREG(status.st_mode):
         kind = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
         raise BadFrame(f"{shown(path)}: expected a file, found {kind}")
     return status.st_size
 
 
-def open_file(path: Path, limit: int, what: str = "an image") -> BinaryIO:
-    """A regular file of at most ``limit`` bytes, opened; ``what`` it should be.
-
-    Raises:
-        BadFrame: it is none (:func:`file_size`), is empty, larger or unreadable.
-    """
-    if (size := file_size(path)) > limit:
-        raise BadFrame(f"{shown(path)}: expected at most {limit} bytes, found {size}")
-    if not size:
-        raise BadFrame(f"{shown(path)}: expected {what}, found an empty file")
-    try:
-        return path.open("rb")
-    except OSError as error:
-        raise BadFrame(_unreadable(path, error)) from error
-
-
-def _unreadable(path: Path, error: OSError | ValueError) -> str:
-    reason = error.strerror if isinstance(error, OSError) else str(error)
-    return f"{shown(path)}: expected a readable file, found: {reason}"
-
-
-def file_digest(path: Path) -> str:
-    """SHA-256 of the contents."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
 def read_csv(path: Path, required: tuple[str, ...]) -> Iterator[tuple[str, dict[str, str]]]:
-    """Rows of a comma-separated table in UTF-8 whose header holds at least the given columns.
+    """Rows of a comma-separated table in UTF-8 with a header.
 
     Yields:
-        For each row, where it is ("FILE, line 3", as an editor counts) and its values by column.
+        For each row, its place ("FILE, line 3", as an editor counts) and its values by column.
 
     Raises:
-        ValueError: no such file, not a table, too large, a column missing, or a row of another
-            length.
+        ValueError: no such file, not a table, a column missing, or a row of another length.
     """
     what = f"a CSV table in UTF-8 with columns {', '.join(required)}"
     try:
-        with open_file(path, MOST_TABLE_BYTES, what) as file:
-            text = file.read().decode("utf-8-sig")
+        if not 0 < (size := file_size(path)) <= MOST_TABLE_BYTES:
+            raise ValueError(f"{shown(path)}: expected {what}, found {size} bytes")
+        text = path.read_bytes().decode("utf-8-sig")
         yield from _rows(path, csv.reader(io.StringIO(text, newline=""), strict=True), required)
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{shown(path)}: expected {what}, found: {error}") from error
+    except OSError as error:
+        raise ValueError(f"{shown(path)}: expected {what}, found: {error.strerror}") from error
     except BadFrame as error:
-        if isinstance(cause := error.__cause__, OSError):
-            error = BadFrame(f"{shown(path)}: expected {what}, found: {cause.strerror}")
-        raise ValueError(str(error)) from error
+        raise ValueError(str(error).replace("a readable file", what)) from error
 
 
 def _rows(
@@ -133,7 +114,7 @@ def _rows(
         )
     if len(set(header)) < len(header):
         raise ValueError(f"{shown(path)}: expected different column names, found {found}")
-    line, some = reader.line_num + 1, False  # of the next row, which may have line breaks in quotes
+    line, empty = reader.line_num + 1, True  # a row may have line breaks in quotes
     for row in reader:
         where, line = f"{shown(path)}, line {line}", reader.line_num + 1
         if not row:  # a blank line
@@ -141,8 +122,8 @@ def _rows(
         if len(row) != len(header):
             raise ValueError(f"{where}: expected {len(header)} values, found {len(row)}")
         yield where, dict(zip(header, (value.strip() for value in row), strict=True))
-        some = True
-    if not some:
+        empty = False
+    if empty:
         raise ValueError(f"{shown(path)}: expected at least one row, found none")
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hdc.readers.files import BadFrame
-from hdc.readers.settings import Window, require_integer
+from hdc.readers.files import BadFrame, require
+from hdc.readers.recording import Window, is_integer
 
 
 def camera(
@@ -27,7 +27,7 @@ def camera(
     """
     from hdc.readers.images import cv2, quiet_opencv
 
-    require_integer("camera", index, 0)
+    require(is_integer(index) and index >= 0, "camera", index, "an integer ≥ 0")
     window = Window(crop, subsample)
     with quiet_opencv():
         capture = cv2.VideoCapture(index)

@@ -1,4 +1,4 @@
-"""What every kind of recording opens as, and what is checked of all of them."""
+"""An opened recording: its labels, values and frames, whatever kind of file they come from."""
 
 from __future__ import annotations
 
@@ -10,67 +10,157 @@ from typing import TypeVar
 
 import numpy as np
 
-from hdc.readers.files import natural_key, shown
-from hdc.readers.settings import Options, Window
+from hdc.readers.files import SettingError, natural_key, require, shown
 
 T = TypeVar("T")
 
-MOST_FRAMES = 2**20
-"""Of a recording: a file of some kilobytes can announce a billion of one pixel each."""
+
+@dataclass(frozen=True)
+class Window:
+    """Pixels of an image that are kept: a crop (x, y, width, height), then every n-th of it."""
+
+    crop: Sequence[int] | None = None
+    subsample: int = 1
+
+    def __post_init__(self) -> None:
+        if self.crop is not None:
+            crop = tuple(self.crop) if isinstance(self.crop, Iterable) else ()
+            require(
+                len(crop) == 4 and all(map(is_integer, crop)) and min(crop) >= 0 < min(crop[2:]),
+                "crop",
+                self.crop,
+                "null or [x, y, width, height], integers ≥ 0 and sizes ≥ 1",
+            )
+            object.__setattr__(self, "crop", crop)
+        whole = is_integer(self.subsample) and self.subsample >= 1
+        require(whole, "subsample", self.subsample, "an integer ≥ 1")
+
+    def shape(self, height: int, width: int) -> tuple[int, int]:
+        """(H, W) that is kept of an image of that size.
+
+        Raises:
+            SettingError: the crop does not lie inside it, or leaves a single pixel.
+        """
+        x, y, w, h = self.crop or (0, 0, width, height)
+        if x + w > width or y + h > height:
+            raise SettingError(
+                f"crop: expected a window inside frames {width} px wide and {height} px high, "
+                f"found {list(self.crop or ())}"
+            )
+        kept = (-(-h // self.subsample), -(-w // self.subsample))
+        if kept == (1, 1) != (height, width):
+            raise SettingError(
+                f"crop, subsample: expected two pixels or more of frames {width} × {height}, "
+                "found one, which says nothing"
+            )
+        return kept
+
+    def of(self, image: np.ndarray) -> np.ndarray:
+        """A view [H, W] or [H, W, channels] of the pixels that are kept."""
+        self.shape(*image.shape[:2])
+        x, y, w, h = self.crop or (0, 0, image.shape[1], image.shape[0])
+        return image[y : y + h : self.subsample, x : x + w : self.subsample]
+
+
+def is_integer(value: object) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Frames that somebody recorded, each checked when it was opened, in any order.
+    """Recorded frames with their labels, values, and place in time.
 
     Attributes:
-        classes: names of the L classes.
-        labels: index into them of each frame, int64 [N].
-        shape: (H, W) of a frame.
-        samples: what else is known of the frames, [N] each; ``order`` is their place in time.
-        read: frames [n, H, W] (uint8 or uint16) of the given indices [n].
-        each: the same one after the other, made ahead of the caller; None: there is nothing to
-            gain, they lie in memory or on disk.
-        skipped: a line for each bad frame that was left out, naming it and the reason.
-        digest: gives that of the recorded bytes that became frames, in their order, and of which
-            files or frames were left out.
-        window: the pixels that were kept.
+        classes: names of the L classes in their order; none where the recording has values only.
+        labels: index into them of each frame, int64 [N]; None without classes.
+        samples: all that is known of the frames beside labels and values, [N] each: ``order``
+            (place in time), ``session`` and ``group`` where known, other columns of a table.
+        values: float64 [N, k], the numbers to learn; None where there are none.
+        value_names: their k names.
+        skipped: a line for each frame that cannot be used, with the reason.
+        others: names of files that are no frames of the recording.
+        each: frames [H, W] of indices [n], one after the other, decoded ahead of the caller.
+        place: file of a frame, or its place in one, for messages.
+        digest: gives that of the recorded bytes, in their order, and of the skipped frames.
+        window: pixels that are kept.
+        size: (H, W) of a frame, None until the first one is decoded.
     """
 
     classes: tuple[str, ...]
-    labels: np.ndarray
-    shape: tuple[int, int]
+    labels: np.ndarray | None
     samples: Mapping[str, np.ndarray]
-    read: Callable[[np.ndarray], np.ndarray]
+    each: Callable[[np.ndarray], Iterator[np.ndarray]]
+    place: Callable[[int], str]
     digest: Callable[[], str]
     window: Window
+    values: np.ndarray | None = None
+    value_names: tuple[str, ...] = ()
     skipped: tuple[str, ...] = ()
-    each: Callable[[np.ndarray], Iterator[np.ndarray]] | None = None
+    others: tuple[str, ...] = ()
+    size: tuple[int, int] | None = None
 
     def __len__(self) -> int:
-        return len(self.labels)
+        return len(self.samples["order"])
+
+    def __getitem__(self, index: int | slice) -> np.ndarray:
+        """A frame [H, W], or the frames [n, H, W] of a slice."""
+        if isinstance(index, slice):
+            return self.frames(range(len(self))[index])
+        return self.frames([index])[0]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(H, W) of a frame."""
+        if self.size is None:
+            object.__setattr__(self, "size", next(self.stream([0])).shape)
+        assert self.size is not None
+        return self.size
+
+    @property
+    def names(self) -> list[str]:
+        """Name of the class of each frame."""
+        if self.labels is None:
+            raise ValueError("labels: expected a recording with labels, found values only")
+        return [self.classes[c] for c in self.labels]
+
+    @property
+    def order(self) -> np.ndarray:
+        """Place in time [N]."""
+        return self.samples["order"]
+
+    @property
+    def session(self) -> np.ndarray | None:
+        """Number of the session of each frame [N], if known."""
+        return self.samples.get("session")
+
+    @property
+    def group(self) -> np.ndarray | None:
+        """Group of frames that belong together (an object, a run) [N], if known."""
+        return self.samples.get("group")
 
     def frames(self, indices: Sequence[int] | np.ndarray) -> np.ndarray:
         """Frames uint8 or uint16 [len(indices), H, W].
 
         Raises:
             IndexError: an index is outside [0, N).
-            BadFrame: the recording changed since it was opened.
+            BadFrame: a frame cannot be used, or changed since it was checked.
         """
-        return self.read(self._checked(indices))
+        frames = self.stream(indices)
+        if (first := next(frames, None)) is None:
+            return np.empty((0, *self.shape), np.uint8)
+        out = np.empty((np.size(indices), *first.shape), first.dtype)
+        out[0] = first
+        for i, frame in enumerate(frames, 1):
+            out[i] = frame
+        return out
 
     def stream(self, indices: Sequence[int] | np.ndarray | None = None) -> Iterator[np.ndarray]:
-        """Frames [H, W] of the given indices (default: all), one after the other.
-
-        Images that do not fit in memory are decoded by threads ahead of whoever takes the frames,
-        as one call of :meth:`frames` for each could not.
+        """Frames [H, W] of the given indices (default: all), decoded ahead by threads.
 
         Raises:
             IndexError, BadFrame: see :meth:`frames`.
         """
-        index = self._checked(range(len(self)) if indices is None else indices)
-        each = self.each or (lambda index: (self.read(one)[0] for one in index[:, None]))
-        return each(index)
+        return self.each(self._checked(range(len(self)) if indices is None else indices))
 
     def _checked(self, indices: Sequence[int] | np.ndarray) -> np.ndarray:
         index = np.asarray(indices, dtype=np.int64).reshape(-1)
@@ -78,51 +168,29 @@ class Recording:
             raise IndexError(f"indices: expected values in [0, {len(self)}), found {index}")
         return index
 
+    def left_out(self, most: int = 3) -> str:
+        """One line on frames and files that were left out, with the first names; or nothing."""
+        parts = []
+        for kind, items in (("bad frame", self.skipped), ("other file", self.others)):
+            if items:
+                names = ", ".join(map(shown, items[:most])) + ", …" * (len(items) > most)
+                parts.append(f"left out {len(items)} {kind}{'s' * (len(items) > 1)}: {names}")
+        return "; ".join(parts)
+
     def fingerprint(self) -> str:
-        """SHA-256 over the recorded bytes, the pixels kept of them, labels, classes and order."""
+        """SHA-256 over the recorded bytes, the pixels kept of them, labels, values and order."""
         window = (self.window.crop, self.window.subsample)
         digest = hashlib.sha256(repr((self.digest(), window, self.classes)).encode())
-        digest.update(np.ascontiguousarray(self.labels, dtype="<i8").data)
-        digest.update(repr(self.samples["order"].tolist()).encode())
+        if self.labels is not None:
+            digest.update(np.ascontiguousarray(self.labels, dtype="<i8").data)
+        digest.update(repr(self.order.tolist()).encode())
+        if self.values is not None:
+            digest.update(repr((self.value_names, self.values.tolist())).encode())
         return digest.hexdigest()
 
 
-@dataclass(frozen=True)
-class Stream:
-    """Labelled frames that are read once, as they are asked for.
-
-    Attributes:
-        labels: name of the class of each frame [N].
-        place: the file of a frame, or its place in one, for messages.
-        each: frames [H, W] of the given indices [n], one after the other, decoded ahead of the
-            caller; raises a :class:`BadFrame` at the first that cannot be used.
-    """
-
-    labels: list[str]
-    place: Callable[[int], str]
-    each: Callable[[np.ndarray], Iterator[np.ndarray]]
-
-
-def check_number(where: object, n: int) -> None:
-    """Raises a ValueError if a recording has more than :data:`MOST_FRAMES` frames."""
-    if n > MOST_FRAMES:
-        raise ValueError(f"{shown(where)}: expected at most {MOST_FRAMES} frames, found {n}")
-
-
-def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> None:
-    """Raises a ValueError unless ``order`` and ``session``, by which samples are split, are N
-    numbers."""
-    for key in ("order", "session"):
-        values = samples.get(key, np.zeros(n))
-        if values.shape != (n,) or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
-            raise ValueError(
-                f"{shown(where)}: expected {n} numbers in the column {key}, found others "
-                f"({values.dtype} {values.shape})"
-            )
-
-
 def class_indices(
-    names: Sequence[str], where: object, options: Options, order: Sequence[str] | None = None
+    names: Sequence[str], where: object, fewest: int = 2, order: Sequence[str] | None = None
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Class names in natural order (or the given one), and the index of each sample's [N].
 
@@ -130,30 +198,22 @@ def class_indices(
         ValueError: fewer classes than are needed.
     """
     classes = tuple(order) if order is not None else tuple(sorted(set(names), key=natural_key))
-    if len(classes) < options.fewest_classes:
+    if len(classes) < fewest:
         found = f"only {shown(classes[0])!r}" if classes else "none"
         raise ValueError(f"{shown(where)}: expected two classes or more, found {found}")
     index = {name: c for c, name in enumerate(classes)}
     return classes, np.array([index[name] for name in names], dtype=np.int64)
 
 
-def in_memory(frames: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """``read`` of frames [N, H, W] that lie in memory or are mapped into it."""
-    return lambda index: np.ascontiguousarray(frames[index])
-
-
-def stacked(
-    each: Callable[[np.ndarray], Iterator[np.ndarray]], shape: tuple[int, int], dtype: np.dtype
-) -> Callable[[np.ndarray], np.ndarray]:
-    """``read`` of frames that come one after the other."""
-
-    def read(index: np.ndarray) -> np.ndarray:
-        out = np.empty((len(index), *shape), dtype)
-        for frame, pixels in zip(out, each(index), strict=True):
-            frame[...] = pixels
-        return out
-
-    return read
+def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> None:
+    """Raise a ValueError unless ``order`` and ``session`` are N numbers: splits go by them."""
+    for key in ("order", "session"):
+        values = samples.get(key, np.zeros(n))
+        if values.shape != (n,) or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
+            raise ValueError(
+                f"{shown(where)}: expected {n} numbers in the column {key}, found others "
+                f"({values.dtype} {values.shape})"
+            )
 
 
 def with_progress(items: Iterable[T], total: int, what: str) -> Iterator[T]:

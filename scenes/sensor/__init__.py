@@ -10,10 +10,9 @@ One idea a file, each to be read on its own:
 ``sensor``         the calibrated sensor: the four above with one seed
 ``contact``        who touches where, how deep and with what repeatability
 ``texture``        a grainy surface instead of a smooth one (loaded by ``scene=tactile`` only)
-``creep``          what the silicone does between two sessions (loaded when asked for)
 ``scene``          labels, sessions and samples: the frames that a classifier sees
 =================  ================================================================================
 
-Lengths are in metres, angles in radians, temperatures in kelvin. Nothing is imported here, so that
-a scene loads only the parts it is made of.
+Lengths are in metres, angles in radians, temperatures in kelvin. Nothing is imported here: a scene
+loads only the parts it is made of.
 """

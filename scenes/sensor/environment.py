@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from scenes.validate import require, require_number
+from scenes.validate import require_number
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,6 @@ class Room:
         slow_time: τ of the slow part in samples (assumed).
         fast: standard deviation of the fast part in K.
         fast_time: τ of the fast part in samples (assumed).
-        creep: what the silicone did since the first session, see ``creep.Creep``; none by default.
     """
 
     offset: float = 0.0
@@ -73,7 +72,6 @@ class Room:
     slow_time: float = 40.0
     fast: float = 0.03
     fast_time: float = 3.0
-    creep: object | None = None
 
     def __post_init__(self) -> None:
         key = "scene.sessions"
@@ -82,8 +80,6 @@ class Room:
             require_number(f"{key}.{name}", getattr(self, name), 0)
         for name in ("slow_time", "fast_time"):
             require_number(f"{key}.{name}", getattr(self, name), 0, strict=True)
-        good = self.creep is None or hasattr(self.creep, "phases")
-        require(good, f"{key}.creep", self.creep, "null or scenes.sensor.creep.Creep")
 
     def temperatures(self, count: int, rng: np.random.Generator) -> Array:
         """T [count] in K at consecutive samples; the first m do not depend on ``count``."""

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -213,30 +211,6 @@ def test_other_random_numbers_are_left_alone(model, small):
     torch.manual_seed(1)
     model.fit(*small)
     assert torch.equal(torch.rand(3), expected)
-
-
-def loaded_by(module: str) -> list[str]:
-    code = f"import sys, {module}; print(*sorted(sys.modules))"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return run.stdout.split()
-
-
-@pytest.mark.parametrize(
-    "module", ["softmax", "softmax_dual", "cnn", "sklearn_classifier", "record_hdc"]
-)
-def test_imports_only_what_it_uses(module):
-    modules = loaded_by(f"baselines.{module}")
-    for other in (
-        "sklearn",
-        "cv2",
-        "pandas",
-        "matplotlib",
-        "hydra",
-        "scenes",
-        "experiments",
-    ):
-        assert other not in modules
-    assert ("baselines.cnn" in modules) == (module == "cnn")
 
 
 def test_satisfies_the_protocol_of_the_runner(model: Classifier):

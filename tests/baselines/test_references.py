@@ -18,7 +18,7 @@ from baselines.pixels import signs
 from baselines.record_hdc import RecordHDC, unpack
 from baselines.ridge import RidgeReadout
 from baselines.sklearn_classifier import SklearnClassifier
-from hdc import HDCClassifier, bits
+from hdc import bits
 from hdc.encode import encode
 
 
@@ -59,16 +59,6 @@ def test_one_bit_a_weight_is_the_nearest_such_read_out(speckle):
     assert one_bit.score(frames, labels) > 0.9
 
 
-def test_it_has_the_size_of_hdc_and_eight_bytes_a_class(speckle):
-    frames, labels = speckle(30, (16, 16), 3)
-
-    def size(model):
-        return sum(t.nbytes for t in model.fit(frames, labels).state_tensors().values())
-
-    assert size(BitReadout(one_bit=True)) == size(HDCClassifier()) + 8 * 3
-    assert size(BitReadout()) == 4 * 3 * (256 + 1)
-
-
 def test_correlation_is_the_textbook_coefficient(speckle):
     frames, labels = speckle(30, (9, 8), 3)
     model = CorrelationClassifier().fit(frames, labels)
@@ -76,19 +66,6 @@ def test_correlation_is_the_textbook_coefficient(speckle):
     templates = np.stack([x[labels == c].mean(axis=0) for c in range(3)])
     expected = np.corrcoef(x, templates)[: len(x), len(x) :]
     np.testing.assert_allclose(model.scores(frames), expected, atol=1e-6)
-
-
-def test_correlation_is_blind_to_exposure_and_offset(speckle):
-    frames, labels = speckle(30, (9, 8), 3)
-    dark = (frames // 4).clamp(max=50)
-    model = CorrelationClassifier().fit(dark, labels)
-    np.testing.assert_allclose(model.scores(dark), model.scores(dark * 4 + 30), atol=1e-6)
-
-
-def test_a_frame_without_contrast_correlates_with_nothing(speckle):
-    frames, labels = speckle(30, (9, 8), 3)
-    model = CorrelationClassifier().fit(frames, labels)
-    assert (model.scores(torch.full((1, 9, 8), 200, dtype=torch.uint8)) == 0).all()
 
 
 def test_a_class_not_seen_yet_is_never_the_best(speckle):
@@ -107,20 +84,18 @@ def brute_force(model: RecordHDC, frames: np.ndarray) -> np.ndarray:
     levels = np.tile(base, (n, 1))
     for v in range(1, n):
         levels[v, : round(v * (d // 2) / (n - 1))] *= -1
-    pixels = frames.reshape(len(frames), -1)[:, model.pixels_.numpy()]
+    pixels = frames.reshape(len(frames), -1)
     quantised = pixels.astype(int) * n // 256
     sums = np.stack([(positions * levels[image]).sum(axis=0) for image in quantised])
     return np.where(sums == 0, base, np.sign(sums))
 
 
-@pytest.mark.parametrize(
-    ("dimension", "levels", "n_pixels"), [(16, 2, None), (64, 16, 31), (256, 5, None), (48, 256, 7)]
-)
-def test_record_encoding_is_its_definition(dimension, levels, n_pixels, monkeypatch, speckle):
+@pytest.mark.parametrize(("dimension", "levels"), [(16, 2), (64, 16), (256, 5), (48, 256)])
+def test_record_encoding_is_its_definition(dimension, levels, monkeypatch, speckle):
     monkeypatch.setattr(record_hdc, "POSITIONS", 20)
     frames, labels = speckle(12, (9, 8), 3)
     frames[0], frames[1] = 0, 255
-    model = RecordHDC(dimension=dimension, levels=levels, n_pixels=n_pixels, seed=4)
+    model = RecordHDC(dimension=dimension, levels=levels, seed=4)
     model.fit(frames, labels)
     expected = brute_force(model, frames.numpy())
     assert (model.encode(frames).numpy() == expected).all()
@@ -129,17 +104,6 @@ def test_record_encoding_is_its_definition(dimension, levels, n_pixels, monkeypa
     for c, prototype in enumerate(unpack(model.prototypes_).numpy()):
         count = expected[labels == c].sum(axis=0)
         assert (prototype == np.where(count == 0, base, count > 0)).all()
-    assert model.codebook_bytes_ == (len(model.pixels_) + levels) * dimension // 8
-
-
-def test_level_hypervectors_are_orthogonal_end_to_end(speckle):
-    """Frames of the darkest and the brightest level alone are bound to L_0 and L_{n−1}."""
-    frames, labels = speckle(12, (9, 8), 3)
-    model = RecordHDC(dimension=4096).fit(frames, labels)
-    flat = torch.stack([torch.zeros(9, 8), torch.full((9, 8), 255)]).to(torch.uint8)
-    dark, bright = model.encode(flat)
-    ties = 0.1  # about 1/√(π·36) of the sums are zero and do not flip
-    assert abs(float(dark @ bright)) / 4096 < ties
 
 
 @pytest.mark.parametrize(
@@ -147,7 +111,6 @@ def test_level_hypervectors_are_orthogonal_end_to_end(speckle):
     [
         ({"dimension": 100}, "dimension: expected a multiple of 16, found 100"),
         ({"levels": 1}, "levels: expected 2 to 256, found 1"),
-        ({"n_pixels": 73}, "n_pixels: expected 1 to 72, found 73"),
     ],
 )
 def test_record_hdc_names_what_is_wrong(given, message, speckle):
@@ -165,11 +128,6 @@ def test_an_estimator_is_left_unfitted_and_only_a_linear_one_has_a_known_size(sp
         assert SklearnClassifier(estimator=other).fit(frames, labels).state_tensors() is None
     with pytest.raises(ValueError, match="estimator: expected an object with fit and predict"):
         SklearnClassifier(estimator="LinearSVC").fit(frames, labels)
-
-
-def test_the_seed_reaches_the_estimator(speckle):
-    model = SklearnClassifier(estimator=DecisionTreeClassifier(), seed=9)
-    assert model.fit(*speckle(30, (9, 8), 3)).estimator_.random_state == 9
 
 
 def confusable(n=60, classes=4, seed=1):
@@ -211,14 +169,6 @@ def test_online_prototypes_are_those_of_the_rule_in_floats(weights):
             bundle=weights[0], correction=weights[1], batch_size=batch_size
         ).fit(frames, labels)
         assert (bits.unpack(model.prototypes_, frames[0].numel()).numpy() == expected).all()
-
-
-@pytest.mark.parametrize("ties", ["zero", "one"])
-def test_without_corrections_online_hdc_is_hdc(ties):
-    frames, labels = confusable()
-    plain = HDCClassifier(ties=ties).fit(frames, labels)
-    online = OnlineHDCClassifier(bundle=3, correction=0, ties=ties).fit(frames, labels)
-    assert (plain.predict(frames) == online.predict(frames)).all()
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ from sklearn.preprocessing import StandardScaler
 from torch import Tensor
 
 from baselines import softmax
-from baselines.cnn import CNN
 from baselines.pixels import fit_scaling
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
@@ -78,26 +77,6 @@ def test_lbfgs_reaches_the_optimum_of_scikit_learn(speckle):
     assert rows[-1]["loss"] * C * 60 == pytest.approx(best, rel=1e-6)
 
 
-def test_centring_the_pixels_leaves_the_optimum_where_it_is(speckle):
-    frames, labels = speckle(40, (9, 9), 4)
-    given = {"optimizer": "LBFGS", "lr": 1.0, "batch_size": None, "C": C, "max_epochs": 1000}
-    unit = SoftmaxRegression(**given, pixels="unit")
-    centred = SoftmaxRegression(**given, pixels="unit_centred")
-    ends = [list(model.train(frames, labels))[-1]["loss"] for model in (unit, centred)]
-    assert ends[0] == pytest.approx(ends[1], rel=1e-6)
-    dual = DualSoftmaxRegression(C=C, pixels="unit_centred").fit(frames, labels)
-    assert dual.objective_ / (C * 40) == pytest.approx(ends[1], rel=1e-6)
-
-
-def test_two_classes_are_the_logistic_form_at_half_of_c(speckle):
-    frames, labels = speckle(30, (9, 9), 2)
-    model = DualSoftmaxRegression(C=C / 2).fit(frames, labels)
-    best = LogisticRegression(C=C, tol=1e-12, max_iter=10_000, solver="newton-cg")
-    best.fit(features(frames), labels)
-    difference = (model.weight_[1] - model.weight_[0]).double().numpy() * 255
-    np.testing.assert_allclose(difference, best.coef_[0], rtol=1e-4, atol=1e-6)
-
-
 @pytest.mark.parametrize(
     "case", ["duplicates", "constant", "fewer_than_classes", "unequal", "huge_c", "tiny_c", "raw"]
 )
@@ -124,13 +103,6 @@ def test_dual_at_the_limits_stays_finite(case, speckle):
     if case == "constant":  # nothing to see but how often each class occurs
         share = model.scores(model.read(frames, slice(0, 1))).softmax(dim=1)
         torch.testing.assert_close(share, torch.full((1, 3), 1 / 3), atol=1e-4, rtol=0)
-
-
-def test_duplicating_the_frames_is_doubling_c(speckle):
-    frames, labels = speckle(24, (8, 8), 3)
-    once = DualSoftmaxRegression(C=2.0).fit(frames, labels)
-    twice = DualSoftmaxRegression(C=1.0).fit(frames.repeat(2, 1, 1), np.tile(labels, 2))
-    assert once.objective_ == pytest.approx(twice.objective_, rel=1e-7)
 
 
 def largest_curvature(x: np.ndarray, labels: np.ndarray) -> float:
@@ -177,13 +149,6 @@ def test_a_diverging_run_yields_a_loss_that_is_not_finite(small):
     assert len(losses) == 5
     assert not np.isfinite(losses[-1])
     assert set(model.predict(small[0])) <= {0, 1, 2, 3}
-
-
-def test_logits_of_ten_thousand_are_harmless(small):
-    model = SoftmaxRegression(optimizer="SGD", pixels="raw", lr=1.0, max_epochs=5)
-    losses = [row["loss"] for row in model.train(*small)]
-    assert model.scores(model.read(small[0], slice(0, 40))).abs().max() > 1e4
-    assert np.isfinite(losses).all()
 
 
 def test_a_batch_in_parts_is_the_batch(small):
@@ -255,20 +220,6 @@ def test_gradient_descent_changes_nothing_outside_the_span_of_the_frames(speckle
     change = (last - first).double().numpy()
     assert np.abs(change).max() > 1e-3
     assert np.abs(change @ outside).max() < 1e-6
-
-
-def test_a_cnn_starts_where_pytorch_does_or_at_normal_weights(speckle):
-    frames = speckle(8, (12, 10), 4)
-    assert starting_weights(CNN(filters=[2]), frames)[1].any()
-    assert not starting_weights(CNN(filters=[2], init="normal"), frames)[1].any()
-    with pytest.raises(ValueError, match="init: expected linear or normal for a CNN, found 'zer"):
-        CNN(filters=[2], init="zeros").fit(*frames)
-
-
-def test_too_small_a_frame_for_the_pooling(speckle):
-    frames, labels = speckle(8, (7, 9), 2)
-    with pytest.raises(ValueError, match=r"3 pooling layers need at least 8×8 pixels, found 7×9"):
-        CNN(filters=[2, 2, 2]).fit(frames, labels)
 
 
 def test_the_example_in_the_docstring():

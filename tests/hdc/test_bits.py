@@ -73,18 +73,6 @@ def test_hamming_of_any_shape_on_every_route(q: int, n: int, d: int, seed: int) 
         assert torch.equal(route(a, b), expected), route.__name__
 
 
-def test_hamming_by_numkong_where_installed() -> None:
-    pytest.importorskip("numkong")
-    a, b = bits.pack(mask_of((33, 999))), bits.pack(mask_of((51, 999), 1))
-    for n in range(5):  # one query and a few are compared without packing the prototypes
-        assert torch.equal(bits.hamming_numkong(a[:n], b), bits.hamming_numpy(a[:n], b))
-    assert torch.equal(bits.hamming_numkong(a, b), bits.hamming_numpy(a, b))
-    extremes = torch.stack((torch.zeros(4000), -torch.ones(4000))).long()
-    for queries in (extremes, extremes.repeat(3, 1)):
-        found = bits.hamming_numkong(queries, extremes)[:2]
-        assert found.tolist() == [[0, 256_000], [256_000, 0]]
-
-
 def test_distances_satisfy_the_triangle_inequality() -> None:
     words = bits.pack(mask_of((20, 500)))
     d = bits.hamming(words, words)
@@ -140,20 +128,6 @@ def test_same_bits_on_cuda() -> None:
     assert torch.equal(bits.popcount(there).cpu(), bits.popcount(words))
     assert torch.equal(bits.hamming(there, there[:5]).cpu(), bits.hamming(words, words[:5]))
     assert torch.equal(bits.majority(there).cpu(), bits.majority(words))
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_many_queries_are_shared_by_two_threads_with_the_same_distances(threads: int) -> None:
-    rng = np.random.default_rng(0)
-    queries = torch.from_numpy(rng.integers(-(2**63), 2**63 - 1, (101, 1500)))
-    assert queries.nbytes > bits._PARALLEL_BYTES
-    before = torch.get_num_threads()
-    torch.set_num_threads(threads)
-    try:
-        found = bits.hamming(queries, queries[:7])
-    finally:
-        torch.set_num_threads(before)
-    assert torch.equal(found, bits.hamming_numpy(queries, queries[:7]))
 
 
 def test_hamming_agrees_with_torchhd() -> None:

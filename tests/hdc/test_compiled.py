@@ -222,8 +222,8 @@ def test_the_same_model(ties: str, prototype: str, threads: int) -> None:
 @needs_numba
 def test_training_goes_on_with_another_backend() -> None:
     frames, labels = frames_of(90, 700), np.arange(90) % 4
-    whole = HDCClassifier().fit(frames, labels)
-    model = HDCClassifier(backend="compiled").fit(frames[:30], labels[:30])
+    whole = HDCClassifier(balance=False).fit(frames, labels)
+    model = HDCClassifier(balance=False, backend="compiled").fit(frames[:30], labels[:30])
     model.set_params(backend="numpy").partial_fit(frames[30:60], labels[30:60])
     assert model.counters_.backend == "numpy"
     model.set_params(backend="compiled").partial_fit(frames[60:], labels[60:])
@@ -290,9 +290,9 @@ def test_without_numba_the_parameter_is_named(monkeypatch) -> None:
         HDCClassifier(backend="compiled").fit(frames, [0, 1, 0, 1])
     with pytest.raises(ValueError, match=message):
         encode(frames, backend="compiled")
-    for worth in (0, 1):  # nothing at all, and any work
-        monkeypatch.setattr(bits, "_SAVED_S", worth)
-        assert HDCClassifier().fit(frames, [0, 1, 0, 1]).backend_ == "numpy"
+    monkeypatch.setattr(bits, "_WORTH_LOADING", 0)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert HDCClassifier().fit(frames, [0, 1, 0, 1]).backend_ == "numpy"
     elsewhere = HDCClassifier().fit(frames, [0, 1, 0, 1])
     elsewhere.backend_ = "compiled"  # trained where there is numba, and pickled
     assert elsewhere.predict(frames).shape == (4,)
@@ -329,18 +329,10 @@ print(model.backend_, stream.backend_, "numba" in sys.modules, "llvmlite" in sys
 
 @needs_numba
 def test_auto_is_compiled_where_the_work_is_worth_it(monkeypatch) -> None:
-    frames, labels = frames_of(6, 300), [0, 1, 2] * 2
-    by_numpy = HDCClassifier(backend="numpy").fit(frames, labels)
-    load_s = bits._NUMBA_S + bits._KERNELS_S
-    for name in ("numba", "hdc.compiled"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    monkeypatch.setattr(bits, "_SAVED_S", 0.9 * load_s / frames.numel())
-    streamed = HDCClassifier().partial_fit(frames, labels)
-    assert (by_numpy.backend_, streamed.backend_) == ("numpy", "numpy")
-    loaded = []
-    monkeypatch.setattr(bits, "kernels", lambda *backend: loaded.append(backend))
-    assert bits.choose_backend("auto", "cpu", 1.2 * frames.numel()) == "compiled"
-    assert loaded == [("compiled", "cpu")]
+    monkeypatch.delitem(sys.modules, "hdc.compiled", raising=False)
+    assert bits.choose_backend("auto", "cpu", 400 * 250_000) == "numpy"
+    assert bits.choose_backend("auto", "cpu", 10_000 * 250_000) == "compiled"
+    assert bits.choose_backend("auto", "meta", 10_000 * 250_000) == "numpy"
 
 
 @needs_numba

@@ -193,18 +193,3 @@ def test_what_is_drawn_from_one_seed_is_drawn_apart() -> None:
     distances = bits.hamming(torch.stack(drawn), torch.stack(drawn)) / d
     distances.fill_diagonal_(0.5)
     assert ((distances - 0.5).abs() < 0.06).all()  # six standard deviations
-
-
-def test_recalibration_draws_for_one_class_at_a_time(monkeypatch) -> None:
-    """All at once were 8 L·D bytes: 2 GB for 1000 classes of 250,000 bits."""
-    draw, drawn = bits.random_hypervector, []
-    monkeypatch.setattr(
-        bits,
-        "random_hypervector",
-        lambda dimension, *rest, **named: (
-            drawn.append(dimension) or draw(dimension, *rest, **named)
-        ),
-    )
-    words = bits.pack(vectors(7, 300))
-    assert torch.equal(recalibrate(words, ~words, 300, 0.0), words)
-    assert drawn == [300] * 7

@@ -1,185 +1,179 @@
-"""Our routes beside the peers', on the same bytes in one run: times and memory.
+"""The routes of every operation beside one another, on the same bytes, in turns.
 
-Every operation is measured at small sizes first, which foretell what the large ones need
-(:mod:`experiments.studies.benchmark.bench`); a line a size tells on the terminal what was found.
+Each result is compared with a reference before its route is timed; a route with another result is
+not timed, and fails the experiment at its end. The routes of an operation at one size then run in
+turns (A B C A B C), so that a busy machine slows all alike: a ratio to ours is the median over the
+turns. It measures the CPU.
 """
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
+import functools
+import gc
 import importlib.util
-from collections.abc import Iterator, Sequence
+import itertools
+import math
+import resource
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import torch
-from rich.console import Console
+import numpy as np
 
-from experiments.records.measurement import Row, measure
-from experiments.studies.benchmark.bench import Bench, invalid
-from experiments.studies.benchmark.cases import HELD_OUT, Case
-from experiments.studies.benchmark.names import OURS, OURS_COMPILED, READ, typed
-from experiments.studies.benchmark.routes import ROUTES
-from hdc import bits
+from experiments.protocol.clock import timed
+from experiments.protocol.experiment import Row, Run, experiment
+from experiments.protocol.machine import peak_bytes, resident_bytes
+from experiments.studies.benchmark.cases import Case
+from experiments.studies.benchmark.routes import (
+    DECODED,
+    LIMITS,
+    OPERATIONS,
+    OURS,
+    OURS_COMPILED,
+    READ,
+    Route,
+    common_form,
+)
+
+SIZE = ("operation", "n", "d", "l", "frames")
+_SAMPLE_S = 20e-3  # shorter calls are repeated, so that each finds its own data in the caches
+_START_PEAK_ANEW = Path("/proc/self/clear_refs")
 
 
-def run(
-    n: Sequence[int],
-    d: Sequence[int],
-    l: Sequence[int],  # noqa: E741
-    many: int,
-    large: Sequence[int],
-    frames: Sequence[str],
-    frames_n: int,
-    files: int,
-    queries: int,
-    limit_s: float,
-    limit_bytes: float,
-    budget_s: float,
-    seed: int,
-    device: str = "cpu",
-    force: bool = False,
-) -> Path:
-    """Measure all routes at all sizes, and write ``measured/benchmark/``.
+@experiment
+def benchmark(
+    run: Run, steps: Sequence[Mapping[str, Any]], limit_bytes: float, budget_s: float, seed: int
+) -> Iterator[Row]:
+    """One row: a route at one size.
+
+    ``operation``, ``frames`` (their kind), ``route``, ``package``; ``n`` frames (of ``hamming``,
+    queries), ``d``, ``l``; ``median_s`` and ``min_s`` of ``samples`` turns; ``ratio_to_ours``;
+    ``peak_bytes`` that a call takes beyond its inputs; ``equal_result``; ``status``.
 
     Args:
-        n, d, l: numbers of frames, pixels, classes.
-        many: a number of classes with which ours alone predicts, and learns frames one by one.
-        large: numbers of pixels of which four frames are encoded, and one is predicted, but not by
-            scikit-learn.
-        frames: kinds of frames (:data:`experiments.studies.benchmark.cases.FRAMES`) of which
-            `frames_n` are encoded, of the largest `d`.
-        files: images of the folder that is trained on.
-        queries: number of queries of the Hamming distances.
-        limit_s, limit_bytes: a call that is expected to need more, with its frames, is skipped.
-        budget_s: about how long a route is timed (three times at least; once if it takes seconds).
+        steps: sizes, each a mapping of lists: ``operation``, ``n`` frames, ``d`` pixels, ``l``
+            classes and ``frames`` (default: speckle), measured in every combination; with
+            ``peers: false`` ours and one read of the bytes alone.
+        limit_bytes: the most memory that the routes of a size may take together.
+        budget_s: time a route at one size; it gets three turns at least.
         seed: seed of the frames.
-        device: where torch routes run; of an accelerator, it is ``measured/benchmark_gpu/``.
-        force: measure again.
-
-    Returns:
-        Path: the folder, in which rows are kept as they come: the next call goes on from them. The
-        columns: ``operation``, ``frames`` (kind), ``route`` and the ``package`` behind it; ``n``
-        frames (``hamming``, ``predict``, ``predict_all``: queries), ``d``, ``l``; ``median_s`` and
-        ``min_s`` of so many ``samples``; ``ratio_to_ours`` of times (``store``: of bytes);
-        ``peak_bytes`` that one call takes beyond its inputs (``store``: those of the hypervectors);
-        ``equal_result``; ``status``.
 
     Raises:
-        RuntimeError: at the end, if a route gave another result or failed.
+        RuntimeError: at the end, if a route failed or gave another result.
     """
-    console = Console(highlight=False)
-    bench = Bench(limit_s, limit_bytes, budget_s)
-    config = {
-        "_target_": f"{__name__}.run",
-        "n": n,
-        "d": d,
-        "l": l,
-        "many": many,
-        "large": large,
-        "frames": frames,
-        "frames_n": frames_n,
-        "files": files,
-        "queries": queries,
-        "limit_s": limit_s,
-        "limit_bytes": limit_bytes,
-        "budget_s": budget_s,
-        "seed": seed,
-    }
+    wrong = []
+    for step in steps:
+        lists = [step.get(key, ["speckle"]) for key in SIZE]
+        for size in itertools.product(*lists):
+            key = dict(zip(SIZE, size, strict=True))
+            case, peers = Case(**key, seed=seed), step.get("peers", True)
+            compute = functools.partial(measure, case, limit_bytes, budget_s, peers)
+            for row in run.part(key, compute):
+                yield row
+                if row["status"].startswith(("wrong", "failed")):
+                    wrong.append(f"{row['operation']} by {row['route']} ({row['status']})")
+    if wrong:
+        raise RuntimeError(f"benchmark: expected right results, found {', '.join(wrong)}")
 
-    def compute(begun: list[Row]) -> Iterator[Row]:
-        made: dict[tuple[Any, ...], list[Row]] = {}
-        for row in begun:
-            if row["operation"] != "store":
-                row = typed(row)
-                size = tuple(row[key] for key in ("n", "d", "l"))
-                made.setdefault((row["operation"], size, row["frames"]), []).append(row)
-        begun.clear()
-        steps = sizes(
-            sorted(n), sorted(d), sorted(l), many, large, frames, frames_n, files, queries
-        )
-        for operation, size, kind in steps:
-            chosen = [
-                route
-                for route in ROUTES
-                if route.operation == operation
-                and (size[2] < many or route.name in (OURS, OURS_COMPILED, READ))
-                # Before it is asked, scikit-learn has to fit some frames: to 12 million pixels
-                # each, in 6 GB.
-                and not (size[1] in large and route.module == "sklearn")
-            ]
-            known = made.get((operation, size, kind), [])
-            if len(known) == len(chosen) and not any(map(invalid, known)):
-                bench.rows += known
-                yield from known
+
+def measure(case: Case, limit_bytes: float, budget_s: float, peers: bool = True) -> list[Row]:
+    """A row for each route of the case's operation."""
+    rows: list[Row] = []
+    samplers: dict[str, Callable[[], float]] = {}
+    gc.collect()  # memory of the size before
+    with at_most(limit_bytes), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # constant frames carry no information
+        for route in OPERATIONS[case.operation](case):
+            if not peers and route.name not in (OURS, OURS_COMPILED, READ):
                 continue
-            memory = kind == "speckle" and size[2] == min(l)
-            case = Case(*size, device=device, seed=seed, kind=kind)
-            rows = bench.measure(chosen, case, memory)
-            yield from rows
-            console.print(_line(rows), soft_wrap=True)
-        for dimension in d:
-            yield from storage(dimension)
-        bench.check()
-
-    name = "benchmark" if device == "cpu" else "benchmark_gpu"
-    return measure(name, config, compute, device=device, force=force, resumed=True, console=console)
-
-
-def sizes(
-    n: Sequence[int],
-    d: Sequence[int],
-    l: Sequence[int],  # noqa: E741
-    many: int,
-    large: Sequence[int],
-    frames: Sequence[str],
-    frames_n: int,
-    files: int,
-    queries: int,
-) -> Iterator[tuple[str, tuple[int, int, int], str]]:
-    """Operations, their N, D and L, and the kind of frames; small ones first: they predict what
-    the large ones need."""
-    for dimension in d:
-        for count in n:
-            for operation in ("encode", "train"):
-                yield operation, (count, dimension, l[0]), "speckle"
-            for classes in l:
-                yield "bundle", (count, dimension, classes), "speckle"
-        for classes in l:
-            yield "hamming", (queries, dimension, classes), "speckle"
-        for operation, count in (("predict", 1), ("predict_all", HELD_OUT), ("learn_one", 1)):
-            for classes in (*l, many):
-                yield operation, (count, dimension, classes), "speckle"
-    for kind in frames:
-        yield "encode", (frames_n, d[-1], l[0]), kind
-    yield "folder", (files, d[-1], l[0]), "speckle"
-    for dimension in large:
-        yield "encode", (4, dimension, l[0]), "speckle"
-        yield "predict", (1, dimension, l[0]), "speckle"
-
-
-def storage(dimension: int) -> list[Row]:
-    """Bytes of one hypervector, packed and as torchhd keeps it."""
-    size: Row = {"operation": "store", "n": 1, "d": dimension}
-    packed = bits.pack(torch.zeros(1, dimension, dtype=torch.bool)).nbytes
-    ours = {**size, "route": OURS, "ratio_to_ours": 1.0, "peak_bytes": packed, "status": "ok"}
-    peer = {**size, "route": "torchhd.BSCTensor", "status": "not installed"}
-    if importlib.util.find_spec("torchhd") is not None:
-        import torchhd
-
-        each = torchhd.random(1, dimension, "BSC").nbytes
-        peer |= {"ratio_to_ours": each / packed, "peak_bytes": each, "status": "ok"}
-    return [ours, peer]
-
-
-def _line(rows: Sequence[Row]) -> str:
-    """What was found at one size, for the terminal."""
-    first = rows[0]
-    kind = "" if first["frames"] == "speckle" else f" of {first['frames']}"
-    size = f"N={first['n']} D={first['d']} L={first['l']}"
-    cells = []
+            row = {key: getattr(case, key) for key in SIZE}
+            row |= {"route": route.name, "package": package(route.module), **check(route, case)}
+            rows.append(row)
+            if row["status"] == "ok":
+                row["peak_bytes"] = call_bytes(route.call)
+                samplers[route.name] = sampler(route.call)
+        turns: list[dict[str, float]] = []
+        deadline = time.perf_counter() + budget_s * len(samplers)
+        while len(turns) < 3 or (len(turns) < 30 and time.perf_counter() < deadline):
+            turns.append({name: sample() for name, sample in samplers.items()})
     for row in rows:
-        ratio = "" if row["ratio_to_ours"] is None else f" ({row['ratio_to_ours']:.3g} ×)"
-        missing = row["median_s"] is None
-        found = row["status"] if missing else f"{1e3 * row['median_s']:.3g} ms{ratio}"
-        cells.append(f"{row['route']} {found}")
-    return f"{first['operation']}{kind} {size}: {'; '.join(cells)}"
+        if row["route"] in samplers:
+            seconds = np.array([turn[row["route"]] for turn in turns])
+            row |= {"median_s": float(np.median(seconds)), "min_s": float(seconds.min())}
+            row["samples"] = len(turns)
+            if OURS in samplers:
+                ours = np.array([turn[OURS] for turn in turns])
+                row["ratio_to_ours"] = float(np.median(seconds / ours))
+    return rows
+
+
+def check(route: Route, case: Case) -> Row:
+    """Whether a route can be timed: its status, and how its result compares with the reference."""
+    if importlib.util.find_spec(route.module) is None:
+        return {"status": "not installed", "equal_result": ""}
+    try:
+        if route.name in LIMITS:
+            result = route.call()
+            if route.name == DECODED and result != case.n:
+                raise ValueError(f"expected {case.n} frames, found {result}")
+            return {"status": "ok", "equal_result": ""}
+        verdict = case.verdict(common_form(case, route.call))
+    except Exception as error:
+        message = " ".join(str(error).split())
+        if isinstance(error, MemoryError) or "allocate memory" in message:
+            return {"status": "skipped: too large for limit_bytes", "equal_result": ""}
+        return {"status": f"failed: {type(error).__name__}: {message}"[:200], "equal_result": ""}
+    exact = verdict != "yes, ties aside" or route.name not in (OURS, OURS_COMPILED)
+    right = verdict != "no" and exact  # ours is specified to the last bit
+    return {"status": "ok" if right else "wrong result", "equal_result": verdict}
+
+
+def sampler(call: Callable[[], Any]) -> Callable[[], float]:
+    """A function that gives the seconds of a call, the mean over 20 ms of short ones."""
+    first = min(timed(call) for _ in range(3))
+    repeats = max(1, math.ceil(_SAMPLE_S / max(first, 1e-7)))
+
+    def repeated() -> None:
+        for _ in range(repeats):
+            call()
+
+    return lambda: timed(repeated) / repeats
+
+
+def call_bytes(call: Callable[[], Any]) -> int | None:
+    """Memory that a call takes beyond its inputs, its result included; None without /proc."""
+    if not _START_PEAK_ANEW.exists():
+        return None
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)  # so that the call cannot take freed memory unseen
+    _START_PEAK_ANEW.write_text("5")
+    before = resident_bytes() or 0
+    result = call()
+    taken = peak_bytes() - before
+    del result
+    return max(0, taken)
+
+
+@contextlib.contextmanager
+def at_most(more: float) -> Iterator[None]:
+    """Refuse the process more than this memory (bytes) beyond what it has, where the system can."""
+    held, limits = Path("/proc/self/statm"), resource.getrlimit(resource.RLIMIT_DATA)
+    if held.exists():
+        data = int(held.read_text().split()[5]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_DATA, (int(data + more), limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, limits)
+
+
+@functools.cache
+def package(module: str) -> str:
+    """Name and version of the distribution that brings a module, if it is installed."""
+    names = metadata.packages_distributions().get(module, [])
+    return f"{names[0]} {metadata.version(names[0])}" if names else ""

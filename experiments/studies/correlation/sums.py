@@ -6,10 +6,10 @@ two frames is the product z·z′. With the class sums S_l = Σ_k z_lk the mean 
     C_ll′ = Σ_k Σ_{k′≠k} z_lk·z_l′k′ / M = (S_l·S_l′ − Σ_k z_lk·z_l′k) / M,   M = N_s(N_s − 1),
 
 takes O(N·D) instead of O(N²·D) operations; pairs with k = k′ are left out on and off the diagonal,
-as in the paper. Eq. 6 is z(P_l)·S_l′/N_s for a prototype P_l.
+as in the paper. Eq. 6 is z(P_l)·S_l′/N_s for a prototype P_l. All sums are in float64.
 
 The correlation with a frame of zero variance is not defined: it is NaN, and so is every mean it
-belongs to; such frames are counted. All sums are in float64.
+belongs to; such frames are counted.
 """
 
 from __future__ import annotations
@@ -19,67 +19,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-Floats = NDArray[Any]
-
 
 class MeanCorrelation(NamedTuple):
-    """Mean over pairs of samples.
-
-    Attributes:
-        value: NaN if a sample has no variance.
-        undefined: how many samples have none.
-    """
+    """Mean over pairs of samples (NaN if a sample has no variance), and how many have none."""
 
     value: float
     undefined: int
 
 
-def mean_pair_correlations(a: Any, b: Any, dtype: DTypeLike = np.float64) -> MeanCorrelation:
-    """C_ll′ of Eqs. 4 and 5 for two classes in O(N_s·D) operations and O(D) memory.
-
-    Args:
-        a, b: samples [N_s, D] of class l and l′, of any real or integer type; the same array twice
-            for the diagonal element C_ll.
-        dtype: of the standardised samples: float64, or float32, which rounds each once.
-
-    Raises:
-        ValueError: for fewer than two samples, shapes that differ, or a value that is not finite.
-    """
-    a, b = _pair(a, b)
-    sums = CorrelationSums(2, a.shape[1], dtype)
-    for pair in zip(a, b, strict=True):
-        sums.add(np.stack(pair))
-    undefined = sums.undefined[0] if a is b else sums.undefined.sum()
-    return MeanCorrelation(float(sums.pair_means()[0, 1]), int(undefined))
-
-
-def pair_correlations_double_sum(a: Any, b: Any, dtype: DTypeLike = np.float64) -> MeanCorrelation:
-    """:func:`mean_pair_correlations` pair by pair as Eq. 4 is written, for reference: O(N_s²·D).
-
-    Everything within a pair is computed in `dtype`, as a reader of the paper would.
-    """
-    a, b = _pair(a, b)
-    constant = [_constant(samples) for samples in (a, b)]
-    undefined = int(constant[0].sum() if a is b else sum(c.sum() for c in constant))
-    if undefined:
-        return MeanCorrelation(np.nan, undefined)
-    x, y = a.astype(dtype), b.astype(dtype)
-    n, total = len(x), 0.0
-    for k in range(n):
-        for other in range(n):
-            if other != k:
-                product = (x[k] - x[k].mean()) * (y[other] - y[other].mean())
-                total += float(product.mean() / (x[k].std() * y[other].std()))
-    return MeanCorrelation(total / (n * (n - 1)), 0)
-
-
 class CorrelationSums:
-    """What the mean correlations of L classes need, from the k-th sample of each at a time.
+    """Sums behind the mean correlations of L classes.
 
     Args:
         n_classes: L.
         dimension: D.
-        dtype: of the standardised samples, see :func:`mean_pair_correlations`.
+        dtype: of the standardised samples: float64, or float32, which rounds each once.
 
     Attributes:
         n: N_s, samples a class so far.
@@ -116,31 +70,55 @@ class CorrelationSums:
         return total
 
     def pair_means(self) -> NDArray[np.float64]:
-        """C_ll′ of Eqs. 4 and 5: float64 [L, L].
-
-        Raises:
-            ValueError: for fewer than two samples a class.
-        """
+        """C_ll′ of Eqs. 4 and 5, float64 [L, L]; of two samples a class at least."""
         if self.n < 2:
             raise ValueError(f"samples: expected at least two of each class, found {self.n}")
         return (self.sums @ self.sums.T - self.same) / (self.n * (self.n - 1))
 
     def means_with(self, prototypes: Any) -> NDArray[np.float64]:
-        """C_ll′ of Eq. 6: prototypes [P, D] with the samples of each class: float64 [P, L].
-
-        Raises:
-            ValueError: for no sample at all.
-        """
+        """C_ll′ of Eq. 6, float64 [P, L]: prototypes [P, D] with the samples of each class."""
         if self.n < 1:
             raise ValueError("samples: expected at least one of each class, found 0")
         return standardise(prototypes, self.dtype) @ self.sums.T / self.n
 
 
-def standardise(samples: Any, dtype: DTypeLike = np.float64) -> Floats:
-    """Samples [N, D] minus their means, divided by their norms; NaN for one without variance.
+def mean_pair_correlations(a: Any, b: Any, dtype: DTypeLike = np.float64) -> MeanCorrelation:
+    """C_ll′ of Eqs. 4 and 5 for two classes in O(N_s·D) operations and O(D) memory.
 
-    The mean is taken off in float64 whatever `dtype` is, and what rounding left of it once more:
-    a mean 10⁶ times the deviation costs no digits that the samples themselves have.
+    Args:
+        a, b: samples [N_s, D] of class l and l′, of any real or integer type; the same array twice
+            for the diagonal element C_ll.
+        dtype: see :class:`CorrelationSums`.
+
+    Raises:
+        ValueError: for fewer than two samples, shapes that differ, or a value that is not finite.
+    """
+    a, b = _pair(a, b)
+    sums = CorrelationSums(2, a.shape[1], dtype)
+    for pair in zip(a, b, strict=True):
+        sums.add(np.stack(pair))
+    undefined = sums.undefined[0] if a is b else sums.undefined.sum()
+    return MeanCorrelation(float(sums.pair_means()[0, 1]), int(undefined))
+
+
+def pair_correlations_double_sum(a: Any, b: Any, dtype: DTypeLike = np.float64) -> MeanCorrelation:
+    """:func:`mean_pair_correlations` pair by pair as Eq. 4 is written, in `dtype`: O(N_s²·D)."""
+    a, b = _pair(a, b)
+    constant = [_constant(samples) for samples in (a, b)]
+    undefined = int(constant[0].sum() if a is b else sum(c.sum() for c in constant))
+    if undefined:
+        return MeanCorrelation(np.nan, undefined)
+    x, y = a.astype(dtype), b.astype(dtype)
+    n, total = len(x), 0.0
+    for k in range(n):
+        for other in (*range(k), *range(k + 1, n)):
+            product = (x[k] - x[k].mean()) * (y[other] - y[other].mean())
+            total += float(product.mean() / (x[k].std() * y[other].std()))
+    return MeanCorrelation(total / (n * (n - 1)), 0)
+
+
+def standardise(samples: Any, dtype: DTypeLike = np.float64) -> NDArray[Any]:
+    """Samples [N, D] minus their means, divided by their norms; NaN for one without variance.
 
     Raises:
         ValueError: for a value that is not finite; the sample is named.
@@ -151,20 +129,26 @@ def standardise(samples: Any, dtype: DTypeLike = np.float64) -> Floats:
         raise ValueError(f"samples[{bad}]: expected finite values")
     constant = _constant(samples)
     x = samples.astype(np.float64)
+    # Twice: a mean 10⁶ times the deviation leaves a rounded part of itself behind.
     x -= x.mean(1, keepdims=True)
     x -= x.mean(1, keepdims=True)
-    scale = np.abs(x).max(1)  # squares of what is very large or small would not be finite, or zero
-    scale[constant] = np.nan  # never a division by what rounding left of zero
+    scale = np.abs(x).max(1)  # squares of very large or small values over- or underflow
+    scale[constant] = np.nan  # never a division by a rounding error
     x /= scale[:, None]
     x /= np.sqrt(np.einsum("nd,nd->n", x, x))[:, None]
     return x.astype(dtype, copy=False)
 
 
-def _constant(samples: Floats) -> NDArray[np.bool_]:
+def contrast(correlation: NDArray[np.float64]) -> float:
+    """ΔC = max_ll′ |C_ll − C_ll′| of a matrix [L, L]."""
+    return float(np.abs(np.diag(correlation)[:, None] - correlation).max())
+
+
+def _constant(samples: NDArray[Any]) -> NDArray[np.bool_]:
     return samples.max(1) == samples.min(1)
 
 
-def _pair(a: Any, b: Any) -> tuple[Floats, Floats]:
+def _pair(a: Any, b: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     """Both as arrays, checked; one array where both are the same."""
     first = np.asarray(a)
     second = first if b is a else np.asarray(b)

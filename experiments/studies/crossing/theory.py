@@ -1,38 +1,37 @@
-"""HDC's accuracy from correlations of hypervectors alone: no frame is classified, nothing fitted.
+"""Accuracy from correlations of pairs alone: no frame is classified, no number is fitted.
 
-Given C^b (Eq. 5) of every pair of classes, the scatter of single pairs about it, N_s and D. A bit
-is the sign of a Gaussian number. The hypervectors of a class l share at each pixel a Gaussian z_l,
-so that, with the arcsine law C = (2/π)·asin ρ, a bit is one with probability
-π_l(z) = Φ(√ρ_ll·z/√(1 − ρ_ll)), the majority of N_s (Eq. 1) with M(z) = P(Bin(N_s, π_l(z)) > N_s/2)
-(half of the ties), and the bit of a query of class q with Φ(β·z/√(1 − β²)), β = ρ_ql/√ρ_ll. The
-correlation of query and prototype, 1 − 2·Ham/D (Eq. 2), is on average
+Given the mean correlation C of every pair of classes (Eq. 5 of hypervectors, Eq. 4 of frames), the
+scatter of single pairs about it, and N_s. A classifier compares a query of class q with something
+made of N_s samples of class l; its score is r_ql on average, and spreads with
 
-    r_ql(N_s) = E_z[(2Φ(β·z/√(1 − β²)) − 1)·(2M(z) − 1)].
+    σ² = g²·(v_sample/N_s + v_query) + noise,    g = ∂r/∂C,
 
-About it, scores spread with σ² = g²·(v_sample/N_s + v_query) + (1 − κ_ql)/D, g = ∂r/∂C: v_sample is
-the variance of C^b over the samples of a class for one query, v_query that over queries of their
-mean correlation with the class, less what a query has in common with all classes, and κ the
-correlation of the prototypes. With F_l the distribution of score l, the nearest prototype is that
-of q with the probability (order statistics of L independent numbers)
+v_sample the variance of C over the samples of a class for one query, v_query that over queries of
+their mean correlation with the class, less what a query has in common with all classes. With F_l
+the distribution of score l, the largest is that of q with the probability (order statistics of L
+independent numbers) ∫₀¹ Π_{l≠q} F_l(F_q⁻¹(u)) du. Single correlations are skewed: few samples are
+like the query, most are not. So F is a shifted gamma distribution (Pearson's type III), of which a
+mean of N_s numbers is again one; without skewness it is a Gaussian. Skewness was taken in after
+Gaussians had missed the accuracies of a sensor (seed 0): both are reported.
 
-    ∫₀¹ Π_{l≠q} F_l(F_q⁻¹(u)) du.
+**HDC.** A bit is the sign of a Gaussian number. The hypervectors of a class share at each pixel a
+Gaussian z_l, so that by the arcsine law, C = (2/π)·asin ρ, a bit is one with probability
+π_l(z) = Φ(√ρ_ll·z/√(1 − ρ_ll)), the majority (Eq. 1) with M(z) = P(Bin(N_s, π_l(z)) > N_s/2) (half
+of the ties), the bit of a query with Φ(β·z/√(1 − β²)), β = ρ_ql/√ρ_ll, and (Eq. 2)
 
-Single correlations are skewed: few samples are like the query, most are not. A mean of N_s numbers
-from a gamma distribution is of one, too, so F is a shifted gamma distribution (Pearson's type III)
-of the skewness that the measured one, in a mean of N_s, leaves; without skewness it is a Gaussian.
-No number in it is fitted to an accuracy, but that it has skewness at all was decided after the
-Gaussians had been seen to miss the accuracies of a sensor (seed 0): both are reported.
+    r_ql = E_z[(2Φ(β·z/√(1 − β²)) − 1)·(2M(z) − 1)],    noise = (1 − κ_ql)/D,
 
-What is assumed: bits are signs of Gaussians; all pairs of a class are equally correlated, though
-frames of like temperature are more so; the noise of scores is that distribution, independent from
-class to class, and the majority passes it on as it does a small change of C; D bits are
-independent, though those of a grain are not (the measured scatter has what this leaves out); ties
-fall either way, which on average is what ``ties=zero`` does, too, for a query of as many ones as
-zeros; correlations are not negative.
+κ the correlation of the prototypes. **Mean frame**, compared by correlation: for frames of equal
+contrast r_ql = g·C_ql, g = √(N_s/(1 + (N_s − 1)·C_ll)), and no noise but the scatter.
+
+Assumed besides: all pairs of a class are equally correlated, scores are independent from class to
+class and the majority passes their noise on as it does a small change of C, the D bits are
+independent, correlations are not negative.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +48,7 @@ from scipy.special import (
 )
 
 Floats = NDArray[np.float64]
+Shares = NDArray[np.int64]  # N_s of each class [L]
 
 _NODES = 80  # of the quadratures: doubling them changes no accuracy by 1e-4
 _STEP = 1e-4  # of C, for its derivative
@@ -58,10 +58,10 @@ _LEAST, _MOST = 1e-9, 1 - 1e-9  # of ρ, where Φ becomes a step
 
 
 class Correlations(NamedTuple):
-    """C^b of L classes and its scatter; row: class of the query, column: that of the samples.
+    """Correlations of L classes; row: class of the query, column: that of the samples.
 
     Attributes:
-        mean: C^b_ll′ [L, L].
+        mean: C_ll′ [L, L].
         sample: standard deviation over the samples of a class, for one query [L, L].
         query: standard deviation over queries of the mean with a class, less what the query has in
             common with all classes [L, L].
@@ -98,44 +98,63 @@ def correlations(pairs: Floats, labels: NDArray[np.int64]) -> Correlations:
     return Correlations(mean, np.sqrt(sample), np.sqrt(query), skew)
 
 
-def accuracy(found: Correlations, n: int, dimension: float) -> float:
+def hdc_accuracy(moments: Correlations, n: int, dimension: float) -> float:
     """Probability that HDC is right about a sample of any class, in equal shares.
 
     Args:
-        found: correlations of the classes.
+        moments: correlations of hypervectors.
         n: training samples of all classes together, at least L; where they are no multiple of L,
             each class in turn is among those that have one more.
         dimension: D.
     """
-    n_classes = len(found.mean)
-    shares = np.full(n_classes, n // n_classes)
-    shares[: n % n_classes] += 1
-    turns = n_classes if n % n_classes else 1
-    return float(np.mean([_accuracy(found, np.roll(shares, k), dimension) for k in range(turns)]))
+
+    def scores(shares: Shares) -> tuple[Floats, Floats, Floats]:
+        r = expected(moments.mean, shares)
+        gain = (expected(moments.mean + _STEP, shares, np.diag(moments.mean)) - r) / _STEP
+        return r, gain, (1 - _alike(moments.mean, shares)) / dimension
+
+    return _accuracy(moments, n, scores)
 
 
-def _accuracy(found: Correlations, shares: NDArray[np.int64], dimension: float) -> float:
-    r = expected(found.mean, shares)
-    gain = (expected(found.mean + _STEP, shares, np.diag(found.mean)) - r) / _STEP
-    variance = gain**2 * (found.sample**2 / shares + found.query**2)
-    third = gain**3 * found.skew * found.sample**3 / shares**2
-    alike = _alike(found.mean, shares)
+def mean_image_accuracy(moments: Correlations, n: int) -> float:
+    """The same for the mean frame of each class, from correlations of frames."""
+
+    def scores(shares: Shares) -> tuple[Floats, Floats, Floats]:
+        gain = np.sqrt(shares / (1 + (shares - 1) * np.diag(moments.mean)))
+        none = np.zeros_like(moments.mean)
+        return gain * moments.mean, gain + none, none
+
+    return _accuracy(moments, n, scores)
+
+
+def _accuracy(
+    moments: Correlations, n: int, scores: Callable[[Shares], tuple[Floats, Floats, Floats]]
+) -> float:
+    """Mean over the ways to share n samples; `scores` gives r, g and the noise."""
+    n_classes = len(moments.mean)
+    base = np.full(n_classes, n // n_classes)
+    base[: n % n_classes] += 1
     u, weight = roots_sh_legendre(_NODES)
     right = []
-    for q in range(len(r)):
-        sigma = np.sqrt(variance[q] + (1 - alike[q]) / dimension + _NO_LESS)
-        # Four over the square of the skewness is the shape of a gamma distribution.
-        shape = 4 / np.maximum(third[q] / sigma**3, _NO_SKEW) ** 2
-        own = (gammaincinv(shape[q], u) - shape[q]) / np.sqrt(shape[q])
-        others = np.arange(len(r)) != q
-        margin = (r[q, q] + sigma[q] * own[:, None] - r[q, others]) / sigma[others]
-        shape = shape[others]
-        below = gammainc(shape, np.maximum(shape + np.sqrt(shape) * margin, 0))
-        right.append(weight @ below.prod(axis=1))
+    for turn in range(n_classes if n % n_classes else 1):
+        shares = np.roll(base, turn)
+        r, gain, noise = scores(shares)
+        variance = gain**2 * (moments.sample**2 / shares + moments.query**2)
+        third = gain**3 * moments.skew * moments.sample**3 / shares**2
+        for q in range(n_classes):
+            sigma = np.sqrt(variance[q] + noise[q] + _NO_LESS)
+            # Four over the square of the skewness is the shape of a gamma distribution.
+            shape = 4 / np.maximum(third[q] / sigma**3, _NO_SKEW) ** 2
+            score = (gammaincinv(shape[q], u) - shape[q]) / np.sqrt(shape[q])
+            rest = np.arange(n_classes) != q
+            margin = (r[q, q] + sigma[q] * score[:, None] - r[q, rest]) / sigma[rest]
+            shape = shape[rest]
+            below = gammainc(shape, np.maximum(shape + np.sqrt(shape) * margin, 0))
+            right.append(weight @ below.prod(axis=1))
     return float(np.mean(right))
 
 
-def expected(mean: Floats, shares: NDArray[np.int64], within: Floats | None = None) -> Floats:
+def expected(mean: Floats, shares: Shares, within: Floats | None = None) -> Floats:
     """r [L, L], correlation of a query of class q with the prototype of class l.
 
     Args:
@@ -151,7 +170,7 @@ def expected(mean: Floats, shares: NDArray[np.int64], within: Floats | None = No
     return np.einsum("qlz,lz,z->ql", bit, votes, weight)
 
 
-def _alike(mean: Floats, shares: NDArray[np.int64]) -> Floats:
+def _alike(mean: Floats, shares: Shares) -> Floats:
     """κ [L, L]: correlation of the prototypes; of one with itself, its mean with the others.
 
     By Mehler's formula: E f(z)·g(z′) = Σ_k f_k·g_k·ρ^k of the coefficients of Hermite polynomials.
@@ -162,13 +181,13 @@ def _alike(mean: Floats, shares: NDArray[np.int64]) -> Floats:
     order = np.arange(_NODES)
     polynomials = eval_hermitenorm(order[:, None], z) / np.exp(gammaln(order + 1) / 2)[:, None]
     parts = (_votes(z, rho, shares) * weight) @ polynomials.T
-    found = np.einsum("qk,lk,qlk->ql", parts, parts, between[..., None] ** order)
-    others = found.sum(1) - np.diag(found)
-    np.fill_diagonal(found, others / max(len(rho) - 1, 1))
-    return found
+    alike = np.einsum("qk,lk,qlk->ql", parts, parts, between[..., None] ** order)
+    rest = alike.sum(1) - np.diag(alike)
+    np.fill_diagonal(alike, rest / max(len(rho) - 1, 1))
+    return alike
 
 
-def _votes(z: Floats, rho: Floats, shares: NDArray[np.int64]) -> Floats:
+def _votes(z: Floats, rho: Floats, shares: Shares) -> Floats:
     """2M(z) − 1 for each class [L, len(z)]."""
     p = ndtr(np.sqrt(rho / (1 - rho))[:, None] * z)
     above = [bdtrc(k[:, None].astype(float), shares[:, None], p)

@@ -1,4 +1,4 @@
-"""What may go wrong after training: with the frames a model sees, and with its stored bits."""
+"""Faults after training: of the frames that a model sees, and of its stored bits."""
 
 from __future__ import annotations
 
@@ -48,65 +48,10 @@ def shift(frames: np.ndarray, level: int, random: np.random.Generator) -> np.nda
     return frames[:, :, columns]
 
 
-def offset(frames: np.ndarray, level: float, random: np.random.Generator) -> np.ndarray:
-    """Stray light: a constant added to each frame, uniform in 0…level of full scale; clipped."""
-    _check("offset", level)
-    brightest = np.iinfo(frames.dtype).max
-    result = np.empty_like(frames)
-    for frame, out in zip(frames, result, strict=True):
-        added = np.rint(random.uniform(0, level) * brightest)
-        out[:] = np.minimum(frame + added, brightest)
-    return result
-
-
-def glare(
-    frames: np.ndarray, level: float, random: np.random.Generator, radius: float = 0.1
-) -> np.ndarray:
-    """A Gaussian spot added to each frame, at another place in each; clipped.
-
-    Args:
-        frames: unsigned integers [N, H, W].
-        level: height of the spot in full scales, in [0, 1].
-        random: generator of the places, anywhere in the frame.
-        radius: standard deviation of the spot in widths of the frame.
-    """
-    _check("glare", level)
-    brightest, (height, width) = np.iinfo(frames.dtype).max, frames.shape[1:]
-    y, x, result = np.arange(height), np.arange(width), np.empty_like(frames)
-    for frame, out in zip(frames, result, strict=True):
-        centre = random.uniform(0, (height, width))
-        down, across = (
-            np.exp(-((axis - c) ** 2) / (2 * (radius * width) ** 2))
-            for axis, c in zip((y, x), centre, strict=True)
-        )
-        spot = np.rint(level * brightest * down[:, None] * across)
-        out[:] = np.minimum(frame + spot, brightest)
-    return result
-
-
-def jitter(frames: np.ndarray, level: int, random: np.random.Generator) -> np.ndarray:
-    """Every frame moved by whole pixels, uniform in ±level on each axis; edges are repeated."""
-    height, width = frames.shape[1:]
-    if level != int(level) or not 0 <= level < min(height, width):
-        raise ValueError(
-            f"jitter: expected whole pixels in [0, {min(height, width)}), found {level}"
-        )
-    result = np.empty_like(frames)
-    for frame, out in zip(frames, result, strict=True):
-        down, across = random.integers(-int(level), int(level) + 1, 2)
-        rows = np.clip(np.arange(height) - down, 0, height - 1)
-        columns = np.clip(np.arange(width) - across, 0, width - 1)
-        out[:] = frame[rows[:, None], columns]
-    return result
-
-
 OF_FRAMES: dict[str, Callable[[np.ndarray, float, np.random.Generator], np.ndarray]] = {
     "power": power,
     "dead_pixels": dead_pixels,
     "shift": shift,  # type: ignore[dict-item]
-    "offset": offset,
-    "glare": glare,
-    "jitter": jitter,  # type: ignore[dict-item]
 }
 
 
@@ -161,22 +106,10 @@ def _flip(memory: Sequence[np.ndarray], rate: float, seed: Sequence[int]) -> Non
     for stored in memory:
         for start in range(0, len(stored), _BLOCK):
             block = stored[start : start + _BLOCK]
-            block ^= np.packbits(_chosen(8 * len(block), rate, random))
-
-
-def _chosen(n: int, rate: float, random: np.random.Generator) -> np.ndarray:
-    """n independent choices of probability `rate`, bool [n]."""
-    if rate > 0.01:
-        # Multiples of 2^-24: the rate is met to a millionth of itself.
-        return random.random(n, np.float32) < rate
-    chosen = np.zeros(n, np.bool_)
-    last = -1
-    while rate > 0 and last < n:  # at the cost of those chosen alone: the gaps are geometric
-        gaps = random.geometric(rate, int(n * rate) + 16)
-        places = last + np.minimum(gaps, n + 1).cumsum()
-        chosen[places[places < n]] = True
-        last = int(places[-1])
-    return chosen
+            flips = np.zeros(8 * len(block), np.bool_)
+            count = random.binomial(len(flips), rate)
+            flips[random.choice(len(flips), count, replace=False, shuffle=False)] = True
+            block ^= np.packbits(flips)
 
 
 def _check(name: str, level: float) -> None:

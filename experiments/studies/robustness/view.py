@@ -1,260 +1,20 @@
-"""What is left of the accuracy under disturbances, as a table and a figure.
-
-Of disturbed frames, bounds are Student's over seeds (of one seed: Wilson's). A single
-flipped bit can ruin all predictions of a draw at once, so of flipped bits they are the lowest and
-the highest accuracy of a draw.
-"""
+"""Accuracy that is left under disturbances, as a table and a figure."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from matplotlib import pyplot as plt
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.records.measurement import Measured
-from experiments.records.results import Results
+from experiments.records import configs
+from experiments.reporting.columns import Column, display_name
 from experiments.reporting.estimates import Estimate, mean_share
-from experiments.reporting.measured import with_places
-from experiments.reporting.plot import (
-    STYLE,
-    WIDTH,
-    bars,
-    errors,
-    handle,
-    head,
-    seeds_of,
-)
-from experiments.reporting.rows import display_name, frames_of
-from experiments.reporting.study import Plot, Study
-from experiments.reporting.table import Table, frame, interval, percent, size
-
-FLIPS = ("bit_flips", "bit_flips_int8")
-# What a disturbance is called, the unit of its level, and the number of units in a level of 1.
-LEVELS = {
-    "none": ("none", "", 1),
-    "power": ("laser power ±", "%", 100),
-    "dead_pixels": ("dead pixels", "%", 100),
-    "shift": ("camera shifted", "px", 1),
-    "offset": ("stray light up to", "% of full scale", 100),
-    "glare": ("glare spot", "% of full scale", 100),
-    "jitter": ("frames moved by ±", "px", 1),
-    "bit_flips": ("bit error rate", "", 1),
-    "bit_flips_int8": ("bit error rate, 8-bit numbers", "", 1),
-}
-Accuracies = Mapping[tuple[str, float], Mapping[str, Estimate]]
-
-
-def tables(results: Results) -> Iterator[Table]:
-    """Accuracy of each model under each disturbance, a table for each set of frames."""
-    for place, measured in with_places(results, "robustness"):
-        found = accuracies(measured)
-        sizes = {row["model"]: int(row["model_bits"]) // 8 for row in measured.rows}
-        yield Table(
-            f"robustness{place}",
-            f"Test accuracy, %, when something goes wrong after training, on {_frames(measured)}",
-            frame(_row(case, by_model) for case, by_model in found.items()),
-            {
-                "Disturbance": lambda row: LEVELS[row["disturbance"]][0],
-                "Level": lambda row: _level(row["disturbance"], row["level"]),
-                **{
-                    f"{display_name(model)}, {size(sizes[model])}": partial(_cell, model)
-                    for model in sizes
-                },
-            },
-            _note(measured),
-            [measured.record.command],
-        )
-
-
-def plots(results: Results) -> Iterator[Plot]:
-    """The same as a figure."""
-    for place, measured in with_places(results, "robustness"):
-        yield Plot(
-            f"robustness{place}",
-            "Test accuracy against the bit error rate of the stored model, and with disturbed "
-            "frames.",
-            partial(figure, measured),
-            [measured.record.command],
-        )
-
-
-def accuracies(measured: Measured) -> Accuracies:
-    """Accuracy by (disturbance, level) and model, mean over its seeds and draws."""
-    rows: dict[tuple[str, float], dict[str, list[dict[str, str]]]] = {}
-    for row in measured.rows:
-        by_model = rows.setdefault((row["disturbance"], float(row["level"])), {})
-        by_model.setdefault(row["model"], []).append(row)
-    return {
-        case: {model: _pooled(case[0], same) for model, same in by_model.items()}
-        for case, by_model in rows.items()
-    }
-
-
-def _pooled(disturbance: str, rows: Sequence[Mapping[str, str]]) -> Estimate:
-    shares = [int(row["right"]) / int(row["n_test"]) for row in rows]
-    if disturbance not in FLIPS:
-        return mean_share(shares, int(rows[0]["n_test"]))  # a row a seed
-    return Estimate(float(np.mean(shares)), min(shares), max(shares))
-
-
-def _frames(measured: Measured) -> str:
-    """``simulated frames of 5 classes``."""
-    classes = round(1 / float(measured.rows[0]["chance"]))
-    return f"{frames_of(measured.rows)}, {classes} classes"
-
-
-# Table --------------------------------------------------------------------------------------------
-
-
-def _row(case: tuple[str, float], by_model: Mapping[str, Estimate]) -> dict[str, Any]:
-    row: dict[str, Any] = dict(zip(("disturbance", "level"), case, strict=True))
-    for model, found in by_model.items():
-        row |= found.columns(model)
-    return row
-
-
-def _cell(model: str, row: Mapping[str, Any]) -> str:
-    value, low, high = (percent(row.get(f"{model}{end}")) for end in ("", "_low", "_high"))
-    if row["disturbance"] not in FLIPS:
-        return interval(value, low, high)
-    return value if low == high else f"{value} ({low}…{high})"
-
-
-def _level(disturbance: str, level: float) -> str:
-    """A level with its unit; nothing where there is no disturbance."""
-    _, unit, units = LEVELS[disturbance]
-    if disturbance in FLIPS and 0 < level < 0.01:
-        return f"{level:.0e}"
-    return "" if disturbance == "none" else f"{level * units:g} {unit}".strip()
-
-
-def _note(measured: Measured) -> str:
-    stops: Mapping[str, Any] = measured.record.config.get("stops", {})
-    early = [
-        display_name(name)
-        for name, rule in stops.items()
-        if rule.get("reached_after_s") is not None
-    ]
-    text = (
-        f"{_seeds(measured)}. Laser power: another factor for every frame. Dead pixels read zero, "
-        "the same in all frames. In square brackets: Student, 95 %, over seeds (of one: "
-        "Wilson). Bit error rate: of the bytes of every stored tensor but the labels of nearest "
-        "neighbour; in round brackets the lowest and the highest draw. 8-bit numbers: the same "
-        "with every float32 rounded to one of 255 equal steps before. Heads: bytes of the stored "
-        "model."
-    )
-    if early:
-        text += (
-            f" Trained only until the training accuracy exceeded 90 % (stop=reached), and so short "
-            f"of its best: {', '.join(early)}."
-        )
-    return text
-
-
-def _seeds(measured: Measured) -> str:
-    draws = {row["draw"] for row in measured.rows}
-    text = seeds_of(len({row["seed"] for row in measured.rows}))
-    return text if len(draws) == 1 else f"{text}, {len(draws)} draws of bits each"
-
-
-# Figure -------------------------------------------------------------------------------------------
-
-
-def figure(measured: Measured) -> Figure:
-    """Accuracy against bit error rate and against the disturbances of frames."""
-    found = accuracies(measured)
-    models = list(dict.fromkeys(row["model"] for row in measured.rows))
-    chance = 100 * float(measured.rows[0]["chance"])
-    of_frames = [
-        name
-        for name in LEVELS
-        if name not in ("none", *FLIPS) and any(name == disturbance for disturbance, _ in found)
-    ]
-    with plt.rc_context(STYLE):
-        figure = plt.figure(figsize=(WIDTH, 6.4), layout="constrained")
-        grid = figure.add_gridspec(3, max(1, len(of_frames)), height_ratios=(1.2, 1.2, 1))
-        top, middle = (figure.add_subplot(grid[k, :]) for k in (0, 1))
-        for axes, name, text in (
-            (top, "bit_flips", "as stored: float32, bits, counters"),
-            (middle, "bit_flips_int8", "the same, but 8 bits for each float32"),
-        ):
-            _bit_flips(axes, found, models, name)
-            axes.text(0.01, 3, text, transform=axes.get_yaxis_transform(), fontsize=6)
-        top.tick_params(labelbottom=False)
-        middle.set_xlabel("bit error rate of the stored model\n(bars: lowest to highest draw)")
-        for k, name in enumerate(of_frames):
-            axes = figure.add_subplot(grid[2, k])
-            _disturbed(axes, found, models, name)
-            if k:
-                axes.set_yticklabels([])
-            else:
-                axes.set_ylabel("test accuracy (%)")
-        for axes in figure.axes:
-            axes.axhline(chance, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
-            axes.set_ylim(0, 104)
-        top.text(
-            0.01,
-            chance - 1,
-            "chance",
-            transform=top.get_yaxis_transform(),
-            va="top",
-            color="0.3",
-            fontsize=6,
-        )
-        figure.legend(handles=list(map(handle, models)), loc="outside lower center", ncols=2)
-        head(
-            figure,
-            "Test accuracy when something goes wrong after training",
-            [
-                f"{_frames(measured)}, {_seeds(measured)}; disturbed frames: 95 % intervals",
-            ],
-        )
-    return figure
-
-
-def _bit_flips(axes: Axes, found: Accuracies, models: Sequence[str], name: str) -> None:
-    """Means over a logarithmic rate, from lowest to highest draw; no flips at its left end.
-
-    A model without rows of this name, since it stores no floating-point numbers, is drawn with
-    those of its bits as they are.
-    """
-    rates = sorted({level for disturbance, level in found if disturbance in FLIPS} - {0.0})
-    axes.set_xscale("log")
-    axes.set_ylabel("test accuracy (%)")
-    if not rates:
-        return
-    none = rates[0] / 10
-    for k, model in enumerate(models):
-        own = {case: by_model[model] for case, by_model in found.items() if model in by_model}
-        shown = name if any(disturbance == name for disturbance, _ in own) else "bit_flips"
-        points = {0.0: own["none", 0.0]}
-        points |= {level: one for (disturbance, level), one in own.items() if disturbance == shown}
-        x = np.array([level or none for level in points]) * 1.03 ** (k - len(models) // 2)
-        y, spread = errors(list(points.values()), 100)
-        bars(axes, model, x, y, spread, elinewidth=0.4)
-    decades = [10.0**k for k in range(-12, 1, 2) if none < 10.0**k <= 1]
-    axes.set_xticks([none, *decades], ["0", *(f"$10^{{{np.log10(d):.0f}}}$" for d in decades)])
-    axes.set_xticks([], minor=True)
-    axes.set_xlim(none / 2, 1)
-
-
-def _disturbed(axes: Axes, found: Accuracies, models: Sequence[str], name: str) -> None:
-    """Accuracies side by side at each level of one disturbance, none of it at the left."""
-    label, unit, units = LEVELS[name]
-    cases = [("none", 0.0), *sorted(case for case in found if case[0] == name)]
-    for k, model in enumerate(models):
-        places = [i for i, case in enumerate(cases) if model in found.get(case, {})]
-        y, spread = errors([found[cases[i]][model] for i in places], 100)
-        x = np.array(places) + 0.08 * (k - (len(models) - 1) / 2)
-        bars(axes, model, x, y, spread, ls="", elinewidth=0.6, markersize=2.5)
-    axes.set_xticks(range(len(cases)), [f"{level * units:g}" for _, level in cases])
-    axes.set_xlabel(f"{label} ({unit})")
-
+from experiments.reporting.plot import bars, errors, handle, head, seeds_of
+from experiments.reporting.study import Study, frames_of
+from experiments.reporting.text import percent, size
 
 STUDY = Study(
     "robustness",
@@ -262,6 +22,170 @@ STUDY = Study(
     "How much accuracy is left when the frames are disturbed after training, or bits of the stored "
     "model flip? Does hyperdimensional computing tolerate the faults it is said to tolerate?",
     9.5,
-    tables,
-    plots,
 )
+FLIPS = ("bit_flips", "bit_flips_int8")
+# Name of a disturbance, unit of its level, and the number of units in a level of 1.
+LEVELS = {
+    "none": ("none", "", 1),
+    "power": ("laser power ±", "%", 100),
+    "dead_pixels": ("dead pixels", "%", 100),
+    "shift": ("camera shifted", "px", 1),
+    "bit_flips": ("bit error rate", "", 1),
+    "bit_flips_int8": ("bit error rate, 8-bit numbers", "", 1),
+}
+
+
+def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
+    """Accuracy by ``disturbance``, ``level`` and ``model``, mean over seeds and draws.
+
+    Returns:
+        DataFrame: ``accuracy`` with ``accuracy_low`` and ``accuracy_high``: Student's interval over
+        seeds. A flipped bit can ruin all predictions of a draw at once, so of flips they are the
+        lowest and the highest draw.
+    """
+    table = []
+    keys = ["disturbance", "level", "model"]
+    for key, same in rows.groupby(keys, sort=False):
+        shares = (same.right / same.n_test).astype(float)
+        estimate = Estimate(shares.mean(), shares.min(), shares.max())
+        if key[0] not in FLIPS:
+            estimate = mean_share(shares.groupby(same.seed).mean().tolist(), same.n_test.iloc[0])
+        table.append({**dict(zip(keys, key, strict=True)), **estimate.columns("accuracy")})
+    return pd.DataFrame(table)
+
+
+def tolerated(rows: pd.DataFrame, loss: float = 0.01) -> pd.DataFrame:
+    """Largest bit error rate up to which a model loses at most `loss` of its accuracy: ``model``,
+    ``disturbance`` (of :data:`FLIPS`), ``rate`` (0 where the smallest one costs more)."""
+    means = accuracies(rows)
+    clean = means[means.disturbance == "none"].set_index("model").accuracy
+    table = []
+    for (kind, model), of_model in means.groupby(["disturbance", "model"], sort=False):
+        if kind in FLIPS:
+            by_rate = of_model.sort_values("level")
+            held = (clean[model] - by_rate.accuracy <= loss).cummin()
+            rate = by_rate.level[held].max() if held.any() else 0.0
+            table.append({"model": model, "disturbance": kind, "rate": rate})
+    return pd.DataFrame(table)
+
+
+NOTE = (
+    "Laser power: another factor for every frame. Dead pixels read zero, the same in all frames. "
+    "In brackets: Student, 95 %, over seeds; of bit error rates the lowest and the highest draw. "
+    "Bit error rate: of the bytes of every stored tensor but the labels of nearest neighbour. "
+    "8-bit numbers: every float32 was rounded to one of 255 equal steps before."
+)
+
+
+def _level(row: Mapping[str, Any]) -> str:
+    """A level with its unit; nothing where there is no disturbance."""
+    _, unit, units = LEVELS[row["disturbance"]]
+    return "" if row["disturbance"] == "none" else f"{row['level'] * units:g} {unit}".strip()
+
+
+@STUDY.table(
+    "robustness", of="robustness",
+    title="Test accuracy, %, when something goes wrong after training, on {frames}",
+    columns={
+        "disturbance": Column("Disturbance", lambda name: LEVELS[name][0]),
+        "level": Column("Level", cell=_level),
+        **{m.stem: Column(display_name(m.stem), percent)
+           for m in (configs.CONFIGS / "model").glob("*.yaml")},
+    },
+)  # fmt: skip
+def disturbed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+    """Accuracy of each model, a column, under each disturbance."""
+    columns = {f"accuracy{end}": end for end in ("", "_low", "_high")}
+    wide = accuracies(rows).pivot(
+        index=["disturbance", "level"], columns="model", values=list(columns)
+    )
+    order = list(dict.fromkeys(zip(rows.disturbance, rows.level, strict=True)))
+    wide = wide.reindex(order)
+    wide.columns = [f"{model}{columns[name]}" for name, model in wide.columns]
+    models = list(rows.model.unique())
+    table = wide[[f"{model}{end}" for model in models for end in columns.values()]].reset_index()
+    sizes = rows.groupby("model", sort=False).model_bytes.first()
+    stored = "; ".join(f"{display_name(str(m))} {size(int(n))}" for m, n in sizes.items())
+    stops = config.get("stops", {})
+    early = [m for m in models if stops.get(m, {}).get("reached_after_s") is not None]
+    stopped = ", ".join(map(display_name, early)) or "none"
+    table.attrs["note"] = f"{NOTE} Stored: {stored}. Stopped at 90 % in training: {stopped}."
+    return table
+
+
+@STUDY.figure(
+    "robustness", of="robustness", size=(3.4, 6.4),
+    caption="Test accuracy against the bit error rate of the stored model, and with disturbed "
+    "frames, on {frames}.",
+)  # fmt: skip
+def figure(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
+    """Accuracy against bit error rate and against the disturbances of frames."""
+    means, models = accuracies(rows), list(rows.model.unique())
+    classes = int(rows.n_classes.iloc[0])
+    of_frames = [n for n in LEVELS if n not in ("none", *FLIPS) and n in set(means.disturbance)]
+    grid = figure.add_gridspec(3, max(1, len(of_frames)), height_ratios=(1.2, 1.2, 1))
+    top, middle = (figure.add_subplot(grid[k, :]) for k in (0, 1))
+    for axes, name, text in (
+        (top, "bit_flips", "as stored: float32, bits, counters"),
+        (middle, "bit_flips_int8", "the same, but 8 bits for each float32"),
+    ):
+        _flips(axes, means, models, name)
+        axes.text(0.01, 3, text, transform=axes.get_yaxis_transform(), fontsize=6)
+    top.tick_params(labelbottom=False)
+    middle.set_xlabel("bit error rate of the stored model\n(bars: lowest to highest draw)")
+    for k, name in enumerate(of_frames):
+        axes = figure.add_subplot(grid[2, k])
+        _disturbed(axes, means, models, name)
+        if k:
+            axes.set_yticklabels([])
+        else:
+            axes.set_ylabel("test accuracy (%)")
+    for axes in figure.axes:
+        axes.axhline(100 / classes, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
+        axes.set_ylim(0, 104)
+    figure.legend(handles=list(map(handle, models)), loc="outside lower center", ncols=2)
+    frames = frames_of(rows[["origin"]].to_dict("records"))
+    head(
+        figure,
+        "Test accuracy when something goes wrong after training",
+        [f"{frames}, {classes} classes, {seeds_of(rows.seed.nunique())}; disturbed frames: 95 % "
+         "intervals; dashed: chance"],
+    )  # fmt: skip
+
+
+def _points(axes: Axes, rows: pd.DataFrame, model: str, x: Sequence[float], **look: Any) -> None:
+    estimates = rows[["accuracy", "accuracy_low", "accuracy_high"]].itertuples(index=False)
+    y, spread = errors([Estimate(*row) for row in estimates], 100)
+    bars(axes, model, x, y, spread, **look)
+
+
+def _flips(axes: Axes, means: pd.DataFrame, models: Sequence[str], name: str) -> None:
+    """Means against the rate, from lowest to highest draw; a place for every rate, since what
+    matters lies between 0.1 and 0.4.
+
+    A model that stores no floating-point numbers is drawn with its bits as they are.
+    """
+    rates = sorted({0.0, *means.level[means.disturbance.isin(FLIPS)]})
+    for k, model in enumerate(models):
+        of_model = means[means.model == model]
+        shown = name if (of_model.disturbance == name).any() else "bit_flips"
+        flipped = (of_model.disturbance == shown) & (of_model.level > 0)
+        points = of_model[flipped | (of_model.disturbance == "none")]
+        x = [rates.index(rate) + 0.06 * (k - len(models) / 2) for rate in points.level]
+        _points(axes, points, model, x, elinewidth=0.4)
+    labels = [f"{rate:g}" if rate >= 1e-3 or not rate else f"{rate:.0e}" for rate in rates]
+    axes.set_xticks(range(len(rates)), labels, rotation=90)
+    axes.set_ylabel("test accuracy (%)")
+
+
+def _disturbed(axes: Axes, means: pd.DataFrame, models: Sequence[str], name: str) -> None:
+    """Accuracies side by side at each level of one disturbance, none of it at the left."""
+    label, unit, units = LEVELS[name]
+    shown = means[means.disturbance.isin(["none", name])]
+    levels = sorted(shown.level.unique())
+    for k, model in enumerate(models):
+        points = shown[shown.model == model].sort_values("level")
+        x = [levels.index(level) + 0.08 * (k - (len(models) - 1) / 2) for level in points.level]
+        _points(axes, points, model, x, ls="", elinewidth=0.6, markersize=2.5)
+    axes.set_xticks(range(len(levels)), [f"{level * units:g}" for level in levels])
+    axes.set_xlabel(f"{label} ({unit})")

@@ -1,36 +1,30 @@
-"""How close the simulated sensor is to the paper: what was fitted, what it then says, controls.
-
-The calibration measures nothing itself: its table holds what the other studies say of the same
-quantities beside the range in which the fit was to bring them.
-"""
+"""The simulated sensor beside the paper: numbers that were fitted, errors and controls."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from experiments.records.measurement import Measured
-from experiments.records.results import Group, Results
-from experiments.reporting import published
-from experiments.reporting import rows as rows_of
-from experiments.reporting.estimates import crossing, mean_interval, mean_share, share
-from experiments.reporting.published import Published
-from experiments.reporting.study import RUN, Plot, Quantity, Study
-from experiments.reporting.table import Row, Table, frame, interval, number, percent
-from experiments.studies.accuracy.view import quantities as of_accuracy
-from experiments.studies.correlation.view import contrast, matrices
-from experiments.studies.correlation.view import quantities as of_correlation
-from experiments.studies.drift.view import quantities as of_drift
-from experiments.studies.scenes.view import quantities as of_scenes
-from experiments.studies.sensor.figures import pictures
-from experiments.studies.table1.view import quantities as of_table1
+from experiments import studies
+from experiments.records.results import Results
+from experiments.reporting import published, study
+from experiments.reporting.columns import Column
+from experiments.reporting.comparison import compare
+from experiments.reporting.estimates import crossing, mean_share, share
+from experiments.reporting.study import RUN, Study
+from experiments.reporting.text import number, percent
+from experiments.studies.sensor.measure import CURVE
 
-_MEASURED_BY = (of_table1, of_accuracy, of_correlation, of_scenes, of_drift)
-
+STUDY = Study(
+    "sensor",
+    "The simulated sensor",
+    "How close is the simulated sensor to the paper, which of its numbers were fitted, and how "
+    "does it tell objects apart?",
+    3.5,
+)
 _CONTROLS = {
     "tactile": "nothing",
     "tactile_texture": "texture only: all objects as thick",
@@ -38,296 +32,146 @@ _CONTROLS = {
     "tactile_precise": "the same, depth repeated to 0.1 %, place to 10 µm",
     "tactile_depth": "thickness only: all objects smooth",
 }
-_PICTURED = {
-    "touch": "five labels, touched by a robot",
-    "finger": "seven labels, touched by a finger",
-    "spatial": "every tenth of 51 positions",
-    "drift": "some touches on the first day and after 16 days",
-    "tactile": "three objects",
-}
-
-
-def tables(results: Results) -> Iterator[Table]:
-    """The calibration, the fit, the errors on finger and the controls of tactile."""
-    yield from calibration(results)
-    if (measured := results.measured("calibration")) is not None:
-        yield fit(measured)
-    finger = results.group("finger", "hdc")
-    if finger.runs:
-        yield confusions(finger)
-    yield from controls(results)
-    if (measured := results.measured("sensor_precision")) is not None:
-        yield precision(measured)
-
-
-# Calibration --------------------------------------------------------------------------------------
-
-
-def calibration(results: Results) -> Iterator[Table]:
-    """Every quantity that the calibration expected something of, as the other studies have it."""
-    found: dict[str, list[Quantity]] = {}
-    for quantities in _MEASURED_BY:
-        for quantity in quantities(results):
-            found.setdefault(quantity.name, []).append(quantity)
-    rows = [
-        _judged(known, ours)
-        for known in published.numbers().values()
-        if known.expected is not None
-        for ours in found.get(known.name, [])
-    ]
-    if not rows:
-        return
-    yield Table(
-        "calibration",
-        "The simulated sensor beside the paper",
-        frame(rows),
-        {
-            "Quantity": lambda row: row["quantity"],
-            "Paper": lambda row: number(row["paper"], 4),
-            "Here [95 %]": lambda row: interval(
-                *(number(row[key], 4) for key in ("here", "low", "high"))
-            ),
-            "Expected": lambda row: row["expected"],
-            "Met": lambda row: row["met"],
-            "Status": lambda row: row["status"],
-            "Note": lambda row: row["note"] or "–",
-        },
-        "Fitted: the number chose a parameter of the sensor, on seeds that are not among these; "
-        "watched: the fit looked at it and it chose none. Met: the value here is in the range that "
-        "the fit accepted, whatever its interval, which is that of one more sensor.",
-        [f"{RUN}{name}" for name in ("table1", "accuracy_vs_n", "correlation", "scenes", "drift")],
-    )
-
-
-def _judged(known: Published, ours: Quantity) -> Row:
-    assert known.expected is not None
-    low, high = known.expected
-    inside = isinstance(ours.value, int | float) and low <= ours.value <= high
-    return {
-        "quantity": ", ".join(filter(None, [_named(known), ours.condition])),
-        "paper": known.value,
-        "here": ours.value,
-        "low": ours.low,
-        "high": ours.high,
-        "expected": _range(known),
-        "met": "yes" if inside else "no",
-        "status": known.calibration,
-        "note": known.note,
-    }
-
-
-def _named(known: Published) -> str:
-    unit = "" if known.unit == "1" else f", {known.unit}"
-    return known.name.replace("/", ": ").replace("_", " ") + unit
-
-
-def _range(known: Published) -> str:
-    return "" if known.expected is None else "{:g} to {:g}".format(*known.expected)
-
-
-# Fit ----------------------------------------------------------------------------------------------
-
-
 _PLACES = ("smaller", "fitted", "larger")
 
 
-def fit(measured: Measured) -> Table:
-    """Each fitted parameter beside its neighbours: what it was fitted to, at each of them."""
-    rows = []
-    for scene, parameters in measured.record.config["fitted"].items():
-        mine = [row for row in measured.rows if row["scene"] == scene]
-        own = fitted_to([row for row in mine if "parameter" not in row], measured)
+def _four(value: float) -> str:
+    return number(value, 4)
+
+
+def _named(name: str) -> str:
+    """``accuracy vs n: n for 90 percent, samples`` of a number of published.csv."""
+    unit = published.numbers()[name].unit
+    return name.replace("/", ": ").replace("_", " ") + ("" if unit == "1" else f", {unit}")
+
+
+def _range(name: str) -> str:
+    expected = published.numbers()[name].expected
+    return "{:g} to {:g}".format(*expected) if expected else ""
+
+
+@STUDY.table(
+    "calibration", title="The simulated sensor beside the paper",
+    columns={
+        "quantity": Column("Quantity"), "paper": Column("Paper", _four),
+        "here": Column("Here [95 %]", _four),
+        "expected": Column("Expected"), "met": Column("Met"), "status": Column("Status"),
+        "note": Column("Note", lambda text: text or "–"),
+    },
+    note="Fitted: the number chose a parameter of the sensor, on seeds that are not among these; "
+    "watched: the fit looked at it and it chose none. Met: the value here is in the range that the "
+    "fit accepted, whatever its interval, which is that of one more sensor.",
+    commands=[f"{RUN}{n}" for n in ("table1", "accuracy_vs_n", "correlation", "scenes", "drift")],
+)  # fmt: skip
+def calibration(results: Results) -> pd.DataFrame:
+    """The rows of the comparison for which the calibration expected something."""
+    every = study.studies(studies)
+    rows = compare(quantity for each in every for quantity in each.quantities_of(results)).data
+    table = []
+    for row in rows.to_dict("records"):
+        known = published.numbers()[f"{row['experiment']}/{row['quantity']}"]
+        if known.expected is None or row["measured"] is None:
+            continue
+        low, high = known.expected
+        met = isinstance(row["measured"], int | float) and low <= row["measured"] <= high
+        table.append({
+            "quantity": ", ".join(filter(None, [_named(known.name), row["condition"]])),
+            "paper": known.value, "here": row["measured"], "here_low": row["low"],
+            "here_high": row["high"], "expected": _range(known.name),
+            "met": "yes" if met else "no", "status": known.calibration, "note": known.note,
+        })  # fmt: skip
+    return pd.DataFrame(table)
+
+
+@STUDY.table(
+    "sensor_fit", of="calibration", title="Every fitted parameter beside its neighbours",
+    shown=("parameter", "quantity", "paper", "expected", *_PLACES),
+    columns={
+        "parameter": Column("Parameter"), "quantity": Column("Quantity", _named),
+        "paper": Column("Paper", _four), "expected": Column("Expected"),
+        **{place: Column(place.capitalize(), cell=lambda row, place=place: (  # type: ignore[misc]
+            f"{number(row[place], 3)} ({row[f'{place}_value']:g})")) for place in _PLACES},
+    },
+    note="Means over seeds that no other result uses; in brackets the value of the parameter. All "
+    "other parameters are at their own.",
+)  # fmt: skip
+def fit(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+    """Each fitted parameter at three values, and the numbers that it was fitted to."""
+    table = []
+    for scene, parameters in config["fitted"].items():
+        of_scene = rows[rows.scene == scene]
+        middle = fitted_to(of_scene[of_scene.parameter.isna()])
         for parameter, values in parameters.items():
-            moved = [row for row in mine if row.get("parameter") == parameter]
-            smaller, larger = (
-                fitted_to([row for row in moved if float(row["at"]) == values[k]], measured)
-                for k in (0, 2)
-            )
-            for name in own:
-                known = published.numbers()[name]
-                row: dict[str, Any] = {
-                    "parameter": f"{scene}: {parameter}",
-                    "quantity": _named(known),
-                    "paper": known.value,
-                    "expected": _range(known),
-                }
-                for key, at, value in zip(_PLACES, (smaller, own, larger), values, strict=True):
-                    row |= {f"{key}_value": value, key: at[name]}
-                rows.append(row)
-    seeds = measured.record.config["seeds"]
-    return Table(
-        "sensor_fit",
-        "Every fitted parameter beside its neighbours",
-        frame(rows),
-        {
-            "Parameter": lambda row: row["parameter"],
-            "Quantity": lambda row: row["quantity"],
-            "Paper": lambda row: number(row["paper"], 4),
-            "Expected": lambda row: row["expected"],
-            **{key.capitalize(): partial(_at, key=key) for key in _PLACES},
-        },
-        f"Means over the seeds {', '.join(map(str, seeds))}, which no other result is of; in "
-        "brackets the value of the parameter. All other parameters are at their own.",
-        [measured.record.command],
-    )
+            moved = of_scene[of_scene.parameter == parameter]
+            smaller, larger = (fitted_to(moved[moved["at"] == values[k]]) for k in (0, 2))
+            for name in middle:
+                line: dict[str, Any] = {
+                    "parameter": f"{scene}: {parameter}", "quantity": name,
+                    "paper": published.numbers()[name].value, "expected": _range(name),
+                }  # fmt: skip
+                at = zip(_PLACES, (smaller, middle, larger), values, strict=True)
+                for place, numbers, value in at:
+                    line |= {f"{place}_value": value, place: numbers[name]}
+                table.append(line)
+    return pd.DataFrame(table)
 
 
-def _at(row: Row, key: str) -> str:
-    return f"{number(row[key], 3)} ({row[f'{key}_value']:g})"
+def fitted_to(rows: pd.DataFrame) -> dict[str, float]:
+    """Quantities of published.csv by name, means over seeds."""
+    plain = rows[rows.quantity != CURVE]
+    numbers = plain.groupby("quantity", sort=False).value.mean().to_dict()
+    curve = rows[rows.quantity == CURVE].groupby("n_train").value.mean()
+    if len(curve):
+        sizes, accuracies = curve.index.tolist(), curve.tolist()
+        numbers["accuracy_vs_n/n_for_90_percent"] = crossing(sizes, accuracies, 90)
+        numbers["table1/hdc_test_accuracy"] = accuracies[-1]
+    return numbers
 
 
-def fitted_to(rows: Sequence[dict[str, str]], measured: Measured) -> dict[str, float]:
-    """Quantities of published.csv, in its units, by the estimators of the other studies."""
-    found: dict[str, float] = {}
-    by_kind: dict[tuple[str, int], list[float]] = {}
-    for row in rows:
-        if row["kind"] != "speckle":
-            key = row["kind"], int(row["n_train"])
-            by_kind.setdefault(key, []).append(100 * int(row["right"]) / int(row["n_test"]))
-    scene = rows[0]["scene"]
-    if scene == "touch":
-        pairs = [row for row in rows if row["kind"] == "speckle"]
-        _, values, _ = matrices(replace(measured, rows=pairs), "speckle", "all")
-        largest = [float(np.diag(c).max()) for c in values]
-        found["correlation/max_same_class_speckle"] = mean_interval(largest).value
-        found["correlation/contrast_speckle"] = mean_interval(list(map(contrast, values))).value
-        sizes = sorted(n for _, n in by_kind)
-        curve = [float(np.mean(by_kind["accuracy", n])) for n in sizes]
-        found["accuracy_vs_n/n_for_90_percent"] = crossing(sizes, curve, 90)
-        found["table1/hdc_test_accuracy"] = curve[-1]
-        return found
-    for (kind, _), right in by_kind.items():
-        name = "test_accuracy" if kind == "accuracy" else f"{kind}_accuracy"
-        found[f"{scene}/{name}"] = float(np.mean(right))
-    return found
+@STUDY.table(
+    "finger_confusions", title="Confusions of the labels of the finger",
+    columns={"label": Column("Label"), "n": Column("Test samples"),
+             "accuracy": Column("Right, % [95 %]", percent), "taken_for": Column("Taken for")},
+    note="In the paper R1 is confused with R2, and None is taken for R2 or R3.",
+    commands=[f"{RUN}scenes"],
+)  # fmt: skip
+def confusions(results: Results) -> pd.DataFrame | None:
+    """Accuracy of HDC on each label, and the labels it is taken for, most often first."""
+    group = results.group("finger", "hdc")
+    if not group.runs:
+        return None
+    table = []
+    for k, (label, line) in enumerate(zip(group.classes, group.confusion(), strict=True)):
+        right = [run.record.right[np.equal(run.record.test_labels, k)] for run in group.runs]
+        n, tested = int(line.sum()), float(np.mean([len(part) for part in right]))
+        counts = {t: int(m) for t, m in zip(group.classes, line, strict=True) if m and t != label}
+        taken = sorted(counts, key=counts.__getitem__, reverse=True)
+        table.append({
+            "label": label, "n": n,
+            **mean_share([float(part.mean()) for part in right], tested).columns("accuracy"),
+            "taken_for": ", ".join(f"{t} {percent(counts[t] / n)} %" for t in taken) or None,
+        })  # fmt: skip
+    return pd.DataFrame(table)
 
 
-# Errors and controls ------------------------------------------------------------------------------
-
-
-def confusions(group: Group) -> Table:
-    """What each label of the finger is taken for."""
-    counts = group.confusion()
-    rows = []
-    for k, (label, line) in enumerate(zip(group.classes, counts, strict=True)):
-        n = int(line.sum())
-        others = zip(group.classes, line, strict=True)
-        wrong = {name: int(k) for name, k in others if k and name != label}
-        of_label = [run.record.right[np.equal(run.record.test_labels, k)] for run in group.runs]
-        right = mean_share(
-            [float(one.mean()) for one in of_label], float(np.mean([len(one) for one in of_label]))
-        )
-        taken = sorted(wrong, key=wrong.__getitem__, reverse=True)
-        rows.append(
-            {
-                "label": label,
-                "n": n,
-                "accuracy": right.value,
-                "ci_low": right.low,
-                "ci_high": right.high,
-                "taken_for": ", ".join(f"{name} {percent(wrong[name] / n)} %" for name in taken),
-            }
-        )
-    return Table(
-        "finger_confusions",
-        "What the labels of the finger are taken for",
-        frame(rows),
-        {
-            "Label": lambda row: row["label"],
-            "Test samples": lambda row: number(row["n"]),
-            "Right, % [95 %]": lambda row: interval(
-                *(percent(row[key]) for key in ("accuracy", "ci_low", "ci_high"))
-            ),
-            "Taken for": lambda row: row["taken_for"] or "–",
-        },
-        "In the paper R1 is confused with R2, and None is taken for R2 or R3.",
-        rows_of.commands([group]),
-    )
-
-
-def controls(results: Results) -> Iterator[Table]:
+@STUDY.table(
+    "tactile_controls", title="Controls: how three objects are told apart",
+    shown=("scene", "changed", "seeds", "accuracy", "chance", "status"),
+    columns={"changed": Column("Changed"), "accuracy": Column("Test accuracy, % [95 %]", percent),
+             "chance": Column("Chance, %", percent), "status": Column("Status")},
+    note="The thickness of the three sheets is assumed; the paper gives none.",
+    commands=[f"{RUN}tactile_controls"],
+)  # fmt: skip
+def controls(results: Results) -> pd.DataFrame | None:
     """Accuracy on the scene tactile and on what is left of it."""
     groups = {scene: results.group(scene, "hdc") for scene in _CONTROLS}
     if not any(group.runs for scene, group in groups.items() if scene != "tactile"):
-        return
-    rows: list[dict[str, Any]] = []
+        return None
+    table = []
     for scene, group in groups.items():
-        row: dict[str, Any] = {"scene": scene, "changed": _CONTROLS[scene]}
+        line: dict[str, Any] = {"scene": scene, "changed": _CONTROLS[scene]}
         if group.runs:
-            right = share(group)
-            row |= {
-                "accuracy": right.value,
-                "ci_low": right.low,
-                "ci_high": right.high,
-                "chance": 1 / len(group.classes),
-                "n_test": len(group.right),
-            }
-        rows.append({**row, "seeds": len(group.runs), "status": group.status})
-    yield Table(
-        "tactile_controls",
-        "What three objects are told apart by",
-        frame(rows),
-        {
-            "Scene": lambda row: row["scene"],
-            "Changed": lambda row: row["changed"],
-            "Seeds": lambda row: number(row["seeds"]),
-            "Test accuracy, % [95 %]": lambda row: interval(
-                *(percent(row[key]) for key in ("accuracy", "ci_low", "ci_high"))
-            ),
-            "Chance, %": lambda row: percent(row["chance"]),
-            "Status": lambda row: row["status"],
-        },
-        "The thickness of the three sheets is assumed; the paper gives none.",
-        [f"{RUN}tactile_controls"],
-    )
-
-
-def precision(measured: Measured) -> Table:
-    """Error against CPU time."""
-    rows = [
-        {**row, "error": float(row["error"]), "time_s": float(row["time_s"])}
-        for row in measured.rows
-    ]
-    return Table(
-        "sensor_precision",
-        "Error against CPU time of what the simulated sensor approximates",
-        frame(rows),
-        {
-            "Knob": lambda row: row["knob"],
-            "Setting": lambda row: row["setting"],
-            "Error": lambda row: f"{number(row['error'], 2)} {row['unit']}",
-            "CPU time, ms": lambda row: number(1e3 * row["time_s"]),
-        },
-        f"One thread of {measured.record.environment.cpu}.",
-        [measured.record.command],
-    )
-
-
-# Pictures -----------------------------------------------------------------------------------------
-
-
-def plots(results: Results) -> Iterator[Plot]:
-    """Frames of every scene that was pictured."""
-    measured = results.measured("sensor_pictures")
-    if measured is None:
-        return
-    for scene in dict.fromkeys(row["scene"] for row in measured.rows):
-        yield Plot(
-            f"sensor_{scene}",
-            f"Frames of the scene “{scene}”, {_PICTURED.get(scene, 'its classes')}: whole, "
-            "enlarged, as hypervectors, and what a touch changes.",
-            partial(pictures, measured, scene),
-            [measured.record.command],
-            kind="webp",
-        )
-
-
-STUDY = Study(
-    "sensor",
-    "The simulated sensor",
-    "How close is the simulated sensor to the paper, which of its numbers were fitted, and what "
-    "does it tell objects apart by?",
-    3.5,
-    tables,
-    plots,
-)
+            line |= share(group).columns("accuracy")
+            line |= {"chance": 1 / len(group.classes), "n_test": len(group.right)}
+        table.append({**line, "seeds": len(group.runs), "status": group.status})
+    return pd.DataFrame(table)

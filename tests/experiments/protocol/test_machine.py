@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import threading
@@ -57,18 +56,6 @@ def test_runs_that_fit_run_side_by_side_and_others_wait(four_cores):
     assert log.count("3 waits") == 1
 
 
-def test_more_threads_than_cores_are_all_cores(four_cores):
-    log, end = [], threading.Event()
-    thread = use(9, log, end)
-    until(lambda: log == ["9 runs"])
-    other = use(1, log, end)
-    until(lambda: "1 waits" in log)
-    end.set()
-    thread.join(20)
-    other.join(20)
-    assert log == ["9 runs", "1 waits", "9 ends", "1 runs", "1 ends"]
-
-
 def test_a_gpu_has_one_run_at_a_time(four_cores, monkeypatch):
     monkeypatch.setattr(machine, "_gpu", lambda device: f"gpu-{device}")
     log, end = [], threading.Event()
@@ -108,22 +95,16 @@ def test_a_wrong_number_of_threads_is_named(four_cores, wanted):
         machine.threads(wanted, {})
 
 
-def test_the_cores_are_those_this_process_may_use():
-    assert 1 <= len(machine.available()) <= os.cpu_count()
-    if hasattr(os, "sched_getaffinity"):
-        assert set(machine.available()) == os.sched_getaffinity(0)
-
-
 KEEP = """
 import ctypes, resource
 from experiments.protocol import machine
 import torch
 kept = machine.keep_memory()
-for k in range(3):
-    torch.ones(10_000_000)
+for k in range(20):
+    torch.ones(4_000_000)
 before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
 for k in range(20):
-    torch.ones(10_000_000)
+    torch.ones(4_000_000)
 print(kept, resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
@@ -134,19 +115,16 @@ def test_kept_memory_is_not_cleared_again():
     kept, faults = run.stdout.split()
     if kept == "False":
         pytest.skip("the C library is not glibc")
-    assert int(faults) < 1000  # 20 × 40 MB are 195,000 pages
+    assert int(faults) < 10_000  # 20 × 16 MB are 78,000 pages
 
 
-def test_scikit_learn_gets_the_threads_of_the_run_and_others_need_not(monkeypatch):
-    from threadpoolctl import threadpool_info, threadpool_limits
+def test_scikit_learn_gets_the_threads_of_the_run_and_others_need_not():
+    from threadpoolctl import threadpool_info
 
     estimator = {"estimator": {"_target_": "sklearn.linear_model.RidgeClassifier"}}
-    with threadpool_limits(2, "blas"):
-        with machine.libraries(estimator, 1) as told:
-            assert {library["num_threads"] for library in threadpool_info()} == {1}
-        blas = [library for library in threadpool_info() if library["user_api"] == "blas"]
-        assert {library["num_threads"] for library in blas} == {2}
-    assert {library["threads"] for library in told} == {1}
-    assert any("openblas" in library["library"] for library in told)
-    with machine.libraries({"_target_": "hdc.HDCClassifier"}, 1) as told:
-        assert told == []
+    with machine.libraries(estimator, 1) as libraries:
+        assert {library["num_threads"] for library in threadpool_info()} == {1}
+    assert {library["threads"] for library in libraries} == {1}
+    assert any("openblas" in library["library"] for library in libraries)
+    with machine.libraries({"_target_": "hdc.HDCClassifier"}, 1) as libraries:
+        assert libraries == []

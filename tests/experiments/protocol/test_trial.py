@@ -1,6 +1,5 @@
 """Training under the clock: what is counted, when it is evaluated, and why it ends."""
 
-import re
 import types
 from itertools import pairwise
 
@@ -9,16 +8,20 @@ import pytest
 
 import hdc
 from experiments.protocol import data, trial
-from experiments.records.record import read_curve
+from experiments.protocol.model import check_model
+from experiments.protocol.subsets import models_of
 
 
-def curve_of(carry_out):
-    return read_curve(carry_out.last[0] / "curve.csv")
+def curve_of(entry):
+    """The rows of a record's curve."""
+    columns = entry.curve["columns"]
+    rows = (zip(columns, row, strict=True) for row in entry.curve["rows"])
+    return [{key: value for key, value in row if value is not None} for row in rows]
 
 
 def test_the_curve_holds_what_was_evaluated(carry_out):
     entry = carry_out()
-    rows = curve_of(carry_out)
+    rows = curve_of(entry)
     assert list(rows[0]) == ["training_s", "samples_seen", "train_accuracy", "test_accuracy"]
     assert rows[-1]["samples_seen"] == 40
     assert rows[-1]["training_s"] <= entry.training_s
@@ -33,25 +36,11 @@ def test_a_model_that_diverges_keeps_its_curve(carry_out, fake):
     )
     entry = carry_out()
     assert (entry.status, entry.stop) == ("finished", "diverged")
-    header, first, last = (carry_out.last[0] / "curve.csv").read_text().splitlines()
-    assert header == "training_s,samples_seen,loss,train_accuracy,test_accuracy"
-    assert re.fullmatch(r"[\d.e-]+,20,2\.0,0\.2,0\.2", first)
-    assert re.fullmatch(r"[\d.e-]+,40,nan,,", last)
-
-
-def test_softmax_with_an_absurd_step_diverges(carry_out):
-    overrides = ("model=softmax", "model.optimizer=SGD", "model.lr=1e38")
-    assert carry_out(*overrides).stop == "diverged"
-
-
-def test_a_model_that_diverges_at_once_has_no_accuracy_and_can_be_read(carry_out, fake):
-    fake({"samples_seen": 1, "loss": float("nan")})
-    entry = carry_out()
-    assert (entry.stop, entry.train_accuracy_max, entry.test_accuracy_max) == (
-        "diverged",
-        None,
-        None,
-    )
+    assert entry.curve["columns"][1:] == ["samples_seen", "loss", "train_accuracy", "test_accuracy"]
+    assert [row[1:] for row in entry.curve["rows"]] == [
+        [20, 2.0, 0.2, 0.2],
+        [40, "nan", None, None],
+    ]
 
 
 @pytest.mark.parametrize(
@@ -66,15 +55,15 @@ def test_a_model_that_diverges_at_once_has_no_accuracy_and_can_be_read(carry_out
 )
 def test_the_stop_is_in_the_record(carry_out, fake, overrides, stop, reports):
     fake(*({"samples_seen": k, "steps": k, "loss": 1.0} for k in range(9)))
-    assert carry_out(*overrides).stop == stop
-    assert len(curve_of(carry_out)) == reports
+    entry = carry_out(*overrides)
+    assert entry.stop == stop
+    assert len(curve_of(entry)) == reports
 
 
 def test_a_model_that_learns_by_steps_is_tested_at_a_tenth_more_and_at_its_end(carry_out, fake):
     """With five samples each step is an epoch: testing took a hundred times as long as training."""
     fake(*({"samples_seen": 20 * k, "steps": k, "loss": 1.0} for k in range(1, 151)))
-    carry_out()
-    seen = [row["steps"] for row in curve_of(carry_out)]
+    seen = [row["steps"] for row in curve_of(carry_out())]
     assert seen[:12] == [*range(1, 11), 11, 13]
     assert seen[-1] == 150
     assert all(b <= 1.1 * a + 1 for a, b in pairwise(seen))
@@ -91,7 +80,7 @@ def test_both_readings_of_a_curve_are_in_the_record(carry_out, fake, monkeypatch
         trial.evaluate, "accuracy", lambda *given: next(read, None) or right(*given)
     )
     entry = carry_out()
-    assert entry.time_to_target_train_s == curve_of(carry_out)[1]["training_s"]
+    assert entry.time_to_target_train_s == curve_of(entry)[1]["training_s"]
     assert (entry.train_accuracy_at_target, entry.test_accuracy_at_target) == (0.92, 0.7)
     assert (entry.train_accuracy_max, entry.test_accuracy_max) == (1.0, 0.9)
 
@@ -127,20 +116,6 @@ def test_only_training_counts(carry_out, fake, monkeypatch):
     assert entry.predict_batch_s_per_frame == 100
 
 
-def test_the_trained_model_is_not_the_one_that_was_warmed_up(carry_out, fake):
-    trained = []
-
-    def train(self, frames, labels):
-        trained.append((id(self), tuple(frames.shape)))
-        yield {"samples_seen": 1}
-
-    fake(train=train)
-    carry_out()
-    (warm, warm_shape), (real, shape) = trained
-    assert warm != real
-    assert warm_shape == shape == (40, 16, 16)
-
-
 # Many frames --------------------------------------------------------------------------------------
 
 
@@ -156,8 +131,8 @@ def test_a_model_that_learns_in_one_pass_is_evaluated_a_few_times(
         "predict",
         lambda self, X: predicted.append(len(X)) or real(self, X),
     )
-    carry_out("exclusive=false", scene=recording(n, 2, 4))
-    seen = [row["samples_seen"] for row in curve_of(carry_out)]
+    entry = carry_out("exclusive=false", scene=recording(n, 2, 4))
+    seen = [row["samples_seen"] for row in curve_of(entry)]
     assert seen[-1] == 0.8 * n
     assert all(b >= min(2 * a, 0.8 * n) for a, b in pairwise(seen))
     assert len(seen) <= 2 + np.log2(n / 128)
@@ -192,6 +167,73 @@ def test_frames_are_never_all_in_memory_where_there_are_too_many(
     assert max(asked) <= most
 
 
-def test_the_size_of_a_model_is_that_of_its_tensors():
-    model = hdc.HDCClassifier().fit(np.arange(36, dtype=np.uint8).reshape(4, 3, 3), [0, 1, 0, 1])
-    assert trial.model_bytes(model) == sum(t.nbytes for t in model.state_tensors().values())
+# What a model does wrong --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("report", "message"),
+    [
+        (
+            {"samples_seen": 1, "note": "hello"},
+            r"report\['note'\]: expected a number, found 'hello'",
+        ),
+        ({"samples_seen": None}, r"report\['samples_seen'\]: expected a number, found None"),
+        ({"samples_seen": 1, "loss": True}, r"report\['loss'\]: expected a number, found True"),
+        ({"samples_seen": 1, "training_s": 0.0}, r"report\['training_s'\]: expected no such key"),
+    ],
+)
+def test_a_report_that_no_curve_can_hold_is_refused(carry_out, fake, report, message):
+    fake(report)
+    with pytest.raises(ValueError, match=message):
+        carry_out()
+
+
+def test_a_model_that_writes_into_its_frames_changes_no_run(carry_out, fake):
+    honest = carry_out()
+
+    def train(self, frames, labels):
+        frames.fill_(7)
+        yield {"samples_seen": len(labels)}
+
+    def predict(self, frames):
+        seen.append(frames.float().mean().item())
+        frames.zero_()
+        return np.zeros(len(frames), np.int64)
+
+    seen = []
+    fake(train=train, predict=predict)
+    spoilt = carry_out("force=true")
+    assert spoilt.data_sha256 == honest.data_sha256
+    assert seen[1] == seen[4] > 0  # the training frames at the only report and in the end
+
+
+class NoModel:
+    def fit(self, frames, labels):
+        return self
+
+
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        (NoModel(), "found NoModel without train and predict; .*sklearn_classifier"),
+        ({"lr": 1}, r"found dict without train and predict; model\._target_ names the class"),
+    ],
+)
+def test_an_object_that_is_no_model_is_refused_with_a_hint(model, message):
+    with pytest.raises(ValueError, match=f"^model: expected an object with train.*{message}"):
+        check_model(model)
+
+
+def test_models_of_subsets_are_hdc_or_computed_from_products():
+    configs = {
+        "hdc": {"_target_": "hdc.HDCClassifier"},
+        "ridge": {"_target_": "baselines.ridge.RidgeReadout", "pixels": "standardised"},
+        "neighbours": {"_target_": "baselines.nearest_neighbour.NearestNeighbour", "k": 3},
+    }
+    assert list(models_of({name: {"model": m} for name, m in configs.items()})) == list(configs)
+    for wrong in (
+        {"_target_": "baselines.softmax.SoftmaxRegression"},
+        {"_target_": "hdc.HDCClassifier", "prototype": "integer"},
+    ):
+        with pytest.raises(ValueError, match=r"^task\.models\.wrong: expected HDC with binary"):
+            models_of({"wrong": {"model": wrong}})

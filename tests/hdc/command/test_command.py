@@ -1,6 +1,7 @@
 """Every command end to end, and what can be wrong with what it is given: one line each."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,9 +11,11 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+import hdc as package
 from hdc import HDCClassifier
+from hdc.accuracy import wilson
 from hdc.command import main
-from hdc.command.accuracy import confusions, wilson
+from hdc.command.work import confusions
 
 SIDE = 24
 
@@ -65,33 +68,18 @@ def contents(root):
 # What they do ------------------------------------------------------------------------------------
 
 
-def test_training_takes_the_backend_that_all_its_frames_are_worth(
-    hdc, folder, tmp_path, monkeypatch
-):
-    """A chunk alone is never worth loading the compiled kernels."""
-    from hdc import bits
-
-    asked, choose = [], bits.choose_backend
-    monkeypatch.setattr(
-        bits, "choose_backend", lambda *given: asked.append(given) or choose(*given)
-    )
-    assert hdc("train", folder, "-o", tmp_path / "m.safetensors")[0] == 0
-    assert asked[0] == ("auto", "cpu", 36 * SIDE * SIDE)
-    assert {given[0] for given in asked[1:]} <= {"numpy", "compiled"}
-
-
 def test_a_model_is_that_of_all_frames(hdc, folder, frames, tmp_path):
     before = contents(tmp_path)
     path = tmp_path / "m.safetensors"
     status, out, err = hdc("train", folder, "-o", path)
     assert (status, err) == (0, [])
-    assert out[0].startswith(f"{path}: 36 frames of 3 classes, 24 × 24 pixels, in ")
+    assert out[0].startswith(f"{path}: 36 frames, 3 classes, 24 × 24 pixels, in ")
     model = HDCClassifier.load(path)
     whole = HDCClassifier().fit(frames.reshape(-1, SIDE, SIDE), np.repeat(list("abc"), 12))
     assert model.classes_.tolist() == ["a", "b", "c"]
     assert (model.prototypes_ == whole.prototypes_).all()
     assert model.counts_.tolist() == [12, 12, 12]
-    assert model.metadata_ == {"crop": None, "subsample": 1}
+    assert (model.metadata_["crop"], model.metadata_["subsample"]) == (None, 1)
     after = contents(tmp_path)
     assert after.pop(str(path))
     assert after == before
@@ -116,7 +104,7 @@ def test_archives_and_videos_are_learnt_as_folders_are(hdc, frames, tmp_path):
     words = ("train", tmp_path / "v.avi", "-o", tmp_path / "v.safetensors")
     status, out, err = hdc(*words, "--intervals", tmp_path / "t.csv")
     assert (status, err) == (0, [])
-    assert "36 frames of 3 classes" in out[0]
+    assert "36 frames, 3 classes" in out[0]
     assert hdc(*words)[2] == [
         f"error: {tmp_path}/v.csv: expected a CSV table in UTF-8 with columns start_s, end_s, "
         "label, found: No such file or directory"
@@ -128,7 +116,10 @@ def test_held_out_frames_are_not_learnt(hdc, folder, tmp_path):
     words = ("train", folder, "-o", path, "--test-fraction", "0.25", "--seed")
     status, out, _ = hdc(*words, 1)
     assert status == 0
-    assert out[1] == "held out: accuracy 100.0% (95 % interval 70.1% to 100.0%), 9 of 9 frames"
+    assert (
+        out[1]
+        == "held out at random: accuracy 100.0% (95 % interval 70.1% to 100.0%), 9 of 9 frames"
+    )
     first = HDCClassifier.load(path)
     assert first.counts_.tolist() == [9, 9, 9]
     hdc(*words, 1)
@@ -142,7 +133,7 @@ def test_crop_and_subsampling_go_with_the_model(hdc, folder, frames, tmp_path):
     hdc("train", folder, "-o", path, "--crop", 2, 4, 20, 16, "--subsample", 2)
     model = HDCClassifier.load(path)
     assert model.frame_shape_ == (8, 10)
-    assert model.metadata_ == {"crop": [2, 4, 20, 16], "subsample": 2}
+    assert (model.metadata_["crop"], model.metadata_["subsample"]) == ([2, 4, 20, 16], 2)
     status, out, _ = hdc("predict", path, folder / "b" / "3.png", "--json")
     answer = json.loads(out[0])
     seen = frames[1, 3, 4:20:2, 2:22:2]
@@ -157,19 +148,18 @@ def test_crop_and_subsampling_go_with_the_model(hdc, folder, frames, tmp_path):
 def test_predictions_as_a_table_and_as_json(hdc, model, folder, frames, tmp_path):
     noise = tmp_path / "noise.png"
     cv2.imwrite(str(noise), np.random.default_rng(9).integers(0, 256, (SIDE, SIDE), np.uint8))
-    status, out, err = hdc("predict", model, folder, noise, "--reject", "0.001")
+    status, out, err = hdc("predict", model, folder)
     assert (status, err) == (0, [])
     assert out[0].split("\t") == ["file", "label", "margin", "a", "b", "c"]
     rows = [line.split("\t") for line in out[1:]]
-    assert [row[1] for row in rows] == [*np.repeat(list("abc"), 12), "(none of these)"]
+    assert [row[1] for row in rows] == [*np.repeat(list("abc"), 12)]
     assert [Path(row[0]).name for row in rows[:12]] == [f"{i}.png" for i in range(12)]
     shares = HDCClassifier.load(model).distances(frames[2, :1])[0] / SIDE**2
     assert rows[24][3:] == [f"{share:.4f}" for share in shares]
     assert rows[24][2] == f"{np.diff(sorted(shares))[0]:.4f}"
-    # --reject takes a number if there is one, and no file for it.
-    for words in (["--reject", noise], [noise, "--reject"], ["--reject=0.001", noise]):
-        (line,) = hdc("predict", model, "--json", *words)[1]
-        assert json.loads(line)["label"] is None
+    assert hdc("predict", model, noise, "--reject", "0.2")[1][1].split("\t")[1] == "(none of these)"
+    assert json.loads(hdc("predict", model, "--json", "--reject=0.2", noise)[1][0])["label"] is None
+    assert hdc("predict", model, noise, "--reject")[0] == 0
     assert json.loads(hdc("predict", model, "--json", noise)[1][0])["label"] in "abc"
 
 
@@ -179,9 +169,14 @@ def test_an_evaluation_tells_accuracy_and_confusions(hdc, model, folder, frames,
     assert (status, err) == (0, [])
     assert out[0] == "accuracy 97.2% (95 % interval 85.8% to 99.5%), 35 of 36 frames"
     assert [line.split() for line in out[2:]] == [
-        ["1", "2", "3"], ["1", "a", "11", "0", "0"], ["2", "b", "0", "12", "0"],
-        ["3", "c", "1", "0", "12"],
+        ["a", "b", "c"], ["a", "11", "0", "0"], ["b", "0", "12", "0"], ["c", "1", "0", "12"],
     ]  # fmt: skip
+    result = json.loads(hdc("evaluate", model, folder, "--json", "--reject", "0.5")[1][0])
+    assert result["accuracy"] == 35 / 36
+    (wrong,) = result["wrong"]
+    assert (Path(wrong["file"]).name, wrong["label"], wrong["predicted"]) == ("wrong.png", "c", "a")
+    known = HDCClassifier.load(model).is_known(frames.reshape(-1, SIDE, SIDE), 0.5)
+    assert result["refused"] == (~known).sum()
     only = write(tmp_path / "only", frames[1:2], "b")
     assert hdc("evaluate", model, only)[1][0].endswith("12 of 12 frames")
 
@@ -195,6 +190,9 @@ def test_recalibration_is_that_of_the_classifier(hdc, model, frames, tmp_path, m
     status, out, err = hdc(*words)
     assert (status, err) == (0, [])
     assert out == [f"{path}: 36 new frames of 3 classes, {method}, p = 0.7"]
+    some = write(tmp_path / "some", changed[:1, :1], "a")
+    out = hdc("recalibrate", model, some, "-o", tmp_path / "some.safetensors")[1]
+    assert out[1:] == ["not recalibrated: b, c", "recalibrated by a single frame: a"]
     expected = HDCClassifier.load(model).recalibrate(
         changed.reshape(-1, SIDE, SIDE), np.repeat(list("abc"), 12), 0.7, 3, method
     )
@@ -221,14 +219,80 @@ def test_models_made_in_python_are_taken_as_well(hdc, frames, tmp_path):
     ]
 
 
-def test_what_a_model_was_trained_on_is_told(hdc, folder, tmp_path):
+def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     path = tmp_path / "m.safetensors"
     hdc("train", folder, "-o", path, "--crop", 0, 0, 24, 12)
     status, out, _ = hdc("info", path)
     assert status == 0
-    assert out[0] == f"{path}: {path.stat().st_size} bytes"
-    assert out[1:4] == ["frames      24 × 12 pixels", "crop        0 0 24 12", "subsample   1"]
+    rows = dict(line.split("  ", 1) for line in out[:-3])
+    assert rows["crop"].strip() == "0 0 24 12"
+    assert rows["trained"].strip().startswith("20")
     assert out[-3:] == ["  a  12 frames", "  b  12 frames", "  c  12 frames"]
+    found = json.loads(hdc("info", path, "--json")[1][0])
+    assert found["frames"] == "24 × 12 pixels"
+    assert found["classes"] == {"a": 12, "b": 12, "c": 12}
+    limit = HDCClassifier.load(path).limits().min() / (24 * 12)
+    assert f"{limit:.4f}" in found["refused"]
+
+
+def test_a_folder_as_it_is_by_a_template(hdc, frames, tmp_path):
+    root = tmp_path / "press"
+    for c, name in enumerate("abc"):
+        for k in range(12):
+            image = root / f"day{k // 6}" / f"material_{name}" / f"cycle_{k}_A" / "frame.png"
+            image.parent.mkdir(parents=True)
+            assert cv2.imwrite(str(image), frames[c, k])
+            (image.parent / "meta.json").write_text("{}")
+    path = tmp_path / "m.safetensors"
+    template = ("--template", "{session}/material_{label}/cycle_{order}_A/frame.png")
+    status, out, err = hdc("train", root, "-o", path, *template, "--test-fraction", 0.2)
+    assert (status, err) == (0, [])
+    assert out[1].startswith("held out in the last sessions: accuracy 100.0%")
+    assert out[2].startswith("left out 36 other files: day0/material_a/cycle_0_A/meta.json, ")
+    assert HDCClassifier.load(path).counts_.tolist() == [6, 6, 6]
+    assert "36 of 36 frames" in hdc("evaluate", path, root, *template)[1][0]
+
+
+def test_a_video_is_predicted_frame_by_frame(hdc, tmp_path):
+    path, code = tmp_path / "v.mkv", cv2.VideoWriter_fourcc(*"FFV1")
+    film = cv2.VideoWriter(str(path), code, 10, (32, 32), isColor=False)
+    rng = np.random.default_rng(0)
+    base = rng.integers(0, 150, (2, 32, 32))
+    images = [(base[k // 5] + rng.integers(0, 60, (32, 32))).astype(np.uint8) for k in range(10)]
+    for image in images:
+        film.write(image)
+    film.release()
+    HDCClassifier().fit(np.stack(images), np.repeat(["x", "y"], 5)).save(tmp_path / "m")
+    status, out, err = hdc("predict", tmp_path / "m", path)
+    assert (status, err) == (0, [])
+    rows = [line.split("\t") for line in out[1:]]
+    assert [row[1] for row in rows] == ["x"] * 5 + ["y"] * 5
+    assert rows[3][0] == f"{path} at 0.300 s"
+    path.write_bytes(path.read_bytes()[:40])
+    assert hdc("predict", tmp_path / "m", path)[:2] == (1, [])  # no head without a line
+
+
+@pytest.mark.skipif(not hasattr(package, "HDCRegressor"), reason="needs hdc.HDCRegressor")
+def test_numbers_are_learnt_from_a_table(hdc, tmp_path):
+    rng = np.random.default_rng(0)
+    base = cv2.GaussianBlur(rng.integers(0, 250, (SIDE, 3 * SIDE)).astype(np.uint8), (0, 0), 4)
+    rows = ["image,depth,tilt"]
+    for k in range(40):
+        assert cv2.imwrite(str(tmp_path / f"{k}.png"), base[:, k : k + SIDE])
+        rows.append(f"{k}.png,{k / 10},{40 - k}")
+    (tmp_path / "t.csv").write_text("\n".join(rows) + "\n")
+    path = tmp_path / "m.safetensors"
+    words = (tmp_path, "--values", tmp_path / "t.csv")
+    status, out, err = hdc("train", *words, "--column", "depth", "-o", path, "--test-fraction", 0.2)
+    assert (status, err) == (0, [])
+    assert "values of depth" in out[0]
+    assert out[1].startswith("held out at random: depth: mean absolute error ")
+    assert float(out[1].split("error ")[1].split(",")[0]) < 1
+    errors = json.loads(hdc("evaluate", path, *words, "--json")[1][0])["errors"]
+    assert list(errors) == ["depth"]
+    answer = json.loads(hdc("predict", path, tmp_path / "20.png", "--json")[1][0])
+    assert answer["depth"] == pytest.approx(2, abs=0.3)
+    assert hdc("info", path)[1][-1].split() == ["values", "depth"]
 
 
 def test_a_home_folder_is_found(hdc, model, folder, monkeypatch):
@@ -260,15 +324,15 @@ def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, tmp_path)
     assert error("train", tmp_path / "no", "-o", out) == (
         f"path: expected a folder, an .npz or a video, found nothing: {tmp_path}/no"
     )
-    assert error("train", folder / "a", "-o", out).startswith(f"{folder}/a/0.png: expected images")
+    assert error("train", folder / "a", "-o", out).startswith(f"{folder}/a: expected images in one")
     assert error("predict", tmp_path / "no", "x.png") == (
         f"{tmp_path}/no: expected a saved model, found no such file"
     )
     assert error("predict", model, "no\n.png") == (
         r"no\n.png: expected a readable file, found: No such file or directory"
     )
-    assert error("info", folder / "a" / "0.png").startswith(
-        f"{folder}/a/0.png: expected a saved HDCClassifier, found "
+    assert error("predict", folder / "a" / "0.png", model) == (
+        f"{folder}/a/0.png: expected a saved model, found an image; the model is first"
     )
     (tmp_path / "empty").mkdir()
     assert error("predict", model, tmp_path / "empty").startswith(
@@ -294,7 +358,8 @@ def test_bad_frames_are_named_in_one_line(hdc, model, folder, frames, tmp_path):
     assert error("train", one, "-o", out) == f"{one}: expected two classes or more, found only 'a'"
     other = write(tmp_path / "other", frames[:1], "x")
     assert error("evaluate", model, other) == (
-        f"{other}: expected classes among a, b, c, found 'x'"
+        f"{other}: expected classes among a, b, c, found 'x' (to add a class: hdc train on all of "
+        "them, or partial_fit in Python)"
     )
     wide = write(tmp_path / "wide", np.pad(frames, [(0, 0)] * 3 + [(0, 2)]))
     for command in (["evaluate"], ["recalibrate", "-o", out]):
@@ -307,16 +372,16 @@ def test_bad_frames_are_named_in_one_line(hdc, model, folder, frames, tmp_path):
     )
     cv2.imwrite(str(folder / "b" / "3.png"), frames[0, 0, :20])
     assert error("train", folder, "-o", out) == (
-        f"{folder}/b/3.png: expected 24 × 24 pixels uint8 as of {folder}/a/0.png, "
+        f"{folder}/b/3.png: expected 24 × 24 pixels uint8 as in the other frames, "
         "found 24 × 20 uint8"
     )
     broken = folder / "a" / "7.png"
     broken.write_bytes(broken.read_bytes()[:-20])
-    assert error("train", folder, "-o", out).startswith(f"{broken}: expected a complete file")
+    assert error("train", folder, "-o", out).startswith(f"{broken}: expected a whole image")
     (one / "b").mkdir()
     (folder / "c" / "1.png").rename(one / "b" / "1.png")
     assert error("train", one, "-o", out, "--test-fraction", "0.5") == (
-        "class 'b': expected two frames or more to hold out, found one"
+        "--test-fraction: expected two frames or more of each class, found one"
     )
 
 
@@ -327,6 +392,8 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
         (["train", folder, "-o", "m", "--crop", 1, 2, 0, 4], "--crop: expected null or [x, y, wid"),
         (["train", folder, "-o", "m", "--subsample", 0], "'--subsample': 0 is not in the range"),
         (["train", folder, "-o", "m", "--test-fraction", 1], "'--test-fraction': 1.0 is not in"),
+        (["train", folder, "-o", "m", "--test-fraction", "nan"], "nan is not in the range 0<x<1"),
+        (["train", "", "-o", "m"], "expected a path, found nothing"),
         (["predict", "m"], "Missing argument 'IMAGES...'"),
         (["predict", "m", "x", "--reject", "0.9"], "'--reject': 0.9 is not in the range"),
         (["recalibrate", "m", folder, "-o", "n", "--method", "add"], "'replace', 'merge'"),
@@ -342,11 +409,45 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
         assert out[0].startswith("Usage: hdc")
 
 
-def test_what_is_missing_can_be_installed(hdc, folder, monkeypatch):
-    monkeypatch.setitem(sys.modules, "click", None)
-    assert hdc("--help")[::2] == (
-        1, ["error: expected the package click, found none; pip install 'hdc[command]'"],
-    )  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "words", "extra"),
+    [
+        ("click", ["--help"], "command"),
+        ("nicegui", ["live", "--folder", "FOLDER"], "live"),
+        ("fastapi", ["live", "--folder", "FOLDER"], "live"),
+        ("sklearn", ["compare", "FOLDER"], "compare"),
+        ("matplotlib", ["compare", "FOLDER", "-o", "c.html"], "compare"),
+    ],
+)
+def test_a_missing_package_names_its_extra(folder, tmp_path, name, words, extra):
+    code = f"import sys; sys.modules[{name!r}] = None\nfrom hdc.command import main; main()"
+    words = [str(folder) if word == "FOLDER" else word for word in words]
+    command = [sys.executable, "-c", code, *words]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.splitlines() == [
+        f"error: expected the package {name}, found none; pip install 'speckle-hdc[{extra}]'"
+    ]
+
+
+def test_only_models_and_pages_are_replaced(hdc, model, folder, tmp_path):
+    """cracks: an image of the recording, a device, a pipe and a link were replaced."""
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "link").symlink_to(model)
+    os.mkfifo(tmp_path / "pipe")
+    page = tmp_path / "c.html"
+    page.write_text("<!doctype html>\n<title>mine</title>")
+    before = {p: p.lstat() for p in tmp_path.rglob("*")}
+    for name in (folder / "a" / "0.png", "notes.txt", "link", "pipe", "/dev/null", page):
+        for words in (["train", folder], ["recalibrate", model, folder], ["compare", folder]):
+            if words[0] == "compare" or name != page:
+                status, out, (line,) = hdc(*words, "-o", tmp_path / name)
+                assert (status, out) == (1, [])
+                assert "or no file, found" in line
+    assert {p: p.lstat().st_mtime_ns for p in tmp_path.rglob("*")} == {
+        p: status.st_mtime_ns for p, status in before.items()
+    }
+    assert hdc("train", folder, "-o", model)[0] == 0
 
 
 def test_errors_are_found_before_torch_is_imported(tmp_path):

@@ -29,7 +29,7 @@ def test_only_hdc_is_installed(installed):
     modules = {p.relative_to(CHECKOUT) for p in (CHECKOUT / "hdc").rglob("*.py")}
     assert {p.relative_to(installed) for p in (installed / "hdc").rglob("*.py")} == modules
     found = PathDistribution(info)
-    assert found.metadata["Name"] == "hdc"
+    assert found.metadata["Name"] == "speckle-hdc"
     assert found.metadata["License-Expression"] == "MIT"
     core = {text.split(">=")[0] for text in found.requires or () if "extra ==" not in text}
     assert core == {"torch", "numpy", "safetensors"}

@@ -1,60 +1,121 @@
-"""Which files of a folder belong to the scene, and what is said where none do."""
+"""Which files of a folder belong to a recording, with their labels, values and order."""
 
 import os
+import subprocess
+import sys
 
 import cv2
 import numpy as np
 import pytest
 
-from hdc.readers import BadFrame, open_recording
+from hdc.readers import BadFrame, SettingError, camera, open_recording
 
 
-def write(path, image, *parameters):
+def write(path, image):
     path.parent.mkdir(parents=True, exist_ok=True)
-    assert cv2.imwrite(str(path), image, parameters)
+    assert cv2.imwrite(str(path), image)
 
 
-def test_files_and_classes_are_in_natural_order(tmp_path, pixels):
-    names = ["class2/f10.png", "class2/f2.png", "class10/f1.png", "class10/F1.bmp"]
+def test_folders_as_they_are(folder, pixels):
+    """Nested folders, other files, what desktops leave, and a link back: counted, not refused."""
+    write(folder / "b" / "deep" / "10.png", pixels[0])
+    write(folder / "b" / "deep" / "9.png", pixels[1])
+    for name in ("a/.DS_Store", "a/Thumbs.db", ".cache/1.png", "a/@eaDir/1.png"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes(b"x")
+    for name in ("README.txt", "a/meta.json", "loose.png"):
+        (folder / name).write_text("about")
+    (folder / "empty").mkdir()
+    (folder / "c" / "again").symlink_to(folder)
+    recording = open_recording(folder)
+    assert recording.classes == ("a", "b", "c")
+    assert recording.names == ["a"] * 4 + ["b"] * 6 + ["c"] * 4
+    assert recording.samples["file"][8:10].tolist() == ["b/deep/9.png", "b/deep/10.png"]
+    assert recording.others == ("a/meta.json", "loose.png", "README.txt")
+    assert recording.left_out(2) == "left out 3 other files: a/meta.json, loose.png, …"
+
+
+def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
+    names = [f"day{d}/raw/{c}/x_frame_{k}.png" for d in (2, 10) for c in "ab" for k in (2, 10)]
     for name, image in zip(names, pixels, strict=False):
         write(tmp_path / name, image)
-    scene = open_recording(tmp_path)
-    assert scene.classes == ("class2", "class10")
-    assert scene.samples["file"].tolist() == [
-        "class2/f2.png", "class2/f10.png", "class10/F1.bmp", "class10/f1.png",
-    ]  # fmt: skip
+    write(tmp_path / "day2" / "ref" / "a" / "x_frame_1.png", pixels[0])
+    (tmp_path / "day2" / "raw" / "a" / "meta.json").write_text("{}")
+    recording = open_recording(tmp_path, template="{session}/raw/{label}/*_frame_{order}.png")
+    assert recording.samples["file"].tolist() == names
+    assert recording.names == ["a", "a", "b", "b"] * 2
+    assert recording.order.tolist() == [2, 10] * 4
+    assert recording.session.tolist() == [0] * 4 + [1] * 4  # day2 before day10
+    assert recording.samples["session_name"][-1] == "day10"
+    assert recording.others == ("day2/raw/a/meta.json", "day2/ref/a/x_frame_1.png")
+    assert np.array_equal(recording.frames([1]), pixels[[1]])
+    write(tmp_path / "press" / "p1_wood12_-0.5mm.png", pixels[3])
+    recording = open_recording(
+        tmp_path / "press", template="{group}_{label}{order}_{value}mm.png", fewest_classes=1
+    )
+    assert (recording.classes, recording.order.tolist()) == (("wood",), [12])
+    assert recording.samples["group_name"].tolist() == ["p1"]
+    assert (recording.values.tolist(), recording.value_names) == ([[-0.5]], ("value",))
 
 
-MANIFEST = """file,label,order,session,depth,note,class_index
-c/1.png,none,2,0,0.5,x,1
-a/1.png,touch,0,0,1.5,y,0
-b/1.png,touch,1,1,-1e-3,7,0
-"""
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"template": "{depth}/x.png"}, r"template: expected fields among {label}, .*, each once"),
+        ({"template": "{label}/{label}.png"}, "template: expected fields among"),
+        ({"template": "{label/x}.png"}, "template: expected fields among"),
+        ({"template": "a/{order}.png"}, r"template: expected a field {label} or {value}"),
+        ({"template": "{label}.jpg"}, r"as the template says, found none in 12 files, such as a/1"),
+        ({"value_columns": ["z"]}, "table: expected a table with the columns z, found none"),
+        ({"table": "t.csv"}, r"t.csv: .* columns image, found: No such file"),
+        ({"axes": ["label", "height", "width"]}, "axes: expected null unless path is an array"),
+    ],
+)
+def test_templates_and_tables_that_cannot_be_are_named(folder, settings, message):
+    with pytest.raises(ValueError, match=message):
+        open_recording(folder, **settings)
 
 
-def test_a_manifest_says_what_belongs_to_the_scene(folder, pixels):
-    (folder / "manifest.csv").write_text(MANIFEST)
-    scene = open_recording(folder)
-    assert scene.classes == ("touch", "none")
-    assert scene.labels.tolist() == [1, 0, 0]
-    assert np.array_equal(scene.frames([0, 1, 2]), pixels[[8, 0, 4]])
-    assert {k: v.tolist() for k, v in scene.samples.items()} == {
+def test_a_table_gives_values(folder, pixels):
+    (folder / "t.csv").write_text("image,x,z,note,order\nb/1.png,1,0.5,u,2\na/1.png,2,-1e-3,v,1\n")
+    recording = open_recording(folder, table="t.csv", value_columns=["z"])
+    assert recording.labels is None
+    assert (recording.values.tolist(), recording.value_names) == ([[0.5], [-1e-3]], ("z",))
+    assert recording.order.tolist() == [2, 1]
+    assert np.array_equal(recording.frames([0, 1]), pixels[[4, 0]])
+    every = open_recording(folder, table=folder / "t.csv", template="{label}/*.png")
+    assert (every.names, every.value_names) == (["b", "a"], ("x", "z"))
+    assert every.fingerprint() != recording.fingerprint()
+    with pytest.raises(ValueError, match="expected a recording with labels"):
+        _ = recording.names
+    with pytest.raises(ValueError, match=r"t.csv: expected numbers in note, found 'u'"):
+        open_recording(folder, table="t.csv", value_columns=["note"])
+    with pytest.raises(ValueError, match=r"t.csv: expected columns picture, found no picture"):
+        open_recording(folder, table="t.csv", image_column="picture")
+
+
+def test_a_manifest_says_what_belongs_to_the_recording(folder, pixels):
+    rows = ["file,label,order,session,depth,note,class_index", "c/1.png,none,2,0,0.5,x,1",
+            "a/1.png,touch,0,0,1.5,y,0", "b/1.png,touch,1,1,-1e-3,7,0"]  # fmt: skip
+    (folder / "manifest.csv").write_text("\n".join(rows) + "\n")
+    recording = open_recording(folder)
+    assert recording.classes == ("touch", "none")
+    assert recording.labels.tolist() == [1, 0, 0]
+    assert np.array_equal(recording.frames([0, 1, 2]), pixels[[8, 0, 4]])
+    assert {k: v.tolist() for k, v in recording.samples.items()} == {
         "order": [2, 0, 1],
         "session": [0, 0, 1],
         "depth": [0.5, 1.5, -1e-3],
         "note": ["x", "y", "7"],
         "file": ["c/1.png", "a/1.png", "b/1.png"],
     }
-    (folder / "manifest.csv").write_text("file,label\nb/1.png,x10\na/1.png,x9\n")
-    scene = open_recording(folder)
-    assert scene.classes == ("x9", "x10")
-    assert scene.samples["order"].tolist() == [0, 1]
+    assert open_recording(folder, value_columns=["depth"]).values[0] == [0.5]
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "manifest.csv: expected a CSV table .* columns file, label, found an empty file"),
+        ("", "manifest.csv: expected a CSV table .* columns file, label, found 0 bytes"),
         ("a,b\n1,2\n", "expected columns file, label, found no file, label"),
         ("file,label\n", "expected at least one row"),
         ("file,label\na/1.png\n", "line 2: expected 2 values, found 1"),
@@ -66,17 +127,9 @@ def test_a_manifest_says_what_belongs_to_the_scene(folder, pixels):
         ("file,label\na/1.png,x\nb/1.png,x\n", "expected two classes or more, found only 'x'"),
         ("file,label,order\na/1.png,x,?\nb/1.png,y,1\n", "expected 2 numbers in the column order"),
         ("file,label,class_index\na/1.png,x,1\nb/1.png,y,2\n", "one class_index a label, 0 … 1"),
-        ("file,label,class_index\na/1.png,x,0\nb/1.png,y,0\n", "one class_index a label, 0 … 1"),
         ("file,label,label\na/1.png,x,y\n", "expected different column names"),
         (b"file,label\n\xff\xfe,x\n", "expected a CSV table in UTF-8"),
-        ("file,label,session\na/1.png,x,nan\nb/1.png,y,1\n", "2 numbers in the column session"),
-        (
-            f"file,label\na/1.png,{'x' * 201}\nb/1.png,y\n",
-            "line 2: expected a label of at most 200",
-        ),
-        (b"file,label\n" + b"a,b\n" * 2**21, "expected at most 8388608 bytes, found 8388619"),
-        (f"{'x' * 200_000}\n", "expected a CSV table in UTF-8 .*, found: field larger"),
-        ('file,label,note\n\n\na/1.png,x,"two\nlines"\nb/1.png,y\n', "line 6: expected 3 values"),
+        (f"file,label\na/1.png,{'x' * 201}\n", "line 2: expected a label of at most 200"),
         ("file,label\na/1.png,x\u2028y\n", r"line 2: expected a label of printable letters, found"),
         ('file,label\n"a/1.png,x\n', "expected a CSV table in UTF-8"),
         ("file,label\na/1\0.png,x\nb/1.png,y\n", r"1\\x00.png"),
@@ -89,57 +142,94 @@ def test_a_broken_manifest_is_named(folder, text, message):
     assert str(folder) in str(caught.value)
 
 
-def test_what_desktops_leave_behind_is_no_frame(folder):
-    for name in (".DS_Store", "Thumbs.db", "._1.png"):
-        (folder / "a" / name).write_bytes(b"x")
-    for name in (".cache", "__MACOSX", "@eaDir", "a/@eaDir"):
-        (folder / name).mkdir()
-        (folder / name / "1.png").write_bytes(b"x")
-    (folder / "README.txt").write_text("about")
-    assert len(open_recording(folder)) == 12
-
-
-def test_folders_that_make_no_scene_are_named(tmp_path, folder, pixels, monkeypatch):
-    empty = tmp_path / "empty"
-    empty.mkdir()
-    with pytest.raises(
-        ValueError, match=r"empty: expected one sub-folder a class, or a .*, found none"
-    ):
-        open_recording(empty)
-    write(empty / "x.png", pixels[0])
-    with pytest.raises(ValueError, match=r"x.png: expected images in one sub-folder a class"):
-        open_recording(empty)
-    one = tmp_path / "one"
-    write(one / "a" / "x.png", pixels[0])
+def test_folders_without_a_recording_are_named(tmp_path, pixels, folder):
+    write(tmp_path / "x" / "1.png", pixels[0])
+    with pytest.raises(ValueError, match=r"x: expected .*, found images in no sub-folder"):
+        open_recording(tmp_path / "x")
+    (tmp_path / "y").mkdir()
+    with pytest.raises(ValueError, match=r"y: expected images in one sub-folder a class"):
+        open_recording(tmp_path / "y")
+    write(tmp_path / "y" / "a" / "x.png", pixels[0])
     with pytest.raises(ValueError, match="expected two classes or more, found only 'a'"):
-        open_recording(one)
-    (one / "b").mkdir()
-    with pytest.raises(ValueError, match="one/b: expected images of this class, found none"):
-        open_recording(one)
-    (one / "b" / "x.png").write_bytes(b"")
-    with pytest.raises(ValueError, match="one: class 'b': none of its frames can be used"):
-        open_recording(one, on_bad_frame="skip")
-    (one / "a" / "x.png").write_bytes(b"")
-    with pytest.raises(BadFrame, match="one: expected images, found none that can be read"):
-        open_recording(one, on_bad_frame="skip")
-    (folder / "a\n").mkdir()
-    with pytest.raises(ValueError, match=r"a\\n: expected a label of printable letters"):
+        open_recording(tmp_path / "y")
+    write(folder / "a\n" / "1.png", pixels[0])
+    with pytest.raises(ValueError, match=r"a\\n/1.png: expected a label of printable letters"):
         open_recording(folder)
-    (folder / "a\n").rmdir()
-    (folder / "loop").symlink_to("loop")
-    with pytest.raises(ValueError, match="loop: expected a file or folder, found: Too many levels"):
-        open_recording(folder)
-    (folder / "loop").unlink()
-
-    listdir = os.listdir  # chmod does not stop root, under whom tests may run
-
-    def refuse(path):
-        if str(path).endswith("/b"):
-            raise PermissionError(13, "Permission denied")
-        return listdir(path)
-
-    monkeypatch.setattr(os, "listdir", refuse)
-    with pytest.raises(
-        ValueError, match="/b: expected a readable folder, found: Permission denied"
+    for path, message in (
+        (tmp_path / "absent", r"path: .* found nothing: .*/absent"),
+        (None, "path: .* found None"),
+        ("", "path: .* found ''"),
+        ("~nobody-here/x", "path: expected a path, found ~nobody-here/x"),
+        (sys.executable, r"path: expected a folder, an array"),
     ):
-        open_recording(folder)
+        with pytest.raises(SettingError, match=message):
+            open_recording(path)
+    os.mkfifo(tmp_path / "x.npz")
+    with pytest.raises(BadFrame, match=r"x.npz: expected a file, found no regular file"):
+        open_recording(tmp_path / "x.npz")
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"crop": [0, 0, 31, 20]}, "crop: expected a window inside frames 30 px wide and 20"),
+        ({"crop": [0, 0, 1, 1]}, "crop, subsample: expected two pixels or more"),
+        ({"crop": [0, 0, 5]}, r"crop: expected null or \[x, y, width, height\]"),
+        ({"crop": [-1, 0, 5, 5]}, "crop: expected null or"),
+        ({"crop": [0, 0, 5.0, 5]}, "crop: expected null or"),
+        ({"crop": 5}, "crop: .* found 5"),
+        ({"subsample": True}, "subsample: .* found True"),
+        ({"on_bad_frame": "ignore"}, "on_bad_frame: expected stop or skip, found 'ignore'"),
+        ({"threads": 0}, r"threads: expected null or an integer in \[1, 256\], found 0"),
+        ({"memory_bytes": -1}, "memory_bytes: expected an integer ≥ 0"),
+        ({"max_pixels": 599}, r"expected at most 599 pixels \(max_pixels\), found 30 × 20"),
+        ({"intervals": "x.csv"}, "intervals: expected null unless path is a video"),
+    ],
+)
+def test_settings_of_the_wrong_type_or_out_of_range_are_named(folder, settings, message):
+    with pytest.raises(ValueError, match=message):
+        open_recording(folder, **settings)
+
+
+class Connected:
+    """Two frames, in colour and in grey of 16 bits, and then none."""
+
+    def __init__(self, index):
+        colour = np.full((4, 6, 3), 90, np.uint8)
+        self.images = [colour, np.arange(24, dtype=np.uint16).reshape(4, 6)] * (index == 2)
+        self.there, self.released = index == 2, False
+
+    def isOpened(self):
+        return self.there
+
+    def read(self):
+        return (True, self.images.pop(0)) if self.images else (False, None)
+
+    def release(self):
+        self.released = True
+
+
+def test_a_camera_gives_grey_frames_until_it_is_gone(monkeypatch):
+    opened = []
+    monkeypatch.setattr(cv2, "VideoCapture", lambda n: opened.append(Connected(n)) or opened[-1])
+    frames = camera(2, crop=[2, 0, 4, 4], subsample=2)
+    assert next(frames).tolist() == [[90, 90], [90, 90]]
+    assert next(frames).tolist() == [[2, 4], [14, 16]]
+    with pytest.raises(BadFrame, match="camera 2: expected a frame, found none"):
+        next(frames)
+    assert opened[0].released
+    with pytest.raises(ValueError, match=r"camera: expected a camera .* index 5, found none"):
+        camera(5)
+    with pytest.raises(ValueError, match="camera: expected an integer ≥ 0, found -1"):
+        camera(-1)
+
+
+@pytest.mark.parametrize(
+    ("modules", "loaded"),
+    [("hdc.readers.archive", ""), ("hdc.readers.images, hdc.readers.video", "cv2 PIL")],
+)
+def test_only_packages_that_are_needed_are_imported(modules, loaded):
+    heavy = ("torch", "cv2", "PIL", "rich", "click")
+    code = f"import sys, {modules}; print(*[m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == loaded

@@ -1,8 +1,8 @@
-"""Learning from little, extreme or degenerate data; references are closed forms and float64."""
+"""Learning from little, extreme or degenerate data; references are integers and closed forms."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from functools import partial
 from typing import Any
 
@@ -12,17 +12,21 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from baselines.base import Classifier
 from baselines.correlation import CorrelationClassifier
+from baselines.dual import Products
+from baselines.integer import integer_product
 from baselines.nearest_neighbour import NearestNeighbour
+from baselines.pixels import fit_scaling
 from baselines.ridge import RidgeReadout
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
-from experiments.studies.stability.case import Trial, case
+from experiments.studies.stability.case import Forms, case
 from hdc import HDCClassifier
 
 training_case = partial(case, "training")
 
-MODELS: tuple[Callable[[], Any], ...] = (
+MODELS: tuple[Any, ...] = (
     HDCClassifier,
     SoftmaxRegression,
     DualSoftmaxRegression,
@@ -32,36 +36,108 @@ MODELS: tuple[Callable[[], Any], ...] = (
 )
 
 
-def noise(*shape: int) -> Tensor:
-    """Independent 8-bit pixels."""
-    return torch.from_numpy(np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8))
+def halves(n: int = 1) -> tuple[Tensor, np.ndarray]:
+    """Two frames of four pixels, one half bright each, n times; and their labels."""
+    frames = torch.tensor([[[255, 255, 0, 0]], [[0, 0, 255, 255]]], dtype=torch.uint8)
+    return frames.repeat(n, 1, 1), np.tile([0, 1], n)
 
 
-# Softmax ------------------------------------------------------------------------------------------
+def relative(exact: float) -> Any:
+    """The relative error of a number."""
+    return lambda value: abs(value / exact - 1)
+
+
+# Sums ---------------------------------------------------------------------------------------------
 
 
 @training_case(
-    extreme="logits of ±10,160 and a wrong label: e^10160 is above any float",
-    expected="six digits; probabilities before their logarithm are ∞/∞",
-    reference="1.25·255²/16, by hand",
+    extreme="250,000 products of −128 and −128: an int32 sum wraps at 2^31",
+    naive="int32 matrix product",
+    ours="integer_product",
     unit="relative",
+)
+def integer_overflow(d: int = 250_000) -> Forms:
+    x = torch.full((1, d), -128, dtype=torch.int8)
+    return Forms(
+        lambda: int(x.int() @ x.int().T),
+        lambda: int(integer_product(x, x.T)),
+        relative(128 * 128 * d),
+    )
+
+
+@training_case(
+    extreme="frames of 200 and 201 only: their difference is 10^-5 of the Gram matrix",
+    naive="float32 X·Xᵀ, then centred",
+    ours="Products.centred",
+    unit="relative",
+    tolerance=1e-10,
+    small={"d": 10_000},
+)
+def gram_matrix_of_nearly_equal_frames(n: int = 6, d: int = 250_000) -> Forms:
+    extra = np.random.default_rng(0).integers(0, 2, (n, d))
+    centred = n * extra - extra.sum(0)  # n times the centred frames, in integers
+    exact = torch.from_numpy((centred @ centred.T) / (n * n * 255.0**2))
+    frames, rows = torch.from_numpy((200 + extra).astype(np.uint8)), np.arange(n)
+
+    def naive() -> Tensor:
+        x = frames.float() / 255
+        gram = x @ x.T
+        return gram - gram.mean(0) - gram.mean(1, keepdim=True) + gram.mean()
+
+    return Forms(
+        naive,
+        lambda: Products(frames, rows, n).centred(rows, rows)[0],
+        lambda gram: float((gram - exact).abs().max() / exact.abs().max()),
+    )
+
+
+@training_case(
+    extreme="16-bit pixels: one always 65,535, which gives 0/0, one that is 1 less in 1 of 400",
+    naive="(x − mean) / std in float32",
+    ours="pixels: standard",
+    unit="deviations",
+    tolerance=2e-5,
+)
+def standardised_pixels(n: int = 400) -> Forms:
+    pixels = np.full((n, 1, 2), 65_535, np.uint16)
+    pixels[0, 0, 1] -= 1
+    frames = torch.from_numpy(pixels)
+    # The second pixel has mean 65,535 − 1/n and variance (n − 1)/n².
+    exact = torch.zeros(n, 2)
+    exact[:, 1] = 1 / math.sqrt(n - 1)
+    exact[0, 1] = -math.sqrt(n - 1)
+
+    def naive() -> Tensor:
+        x = frames.flatten(1).to(torch.float32)
+        return (x - x.mean(0)) / x.std(0, correction=0)
+
+    def ours() -> Tensor:
+        model: Classifier = SoftmaxRegression()
+        model.start(frames, np.arange(n) % 2)
+        return fit_scaling("standard", model, frames)(model.read(frames, slice(0, n))).flatten(1)
+
+    return Forms(naive, ours, lambda values: float((values - exact).abs().max()))
+
+
+# Softmax and ridge --------------------------------------------------------------------------------
+
+
+@training_case(
+    extreme="logits of ±10,160 and a wrong label: e^10160 is above any float, ∞/∞ is NaN",
     naive="−log(exp(z) / Σ exp(z))",
     ours="SoftmaxRegression",
+    unit="relative",
     tolerance=1e-6,
 )
-def logits_of_ten_thousand() -> Trial:
+def logits_of_ten_thousand() -> Forms:
     # One step of rate 1.25 from W = 0 gives W_0 = −W_1 = 1.25·(x_0 − x_1)/8, logits ±1.25·255²/8,
     # and a loss of twice that for the third of four frames, whose label is wrong.
-    x0, x1 = [0, 255], [255, 0]
-    frames = torch.tensor([[x0], [x0], [x0], [x1]], dtype=torch.uint8)
-    labels = np.array([0, 0, 1, 1])
-    rate = 1.25
-    exact = rate * 255**2 / 16
+    frames = torch.tensor([[[0, 255]], [[0, 255]], [[0, 255]], [[255, 0]]], dtype=torch.uint8)
+    labels, rate = np.array([0, 0, 1, 1]), 1.25
+    weights = torch.tensor([[-255.0, 255.0], [255.0, -255.0]]) * (rate / 8)
 
     def naive() -> float:
-        x = frames.flatten(1).float()
-        weights = torch.tensor([x0, x1]).sub(torch.tensor([x1, x0])) * (rate / 8)
-        exponentials = (x @ weights.T).exp()
+        exponentials = (frames.flatten(1).float() @ weights.T).exp()
         likelihood = (exponentials / exponentials.sum(1, keepdim=True))[range(4), labels]
         return float(-likelihood.log().mean())
 
@@ -71,25 +147,21 @@ def logits_of_ten_thousand() -> Trial:
         )
         return list(model.train(frames, labels))[1]["loss"]  # before the second step
 
-    return Trial(naive=naive, ours=ours, error=lambda loss: abs(loss / exact - 1))
+    return Forms(naive, ours, relative(rate * 255**2 / 16))
 
 
 @training_case(
-    extreme="two frames, each 50 times: a Gram matrix of rank one",
-    expected="the optimum of the scalar problem; a Newton step in the samples' space is singular",
-    reference="2βk with β = 2mC/(1 + e^(2βk)), by mpmath",
-    unit="relative",
+    extreme="two frames, each 50 times: with a Gram matrix of rank one, Newton's step is singular",
     naive="Newton's method, dense Hessian K·S·K + K",
     ours="DualSoftmaxRegression",
+    unit="relative",
     tolerance=1e-6,
 )
-def duplicated_samples(m: int = 50, c: float = 1.0) -> Trial:
-    frames = torch.tensor([[[255, 255, 0, 0]], [[0, 0, 255, 255]]], dtype=torch.uint8)
-    frames, labels = frames.repeat(m, 1, 1), np.tile([0, 1], m)
+def duplicated_samples(m: int = 50, c: float = 1.0) -> Forms:
+    frames, labels = halves(m)
     # Centred, the frames are ±d with k = d·d = 1. With W_0 = −W_1 = β·d the objective is
     # 2mC·log(1 + e^{−2βk}) + β²k.
     beta = mpmath.findroot(lambda b: b - 2 * m * c / (1 + mpmath.exp(2 * b)), 1.0)
-    exact = float(2 * beta)
 
     def naive() -> float:
         x = frames.flatten(1).double() / 255
@@ -103,26 +175,47 @@ def duplicated_samples(m: int = 50, c: float = 1.0) -> Trial:
         return float((gram @ a)[0])
 
     def ours() -> float:
-        model = DualSoftmaxRegression(C=c, tol=1e-14).fit(frames, labels)
-        scores = model.scores(frames[:1])[0]
+        scores = DualSoftmaxRegression(C=c, tol=1e-14).fit(frames, labels).scores(frames[:1])[0]
         return float(scores[0] - scores[1])
 
-    return Trial(naive=naive, ours=ours, error=lambda margin: abs(margin / exact - 1))
+    return Forms(naive, ours, relative(float(2 * beta)))
 
 
 @training_case(
-    extreme="1000 small steps in bfloat16, which has 8 bits",
-    expected="0.4 % of the loss (2^-8); weights kept in bfloat16 stand still below 2^-9 of them",
-    reference="the same steps in float64",
+    extreme="two frames, each 50 times, α = 10^-10: float32 cannot tell K + α from K",
+    naive="float32 solve of K + α",
+    ours="RidgeReadout",
     unit="relative",
+    tolerance=1e-6,
+)
+def ridge_of_duplicated_samples(m: int = 50, alpha: float = 1e-10) -> Forms:
+    frames, labels = halves(m)
+    # Centred, the frames are ±d with d·d = 1: the scores are ±2m/(2m + α).
+    exact = 2 * m / (2 * m + alpha)
+
+    def naive() -> float:
+        x = frames.flatten(1).float() / 255
+        x -= x.mean(0)
+        gram, y = x @ x.T, torch.from_numpy(1 - 2 * labels).float()
+        return float((gram @ torch.linalg.solve(gram + alpha * torch.eye(2 * m), y))[0])
+
+    return Forms(
+        naive,
+        lambda: float(RidgeReadout(alpha=alpha).fit(frames, labels).scores(frames[:1])[0, 0]),
+        relative(exact),
+    )
+
+
+@training_case(
+    extreme="1000 small steps in bfloat16: weights of 8 bits do not move below 2^-9 of themselves",
     naive="the whole network in bfloat16",
     ours="SoftmaxRegression(dtype='bfloat16')",
+    unit="relative",
     tolerance=2**-8,
     small={"steps": 200, "rate": 1e-2},
 )
-def steps_in_bfloat16(steps: int = 1000, rate: float = 2e-3) -> Trial:
-    frames = torch.tensor([[[255, 255, 0, 0]], [[0, 0, 255, 255]]], dtype=torch.uint8)
-    labels = np.array([0, 1])
+def steps_in_bfloat16(steps: int = 1000, rate: float = 2e-3) -> Forms:
+    frames, labels = halves()
 
     def descend(dtype: torch.dtype) -> float:
         x, targets = (frames.flatten(1) / 255).to(dtype), torch.from_numpy(labels)
@@ -137,45 +230,51 @@ def steps_in_bfloat16(steps: int = 1000, rate: float = 2e-3) -> Trial:
 
     def ours() -> float:
         model = SoftmaxRegression(
-            optimizer="SGD",
-            lr=rate,
-            batch_size=None,
-            max_epochs=steps,
-            dtype="bfloat16",
+            optimizer="SGD", lr=rate, batch_size=None, max_epochs=steps, dtype="bfloat16",
             init="zeros",
-        )
+        )  # fmt: skip
         return list(model.train(frames, labels))[-1]["loss"]
 
-    exact = descend(torch.float64)
-    return Trial(
-        naive=lambda: descend(torch.bfloat16),
-        ours=ours,
-        error=lambda loss: abs(loss / exact - 1),
-    )
+    return Forms(lambda: descend(torch.bfloat16), ours, relative(descend(torch.float64)))
 
 
-# Classes ------------------------------------------------------------------------------------------
+# Classes and frames without information -----------------------------------------------------------
 
 
 @training_case(
-    extreme="samples of the classes 0 and 2 of three",
-    expected="six models tell 0 from 2; the mean of no sample is NaN and the nearest to everything",
-    reference="labels of the training frames",
-    unit="wrong labels",
+    extreme="samples of classes 0 and 2 of three: the mean of no sample is NaN, nearest to all",
     naive="nearest of three class means",
-    ours="every model of this project",
+    ours="six models",
+    unit="wrong labels",
 )
-def a_class_without_training_samples(n: int = 10, side: int = 16) -> Trial:
-    frames, labels = noise(n, side, side), np.arange(n) % 2 * 2
+def a_class_without_training_samples(n: int = 10, side: int = 16) -> Forms:
+    noise = np.random.default_rng(0).integers(0, 256, (n, side, side), dtype=np.uint8)
+    frames, labels = torch.from_numpy(noise), np.arange(n) % 2 * 2
 
     def naive() -> list[np.ndarray]:
         x = frames.flatten(1).numpy().astype(float)
         means = np.array([x[labels == c].mean(0) for c in range(3)])
         return [((x[:, None] - means) ** 2).sum(2).argmin(1)]
 
-    return Trial(
-        naive=naive,
-        ours=lambda: [make().fit(frames, labels).predict(frames) for make in MODELS],
-        error=lambda found: max(int((predicted != labels).sum()) for predicted in found),
-        remark=lambda: ", ".join(make.__name__ for make in MODELS),  # type: ignore[attr-defined]
+    return Forms(
+        naive,
+        lambda: [model().fit(frames, labels).predict(frames) for model in MODELS],
+        lambda every: max(int((predicted != labels).sum()) for predicted in every),
+    )
+
+
+@training_case(
+    extreme="a frame without contrast is asked: its correlation is 0/0; zero is expected",
+    naive="numpy.corrcoef",
+    ours="CorrelationClassifier",
+    unit="correlation",
+)
+def a_constant_frame_is_asked() -> Forms:
+    frames, labels = halves()
+    constant = torch.full((1, 1, 4), 128, dtype=torch.uint8)
+    rows = torch.cat([constant, frames]).flatten(1).numpy()
+    return Forms(
+        lambda: np.corrcoef(rows)[0, 1:],
+        lambda: CorrelationClassifier().fit(frames, labels).scores(constant).numpy(),
+        lambda scores: float(np.abs(scores).max()),
     )

@@ -1,0 +1,33 @@
+"""Accuracy of predictions, its interval, and what was confused; the harness uses it, too."""
+
+from __future__ import annotations
+
+import math
+from statistics import NormalDist
+
+import numpy as np
+
+
+def accuracy(predicted: np.ndarray, labels: np.ndarray) -> float:
+    """Fraction of right predictions."""
+    return float((np.asarray(predicted) == labels).mean())
+
+
+def wilson(n_right: float, n: int, level: float = 0.95) -> tuple[float, float]:
+    """Wilson interval of a fraction p = n_right / n (JASA 22, 209 (1927)).
+
+    (p + z²/2n ± z·√(p(1 − p)/n + z²/4n²)) / (1 + z²/n)
+
+    Written out: importing scipy.stats takes as long as a run.
+    """
+    z = NormalDist().inv_cdf((1 + level) / 2)
+    p, z2_n = n_right / n, z * z / n
+    half = math.sqrt(z2_n * (p * (1 - p) + z2_n / 4))
+    low, high = ((p + z2_n / 2 + side * half) / (1 + z2_n) for side in (-1, 1))
+    return (low if n_right > 0 else 0.0), (high if n_right < n else 1.0)
+
+
+def confusion(predicted: np.ndarray, labels: np.ndarray, n_classes: int) -> np.ndarray:
+    """Counts int64 [L, L]: row, true class; column, predicted class."""
+    pairs = np.asarray(labels) * n_classes + np.asarray(predicted)
+    return np.bincount(pairs, minlength=n_classes**2).reshape(n_classes, n_classes)

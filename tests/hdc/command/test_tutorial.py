@@ -1,0 +1,69 @@
+"""The tutorial's walks on nested folders and on numbers, on small made-up copies of them."""
+
+import re
+import shlex
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import hdc as package
+from hdc.command import main
+
+TUTORIAL = Path(__file__).resolve().parents[3] / "docs" / "tutorial.md"
+BLOCKS = re.findall(r"```sh\n(.*?)```", TUTORIAL.read_text(encoding="utf-8"), re.DOTALL)
+
+
+def run(block, capsys):
+    outputs = []
+    for line in block.splitlines():
+        with pytest.raises(SystemExit) as caught:
+            main(shlex.split(line)[1:])
+        out, err = capsys.readouterr()
+        assert (caught.value.code, err) == (0, ""), line
+        outputs.append(out)
+    return outputs
+
+
+def test_nested_folders_by_a_template(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(0)
+    base = {name: rng.integers(0, 150, (30, 40, 3)) for name in ("wood", "felt", "glass")}
+    for day in (1, 2):
+        for name, pattern in base.items():
+            for cycle in range(4):
+                folder = Path(f"press/day{day}/material_{name}/cycle_{cycle}_A")
+                folder.mkdir(parents=True)
+                image = pattern + rng.integers(0, 60, pattern.shape)
+                assert cv2.imwrite(str(folder / "frame.png"), image.astype(np.uint8))
+                (folder / "settings.json").write_text("{}")
+    walk = next(block for block in BLOCKS if "press/" in block)
+    trained, predicted, evaluated, recalibrated, compared = run(walk, capsys)
+    assert "12 frames, 3 classes" in trained
+    assert "held out in the last sessions: accuracy 100.0%" in trained
+    assert "left out 24 other files: day1/material_felt/cycle_0_A/settings.json" in trained
+    assert predicted.splitlines()[1].split("\t")[1] == "wood"
+    assert "24 of 24 frames" in evaluated
+    assert "24 new frames of 3 classes" in recalibrated
+    assert compared.splitlines()[-1].startswith("Use ")
+
+
+@pytest.mark.skipif(not hasattr(package, "HDCRegressor"), reason="needs hdc.HDCRegressor")
+def test_numbers_by_a_table(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    noise = np.random.default_rng(0).integers(0, 250, (30, 90)).astype(np.uint8)
+    base = cv2.GaussianBlur(noise, (0, 0), 4)
+    for folder, n in (("pins", 40), ("pins2", 10)):
+        Path(folder).mkdir()
+        rows = ["image,x,depth"]
+        for k in range(n):
+            assert cv2.imwrite(f"{folder}/image_{k}.png", base[:, k : k + 40])
+            rows.append(f"image_{k}.png,{40 - k},{k / 10}")
+        Path(folder, "targets.csv").write_text("\n".join(rows) + "\n")
+    walk = next(block for block in BLOCKS if "pins/" in block)
+    trained, evaluated, predicted = run(walk, capsys)
+    assert "40 frames" not in trained  # a fifth is held out
+    assert "depth: mean absolute error" in trained
+    assert evaluated.startswith("depth: mean absolute error")
+    assert predicted.splitlines()[0].split("\t") == ["file", "depth"]

@@ -1,0 +1,301 @@
+"""Files: written whole or not at all, nothing foreign replaced, and models that come back."""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from hdc import HDCClassifier, io
+from hdc.io import write_atomically
+
+safetensors = pytest.importorskip("safetensors.torch")
+posix = pytest.mark.skipif(os.name != "posix", reason="permissions and pipes of POSIX")
+
+
+def trained(**parameters) -> HDCClassifier:
+    frames = np.random.default_rng(0).integers(0, 255, (12, 5, 7), dtype=np.uint8)
+    return HDCClassifier(**parameters).fit(frames, np.arange(12) % 3)
+
+
+QUERIES = np.random.default_rng(1).integers(0, 255, (9, 5, 7), dtype=np.uint8)
+
+
+# Writing ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("content", ["text µ\n", b"\x00\xff"])
+def test_text_and_bytes_are_written(tmp_path: Path, content: str | bytes) -> None:
+    write_atomically(tmp_path / ("n" * 250), content)
+    expected = content.encode() if isinstance(content, str) else content
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [expected]
+
+
+@pytest.mark.parametrize("step", ["fsync", "replace", "fdopen"])
+def test_a_failing_write_leaves_the_old_file_and_is_named(
+    tmp_path: Path, monkeypatch, step
+) -> None:
+    path = tmp_path / "m"
+    trained().save(path)
+    before = path.read_bytes()
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, step, fail)
+    with pytest.raises(OSError, match=r"m: expected a file to write, found: No space left"):
+        trained(ties="one").save(path)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["m"]
+
+
+@posix
+def test_permissions_are_kept_or_those_of_any_new_file(tmp_path: Path) -> None:
+    for umask in (0o022, 0o077):
+        before = os.umask(umask)
+        try:
+            write_atomically(tmp_path / "new", "a")
+        finally:
+            os.umask(before)
+        assert (tmp_path / "new").stat().st_mode & 0o777 == 0o666 & ~umask
+        (tmp_path / "new").unlink()
+    trained().save(tmp_path / "m")
+    (tmp_path / "m").chmod(0o600)
+    trained().save(tmp_path / "m")
+    assert (tmp_path / "m").stat().st_mode & 0o777 == 0o600
+
+
+@posix
+def test_only_regular_files_are_replaced(tmp_path: Path) -> None:
+    (tmp_path / "target").write_text("kept")
+    (tmp_path / "link").symlink_to(tmp_path / "target")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("link", "loop", "folder", "pipe", "/dev/null"):
+        for write in (lambda p: write_atomically(p, "x"), trained().save):
+            with pytest.raises(FileExistsError, match="expected a regular file or none"):
+                write(tmp_path / name)
+    assert (tmp_path / "target").read_text() == "kept"
+    assert not Path("/dev/null").is_file()
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"\x89PNG\r\n\x1a\n" + b"\0" * 100, b"notes", struct.pack("<Q", 2) + b"{}"]
+)
+def test_a_model_replaces_models_only(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "0.png").write_bytes(content)
+    with pytest.raises(FileExistsError, match=r"0\.png: expected a saved model or no file"):
+        trained().save(tmp_path / "0.png")
+    assert (tmp_path / "0.png").read_bytes() == content
+
+
+def test_a_missing_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"missing: expected a folder to save m\.st in$"):
+        trained().save(tmp_path / "missing" / "m.st")
+
+
+# Models that come back ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("prototype", ["binary", "integer"])
+@pytest.mark.parametrize(
+    "names", [[0, 1], ["a\0", "é"], [0.5, float("inf")], [True, False], [2**70, -1]]
+)
+def test_labels_come_back(tmp_path: Path, prototype: str, names: list) -> None:
+    frames = QUERIES[:6]
+    model = HDCClassifier(prototype=prototype).fit(frames, names * 3)
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert loaded.classes_.tolist() == model.classes_.tolist()
+    assert loaded.classes_.dtype == model.classes_.dtype
+    assert loaded.frame_shape_ == (5, 7)
+    assert np.array_equal(loaded._scores(QUERIES), model._scores(QUERIES))
+    for m in (model, loaded):  # training goes on
+        m.partial_fit(QUERIES[:2], names)
+    assert torch.equal(loaded.prototypes_, model.prototypes_)
+    assert np.array_equal(loaded.is_known(QUERIES, 0.2), model.is_known(QUERIES, 0.2))
+
+
+def test_numpy_labels_and_parameters_of_other_types_are_stored(tmp_path: Path) -> None:
+    model = HDCClassifier(seed=np.int64(3), device=torch.device("cpu"))  # type: ignore[arg-type]
+    model.fit(QUERIES[:4], [np.int64(1), np.int64(2)] * 2).save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert loaded.get_params() == {**HDCClassifier().get_params(), "seed": 3}
+    assert loaded.classes_.tolist() == [1, 2]
+
+
+@pytest.mark.parametrize("method", ["replace", "merge"])
+def test_a_recalibrated_model_comes_back(tmp_path: Path, method: str) -> None:
+    model = trained(seed=5).recalibrate(QUERIES[:6], [0, 1] * 3, 0.5, method=method)
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert loaded.get_params() == model.get_params()
+    assert np.array_equal(loaded.distances(QUERIES), model.distances(QUERIES))
+    assert torch.equal(loaded.counters_.counts(), model.counters_.counts())
+    for again in (loaded, model):
+        again.recalibrate(QUERIES, np.arange(9) % 3, 0.3, method=method)
+    assert np.array_equal(loaded.distances(QUERIES), model.distances(QUERIES))
+    found, expected = ([s.tolist() for s in m.predict_set(QUERIES, 0.3)] for m in (loaded, model))
+    assert found == expected
+
+
+def test_metadata_are_kept_with_the_model(tmp_path: Path) -> None:
+    metadata = {"crop": [10, 20, 500, 500], "subsample": 2, "camera": {"name": "µEye", "gain": 0.5}}
+    trained().save(tmp_path / "m", metadata)
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert loaded.metadata_ == metadata
+    loaded.save(tmp_path / "n")
+    assert HDCClassifier.load(tmp_path / "n").metadata_ == metadata
+    loaded.save(tmp_path / "n", {})
+    assert HDCClassifier.load(tmp_path / "n").metadata_ == {}
+    for bad in ({"crop": np.arange(4)}, {"gain": float("nan")}):
+        with pytest.raises(TypeError, match="n: metadata: expected values that JSON has, found"):
+            loaded.save(tmp_path / "n", bad)
+    assert loaded.metadata_ == {}
+
+
+def test_a_loaded_model_is_apart_from_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "m"
+    trained().save(path)
+    before = path.read_bytes()
+    model = HDCClassifier.load(path)
+    model.state_tensors()["prototypes"][0, 0] ^= 1
+    assert path.read_bytes() == before
+    assert np.abs(model.distances(QUERIES) - trained().distances(QUERIES)).sum() == 9
+
+
+def test_a_model_of_another_class_is_named(tmp_path: Path) -> None:
+    class Other(HDCClassifier):
+        pass
+
+    Other().fit(QUERIES, np.arange(9) % 3).save(tmp_path / "other")
+    message = "expected a saved HDCClassifier, found a saved Other; load it with"
+    with pytest.raises(ValueError, match=message):
+        HDCClassifier.load(tmp_path / "other")
+    Other.load(tmp_path / "other").predict(QUERIES)
+
+
+# Files that are not such ones ---------------------------------------------------------------------
+
+
+def test_every_truncation_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "cut.safetensors"
+    trained().save(path)
+    whole = path.read_bytes()
+    for n in [*range(0, len(whole), 7), len(whole) - 1]:
+        path.write_bytes(whole[:n])
+        with pytest.raises(ValueError, match=r"cut\.safetensors: expected a saved HDCClassifier"):
+            HDCClassifier.load(path)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_flipped_bits_are_refused_or_harmless(tmp_path: Path) -> None:
+    path = tmp_path / "bad.safetensors"
+    trained().save(path)
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        content = bytearray(whole)
+        content[rng.integers(len(content))] ^= int(rng.integers(1, 256))
+        path.write_bytes(content)
+        try:
+            model = HDCClassifier.load(path)
+        except ValueError as error:
+            assert "bad.safetensors" in str(error)  # noqa: PT017
+            continue
+        queries = QUERIES.reshape(9, *model.frame_shape_)
+        model.predict(queries, reject=0.3)
+        model.set_params(prototype="integer").predict(queries)
+
+
+def rewrite(path: Path, tensors: dict | None = None, **changes) -> None:
+    """Save a model and replace some of its header and tensors."""
+    trained().save(path)
+    header, content = io.read_model(path)
+    content |= tensors or {}
+    path.write_bytes(safetensors.save(content, {"model": json.dumps(header | changes)}))
+
+
+BAD_HEADERS = [
+    {"format": "other"}, {"format": "hdc-classifier-2"}, {"kind": None}, {"metadata": 3},
+    {"seen": [2**70] * 3}, {"seen": [4, 4]}, {"seen": [4, 4, -4]}, {"seen": [4, 4, 2.5]},
+    {"classes": [2, 1, 0]}, {"classes": [0, 1]}, {"classes": [0, 1, 1]}, {"classes": 3},
+    {"classes": [[0], [1], [2]]}, {"classes": [0.0, 1.0, float("nan")]}, {"classes": None},
+    {"frame_shape": [5, 13]}, {"frame_shape": [5, -7]}, {"frame_shape": [10**30, 10**30]},
+    {"frame_shape": []}, {"frame_shape": "57"}, {"frame_shape": [5.0, 7.0]}, {"parameters": None},
+    {"parameters": {"ties": "never"}}, {"parameters": {"colour": 1}}, {"parameters": {"seed": "x"}},
+    {"parameters": {"seed": 2**200}}, {"parameters": {"device": "meta"}},
+    {"parameters": {"device": "nowhere"}}, {"parameters": {"ties": ["zero"]}},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("changes", BAD_HEADERS, ids=repr)
+def test_headers_that_do_not_fit_are_refused(tmp_path: Path, changes: dict) -> None:
+    rewrite(tmp_path / "m", **changes)
+    with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
+        HDCClassifier.load(tmp_path / "m")
+
+
+def long(*shape: int) -> torch.Tensor:
+    return torch.zeros(shape, dtype=torch.int64)
+
+
+BAD_TENSORS = {
+    "too few classes": {"n": torch.ones(2).long()},
+    "negative counts": {"n": torch.tensor([4, -4, 4])},
+    "counts beyond arithmetic": {"n": torch.tensor([4, 2**62, 4])},
+    "no samples": {"n": long(3)},
+    "other type": {"prototypes": torch.zeros(3, 1)},
+    "too wide": {"prototypes": long(3, 2)},
+    "flat planes": {"planes": long(3, 1)},
+    "too few kept": {"sample": long(2, 1)},
+    "another tensor": {"extra": long(1)},
+}
+
+
+@pytest.mark.parametrize("what", BAD_TENSORS)
+def test_tensors_that_do_not_fit_are_refused(tmp_path: Path, what: str) -> None:
+    rewrite(tmp_path / "m", BAD_TENSORS[what])
+    with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
+        HDCClassifier.load(tmp_path / "m")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"", b"\xff" * 8, struct.pack("<Q", 2**63), struct.pack("<Q", 99_999_999),
+        struct.pack("<Q", 100_000) + b"[" * 100_000, struct.pack("<Q", 4) + b"null",
+        b"\x89PNG\r\n\x1a\n" + b"\0" * 100, safetensors.save({}, {"model": "[" * 200_000}),
+    ],
+)  # fmt: skip
+def test_hostile_files_are_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "m").write_bytes(content)
+    with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
+        HDCClassifier.load(tmp_path / "m")
+
+
+@posix
+def test_folders_pipes_and_missing_files(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("pipe", "."):
+        with pytest.raises(ValueError, match="expected a saved HDCClassifier, found what is not a"):
+            HDCClassifier.load(tmp_path / name)
+    with pytest.raises(FileNotFoundError):
+        HDCClassifier.load(tmp_path / "nothing")
+    with pytest.raises(ValueError, match="expected a trained model"):
+        HDCClassifier().save(tmp_path / "m")
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="for machines without CUDA")
+def test_a_model_from_an_accelerator_loads_without_one(tmp_path: Path) -> None:
+    rewrite(tmp_path / "m", parameters={"device": "cuda"})
+    with pytest.warns(UserWarning, match="trained on 'cuda', which is not here"):
+        model = HDCClassifier.load(tmp_path / "m")
+    assert model.device == "cpu"
+    assert np.array_equal(model.predict(QUERIES), trained().predict(QUERIES))

@@ -1,0 +1,188 @@
+"""Public recordings as scenes: on made-up copies of their shape, and on themselves if present."""
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from hydra.errors import InstantiationException
+
+from scenes.export import compose
+from scenes.frames import Scene
+from scenes.measured import MeasuredScene, main
+from scenes.split import split
+
+ABOUT = {"repository": "somebody/touches", "commit": "0123abc", "cite": "Somebody, 2024"}
+
+
+def write(path, image):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    assert cv2.imwrite(str(path), image)
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """A checkout of somebody/touches in MEASURED_DATA."""
+    monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
+    return tmp_path / "touches"
+
+
+@pytest.fixture
+def pressed(root):
+    """Two materials, three cycles, a colour image and a file beside it each."""
+    rng = np.random.default_rng(0)
+    images = rng.integers(0, 256, (2, 3, 6, 8, 3), dtype=np.uint8)
+    for material in (0, 1):
+        for cycle in range(3):
+            folder = root / f"material_{material + 9}" / f"cycle_{cycle + 1}_A"
+            write(folder / "frame.png", images[material, cycle])
+            (folder / "flow.json").write_text("{}")
+    return images
+
+
+def touches(**settings):
+    template = "material_{label}/cycle_{order}_A/frame.png"
+    return MeasuredScene(**{"source": ABOUT, "template": template, **settings})
+
+
+def test_a_recording_is_a_scene(pressed):
+    scene = touches()
+    assert isinstance(scene, Scene)
+    assert (scene.origin, scene.cacheable, scene.unknown) == ("measured", False, None)
+    assert (scene.classes, scene.shape, len(scene)) == (("9", "10"), (6, 8), 6)
+    assert scene.samples["order"].tolist() == [1, 2, 3, 1, 2, 3]
+    grey = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in pressed.reshape(6, 6, 8, 3)]
+    indices = [5, 0, 0, 3]
+    expected = torch.from_numpy(np.stack([grey[i] for i in indices]))
+    assert torch.equal(scene.frames(indices), expected)
+    assert torch.equal(
+        touches(memory_bytes=0, crop=[2, 0, 6, 6]).frames(indices), expected[..., 2:]
+    )
+    assert scene.frames([]).shape == (0, 6, 8)
+    with pytest.raises(IndexError, match=r"expected values in \[0, 6\), found \[6\]"):
+        scene.frames([6])
+    train, test = split(scene.labels, kind="ordered", n_test=2, order=scene.samples["order"])
+    assert scene.samples["order"][train].max() < scene.samples["order"][test].min()
+
+
+def test_other_content_is_refused_and_changes_the_fingerprint(pressed, root):
+    scene = touches()
+    source = {**ABOUT, "sha256": scene.sha256}
+    assert touches(source=source).fingerprint() == scene.fingerprint()
+    assert touches(subsample=2).fingerprint() != scene.fingerprint()
+    write(root / "material_9" / "cycle_2_A" / "frame.png", pressed[1, 1])
+    assert touches().fingerprint() != scene.fingerprint()
+    with pytest.raises(ValueError, match=r"expected the 6 files of somebody/touches at 0123abc"):
+        touches(source=source)
+
+
+def test_a_table_gives_values_and_levels_and_each_folder_is_a_session(root):
+    rng = np.random.default_rng(0)
+    for k, (folder, n) in enumerate([("train", 5), ("val", 3)]):
+        lines = ["video,sensor_image,pose_3,pose_4"]
+        for i in range(n):
+            image = rng.integers(0, 256, (4, 4), dtype=np.uint8)
+            write(root / folder / "images" / f"image_{i + 1}.png", image)
+            lines.append(f"v.mp4,image_{i + 1}.png,{2 + i + k / 2},{-i}")
+        (root / folder / "targets.csv").write_text("\n".join(lines))
+    settings = {
+        "source": ABOUT,
+        "template": None,
+        "folders": ["train/images", "val/images"],
+        "table": "../targets.csv",
+        "image_column": "sensor_image",
+        "values": [
+            {"name": "depth", "unit": "mm", "column": "pose_3"},
+            {"name": "roll", "unit": "degrees", "column": "pose_4"},
+        ],
+    }
+    scene = touches(**settings, levels={"value": "depth", "edges": [3, 4.5, 6]})
+    assert (scene.value_names, scene.units) == (("depth", "roll"), ("mm", "degrees"))
+    assert scene.values.tolist()[4:6] == [[6, -4], [2.5, 0]]
+    assert scene.classes == ("≤ 3 mm", "3–4.5 mm", "4.5–6 mm")
+    assert scene.labels.tolist() == [0, 0, 1, 2, 2, 0, 1, 1]
+    assert scene.samples["session"].tolist() == [0] * 5 + [1] * 3
+    assert (np.diff(scene.samples["order"]) > 0).all()
+    assert scene.frames([7, 0]).shape == (2, 4, 4)
+    with pytest.raises(ValueError, match=r"scene.levels: expected edges of a value"):
+        touches(**settings)
+    with pytest.raises(ValueError, match=r"scene.levels: expected a value among depth, roll"):
+        touches(**settings, levels={"value": "x", "edges": [1, 2]})
+    for edges, message in [
+        ([2, 1], "two or more increasing"),
+        ([3, 5], "a last edge of 6 or more"),
+    ]:
+        with pytest.raises(ValueError, match=f"scene.levels.edges: expected {message}"):
+            touches(**settings, levels={"value": "depth", "edges": edges})
+
+
+def test_unknown_frames_are_a_scene_of_their_own(root):
+    for k, label in enumerate(["n13311", "extra", "n13529"]):
+        for i in range(2):
+            write(root / label / f"s{k}_frame_{i}.png", np.full((3, 3), 10 * k + i, np.uint8))
+    scene = touches(
+        template="{label}/{group}_frame_{order}.png",
+        unknown=["extra"],
+        values=[{"name": "index", "unit": "1", "labels": {"n13311": 1.3311, "n13529": 1.3529}}],
+        saturated="frames of one capture are nearly copies",
+    )
+    assert scene.classes == ("n13311", "n13529")
+    assert scene.values[:, 0].tolist() == [1.3311, 1.3311, 1.3529, 1.3529]
+    assert scene.frames(range(4))[:, 0, 0].tolist() == [0, 1, 20, 21]
+    assert scene.samples["group_name"].tolist() == ["s0", "s0", "s2", "s2"]
+    unknown = scene.unknown
+    assert (unknown.classes, len(unknown)) == (("extra",), 2)
+    assert unknown.frames([0, 1])[:, 0, 0].tolist() == [10, 11]
+    assert np.isnan(unknown.values).all()
+    assert unknown.fingerprint() != scene.fingerprint()
+    assert "copies" in scene.saturated
+
+
+def test_a_recording_of_ones_own_is_a_yaml_outside_the_tree(pressed, tmp_path):
+    """``python -m experiments.run --config-dir FOLDER scene=mine`` with FOLDER/scene/mine.yaml."""
+    (tmp_path / "scene").mkdir()
+    (tmp_path / "scene" / "mine.yaml").write_text("""
+_target_: scenes.measured.MeasuredScene
+source:
+  repository: somebody/touches
+  commit: 0123abc
+  cite: Somebody, 2024
+  licence: CC BY 4.0
+template: material_{label}/cycle_{order}_A/frame.png
+""")
+    scene = compose([f"hydra.searchpath=[file://{tmp_path}]", "scene=mine"])
+    assert (scene.classes, scene.source.licence) == (("9", "10"), "CC BY 4.0")
+
+
+def test_what_is_missing_is_listed_with_the_commands_that_get_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
+    main([])
+    lines = capsys.readouterr().out.splitlines()
+    for name in ("gelsight", "diffuser", "tactip", "spr"):
+        (line,) = (line for line in lines if line.startswith(f"{name}: "))
+        assert "git clone https://github.com/" in line
+        assert " checkout " in line
+
+
+@pytest.mark.parametrize(
+    ("name", "counts", "shape"),
+    [
+        ("gelsight", [100] * 10, (400, 300)),
+        ("diffuser", [600] * 4, (512, 512)),
+        ("tactip", [650, 681, 729, 706, 707, 690, 695, 749, 660, 733], (128, 128)),
+        ("tactip_edge", [658, 657, 726, 669, 780, 672, 716, 703, 698, 721], (128, 128)),
+        ("spr", [100] * 3, (640, 640)),
+        ("fibre_2", [100] * 5, (41, 82)),
+        ("fibre_3", [100] * 5, (41, 82)),
+    ],
+)
+def test_the_public_recordings(name, counts, shape):
+    """Their files are those of the digest in the YAML, or opening them fails."""
+    try:
+        scene = compose([f"scene={name}"])
+    except InstantiationException as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            pytest.skip(f"{name}: {error.__cause__}")
+        raise
+    assert np.bincount(scene.labels).tolist() == counts
+    assert tuple(scene.frames([0, len(scene) - 1]).shape) == (2, *shape)
+    assert isinstance(scene.values, np.ndarray)
