@@ -41,9 +41,11 @@ def error_against_time(figure: Figure, rows: pd.DataFrame, config: dict[str, Any
             look = {"marker": markers[row["method"]], "color": COLOURS[row["number"]]}
             axes.plot(1e3 * row["time_s"], max(row["error"], FLOOR), **look)
         axes.set(xscale="log", yscale="log", xlabel="CPU time (ms)", ylabel="error")
-        axes.margins(x=0.15, y=0.15)
+        axes.set_xlim(300 * part["time_s"].min(), 3000 * part["time_s"].max())
+        axes.tick_params(axis="x", labelsize=6)
+        axes.margins(y=0.15)
         axes.axhline(part["tolerance"].iloc[0], color="0.5", lw=0.8, ls="--", zorder=0)
-        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
         axes.xaxis.set_minor_locator(NullLocator())
         plain_decades(axes)
         panel(axes, letter, name if name == "phases" else f"mean correlation, {name}")

@@ -6,6 +6,7 @@ Scenes of measured optics come before simulated ones.
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Iterator
 
 import numpy as np
@@ -90,7 +91,7 @@ def groups(results: Results) -> list[Group]:
     def place(group: Group) -> tuple[bool, int, str, bool]:
         at = order.index(group.scene) if group.scene in order else len(order)
         simulated = group.runs[0].record.scene.origin == "simulated"
-        return simulated, at, group.scene, group.model != "hdc"
+        return simulated, at, group.scene, group.model.partition(" (")[0] != "hdc"
 
     return sorted(whole.values(), key=place)
 
@@ -221,9 +222,11 @@ def confusions(figure: Figure, results: Results) -> None:
         axes.set(xlabel="predicted", ylabel="true")
         axes.tick_params(axis="x", rotation=90)
         of = f", {PAPER[group.scene]}" if group.scene in PAPER else ""
-        by = "" if group.model == "hdc" else f"{rows_of.display_name(group.model)}, "
+        name = group.model.partition(" (")[0]
+        by = "" if name == "hdc" else f"{rows_of.display_name(name)}, "
         accuracy = 100 * estimates.share(group).value
-        panel(axes, letter, f"{literal(group.scene)}{of}\n{by}{accuracy:.1f} %")
+        scene = textwrap.fill(group.scene.replace("_", " "), 17)
+        panel(axes, letter, f"{literal(scene)}{of}\n{by}{accuracy:.1f} %")
     frames = rows_of.frames_of([{"origin": g.runs[0].record.scene.origin} for g in chosen])
     head(figure, "Confusion by HDC, % of the true label", [frames])
 
