@@ -285,36 +285,30 @@ class PenalisedClassifier(DualLinearClassifier):
     def solve(
         self, gram: Tensor, targets: Tensor, before: Tensor | None = None
     ) -> tuple[Tensor, Tensor, float]:
-        """A, b and the loss of what is added to scores ``before`` [N, L] (zero, if None), with the
+        """A, b and the loss of a change of scores ``before`` [N, L] (zero, if None), with the
         penalty on the change alone."""
 
+    def scores_from_old(
+        self, products: Products, old: np.ndarray, new: np.ndarray, queries: np.ndarray
+    ) -> Tensor:
+        """Scores float64 [n, L] after an update from old weights:
+        min over W of loss(new frames) + penalty·‖W − W_old‖².
 
-def scores_from_old(
-    products: Products,
-    model: PenalisedClassifier,
-    old: np.ndarray,
-    new: np.ndarray,
-    queries: np.ndarray,
-) -> Tensor:
-    """Scores float64 [n, L] of a linear model updated from its old weights:
-    min over W of loss(new frames) + penalty·‖W − W_old‖².
+        The change of the weights is a combination of the new frames, so the old model enters by its
+        scores of them alone.
 
-    The change of the weights is a combination of the new frames, so the old model enters by its
-    scores of them alone.
-
-    Args:
-        products: of the frames.
-        model: ridge, or softmax at its optimum, whose loss and penalty count.
-        old: samples that the old weights were trained on.
-        new: samples to update with; a few are enough.
-        queries: samples to score [n].
-    """
-    before = model.scores_from(products, old, np.concatenate([new, queries]))
-    solver = copy.copy(model)
-    solver.classes_ = np.arange(products.n_classes)
-    inside, across = products.centred(new, queries, model.pixels)
-    change, bias, _ = solver.solve(inside, products.labels[new], before[: len(new)])
-    return before[len(new) :] + across @ (change - change.mean(0)) + bias
+        Args:
+            products: of the frames.
+            old: samples that the old weights were trained on.
+            new: samples to update with; a few are enough.
+            queries: samples to score [n].
+        """
+        before = self.scores_from(products, old, np.concatenate([new, queries]))
+        solver = copy.copy(self)
+        solver.classes_ = np.arange(products.n_classes)
+        inside, across = products.centred(new, queries, self.pixels)
+        change, bias, _ = solver.solve(inside, products.labels[new], before[: len(new)])
+        return before[len(new) :] + across @ (change - change.mean(0)) + bias
 
 
 class Descent:

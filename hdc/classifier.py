@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import inf, prod
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -13,14 +12,12 @@ import torch
 from torch import Tensor
 
 from hdc import bits, cosine, inputs, io
-from hdc.encode import encode
-from hdc.estimator import Estimator
+from hdc.estimator import CHUNK, Estimator
 from hdc.inputs import Label
 from hdc.prototypes import Counters, check_share, merged, replaced_bits
 from hdc.readout import Ridge, ridge
 from hdc.rejection import EXTRAS, KEPT, RATE, Peers, Sample, p_values
 
-CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
 PROTOTYPES = ("binary", "integer")
 READOUTS = ("prototype", "ridge", "neighbours")
 METHODS = ("replace", "merge")
@@ -87,10 +84,8 @@ class HDCClassifier(Estimator):
     counts_: np.ndarray
     counters_: Counters
     prototypes_: Tensor
-    frame_shape_: tuple[int, ...]
     backend_: str
     ridge_: Ridge
-    metadata_: dict[str, Any]
     _index: dict[Label, int]  # label → row
     _outdated: set[int]  # rows whose prototypes are not those of the counters
     _size: int | None  # samples a class that prototypes count as, where some are thinned
@@ -230,8 +225,7 @@ class HDCClassifier(Estimator):
             raise ValueError(
                 f"merge: expected a {type(self).__name__}, found {type(other).__name__}"
             )
-        if not hasattr(other, "counters_"):
-            raise other._not_trained()
+        Estimator._check_is_trained(other)
         for model in (self, other):
             model._check_counts("merge")
             model._check_not_ridge("merge")
@@ -503,28 +497,11 @@ class HDCClassifier(Estimator):
 
     # Files ---------------------------------------------------------------------------------------
 
-    def save(self, path: str | Path, metadata: Mapping[str, Any] | None = None) -> None:
-        """Write the model to a safetensors file, whole or not at all.
-
-        Args:
-            path: file name, in a folder that exists; an older model of that name is replaced.
-            metadata: values that JSON has, to be kept with the model, such as how frames are
-                cropped. By default those of the file the model was read from.
-
-        Raises:
-            TypeError: for metadata that JSON has not.
-            FileNotFoundError: for a folder that does not exist.
-            FileExistsError: where something other than a saved model has the name.
-        """
-        self._check_is_trained()
-        metadata = dict(getattr(self, "metadata_", {}) if metadata is None else metadata)
-        parameters = self.get_params() | {"seed": int(self.seed), "device": str(self.device)}
-        parameters.pop("backend", None)  # of this machine; the model is the same with any
-        classes = self.classes_.tolist()
+    def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+        classes, seen = self.classes_.tolist(), None
         tensors = {
             "planes": self.counters_.planes, "n": self.counters_.n, "prototypes": self.prototypes_
         }  # fmt: skip
-        seen = None
         if self._sample is not None and self._sample.seen:
             seen = [self._sample.seen.get(c, 0) for c in classes]
             kept = [self._sample.of(c) for c, n in zip(classes, seen, strict=True) if n]
@@ -536,47 +513,20 @@ class HDCClassifier(Estimator):
         if self._frames is not None:
             rows = torch.tensor([self._index[label] for label in self._frames[1]])
             tensors |= {"frames": self._frames[0], "rows": rows}
-        header = {
-            "kind": type(self).__name__, "parameters": parameters, "classes": classes,
-            "frame_shape": self.frame_shape_, "recalibrated": self._recalibrated, "seen": seen,
-            "metadata": metadata,
-        }  # fmt: skip
-        io.write_model(Path(path), header, tensors)
-        self.metadata_ = metadata
+        return {"classes": classes, "seen": seen, "recalibrated": self._recalibrated}, tensors
 
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a model that :meth:`save` wrote.
-
-        Raises:
-            ValueError: if the file is not such a model, of another class, or damaged; it is named.
-        """
-        try:
-            return cls._of(*io.read_model(Path(path)))
-        except FileNotFoundError:
-            raise
-        except Exception as error:  # a hostile header reaches numpy and torch in many ways
-            raise ValueError(f"{path}: expected a saved {cls.__name__}, found {error}") from error
-
-    @classmethod
-    def _of(cls, header: dict[str, Any], tensors: dict[str, Tensor]) -> Self:
-        io.check_kind(header, cls.__name__)
-        model = cls().set_params(**header["parameters"])
-        io.move_to_cpu_without_cuda(model)
-        shape = io.checked_shape(header["frame_shape"])
+    def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
+        if not isinstance(self.seed, int) or abs(self.seed) > io.LARGEST**2:
+            raise ValueError(f"seed {self.seed!r}")
+        self._start(self.frame_shape_)
         classes, seen = header["classes"], header["seen"]
-        if not isinstance(model.seed, int) or abs(model.seed) > io.LARGEST**2:
-            raise ValueError(f"seed {model.seed!r}")
-        counters = Counters(len(classes), prod(shape))
-        n_planes, n = tensors["planes"].shape[1], tensors["n"]
-        counters.planes, counters.n = tensors["planes"], n
-        width = bits.words_for(counters.dimension)
-        tensors.setdefault("rows", n[:0])
+        counters, width = Counters(len(classes), self.dimension_), self.counters_.planes.shape[2]
+        n, n_planes = tensors["n"], tensors["planes"].shape[1]
+        n_frames = len(tensors["frames"]) if "frames" in tensors else 0
         expected = {
             "planes": (len(classes), n_planes, width), "n": (len(classes),),
             "prototypes": (len(classes), width), "deciding": (len(classes), len(EXTRAS), width),
-            "rows": tensors["rows"].shape[:1], "frames": (*tensors["rows"].shape[:1], width),
-            **Ridge.shapes(len(classes), width),
+            "rows": (n_frames,), "frames": (n_frames, width), **Ridge.shapes(len(classes), width),
         }  # fmt: skip
         if seen is not None:
             if not all(isinstance(s, int) and 0 <= s < io.LARGEST for s in seen):
@@ -586,27 +536,24 @@ class HDCClassifier(Estimator):
         io.check_tensors(tensors, expected)
         if (n < 0).any() or (n >= io.LARGEST).any() or not n.any() or n_planes > 53:
             raise ValueError(f"sample counts {n.tolist()}")
-        parameters = model.get_params()
-        trained = cls.from_counters(
-            counters, classes, tuple(shape), **parameters | {"readout": "prototype"}
-        )
-        trained.set_params(**parameters)
-        if trained.classes_.tolist() != classes:
-            raise ValueError(f"classes out of order: {classes!r}")
-        here = {name: tensor.to(model.device) for name, tensor in tensors.items()}
-        trained.prototypes_ = here["prototypes"]
-        trained._recalibrated = bool(header["recalibrated"])
-        trained._deciding = here.get("deciding")
-        trained.metadata_ = dict(header["metadata"])
+        self.classes_ = inputs.classes_of(inputs.label_array(classes, len(classes)).tolist())
+        if self.classes_.tolist() != classes or len(classes) < 2:
+            raise ValueError(f"classes {classes!r}")
+        here = {name: tensor.to(self.device) for name, tensor in tensors.items()}
+        counters.planes, counters.n = here["planes"], n
+        self.counters_, self.counts_ = counters, n.numpy().copy()
+        self.prototypes_, self._deciding = here["prototypes"], here.get("deciding")
+        self._index = {label: row for row, label in enumerate(classes)}
+        self._recalibrated = bool(header["recalibrated"])
+        self._sample = None
         if seen is not None:
-            trained._sample = Sample()
+            self._sample = sample = Sample()
             for label, words, n_seen in zip(classes, here["sample"].split(kept), seen, strict=True):
-                trained._sample.put(label, words, n_seen)
-        if model.readout == "ridge":
-            trained.ridge_ = Ridge.of(here, counters.dimension)
-        elif model.readout == "neighbours":
-            trained._frames = here["frames"], [classes[row] for row in tensors["rows"].tolist()]
-        return trained
+                sample.put(label, words, n_seen)
+        if self.readout == "ridge":
+            self.ridge_ = Ridge.of(here, self.dimension_)
+        elif self.readout == "neighbours":
+            self._frames = here["frames"], [classes[row] for row in tensors["rows"].tolist()]
 
     # Parts ---------------------------------------------------------------------------------------
 
@@ -638,8 +585,7 @@ class HDCClassifier(Estimator):
             )
 
     def _check_is_trained(self) -> None:
-        if not hasattr(self, "counters_"):
-            raise self._not_trained()
+        super()._check_is_trained()
         if len(self.classes_) < 2:
             raise inputs.one_class(self.classes_)
 
@@ -652,13 +598,8 @@ class HDCClassifier(Estimator):
             n_pixels = inf  # the same again, unless this is a machine without numba
         return bits.choose_backend(self.backend, self.device, n_pixels)
 
-    def _loaded_backend(self) -> str:
-        """The backend without loading any: with "auto", compiled kernels where they are loaded."""
-        return bits.choose_backend(self.backend, self.device, 0)
-
     def _start(self, shape: Sequence[int]) -> None:
-        self.frame_shape_ = tuple(shape)
-        self.dimension_ = self.n_features_in_ = prod(self.frame_shape_)
+        self._set_shape(shape)
         self.counters_ = Counters(0, self.dimension_, self.device)
         self._index, self.classes_ = {}, np.empty(0, object)
         self.prototypes_ = self.counters_.planes[:, 0]
@@ -734,18 +675,6 @@ class HDCClassifier(Estimator):
             if counters.n[c]:
                 prototypes[c] = counters.prototype(c, self.ties, self.seed, size=size)
         self.prototypes_, self._outdated, self._size = prototypes, set(), size
-
-    def _encode(self, frames: Any, first: int, backend: str, out: Tensor | None = None) -> Tensor:
-        tensor = inputs.tensor(frames).to(self.device)
-        if hasattr(self, "frame_shape_") and len(tensor):
-            inputs.check_shape(tensor.shape[1:], self.frame_shape_, type(self).__name__)
-        return encode(tensor, first, backend, out)
-
-    def _encoded(self, frames: Any) -> Iterator[Tensor]:
-        frames = inputs.indexable(frames, self.frame_shape_)
-        backend = self._backend(frames)
-        for start in range(0, max(1, len(frames)), CHUNK):
-            yield self._encode(frames[start : start + CHUNK], start, backend)
 
     def _empty(self) -> Tensor | None:
         """Which classes have no samples: bool [L], or None where all have."""

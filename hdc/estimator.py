@@ -1,21 +1,45 @@
-"""scikit-learn's conventions, without importing it.
+"""What both estimators share: scikit-learn's conventions, chunks of hypervectors, files.
 
-Importing its base class takes as long as importing torch, and 100 MB; this package takes a
-hundredth of either.
+scikit-learn is not imported: its base class takes as long as torch, and 100 MB.
 """
 
 from __future__ import annotations
 
 import inspect
+from collections.abc import Iterator, Mapping, Sequence
+from math import prod
+from pathlib import Path
 from typing import Any, Self
 
-from hdc import inputs
+from torch import Tensor
+
+from hdc import bits, inputs, io
+from hdc.encode import encode
+
+CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
 
 
 class Estimator:
     """Parameters by name, tags, and how an untrained model is refused."""
 
     _estimator_type: str
+    device: str
+    backend: str
+    frame_shape_: tuple[int, ...]
+    dimension_: int
+    metadata_: dict[str, Any]
+
+    def _check_parameters(self) -> None:
+        raise AssertionError("of the estimator itself")
+
+    def _check_is_trained(self) -> None:
+        if not hasattr(self, "dimension_"):
+            kind = inputs.of_sklearn("NotFittedError", ValueError)
+            raise kind(f"{type(self).__name__}: expected a trained model; call fit first")
+
+    def _set_shape(self, shape: Sequence[int]) -> None:
+        self.frame_shape_ = tuple(shape)
+        self.dimension_ = self.n_features_in_ = prod(self.frame_shape_)
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Constructor parameters by name."""
@@ -32,10 +56,86 @@ class Estimator:
             setattr(self, name, value)
         return self
 
-    def _not_trained(self) -> ValueError:
-        """The error of a model that was not trained; scikit-learn's, where that is loaded."""
-        kind = inputs.of_sklearn("NotFittedError", ValueError)
-        return kind(f"{type(self).__name__}: expected a trained model; call fit first")
+    def _loaded_backend(self) -> str:
+        """The backend without loading any: with "auto", compiled kernels where they are loaded."""
+        return bits.choose_backend(self.backend, self.device, 0)
+
+    def _encode(self, frames: Any, first: int, backend: str, out: Tensor | None = None) -> Tensor:
+        """Hypervectors [N, W] of one chunk of frames, the first of all being frame `first`."""
+        tensor = inputs.tensor(frames).to(self.device)
+        if hasattr(self, "frame_shape_") and len(tensor):
+            inputs.check_shape(tensor.shape[1:], self.frame_shape_, type(self).__name__)
+        return encode(tensor, first, backend, out)
+
+    def _backend(self, frames: Any) -> str:
+        """The backend to encode these frames with."""
+        return self._loaded_backend()
+
+    def _encoded(self, frames: Any) -> Iterator[Tensor]:
+        """Hypervectors of frames, a chunk at a time."""
+        frames = inputs.indexable(frames, getattr(self, "frame_shape_", None))
+        backend = self._backend(frames)
+        for start in range(0, max(1, len(frames)), CHUNK):
+            yield self._encode(frames[start : start + CHUNK], start, backend)
+
+    # Files ---------------------------------------------------------------------------------------
+
+    def save(self, path: str | Path, metadata: Mapping[str, Any] | None = None) -> None:
+        """Write the model to a safetensors file, whole or not at all.
+
+        Args:
+            path: file name, in a folder that exists; an older model of that name is replaced.
+            metadata: values that JSON has, to be kept with the model, such as how frames are
+                cropped. By default those of the file the model was read from.
+
+        Raises:
+            TypeError: for metadata that JSON has not.
+            FileNotFoundError: for a folder that does not exist.
+            FileExistsError: where something other than a saved model has the name.
+        """
+        self._check_is_trained()
+        metadata = dict(getattr(self, "metadata_", {}) if metadata is None else metadata)
+        # The backend is this machine's; the model is the same with any.
+        parameters = {k: v for k, v in self.get_params().items() if k != "backend"}
+        parameters |= {"device": str(self.device)}
+        for name in parameters.keys() & {"seed", "n_neighbours"}:
+            parameters[name] = int(parameters[name])
+        header, tensors = self._stored()
+        header |= {"parameters": parameters, "frame_shape": self.frame_shape_}
+        kind = type(self).__name__
+        io.write_model(Path(path), {"kind": kind, **header, "metadata": metadata}, tensors)
+        self.metadata_ = metadata
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a model that :meth:`save` wrote.
+
+        Raises:
+            ValueError: if the file is not such a model, of another class, or damaged; it is named.
+        """
+        try:
+            header, tensors = io.read_model(Path(path))
+            if header["kind"] != cls.__name__:
+                raise ValueError(f"a saved {header['kind']}; load it with {header['kind']}.load")
+            model = cls().set_params(**header["parameters"])
+            io.move_to_cpu_without_cuda(model)
+            model._check_parameters()
+            model._set_shape(io.checked_shape(header["frame_shape"]))
+            model._restore(header, tensors)
+            model.metadata_ = dict(header["metadata"])
+            return model
+        except FileNotFoundError:
+            raise
+        except Exception as error:  # a hostile header reaches numpy and torch in many ways
+            raise ValueError(f"{path}: expected a saved {cls.__name__}, found {error}") from error
+
+    def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+        raise AssertionError("of the estimator itself")
+
+    def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
+        raise AssertionError("of the estimator itself")
+
+    # Training ------------------------------------------------------------------------------------
 
     def _adopt(self, trained: Self) -> None:
         """Take over all that another model of the same parameters has learned."""

@@ -130,16 +130,6 @@ def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[s
     return header, content
 
 
-def check_kind(header: Mapping[str, Any], kind: str) -> None:
-    """Check that a header is of a model of this class.
-
-    Raises:
-        ValueError: if it is of another.
-    """
-    if header["kind"] != kind:
-        raise ValueError(f"a saved {header['kind']}; load it with {header['kind']}.load")
-
-
 def checked_shape(shape: Any) -> tuple[int, ...]:
     """A frame's shape, (H, W) or (D,).
 

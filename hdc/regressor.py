@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import ceil, floor, prod
-from pathlib import Path
+from math import ceil, floor
 from typing import Any, Self
 
 import numpy as np
@@ -12,11 +11,9 @@ import torch
 from torch import Tensor
 
 from hdc import bits, inputs, io
-from hdc.encode import encode
 from hdc.estimator import Estimator
 from hdc.readout import Residuals, Ridge, nearest, ridge
 
-CHUNK = 256  # frames encoded at a time
 READOUTS = ("ridge", "neighbours")
 
 
@@ -51,7 +48,6 @@ class HDCRegressor(Estimator):
 
     ridge_: Ridge
     residuals_: np.ndarray
-    metadata_: dict[str, Any]
     _held: Residuals  # of readout "ridge"
     _words: Tensor
     _values: Tensor  # float64 [N, T]
@@ -101,10 +97,9 @@ class HDCRegressor(Estimator):
         self._check_parameters()
         frames = inputs.indexable(frames, getattr(self, "frame_shape_", None))
         values = inputs.targets(y, len(frames))
-        words = self._encoded(frames)
+        words = torch.cat(list(self._encoded(frames)))
         if not hasattr(self, "_words"):
-            self.frame_shape_ = tuple(frames.shape[1:])
-            self.dimension_ = self.n_features_in_ = prod(self.frame_shape_)
+            self._set_shape(frames.shape[1:])
             self._one, self._recalibrated = values.ndim == 1, False
             self._words, self._values = words[:0], torch.empty(0, *values.shape[1:] or (1,))
         if (values.ndim == 1) != self._one or values.shape[1:] not in ((), self._values.shape[1:]):
@@ -115,7 +110,7 @@ class HDCRegressor(Estimator):
         if len(self._words) < 2:
             raise ValueError(f"frames: expected at least two, found {len(self._words)} sample")
         if self.readout == "ridge":
-            backend = self._backend()
+            backend = self._loaded_backend()
             self.ridge_, self._held = ridge(
                 self._words, self._values, self.dimension_, backend=backend
             )
@@ -140,10 +135,11 @@ class HDCRegressor(Estimator):
             raise ValueError(f"targets: expected as many a frame as before, found {values.shape}")
         if len(values) < 2:
             raise ValueError(f"frames: expected at least two, found {len(values)} sample")
-        words, table = self._encoded(frames), torch.from_numpy(values.reshape(len(values), -1))
+        words = torch.cat(list(self._encoded(frames)))
+        table = torch.from_numpy(values.reshape(len(values), -1))
         if self.readout == "ridge":
             self.ridge_, self._held = ridge(
-                words, table, self.dimension_, self.ridge_, self._backend()
+                words, table, self.dimension_, self.ridge_, self._loaded_backend()
             )
             self.residuals_ = self._held.residuals.numpy()
         self._words, self._values, self._recalibrated = words, table, True
@@ -171,16 +167,14 @@ class HDCRegressor(Estimator):
         self._check_is_trained()
         if not isinstance(alpha, float) or not 0 < alpha < 1:
             raise ValueError(f"alpha: expected a share in (0, 1), found {alpha!r}")
-        frames = inputs.indexable(frames, self.frame_shape_)
         parts: list[tuple[Tensor, ...]] = []
-        for start in range(0, max(1, len(frames)), CHUNK):
-            words = self._encoded(frames[start : start + CHUNK], start)
+        for words in self._encoded(frames):
             if not return_interval:
                 parts.append((self._values_of(words),))
                 continue
             if self.readout == "ridge":
                 centre = self._values_of(words)
-                change = self._held.changes(words, self.dimension_, self._backend())
+                change = self._held.changes(words, self.dimension_, self._loaded_backend())
                 without = centre[:, None] - change
             else:
                 centre, without = self._means(words)
@@ -197,62 +191,29 @@ class HDCRegressor(Estimator):
         flat = np.where(error == 0, 1.0, 0.0)
         return float(np.mean(np.where(spread > 0, 1 - error / np.maximum(spread, 1e-300), flat)))
 
-    def save(self, path: str | Path, metadata: Mapping[str, Any] | None = None) -> None:
-        """Write the model to a safetensors file; as :meth:`hdc.HDCClassifier.save`."""
-        self._check_is_trained()
-        metadata = dict(getattr(self, "metadata_", {}) if metadata is None else metadata)
-        parameters = self.get_params() | {"device": str(self.device)}
-        parameters.pop("backend")
+    def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         tensors = {"words": self._words, "values": self._values}
         tensors["residuals"] = torch.from_numpy(self.residuals_)
         if self.readout == "ridge":
-            tensors |= self.ridge_.tensors() | {
-                "inverse": self._held.inverse, "means": self._held.means
-            }  # fmt: skip
-        header = {
-            "kind": type(self).__name__, "parameters": parameters, "metadata": metadata,
-            "frame_shape": self.frame_shape_, "recalibrated": self._recalibrated, "one": self._one,
+            held = {"inverse": self._held.inverse, "means": self._held.means}
+            tensors |= self.ridge_.tensors() | held
+        return {"recalibrated": self._recalibrated, "one": self._one}, tensors
+
+    def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
+        (n, t), width = tensors["values"].shape, bits.words_for(self.dimension_)
+        expected = {
+            "words": (n, width), "values": (n, t), "residuals": (n, t), "inverse": (n, n),
+            "means": (n,), **Ridge.shapes(t, width),
         }  # fmt: skip
-        io.write_model(Path(path), header, tensors)
-        self.metadata_ = metadata
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a model that :meth:`save` wrote.
-
-        Raises:
-            ValueError: if the file is not such a model, of another class, or damaged; it is named.
-        """
-        try:
-            header, tensors = io.read_model(Path(path))
-            io.check_kind(header, cls.__name__)
-            model = cls().set_params(**header["parameters"])
-            model._check_parameters()
-            io.move_to_cpu_without_cuda(model)
-            model.frame_shape_ = io.checked_shape(header["frame_shape"])
-            model.dimension_ = model.n_features_in_ = prod(model.frame_shape_)
-            n, n_targets = tensors["values"].shape
-            width = bits.words_for(model.dimension_)
-            expected = {
-                "words": (n, width), "values": (n, n_targets), "residuals": (n, n_targets),
-                "inverse": (n, n), "means": (n,), **Ridge.shapes(n_targets, width),
-            }  # fmt: skip
-            io.check_tensors(tensors, expected)
-            here = {name: tensor.to(model.device) for name, tensor in tensors.items()}
-            model._words, model._values = here["words"], tensors["values"]
-            model._one, model._recalibrated = bool(header["one"]), bool(header["recalibrated"])
-            model.residuals_ = tensors["residuals"].numpy()
-            if model.readout == "ridge":
-                model.ridge_ = Ridge.of(here, model.dimension_)
-                model._held = Residuals(
-                    model._words, tensors["inverse"], tensors["means"], tensors["residuals"]
-                )
-            model.metadata_ = dict(header["metadata"])
-            return model
-        except FileNotFoundError:
-            raise
-        except Exception as error:  # a hostile header reaches numpy and torch in many ways
-            raise ValueError(f"{path}: expected a saved {cls.__name__}, found {error}") from error
+        io.check_tensors(tensors, expected)
+        here = {name: tensor.to(self.device) for name, tensor in tensors.items()}
+        self._words, self._values = here["words"], tensors["values"]
+        self._one, self._recalibrated = bool(header["one"]), bool(header["recalibrated"])
+        self.residuals_ = tensors["residuals"].numpy()
+        if self.readout == "ridge":
+            self.ridge_ = Ridge.of(here, self.dimension_)
+            parts = (tensors[name] for name in ("inverse", "means", "residuals"))
+            self._held = Residuals(self._words, *parts)
 
     def _check_parameters(self) -> None:
         if self.readout not in READOUTS:
@@ -260,27 +221,11 @@ class HDCRegressor(Estimator):
                 f"readout: expected one of {', '.join(READOUTS)}, found {self.readout!r}"
             )
         inputs.check_count("n_neighbours", self.n_neighbours)
-        self._backend()
-
-    def _check_is_trained(self) -> None:
-        if not hasattr(self, "_words"):
-            raise self._not_trained()
-
-    def _backend(self) -> str:
-        return bits.choose_backend(self.backend, self.device, 0)
-
-    def _encoded(self, frames: Any, first: int = 0) -> Tensor:
-        parts = []
-        for start in range(0, max(1, len(frames)), CHUNK):
-            tensor = inputs.tensor(frames[start : start + CHUNK]).to(self.device)
-            if hasattr(self, "frame_shape_") and len(tensor):
-                inputs.check_shape(tensor.shape[1:], self.frame_shape_, type(self).__name__)
-            parts.append(encode(tensor, first + start, self._backend()))
-        return torch.cat(parts)
+        self._loaded_backend()
 
     def _values_of(self, words: Tensor) -> Tensor:
         if self.readout == "ridge":
-            return self.ridge_.scores(words, self._backend()).cpu()
+            return self.ridge_.scores(words, self._loaded_backend()).cpu()
         return self._means(words)[0]
 
     def _means(self, words: Tensor, own: bool = False) -> tuple[Tensor, Tensor]:
@@ -290,7 +235,7 @@ class HDCRegressor(Estimator):
             words: the queries.
             own: the queries are the kept frames, none of which is its own neighbour.
         """
-        distances = bits.hamming(words, self._words, self._backend()).cpu().numpy()
+        distances = bits.hamming(words, self._words, self._loaded_backend()).cpu().numpy()
         if own:
             np.fill_diagonal(distances, self.dimension_ + 1)
         k = min(self.n_neighbours, len(self._words) - 1)

@@ -14,13 +14,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 
 from scenes.frames import Scene
 from scenes.validate import require
-
-BATCH = 50
 
 
 def export(scene: Scene, folder: Path) -> Path:
@@ -34,13 +31,11 @@ def export(scene: Scene, folder: Path) -> Path:
         require(folder_name, "scene.classes", name, "names that a folder can have")
         (folder / name).mkdir(parents=True, exist_ok=True)
     names = [f"{scene.classes[c]}/{i:05d}.png" for i, c in enumerate(scene.labels)]
-    for start in range(0, len(names), BATCH):
-        indices = np.arange(start, min(start + BATCH, len(names)))
-        for i, frame in zip(indices, scene.frames(indices).numpy(), strict=True):
-            path = folder / names[i]
-            # Speckle hardly compresses: the fastest level.
-            if not cv2.imwrite(str(path), frame, [cv2.IMWRITE_PNG_COMPRESSION, 1]):
-                raise OSError(f"{path}: could not be written")
+    for i, name in enumerate(names):
+        # Speckle hardly compresses: the fastest level.
+        speed = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+        if not cv2.imwrite(str(folder / name), scene.frames([i])[0].numpy(), speed):
+            raise OSError(f"{folder / name}: could not be written")
     manifest = folder / "manifest.csv"
     with manifest.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -65,11 +60,9 @@ def compose(overrides: Sequence[str]) -> Any:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     given = list(sys.argv[1:] if arguments is None else arguments)
-    if not given or {"-h", "--help"} & set(given):
-        sys.exit(__doc__)
     out = [a.removeprefix("out=") for a in given if a.startswith("out=")]
-    if len(out) != 1 or not out[0]:
-        sys.exit(f"out: expected one folder, out=FOLDER, found {len(out)}")
+    if len(out) != 1 or not out[0] or {"-h", "--help"} & set(given):
+        sys.exit(f"{__doc__}\nout: expected one folder, out=FOLDER, found {len(out)}")
     scene = compose([a for a in given if not a.startswith("out=")])
     manifest = export(scene, Path(out[0]).expanduser())
     print(f"{len(scene)} frames of {len(scene.classes)} classes, {manifest}")

@@ -7,11 +7,10 @@ For an input field a, one complex amplitude a mode, the field at the output is
 and a camera sees |E_p|². The matrices T and the modes m are measured; the frames are computed, with
 noise added. Three fibres are public:
 
-- ``wavefrontshaping/article_MMF_disorder`` (MIT): 52 matrices of all 110 input modes, of Matthès et
+- ``wavefrontshaping/article_MMF_disorder`` (MIT): 52 matrices of all 110 input modes; Matthès et
   al., "Learning and Avoiding Disorder in Multimode Fibers", Phys. Rev. X 11, 021060 (2021).
 - ``wavefrontshaping/article_RME_2023``: two more fibres of the same kind, 25 matrices each, of the
-  55 input modes of one polarisation. Their mode images are not in a file that can be read safely:
-  those of the first repository stand in.
+  55 input modes of one polarisation. The mode images of the first repository stand in for theirs.
 """
 
 from __future__ import annotations
@@ -29,7 +28,6 @@ import torch
 from torch import Tensor
 
 from scenes.frames import level_classes
-from scenes.source import DATA as MEASURED
 from scenes.source import Source
 from scenes.validate import is_number, require, require_integer, require_number
 
@@ -41,11 +39,7 @@ PRESSED = Source(
     cite="M. W. Matthès, Y. Bromberg, J. de Rosny, S. M. Popoff, Phys. Rev. X 11, 021060 (2021)",
     licence="MIT",
 )
-CHECKOUT = Path(__file__).resolve().parents[1]
-CANDIDATES = (
-    CHECKOUT / "data" / "article_MMF_disorder",
-    CHECKOUT.parent / "shared" / "data" / "mmf_disorder",
-)
+BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data" / "mmf_disorder"
 CONTACT = 5.04e-3
 """Position of the actuator (m) at which it starts to press; depths count from there."""
 
@@ -54,17 +48,15 @@ class FibreScene:
     """Classes of press depth of a graded-index fibre.
 
     Sample i belongs to class i mod L. Its actuator position is drawn uniformly among the measured
-    positions of the class, so training and test samples share positions, and the finer steps below
-    a class edge are no easier than they were in the laboratory. Its input field is a + ε·z: a is
-    one random field shared by all samples, z an independent one of the same power. Everything
-    drawn for sample i comes from its own generator, seeded by (sampling_seed, i): it is the same
-    in any batch, order or number of samples.
+    positions of the class, so training and test samples share positions. Its input field is a +
+    ε·z: a is one random field shared by all samples, z an independent one of the same power.
+    Everything drawn for sample i comes from a generator seeded by (sampling_seed, i): it is the
+    same in any batch, order or number of samples.
 
     Args:
         path: a copy of :data:`PRESSED`; default: the one that :data:`DATA` names, a checkout in
-            ``MEASURED_DATA``, or the first of :data:`CANDIDATES` that is there.
-        depth_edges: upper press depths Δx (m) of the classes, increasing: the first class has
-            Δx ≤ edges[0], the next edges[0] < Δx ≤ edges[1], ...
+            ``MEASURED_DATA``, or :data:`BESIDE` the checkout of this project.
+        depth_edges: upper press depths Δx (m) of the classes, increasing.
         samples_per_class: N / L.
         perturbation: ε ≥ 0.
         photons: mean photons a pixel (Poisson); 0 means no noise.
@@ -151,6 +143,8 @@ class FibreScene:
         self.samples: Mapping[str, np.ndarray] = {"order": np.arange(n), "depth": depth}
         self.values = depth[:, None] * 1e6
 
+        self.cacheable = self.source.licence != "none stated"
+
         self._inputs = self._matrices.shape[2]
         fields = _complex_normal(np.random.default_rng(seed), n_fields * self._inputs)
         self._fields = fields.reshape(n_fields, self._inputs)
@@ -222,17 +216,13 @@ class FibreScene:
 
 def _locate(path: str | Path | None) -> Path:
     """Folder ``Data`` of a copy of :data:`PRESSED`."""
-    named = [Path(folder) for folder in (path, os.environ.get(DATA)) if folder]
-    checkout = [found] if (found := PRESSED.find()) else []
-    tried = [named[0].expanduser()] if named else [*checkout, *CANDIDATES]
-    for folder in tried:
-        if (folder / "Data").is_dir():
-            return folder / "Data"
-    places = " and ".join(str(folder / "Data") for folder in tried)
-    raise FileNotFoundError(
-        f"scene.path: expected a copy of github.com/{PRESSED.repository} there or in {MEASURED}, "
-        f"found no folder {places}; get it by: {PRESSED.command()}"
-    )
+    folder = Path(path or os.environ.get(DATA) or PRESSED.find() or BESIDE).expanduser() / "Data"
+    if not folder.is_dir():
+        raise FileNotFoundError(
+            f"scene.path: expected a copy of github.com/{PRESSED.repository}, found no folder "
+            f"{folder}; get it by: {PRESSED.command()}"
+        )
+    return folder
 
 
 def _pressed(data: Path, size: int) -> tuple[np.ndarray, np.ndarray]:

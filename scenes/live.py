@@ -80,11 +80,8 @@ class SimulatedSensor:
         return self._exposed(self._indented, self._temperature, noise)
 
     def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
-        frames = []
-        for _ in range(n):
-            missed, temperature, noise = self._draw(touches)
-            frames.append(self._exposed(self._indentation(missed), temperature, noise))
-        return frames
+        draws = (self._draw(touches) for _ in range(n))
+        return [self._exposed(self._indentation(m), kelvin, rng) for m, kelvin, rng in draws]
 
     def _draw(self, touches: Sequence[Touch]) -> tuple[list[Touch], float, np.random.Generator]:
         """Touches that miss their places, the temperature in K, and the generator for the noise."""

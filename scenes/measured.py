@@ -18,6 +18,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import posixpath
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -41,14 +42,13 @@ class MeasuredScene:
 
     Args:
         source: the repository, a :class:`scenes.source.Source` or its arguments.
-        template, table, image_column: see :func:`hdc.readers.open_recording`.
+        template, table, image_column, crop, subsample: see :func:`hdc.readers.open_recording`.
         folders: folders of the repository. Of two or more, each is a session.
         values: continuous quantities, a mapping each: ``name``, ``unit``, and a ``column`` of the
             table or ``labels``, the value of each label.
         levels: classes where there are no labels: the name of a ``value`` and the upper ``edges``
             of its classes.
         unknown: labels of frames that are no class.
-        crop, subsample: pixels that are kept; see :func:`hdc.readers.open_recording`.
         saturated: why accuracies on this recording rank nothing, or null.
         memory_bytes: decoded frames are kept in memory up to this size.
 
@@ -122,7 +122,8 @@ class MeasuredScene:
         for k, value in enumerate(values):
             if "column" in value:
                 at = columns.index(value["column"])
-                self.values[:, k] = np.concatenate([p.values[:, at] for p in self._parts])  # type: ignore[index]
+                column = [np.asarray(part.values)[:, at] for part in self._parts]
+                self.values[:, k] = np.concatenate(column)
             for name, number in value.get("labels", {}).items():
                 self.values[names == name, k] = number
         if levels is not None:
@@ -130,6 +131,8 @@ class MeasuredScene:
             require(levels["value"] in self.value_names, "scene.levels", dict(levels), expected)
             k = self.value_names.index(levels["value"])
             classes, labels = level_classes(self.values[:, k], levels["edges"], self.units[k])
+            top = f"a last edge of {self.values[:, k].max():g} or more"
+            require(labels.max() < len(classes), "scene.levels.edges", levels["edges"], top)
             names = np.array(classes)[labels]
         require(len(classes) > 0, "scene.levels", levels, "edges of a value: no image has a label")
         apart = np.isin(names, list(unknown))
@@ -205,21 +208,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     from scenes.export import compose
 
-    texts = {file.stem: file.read_text(encoding="utf-8") for file in CONFIGS.glob("*.yaml")}
-    public = sorted(n for n, text in texts.items() if "source:" in text or "FibreScene" in text)
-    for name in list(sys.argv[1:] if arguments is None else arguments) or public:
+    files = [f for f in CONFIGS.glob("*.yaml") if re.search("source:|FibreScene", f.read_text())]
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    for name in given or sorted(file.stem for file in files):
         try:
             scene = compose([f"scene={name}"])
         except InstantiationException as error:
             print(f"{name}: {error.__cause__}")
             continue
-        unknown = getattr(scene, "unknown", None)
-        counts = ", ".join(map(str, np.bincount(scene.labels)))
-        more = f"; {len(unknown)} unknown" if unknown else ""
-        print(f"{name}: {len(scene)} frames {scene.shape}, {scene.origin}; a class {counts}{more}")
-        print(f"  github.com/{scene.source.repository} @ {scene.source.commit}")
-        print(f"  licence: {scene.source.licence}; {scene.source.cite}")
-        print(f"  sha256 of the files: {scene.sha256}")
+        source, counts = scene.source, ", ".join(map(str, np.bincount(scene.labels)))
+        print(f"{name}: {len(scene)} frames {scene.shape}, {scene.origin}; a class {counts}")
+        print(f"  github.com/{source.repository} @ {source.commit}, sha256 {scene.sha256}")
+        print(f"  licence: {source.licence}; {source.cite}")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +19,11 @@ class RecordedScene:
     origin = "recorded"
 
     def __init__(self, recording: readers.Recording) -> None:
+        if recording.labels is None:
+            raise readers.SettingError("path: expected a recording with labels, found values only")
         self.recording, self.skipped = recording, recording.skipped
         self.classes, self.labels = recording.classes, recording.labels
-        self.shape, self.samples = recording.shape, recording.samples
+        self.shape, self.samples, self.values = recording.shape, recording.samples, recording.values
 
     def __len__(self) -> int:
         return len(self.recording)
@@ -29,13 +31,6 @@ class RecordedScene:
     def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
         """Frames uint8 or uint16 [len(indices), H, W]; raises as the recording does."""
         return torch.from_numpy(self.recording.frames(np.asarray(indices)))
-
-    def stream(
-        self, indices: Sequence[int] | np.ndarray | Tensor | None = None
-    ) -> Iterator[Tensor]:
-        """Frames [H, W] of the indices (default: all) one after the other, decoded ahead."""
-        index = None if indices is None else np.asarray(indices)
-        return map(torch.from_numpy, self.recording.stream(index))
 
     def fingerprint(self) -> str:
         """SHA-256 over the recorded bytes, the pixels kept of them, labels, classes and order."""

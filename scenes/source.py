@@ -1,7 +1,7 @@
-"""Public repositories with recordings of others: where they lie, whose they are, what was read.
+"""Public repositories of recordings.
 
 The environment variable ``MEASURED_DATA`` names a folder of checkouts, one sub-folder a repository,
-called like the last part of its name or ``owner+name``; ``python -m scenes.measured`` lists them.
+called like the last part of its name or ``owner+name``.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ class Source:
         cite: authors, title and place of what to cite.
         licence: as stated by the repository, or ``"none stated"``: then frames may be used to
             judge a model, and must not be passed on.
-        sha256: digest of the files that a scene reads (:func:`digest`); null: not checked.
+        sha256: digest of the files that a scene reads, in order of their names: that of the lines
+            ``sha256sum`` prints; null: not checked.
     """
 
     repository: str
@@ -37,8 +38,7 @@ class Source:
 
     def find(self) -> Path | None:
         """The checkout in the folder that ``MEASURED_DATA`` names, if it is there."""
-        owner, name = self.repository.split("/")
-        root = os.environ.get(DATA)
+        root, (owner, name) = os.environ.get(DATA), self.repository.split("/")
         places = [Path(root).expanduser() / n for n in (name, f"{owner}+{name}")] if root else []
         return next((place for place in places if place.is_dir()), None)
 
@@ -50,11 +50,9 @@ class Source:
         """
         if place := self.find():
             return place
-        root = os.environ.get(DATA)
-        found = f"no checkout in {DATA}={root}" if root else f"{DATA} not set"
         raise FileNotFoundError(
-            f"scene.source: expected a checkout of github.com/{self.repository}, found {found}; "
-            f"get it by: {self.command()}"
+            f"scene.source: expected a checkout of github.com/{self.repository}, found none in "
+            f"{DATA}={os.environ.get(DATA, '')}; get it by: {self.command()}"
         )
 
     def command(self) -> str:
@@ -70,8 +68,7 @@ class Source:
             ValueError: their content is not that of ``sha256``.
         """
         names = tuple(sorted(files))
-        stamps = tuple((root / name).stat().st_mtime_ns for name in names)
-        found = digest(root, names, stamps)
+        found = _digest(root, names, tuple((root / n).stat().st_mtime_ns for n in names))
         if self.sha256 not in (None, found):
             raise ValueError(
                 f"{root}: expected the {len(names)} files of {self.repository} at {self.commit} "
@@ -81,10 +78,8 @@ class Source:
 
 
 @lru_cache(maxsize=16)
-def digest(root: Path, names: tuple[str, ...], stamps: tuple[int, ...] = ()) -> str:
-    """SHA-256 over path and content of files; ``stamps`` tell a changed file from a known one."""
-    total = hashlib.sha256()
-    for name in names:
-        content = hashlib.sha256((root / name).read_bytes()).hexdigest()
-        total.update(f"{content}  {name}\n".encode())
-    return total.hexdigest()
+def _digest(root: Path, names: tuple[str, ...], changed: tuple[int, ...]) -> str:
+    """SHA-256 over the lines that ``sha256sum`` prints; ``changed`` (ns) dates what is kept."""
+    contents = (hashlib.sha256((root / name).read_bytes()).hexdigest() for name in names)
+    lines = (f"{content}  {name}\n" for content, name in zip(contents, names, strict=True))
+    return hashlib.sha256("".join(lines).encode()).hexdigest()

@@ -76,9 +76,8 @@ def neighbours_leak(
 ) -> float:
     """Share of the test samples that have a training sample of their class beside them in time.
 
-    Neighbouring frames of one touch are nearly copies: near 1, a test measures memory, and
-    ``"ordered"`` or ``"grouped"`` is the split to take. Independent samples of L classes come to
-    2/L or less.
+    Neighbouring frames of one touch are nearly copies: near 1, a test measures memory. Independent
+    samples of L classes come to 2/L or less.
 
     Args:
         labels: int64 [N].
@@ -100,8 +99,8 @@ def learning_curve_subsets(
 ) -> dict[int, np.ndarray]:
     """For each size n, n training indices: stratified, and contained in every larger subset.
 
-    All training samples are put in one order, in which every beginning is as near to the classes'
-    proportions as whole samples allow and the first L hold each class once; the first n are taken.
+    They are the first n in one order of all: every beginning of it is as near to the classes'
+    proportions as whole samples allow, and the first L hold each class once.
 
     Args:
         train: training indices [M].
@@ -132,12 +131,7 @@ def learning_curve_subsets(
 def by_session(
     sessions: np.ndarray, train: object = 0, test: object = 1
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the samples of one session, and of those of another.
-
-    Args:
-        sessions: session of each sample [N]; ``scene.samples["session"]``.
-        train, test: the sessions to train and to test on; different, both present.
-    """
+    """Indices of the samples of one session, and of those of another, given each sample's [N]."""
     sessions = np.asarray(sessions)
     present = np.unique(sessions).tolist()
     expected = f"a session other than {train!r} of the sessions {present}"

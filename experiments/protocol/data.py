@@ -97,7 +97,7 @@ class CachedScene:
 def cached(scene: Scene, folder: Path, progress: Callable[[int, int], None]) -> Scene:
     """The scene with its frames on disk, made there first if need be, whole or not at all.
 
-    Recorded scenes stay as they are: their frames lie on disk already.
+    Recorded and measured scenes stay as they are: their frames lie on disk already.
 
     Args:
         scene: any scene.
@@ -108,7 +108,7 @@ def cached(scene: Scene, folder: Path, progress: Callable[[int, int], None]) -> 
     Raises:
         OSError: naming the file, if it cannot be written.
     """
-    if scene.origin == "recorded":
+    if scene.origin == "recorded" or not getattr(scene, "cacheable", True):
         return scene
     kind = f"{type(scene).__module__}.{type(scene).__qualname__}"
     versions = [torch.__version__, np.__version__, platform.machine()]

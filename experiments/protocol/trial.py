@@ -56,14 +56,14 @@ def stop_rule(node: DictConfig) -> StopRule:
 
 @dataclass
 class _Part:
-    """The training or the test samples; a model gets copies, so that it may write into them."""
+    """The training or the test samples."""
 
     indices: np.ndarray
     labels: np.ndarray
     frames: Tensor | data.LazyFrames
 
     def predicted_by(self, model: Model) -> np.ndarray:
-        return np.asarray(model.predict(self.frames.clone()))
+        return np.asarray(model.predict(self.frames))
 
     def accuracy(self, model: Model) -> float:
         return evaluate.accuracy(self.predicted_by(model), self.labels)
@@ -116,6 +116,7 @@ def train_and_test(
         def show(text: str) -> None:
             progress.update(bar, description=f"train {names['model']} {text}", refresh=True)
 
+        digests = _digests(train, test)
         reason = _train(model, names["model"], train, test, clock, stop, curve, show)
     if not curve:
         raise ValueError(f"model {names['model']}: expected at least one report, found none")
@@ -125,18 +126,22 @@ def train_and_test(
         "n_test": len(test.indices),
         "test_indices": test.indices,
         "test_labels": test.labels,
-        "data_sha256": {
-            name: data.digest(part.frames, part.labels)
-            for name, part in (("train", train), ("test", test))
-        },
+        "data_sha256": digests,
     }
     results |= _predictions(model, train, test)
     results |= _prediction_times(model, test, cfg.device)
+    if _digests(train, test) != digests:
+        raise ValueError(f"model {names['model']}: expected it to leave its frames as they are")
     try:
         results["model_bytes"] = model_bytes(model)
     except Exception as error:  # of whatever model: it costs its size, and not its training
         console.print(f"model_bytes: not known, {error}", style="yellow", markup=False)
         results["model_bytes"] = None
+
+
+def _digests(train: _Part, test: _Part) -> dict[str, str]:
+    parts = (("train", train), ("test", test))
+    return {name: data.digest(part.frames, part.labels) for name, part in parts}
 
 
 def reports(
@@ -164,6 +169,18 @@ def reports(
         yield {"training_s": clock.seconds, **report}
 
 
+def train_until(model: Model, stop: StopRule, scene: Scene, train: np.ndarray) -> None:
+    """Train a model on these samples until the rule ends it; test samples have no say."""
+    clock, labels = Clock(), scene.labels[train]
+    frames = data.take(scene, train, clock)
+    for row in reports(model, type(model).__name__, frames, labels, clock):
+        loss, accuracy = row.get("loss"), 0.0
+        if loss is not None and stop.reached_after_s is not None:  # otherwise it has no say
+            accuracy = evaluate.accuracy(model.predict(frames), labels)
+        if stop.check(row["training_s"], row.get("steps", 0), loss, accuracy):
+            return
+
+
 def _train(
     model: Model,
     name: str,
@@ -188,7 +205,7 @@ def _train(
         curve.append(row)
 
     row: dict[str, float] = {}
-    for row in reports(model, name, train.frames.clone(), train.labels, clock):
+    for row in reports(model, name, train.frames, train.labels, clock):
         loss, seen = row.get("loss"), row.get("samples_seen", 0)
         state = row["training_s"], row.get("steps", 0), loss
         reason = stop.check(*state)
@@ -241,7 +258,7 @@ def _predictions(model: Model, train: _Part, test: _Part) -> dict[str, Any]:
 
 def _prediction_times(model: Model, test: _Part, device: str) -> dict[str, float]:
     """Seconds a frame, single and in a batch, of frames in memory."""
-    frames = test.frames[: data.fitting(test.frames)].clone()
+    frames = test.frames[: data.fitting(test.frames)]
     singles = [
         timed(functools.partial(model.predict, frames[i : i + 1]), device)
         for i in range(min(_SINGLE_FRAMES, len(frames)))

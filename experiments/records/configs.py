@@ -93,7 +93,7 @@ def swept_models() -> frozenset[str]:
 def models(*groups: str) -> tuple[str, ...]:
     """Models of ``configs/model/`` whose ``display.group`` is one of these, HDC first."""
     names = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
-    names.sort(key=lambda name: (name != "hdc", _display(name)["family"], name))
+    names.sort(key=lambda name: (name != "hdc", name))
     return tuple(name for name in names if _display(name)["group"] in groups)
 
 
@@ -126,7 +126,7 @@ def show_as(model: str, display: Mapping[str, str]) -> None:
 
 
 def display(model: str) -> Mapping[str, str]:
-    """How tables and figures show a model: ``name``, ``colour``, ``marker``, ``line``, ``family``.
+    """How tables and figures show a model: ``name``, ``colour``, ``marker``, ``line``, ``group``.
 
     A model that says nothing of it has the name it was called by, in grey.
     """
@@ -135,8 +135,7 @@ def display(model: str) -> Mapping[str, str]:
 
 @functools.cache
 def _display(model: str) -> dict[str, str]:
-    shown = {"name": model, "colour": "#666666", "marker": ".", "line": ":", "family": "own"}
-    shown["group"] = "other"
+    shown = {"name": model, "colour": "#666666", "marker": ".", "line": ":", "group": "other"}
     path = CONFIGS / "model" / f"{model}.yaml"
     if not path.is_file():
         return shown

@@ -43,7 +43,7 @@ class SceneOf(msgspec.Struct):
 
     Attributes:
         name: name of the scene's config.
-        origin: ``simulated``, ``measured``, ``camera`` or ``recorded``.
+        origin: ``simulated``, ``computed``, ``measured`` or ``recorded``.
         classes: class names, by label.
         shape: rows and columns of a frame.
         n: number of samples.

@@ -296,9 +296,9 @@ def machine_of(measured: Measured) -> str:
 
 ORIGINS = {
     "simulated": "simulated frames",
-    "measured": "frames of measured matrices",  # of a fibre; no camera took them
+    "computed": "frames computed from measured matrices",  # of a fibre; no camera took them
+    "measured": "measured frames",
     "recorded": "recorded frames",
-    "camera": "measured frames",
 }
 
 

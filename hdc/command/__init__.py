@@ -56,7 +56,8 @@ def _status(arguments: Sequence[str] | None) -> int:
 
         try:
             status = cli.main(arguments, prog_name="hdc", standalone_mode=False) or 0
-            sys.stdout.flush()
+            if sys.stdout:  # closed by the caller: none
+                sys.stdout.flush()
             return status
         except click.exceptions.NoArgsIsHelpError as error:
             error.show()

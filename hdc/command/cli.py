@@ -10,6 +10,7 @@ import json
 import os
 import stat
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,16 @@ class _File(click.ParamType[Path]):
         if value == "":
             self.fail("expected a path, found nothing", param, ctx)
         return Path(os.path.expanduser(value))
+
+
+class _Share(click.FloatRange):
+    """A range of numbers that NaN is not in."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if number != number:
+            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
+        return number
 
 
 def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
@@ -65,14 +76,14 @@ _pixels = _options(
     click.option("--subsample", type=click.IntRange(1), default=1, metavar="N",
                  help="Keep every N-th pixel on both axes."),
 )  # fmt: skip
-_SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
+_SHARE = _Share(0, 1, min_open=True, max_open=True)
 _output = click.option(
     "-o", "--output", type=_File(), required=True, help="File to write the model to."
 )
 _model = click.argument("model", type=_File())
 _json = click.option("--json", "as_json", is_flag=True, help="Write JSON.")
 _reject = click.option(
-    "--reject", type=click.FloatRange(0, 0.5, min_open=True), is_flag=False, flag_value=RATE,
+    "--reject", type=_Share(0, 0.5, min_open=True), is_flag=False, flag_value=RATE,
     default=None, metavar="[RATE]",
     help="Refuse frames unlike every class; about this share of frames like those trained on is "
     f"refused, too ({RATE} if no number follows).",
@@ -165,7 +176,7 @@ def evaluate(
 @_model
 @_recording
 @_output
-@click.option("--p", type=click.FloatRange(0, 1), default=0.5, help="Share of the new frames.")
+@click.option("--p", type=_Share(0, 1), default=0.5, help="Share of the new frames.")
 @click.option("--method", type=click.Choice(["replace", "merge"]), default="replace",
               help="Replace bits with probability p, as published, or merge votes.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, help="Choice of the bits replaced.")
@@ -213,6 +224,8 @@ def compare(
     window = _window(crop, subsample)
     if output:
         _check_output(output, _is_page, "a page of hdc compare")
+        if find_spec("matplotlib") is None:  # said before the work
+            raise ModuleNotFoundError("matplotlib", name="matplotlib")
     for path in filter(None, (recording, other)):
         readers.check_path(path, source["intervals"])
     from hdc.command import comparison, work

@@ -12,6 +12,7 @@ import html
 import io
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -29,7 +30,7 @@ from sklearn.neighbors import KNeighborsClassifier
 import hdc
 from hdc import bits
 from hdc.accuracy import wilson
-from hdc.command.work import split
+from hdc.command.work import last_sessions, split
 from hdc.encode import encode
 from hdc.readers import Recording
 from hdc.readers.files import shown
@@ -108,7 +109,8 @@ def coordinates(
 
 
 def _prototypes(data: Frames, labels: np.ndarray, train: np.ndarray, test: np.ndarray) -> Any:
-    majorities = [bits.majority(data.words[train[labels[train] == c]]) for c in np.unique(labels)]
+    classes = range(labels.max() + 1)
+    majorities = [bits.majority(data.words[train[labels[train] == c]]) for c in classes]
     return bits.hamming(data.words[test], torch.stack([*map(torch.atleast_1d, majorities)])).argmin(
         1
     )
@@ -210,28 +212,33 @@ def compare(
         What the page and the table show, as JSON has it: a curve for each split and method.
     """
     load = os.getloadavg()[0] / (os.cpu_count() or 1)
-    labels, n = recording.labels, len(recording)
-    if labels is None:
-        raise ValueError("compare: expected a recording with labels, found values only")
-    n_all = n + (len(other) if other else 0)
-    frames = np.empty((n_all, *recording.shape), recording[0].dtype)
-    with _progress(n_all * 4 + len(METHODS) * (draws + 1) * n) as advance:
-        for i, frame in enumerate(recording.stream()):
-            frames[i] = frame
-            advance("Reading", 1)
-        if other:
-            labels = np.concatenate([labels, _same_classes(recording, other)])
-            frames[n:] = other.frames(range(len(other)))
-            advance("Reading", len(other))
+    names, n = recording.names, len(recording)
+    known = [name for name in recording.classes if name in set(names)]
+    names += other.names if other else []
+    if unknown := sorted(set(names) - set(known)):
+        raise ValueError(f"--test: expected classes among {', '.join(known)}, found {unknown[0]}")
+    labels = np.array([known.index(name) for name in names])
+    first = [recording[0], *([other[0]] if other else [])]
+    if (first[0].shape, first[0].dtype) != (first[-1].shape, first[-1].dtype):
+        raise ValueError(
+            f"--test: expected frames {first[0].shape} {first[0].dtype} as in the first "
+            f"recording, found {first[-1].shape} {first[-1].dtype}"
+        )
+    frames = np.empty((len(names), *recording.shape), first[0].dtype)
+    with _progress(len(names) * 4 + len(METHODS) * (draws + 1) * n) as advance:
+        for begin, part in ((0, recording), (n, other)):
+            for i, frame in enumerate(part.stream() if part else (), begin):
+                frames[i] = frame
+                advance("Reading", 1)
         data, splits = Frames(frames, advance), {}
         random = [split(labels[:n], fraction, seed, n) for seed in range(draws)]
         splits["random"] = _curves(data, labels, random, n * draws, advance)
-        later = (np.arange(n), np.arange(n, n_all)) if other else _ordered(recording, fraction)
+        later = (np.arange(n), np.arange(n, len(names))) if other else _ordered(recording, fraction)
         name = "other recording" if other else "ordered"
         splits[name] = _curves(data, labels, [later] * draws, n, advance)
     seconds = {name: _seconds(name, data, labels, random[0]) for name in METHODS}
     result = {
-        "recording": shown(path), "frames": n, "classes": list(recording.classes),
+        "recording": shown(path), "frames": n, "classes": known,
         "shape": list(recording.shape), "test_fraction": fraction, "draws": draws,
         "threads": torch.get_num_threads(), "load": load, "version": hdc.__version__,
         "splits": splits, "training_s": seconds,
@@ -239,23 +246,12 @@ def compare(
     return result | {"advice": advice(result)}
 
 
-def _same_classes(recording: Recording, other: Recording) -> np.ndarray:
-    index = {name: c for c, name in enumerate(recording.classes)}
-    if unknown := sorted(set(other.names) - set(index)):
-        raise ValueError(
-            f"--test: expected classes among {', '.join(index)}, found {shown(unknown[0])!r}"
-        )
-    return np.array([index[name] for name in other.names])
-
-
 def _ordered(recording: Recording, fraction: float) -> tuple[np.ndarray, np.ndarray]:
     """Train on what came first: the first sessions, or the first frames of each class."""
-    labels, session = recording.labels, recording.session
+    labels = recording.labels
     assert labels is not None
-    if session is not None and len(known := np.unique(session)) > 1:
-        test = np.isin(session, known[-max(1, round(fraction * len(known))) :])
-        if not set(labels) - set(labels[~test]):
-            return np.flatnonzero(~test), np.flatnonzero(test)
+    if (last := last_sessions(recording, fraction)) is not None:
+        return np.flatnonzero(~last), np.flatnonzero(last)
     later = []
     for c in np.unique(labels):
         members = np.flatnonzero(labels == c)
@@ -364,17 +360,6 @@ def _progress(total: float) -> Iterator[Callable[[str, float], None]]:
 # For people --------------------------------------------------------------------------------------
 
 
-def rows(result: dict[str, Any]) -> list[list[str]]:
-    """Heads and cells of the table: all training frames, by each split."""
-    heads = ["Method", "Sees", *(f"Accuracy, {name}" for name in result["splits"]), "Training, s"]
-    table = [heads]
-    for name, method in METHODS.items():
-        last = [curves[name][-1] for curves in result["splits"].values()]
-        cells = [f"{p['accuracy']:.1%} [{p['low']:.1%}, {p['high']:.1%}]" for p in last]
-        table.append([name, method.sees, *cells, f"{result['training_s'][name]:.3g}"])
-    return table
-
-
 def conditions(result: dict[str, Any]) -> str:
     """What was compared on what."""
     height, width = result["shape"]
@@ -388,21 +373,24 @@ def conditions(result: dict[str, Any]) -> str:
     return text
 
 
-def text(result: dict[str, Any]) -> str:
-    """Table and learning curves for a terminal, and the advice."""
-    console = Console(width=None if sys.stdout.isatty() else 120)
+def text(result: dict[str, Any], width: int | None = 120) -> str:
+    """Table, learning curves and advice."""
+    splits = result["splits"]
+    heads = ["Method", "Sees", *(f"Accuracy, {name}" for name in splits), "Training, s"]
+    table = Table(*heads, box=None, pad_edge=False)
+    for name, method in METHODS.items():
+        last = [curves[name][-1] for curves in splits.values()]
+        cells = [f"{p['accuracy']:.1%} [{p['low']:.1%}, {p['high']:.1%}]" for p in last]
+        table.add_row(name, method.sees, *cells, f"{result['training_s'][name]:.3g}")
+    console = Console(width=width)
     with console.capture() as captured:
-        (heads, *cells), curves = rows(result), list(result["splits"].values())[-1]
-        table = Table(*heads, box=None, pad_edge=False)
-        for row in cells:
-            table.add_row(*row)
         console.print(table)
-        counts = [f"{point['frames_a_class']:.3g}" for point in curves["prototypes"]]
-        learning = Table("Frames a class", *counts, box=None, pad_edge=False)
-        for name, curve in curves.items():
-            learning.add_row(name, *(f"{point['accuracy']:.0%}" for point in curve))
-        console.print(f"\nAccuracy, {list(result['splits'])[-1]}:", highlight=False)
-        console.print(learning)
+        for title, curves in splits.items():
+            counts = [f"{point['frames_a_class']:.3g}" for point in curves["prototypes"]]
+            learning = Table(f"{title}, frames a class", *counts, box=None, pad_edge=False)
+            for name, curve in curves.items():
+                learning.add_row(name, *(f"{point['accuracy']:.0%}" for point in curve))
+            console.print("", learning)
     return f"{conditions(result)}\n\n{captured.get().rstrip()}\n\n{result['advice']}"
 
 
@@ -410,50 +398,47 @@ PAGE = """<!doctype html>
 <html lang="en"><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>hdc compare: {recording}</title>
-<style>body {{ margin: 0 auto; padding: 0 16px; max-width: 60rem; font: 16px/1.5 sans-serif; }}
-table {{ border-collapse: collapse; }} td, th {{ padding: .3em .7em; text-align: left;
-border-bottom: 1px solid #ccc; }} .scroll {{ overflow-x: auto; }}
-svg {{ max-width: 100%; height: auto; }}</style>
-<h1>{recording}</h1><p><b>{advice}</b></p><p>{conditions}.</p>
-<div class="scroll"><table>{rows}</table></div>
-<p>Accuracy on frames that were not learnt, after all training frames, with Wilson's 95 % interval
-over the different frames tested. Frames held out at random lie between those trained on: if they
-were recorded in close succession they are alike, and the ordered split is the one to believe.
-Training: the fastest of three, with the frames in memory. Grey values are scaled to 0 … 1.</p>
-{curve}<ul>{methods}</ul><p>Made by hdc {version}.</p></html>
+<style>body {{ margin: 0 auto; padding: 0 16px; max-width: 64rem; font: 16px/1.5 sans-serif; }}
+pre {{ overflow-x: auto; font-size: 13px; }} svg {{ max-width: 100%; height: auto; }}</style>
+<h1>{recording}</h1><p><b>{advice}</b></p>{curve}<pre>{text}</pre>
+<p>Accuracy on frames that were not learnt, with Wilson's 95 % interval over the different frames
+tested. Frames held out at random lie between those trained on: if they were recorded in close
+succession they are alike, and the ordered split is the one to believe. Training: the fastest of
+three, frames in memory. Grey values are scaled to 0 … 1.</p><ul>{methods}</ul>
+<p>Made by hdc {version}.</p></html>
 """
 
 
 def write_page(path: Path, result: dict[str, Any]) -> None:
     """Write a page of HTML that refers to no other file."""
-    heads, *cells = ([html.escape(cell) for cell in row] for row in rows(result))
-    table = ["<tr>" + "".join(f"<th>{cell}</th>" for cell in heads) + "</tr>"]
-    table += ["<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in cells]
     methods = (f"<li>{name}, on {m.sees}: {m.settings}</li>" for name, m in METHODS.items())
+    texts = {key: html.escape(result[key]) for key in ("recording", "advice", "version")}
     page = PAGE.format(
-        recording=html.escape(result["recording"]), advice=html.escape(result["advice"]),
-        conditions=html.escape(conditions(result)), rows="\n".join(table), curve=_figure(result),
-        methods="".join(methods), version=result["version"],
-    )  # fmt: skip
+        **texts, text=html.escape(text(result)), curve=_figure(result), methods="".join(methods)
+    )
     path.write_text(page, encoding="utf-8")
 
 
 def _figure(result: dict[str, Any]) -> str:
     """Learning curves of each split as an SVG."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
+    with tempfile.TemporaryDirectory() as folder:  # matplotlib would write to the home folder
+        os.environ.setdefault("MPLCONFIGDIR", folder)
+        from matplotlib import rc_context
+        from matplotlib.figure import Figure
 
-    with rc_context({"svg.hashsalt": "hdc compare", "font.size": 8}):
-        figure = Figure(figsize=(8, 3.4), layout="constrained")
-        panels = figure.subplots(1, len(result["splits"]), sharey=True, squeeze=False)[0]
-        for axes, (title, curves) in zip(panels, result["splits"].items(), strict=True):
-            for (name, curve), marker in zip(curves.items(), "osD^vPX", strict=True):
-                x = [point["frames_a_class"] for point in curve]
-                y = [100 * point["accuracy"] for point in curve]
-                axes.plot(x, y, marker=marker, markersize=4, linewidth=1.2, label=name)
-            axes.set(xscale="log", xlabel="frames a class", title=title)
-        panels[0].set_ylabel("test accuracy (%)")
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper")
-        stream = io.StringIO()
-        figure.savefig(stream, format="svg", metadata={"Date": None})
+        with rc_context({"svg.hashsalt": "hdc compare", "font.size": 8}):
+            figure = Figure(figsize=(8, 3.4), layout="constrained")
+            panels = figure.subplots(1, len(result["splits"]), sharey=True, squeeze=False)[0]
+            for axes, (title, curves) in zip(panels, result["splits"].items(), strict=True):
+                for (name, curve), marker in zip(curves.items(), "osD^vPX", strict=True):
+                    x = [point["frames_a_class"] for point in curve]
+                    y = [100 * point["accuracy"] for point in curve]
+                    axes.plot(x, y, marker=marker, markersize=4, linewidth=1.2, label=name)
+                axes.set(xscale="log", xlabel="frames a class", title=title)
+            panels[0].set_ylabel("test accuracy (%)")
+            figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper")
+            stream = io.StringIO()
+            figure.savefig(stream, format="svg", metadata={"Date": None})
+        if os.environ["MPLCONFIGDIR"] == folder:
+            del os.environ["MPLCONFIGDIR"]
     return stream.getvalue()[stream.getvalue().index("<svg") :]

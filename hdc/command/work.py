@@ -6,6 +6,7 @@ import json
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
@@ -96,20 +97,24 @@ def hold_out(
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """Indices to train on and to hold out, increasing, and how these were chosen.
 
-    The last sessions where there are several, of which the first have every class; else the same
-    share of each class at random.
+    The last sessions where there are several, else the same share of each class at random.
     """
     every = np.arange(len(recording))
     if fraction is None:
         return every, every[:0], ""
-    session, labels = recording.session, recording.labels
-    if session is not None and len(last := np.unique(session)) > 1:
-        test = np.isin(session, last[-max(1, round(fraction * len(last))) :])
-        missing = labels is not None and set(labels) - set(labels[~test])
-        if not missing and not test.all():
-            return every[~test], every[test], f"({len(np.unique(session[test]))} last sessions)"
-    training, test = split(labels, fraction, seed, len(recording))
-    return training, test, "(at random)"
+    if (last := last_sessions(recording, fraction)) is not None:
+        return every[~last], every[last], "in the last sessions"
+    return *split(recording.labels, fraction, seed, len(recording)), "at random"
+
+
+def last_sessions(recording: Recording, fraction: float) -> np.ndarray | None:
+    """Mask [N] of the last sessions; None unless there are several, the first of every class."""
+    labels = recording.labels
+    if recording.session is None or len(known := np.unique(recording.session)) < 2:
+        return None
+    count = min(max(1, round(fraction * len(known))), len(known) - 1)
+    last = np.isin(recording.session, known[-count:])
+    return None if labels is not None and set(labels) - set(labels[~last]) else last
 
 
 def split(
@@ -139,51 +144,58 @@ def predict(
 ) -> Iterator[str]:
     """A line for each frame: tab-separated below a line of names, or JSON."""
     model, window = load(path)
-    names = [shown(c) for c in getattr(model, "classes_", [])]
-    heads = ["file", "label", "margin", *names] if names else ["file", *_value_names(model)]
     videos = [file for file in files if file.suffix.lower() in VIDEO_SUFFIXES]
     images = [file for file in files if file not in videos]
-    answers: Iterable[Any] = _answers(
-        model, zip(images, stream_files(images, window), strict=True), reject
-    )
+    frames: Iterable[Any] = zip(images, stream_files(images, window), strict=True)
+    answers: Iterable[dict[str, Any]] = _answers(model, frames, reject)
     for file in videos:
         from hdc.readers.video import stream_video
 
         frames = ((f"{file} at {t:.3f} s", frame) for t, frame in stream_video(file, window))
         answers = [*answers, *_answers(model, frames, reject)]  # whole before a line is written
-    for number, (place, label, numbers) in enumerate(answers):
-        if number == 0 and not as_json:
-            yield "\t".join(heads)
-        if as_json and names:
-            rest = {"margin": numbers[0], "distances": dict(zip(names, numbers[1:], strict=False))}
-            yield json.dumps({"file": str(place), "label": label} | rest, ensure_ascii=False)
-        elif as_json:
-            values = dict(zip(heads[1:], numbers, strict=True))
-            yield json.dumps({"file": str(place)} | values, ensure_ascii=False)
-        else:
-            text = "(none of these)" if label is None else shown(label)
-            cells = ("" if x is None else f"{x:.4f}" for x in numbers)
-            yield "\t".join([shown(place), *[text] * bool(names), *cells])
+    for number, answer in enumerate(answers):
+        if as_json:
+            yield json.dumps(answer, ensure_ascii=False)
+            continue
+        if answer.get("label", "") is None:
+            answer["label"] = "(none of these)"
+        answer |= answer.pop("distances", {})
+        if number == 0:
+            yield "\t".join(map(shown, answer))
+        yield "\t".join(map(_cell, answer.values()))
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4f}"
+    return "" if value is None else shown(value)
 
 
 def _answers(
     model: Any, frames: Iterable[tuple[object, np.ndarray]], reject: float | None
-) -> Iterator[tuple[object, Any, list[float | None]]]:
-    """Place, label, margin and distances of each frame; of a regressor, its values."""
+) -> Iterator[dict[str, Any]]:
+    """File and values of each frame, or its label with margin and distances of prototypes."""
     for some in _batched(frames):
         batch = np.stack([_fitting(model, frame, shown(place)) for place, frame in some])
+        files = [{"file": str(place)} for place, _ in some]
         if not hasattr(model, "classes_"):
-            for (place, _), value in zip(some, model.predict(batch), strict=True):
-                yield place, None, np.ravel(value).tolist()
+            for file, values in zip(
+                files, model.predict(batch).reshape(len(batch), -1), strict=True
+            ):
+                yield file | dict(zip(_value_names(model), values.tolist(), strict=True))
             continue
         labels = model.predict(batch, reject=reject or False).tolist()
-        shares: Any = [[]] * len(labels)
-        if getattr(model, "readout", "prototype") == "prototype":
-            shares = model.distances(batch) / model.dimension_
-        for (place, _), label, distances in zip(some, labels, shares, strict=True):
-            known = [None if d > 1 else float(d) for d in distances]  # of a class without frames
-            first, second, *_ = [*sorted(d for d in known if d is not None), np.nan, np.nan]
-            yield place, label, [None if np.isnan(second) else second - first, *known]
+        if getattr(model, "readout", "prototype") != "prototype":
+            yield from (file | {"label": label} for file, label in zip(files, labels, strict=True))
+            continue
+        for file, label, distances in zip(files, labels, model.distances(batch), strict=True):
+            # D + 1 is the distance of a class without frames.
+            known = [None if d > model.dimension_ else d / model.dimension_ for d in distances]
+            first, second, *_ = [*sorted(d for d in known if d is not None), None, None]
+            margin = None if second is None else second - first
+            names = map(str, model.classes_)
+            shares = dict(zip(names, known, strict=True))
+            yield file | {"label": label, "margin": margin, "distances": shares}
 
 
 def evaluate(
@@ -311,12 +323,14 @@ def info(path: Path, as_json: bool) -> str:
     }
     if not hasattr(model, "classes_"):
         return _rows(rows | {"values": ", ".join(_value_names(model))}, as_json)
-    rows["ties"] = f"{model.ties}, the bit of a prototype that half of the frames have"
-    try:
+    if rows["read-out"] == "prototype":
+        rows["ties"] = f"{model.ties}, the bit of a prototype that half of the frames have"
+    rows["refused"] = "nothing: too few frames to know how far known ones lie"
+    with suppress(ValueError):  # of a model that was never calibrated
         limits = np.asarray(model.limits()) / model.dimension_
-        rows["refused"] = f"at distances above {limits.min():.4f} to {limits.max():.4f} (--reject)"
-    except (AttributeError, ValueError):
-        rows["refused"] = "nothing: too few frames to know how far known ones lie"
+        if np.isfinite(limits).all():
+            low, high = limits.min(), limits.max()
+            rows["refused"] = f"beyond a distance of {low:.4f} to {high:.4f}, by class (--reject)"
     counts = zip(model.classes_, model.counts_, strict=True)
     rows["classes"] = {shown(c): int(n) for c, n in counts}
     return _rows(rows, as_json)

@@ -67,7 +67,7 @@ def serve(source: Source, host: str | None = None, port: int = 8080) -> None:
     app.add_middleware(Guard, token=token, cookie=f"hdc_live_{port}")
     app.on_startup(worker.start)
     app.on_startup(lambda: _announce(f"http://{host}:{port}/?token={token}"))
-    app.on_shutdown(worker.stop)
+    app.on_shutdown(lambda: asyncio.to_thread(worker.stop))
     kind = "multipart/x-mixed-replace; boundary=frame"
     app.get("/stream")(lambda: StreamingResponse(_pictures(worker), media_type=kind))
     with contextlib.suppress(KeyboardInterrupt):

@@ -243,7 +243,7 @@ class Session:
                 model = HDCClassifier(**parameters).fit(frames, labels)
             else:  # a single class has no read-out yet, but a prototype to show
                 model = (model or HDCClassifier()).partial_fit(frames, labels)
-        self._regressor = _regressor(samples)
+        self._regressor = _regressor(samples, readout)
         self._samples, self.model, self.readout = samples, model, readout
         self.counts = dict(counts)
         self.version += 1
@@ -281,23 +281,27 @@ class Session:
         self.tests.clear()
 
 
-def _regressor(samples: list[Sample]) -> Any:
+def _regressor(samples: list[Sample], readout: str) -> Any:
     """A regressor of the values of samples that have one; None with fewer than two values."""
     known = [sample for sample in samples if sample.value]
     if not HAS_VALUES or len({sample.value for sample in known}) < 2:
         return None
     library: Any = hdc
     frames, values = np.stack([s.frame for s in known]), np.array([s.value for s in known])
-    return library.HDCRegressor().fit(frames, values)
+    # Few places are far apart: the nearest frame tells them, where a line between them does not.
+    regressor = library.HDCRegressor(readout="ridge" if readout == "ridge" else "neighbours")
+    return regressor.fit(frames, values)
 
 
 def _answer(model: Any, frame: np.ndarray) -> Answer:
-    distances = (model.distances(frame[None])[0] / model.dimension_).tolist()
+    frames, likely = frame[None], None
+    distances = (model.distances(frames)[0] / model.dimension_).tolist()
     try:
-        label = model.predict(frame[None], reject=True)[0]
+        label = model.predict(frames, reject=True)[0]
+        if HAS_SETS:
+            likely = tuple(map(str, model.predict_set(frames, ALPHA)[0]))
     except ValueError:  # too few samples to tell an outlier
-        label = model.predict(frame[None])[0]
-    likely = tuple(map(str, model.predict_set(frame[None], ALPHA)[0])) if HAS_SETS else None
+        label = model.predict(frames)[0]
     return Answer(label, likely, dict(zip(model.classes_.tolist(), distances, strict=True)))
 
 

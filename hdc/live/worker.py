@@ -77,13 +77,7 @@ class Worker:
     def _run(self) -> None:
         while not self._stopped:
             with suppress(queue.Empty):
-                job, future = self._jobs.get(block=not self._watchers)
-                self.busy = True
-                try:
-                    future.set_result(job(self.session))
-                except Exception as error:  # shown where the job was asked for
-                    future.set_exception(error)
-                self.busy = not self._jobs.empty()
+                self._work(*self._jobs.get(block=not self._watchers))
             if self._watchers:
                 try:
                     self._look()
@@ -92,6 +86,18 @@ class Worker:
                         logging.getLogger(__name__).exception("frame")
                     self.view = replace(self.view, error=str(error) or repr(error))
                     time.sleep(0.2)
+
+        while not self._jobs.empty():
+            self._jobs.get()[1].cancel()
+
+    def _work(self, job: Job, future: Future[Any]) -> None:
+        self.busy = True
+        if future.set_running_or_notify_cancel():  # its page may have been closed
+            try:
+                future.set_result(job(self.session))
+            except Exception as error:  # shown on the page that asked
+                future.set_exception(error)
+        self.busy = not self._jobs.empty()
 
     def _look(self) -> None:
         begin, before, session = time.monotonic(), self.view, self.session

@@ -13,6 +13,6 @@ One idea a file, each to be read on its own:
 ``scene``          labels, sessions and samples: the frames that a classifier sees
 =================  ================================================================================
 
-Lengths are in metres, angles in radians, temperatures in kelvin. Nothing is imported here, so that
-a scene loads only the parts it is made of.
+Lengths are in metres, angles in radians, temperatures in kelvin. Nothing is imported here: a scene
+loads only the parts it is made of.
 """

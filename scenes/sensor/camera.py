@@ -32,7 +32,7 @@ import torch
 from scipy.optimize import brentq
 from torch import Tensor
 
-from scenes.validate import require, require_integer, require_number
+from scenes.validate import require_integer, require_number
 
 KEY = "scene.sensor.camera"
 CONTINUOUS = 20.0
@@ -64,16 +64,12 @@ class Camera:
     read_noise: float = 0.7
 
     def __post_init__(self) -> None:
-        for name in ("grid", "crop", "pupil", "polarisations"):
-            require_integer(f"{KEY}.{name}", getattr(self, name), 1)
-        limit = f"at most the grid ({self.grid})"
-        require(self.pupil <= self.grid, f"{KEY}.pupil", self.pupil, limit + ": it would alias")
-        require(self.crop <= self.grid, f"{KEY}.crop", self.crop, limit)
-        require(self.polarisations in (1, 2), f"{KEY}.polarisations", self.polarisations, "1 or 2")
+        require_integer(f"{KEY}.grid", self.grid, 1)
+        for name, high in (("pupil", self.grid), ("crop", self.grid), ("polarisations", 2)):
+            require_integer(f"{KEY}.{name}", getattr(self, name), 1, high)
         require_number(f"{KEY}.unevenness", self.unevenness, 0, 0.6)
-        require_number(f"{KEY}.photons", self.photons, 0)
-        require_number(f"{KEY}.grey", self.grey, 0)
-        require_number(f"{KEY}.read_noise", self.read_noise, 0)
+        for name in ("photons", "grey", "read_noise"):
+            require_number(f"{KEY}.{name}", getattr(self, name), 0)
 
     @cached_property
     def disc(self) -> np.ndarray:

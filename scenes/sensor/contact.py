@@ -1,4 +1,4 @@
-"""Who touches: where, how deep, and how well the next touch repeats the last.
+"""Contact: where, how deep, and how well the next touch repeats the last.
 
 A touch of depth δ at (x, y) adds k0·n·q_s·δ·L(x, y) to the phases, L the lengthening of each path
 per metre of indentation (``paths.PathSet.lengthening``). δ = depth·(1 + σ_d·N), and both
@@ -7,15 +7,14 @@ coordinates of the centre miss their target by σ_xy·N. The displacement is lin
 
 A robot repeats its position to a fraction of the contact radius a. Then L is expanded about the
 target to second order, once a class, and a touch costs six multiplications a path instead of V
-table look-ups. What that neglects is about k0·n·q_s·δ·(3σ_xy/a)³/6; where this exceeds
-``EXPANSION`` rad (a finger), every touch looks up its own displacement.
+table look-ups. The neglected rest is about k0·n·q_s·δ·(3σ_xy/a)³/6; where it exceeds ``EXPANSION``
+rad (a finger), every touch looks up its own displacement.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import torch
@@ -34,7 +33,7 @@ class Touch:
     Attributes:
         depth: indentation in m.
         x, y: the centre in m.
-        sample, object: random streams of this touch alone, and of what is touched.
+        sample, object: random streams of this touch alone, and of the touched object.
     """
 
     depth: float
@@ -44,10 +43,8 @@ class Touch:
     object: np.random.Generator | None = None
 
 
-class BoundContact(Protocol):
-    def __call__(self, touch: Touch) -> Tensor:
-        """Change of phase float64 [P] in rad."""
-        ...
+BoundContact = Callable[[Touch], Tensor]
+"""Change of phase float64 [P] in rad that a touch causes."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +73,6 @@ class Press:
         require_number("scene.contact.radius", self.radius, 0, strict=True)
         for name in ("depth", "depth_spread", "position_spread"):
             require_number(f"scene.contact.{name}", getattr(self, name), 0)
-
-    def check(self, sensor: Sensor, name: str) -> None:
-        """Raise unless the contact lies on the sensor and within the layer."""
-        sensor.paths.require_inside(f"scene.classes.{name}.position", self.position)
 
     def draw(self, normals: np.ndarray) -> dict[str, np.ndarray]:
         """Depth and centre of n touches from standard normals [n, 3].
@@ -116,11 +109,10 @@ class ExpandedPress:
     """L about the target: L + L_x·ξ + L_y·η + ½L_xx·ξ² + L_xy·ξη + ½L_yy·η², float32 [6, P].
 
     The derivatives are central differences over the 3 × 3 points at ± two standard deviations, so
-    that the expansion interpolates where the touches are. A lower ``order`` than the second leaves
-    terms out, to see what they are good for.
+    that the expansion interpolates where the touches are.
     """
 
-    def __init__(self, press: Press, sensor: Sensor, order: int = 2) -> None:
+    def __init__(self, press: Press, sensor: Sensor) -> None:
         self._press, self._wavenumber = press, sensor.paths.wavenumber
         table = sensor.table(press.radius, torch.float64)
         (x, y), e = press.position, 2 * press.position_spread
@@ -136,8 +128,7 @@ class ExpandedPress:
             terms += [(east - west) / (2 * e), (north - south) / (2 * e)]
             terms += [(east - 2 * centre + west) / (2 * e * e), corners / (4 * e * e)]
             terms += [(north - 2 * centre + south) / (2 * e * e)]
-        count = (order + 1) * (order + 2) // 2
-        self._terms = [t.to(torch.float32) for t in terms[:count]]
+        self._terms = [t.to(torch.float32) for t in terms]
 
     def __call__(self, touch: Touch) -> Tensor:
         xi, eta = touch.x - self._press.position[0], touch.y - self._press.position[1]

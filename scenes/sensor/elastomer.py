@@ -88,12 +88,8 @@ def _excess(k: Array, z: Array, h: float) -> tuple[Array, Array]:
     es, eh = np.exp(-2 * s), np.exp(-2 * big_h)
     rest = eh**2 + 2 * eh * (1 + 2 * big_h**2)  # D − 1
     scale = -np.exp(-kd) / (1 + rest)
-    p = (
-        (es - eh) * (1 + 2 * s * big_h)
-        + es * eh * (1 - kd)
-        + (s + big_h) * (es + eh)
-        + (1 + kd) * rest
-    )
+    p = (es - eh) * (1 + 2 * s * big_h) + es * eh * (1 - kd)
+    p = p + (s + big_h) * (es + eh) + (1 + kd) * rest
     q = kd * (es - eh + es * eh + rest) - 2 * s * big_h * (es + eh)
     return scale * p, scale * q
 
@@ -197,9 +193,8 @@ def _table(layer: Layer, radius: float, intervals: int, reach: float) -> RadialT
     pieces = []
     for values in _displacement(r, layer.heights, radius, layer.thickness):
         # Both are even in r, so their slope at the axis is zero.
-        spline = CubicSpline(
-            t, values, axis=0, bc_type=((1, np.zeros(values.shape[1])), "not-a-knot")
-        )
+        flat = (1, np.zeros(values.shape[1]))
+        spline = CubicSpline(t, values, axis=0, bc_type=(flat, "not-a-knot"))
         pieces += [spline.c[3 - p] * (t[1] - t[0]) ** p for p in range(4)]
     return RadialTable(np.stack(pieces, axis=-1).swapaxes(0, 1).copy(), stretch, reach)
 
@@ -224,9 +219,8 @@ def _unscaled(r: Array, z: Array, radius: float, h: float) -> tuple[Array, Array
     # J1(x)/x → 1/2 on the axis.
     j1_over_r = np.where(kr > 1e-8, special.j1(kr) / np.maximum(r[:, None], 1e-300), k / 2)
     space_z, space_r = half_space(r[:, None], h - z, radius)
-    return space_r + j1_over_r @ (weight[:, None] * q), space_z + special.j0(kr) @ (
-        weight[:, None] * p
-    )
+    weight = weight[:, None]
+    return space_r + j1_over_r @ (weight * q), space_z + special.j0(kr) @ (weight * p)
 
 
 def _nodes(k_max: float, length: float) -> tuple[Array, Array]:

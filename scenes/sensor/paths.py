@@ -76,32 +76,24 @@ class Paths:
     def require_inside(self, key: str, position: tuple[float, float]) -> None:
         """Raise unless the position lies on the sensor."""
         x, y = position
-        require(
-            0 <= x <= self.length and abs(y) <= self.width / 2,
-            key,
-            position,
-            f"x in [0, {self.length:g}] m and |y| <= {self.width / 2:g} m (the sensor's surface)",
-        )
+        inside = 0 <= x <= self.length and abs(y) <= self.width / 2
+        surface = f"x in [0, {self.length:g}] m and |y| <= {self.width / 2:g} m"
+        require(inside, key, position, f"{surface} (the sensor's surface)")
 
     def draw(
         self, count: int, layer: Layer, rng: np.random.Generator, device: torch.device
     ) -> PathSet:
         """``count`` independent paths."""
-        require(
-            count >= 1, "scene.sensor.camera.pupil", count, "a pupil that at least one path fills"
-        )
         v, p = self.vertices, count
         t = (np.arange(1, v + 1) / (v + 1))[:, None]
         outermost = np.minimum(rng.exponential(self.reach, p), self.length)
         scatter = 1 + 0.15 * rng.standard_normal((v, p))
         x = np.clip(outermost * np.sin(np.pi * t) ** 0.7 * scatter, 0, self.length)
         line = self.fibre[1] + t * (self.camera[1] - self.fibre[1])
-        y = np.clip(
-            line + self.spread * rng.standard_normal((v, p)), -self.width / 2, self.width / 2
-        )
-        inner = np.minimum(
-            np.cumsum(layer.weights).searchsorted(rng.random((v, p))), layer.levels - 1
-        )
+        y = line + self.spread * rng.standard_normal((v, p))
+        y = np.clip(y, -self.width / 2, self.width / 2)
+        inner = np.cumsum(layer.weights).searchsorted(rng.random((v, p)))
+        inner = np.minimum(inner, layer.levels - 1)
         level = np.where(rng.random((v, p)) < self.surface, layer.levels, inner)
 
         def point(vertex: int) -> np.ndarray:
@@ -154,10 +146,8 @@ class PathSet:
         """
         total = torch.zeros(len(self), dtype=table.rows.dtype, device=self.x.device)
         for v in range(self.x.shape[0]):
-            dx, dy = (
-                (self.x[v] - centre[0]).to(total.dtype),
-                (self.y[v] - centre[1]).to(total.dtype),
-            )
+            dx = (self.x[v] - centre[0]).to(total.dtype)
+            dy = (self.y[v] - centre[1]).to(total.dtype)
             outward, down = table.look_up((dx * dx + dy * dy).sqrt_(), self.level[v])
             along = self.bend[0, v] * dx + self.bend[1, v] * dy
             total += along * outward

@@ -6,19 +6,17 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from scenes.sensor.contact import BoundContact, Press, Touch
 from scenes.sensor.environment import Room
 from scenes.sensor.seeds import stream
 from scenes.sensor.sensor import Sensor
 from scenes.validate import require, require_integer
-
-if TYPE_CHECKING:  # a scene in which nobody touches loads no mechanics of contact
-    from scenes.sensor.contact import BoundContact, Press
 
 CPU_BATCH, DEVICE_BATCH = 1, 64  # a frame's arrays fill a core's cache; a GPU wants many
 
@@ -32,7 +30,7 @@ class SpeckleScene:
             a class in which nobody touches.
         contact: called with a class's mapping to make its contact (a ``_partial_`` in the
             configuration); may be ``None`` if nobody touches.
-        samples_per_class: in every session; one number, or a mapping of class names to numbers.
+        samples_per_class: in every session.
         sessions: one ``Room`` each, in order of time.
         seed: seed of everything that differs between samples.
 
@@ -47,7 +45,7 @@ class SpeckleScene:
         sensor: Sensor,
         classes: Mapping[str, Mapping[str, Any] | None],
         contact: Callable[..., Press] | None = None,
-        samples_per_class: int | Mapping[str, int] = 100,
+        samples_per_class: int = 100,
         sessions: Sequence[Room] = (Room(),),
         seed: int = 0,
     ) -> None:
@@ -59,7 +57,8 @@ class SpeckleScene:
         self.contacts = [
             _contact(str(name), contact, difference, sensor) for name, difference in classes.items()
         ]
-        self._counts = _counts(samples_per_class, self.classes)
+        require_integer("scene.samples_per_class", samples_per_class, 1)
+        self._counts = [samples_per_class] * len(self.classes)
         self.shape = (sensor.camera.crop, sensor.camera.crop)
         self.labels, self.samples = self._plan()
         self._bound: dict[int, BoundContact] = {}
@@ -68,7 +67,7 @@ class SpeckleScene:
         return len(self.labels)
 
     def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
-        """uint8 [n, H, W] on the CPU; each sample the same whatever else is asked for."""
+        """uint8 [n, H, W] on the CPU; each sample is the same in any batch."""
         wanted = np.atleast_1d(np.asarray(indices)).astype(np.int64)
         outside = (wanted < -len(self)) | (wanted >= len(self))
         if outside.any():
@@ -90,8 +89,6 @@ class SpeckleScene:
         phases = sensor.phase + sensor.sensitivity * float(self.samples["temperature"][index])
         contact = self.contacts[label]
         if contact is not None:
-            from scenes.sensor.contact import Touch
-
             if label not in self._bound:
                 self._bound[label] = contact.bind(sensor)
             depth, x, y = (float(self.samples[key][index]) for key in ("depth", "x", "y"))
@@ -101,7 +98,7 @@ class SpeckleScene:
         return phases
 
     def fingerprint(self) -> str:
-        """SHA-256 over parameters and seeds; a record says which code drew from them."""
+        """SHA-256 over parameters and seeds; not over the code that draws from them."""
         parts = {
             "sensor": asdict(self.sensor),
             "contacts": [
@@ -163,20 +160,7 @@ def _contact(
 ) -> Press | None:
     if difference is None:
         return None
-    require(
-        contact is not None, "scene.contact", contact, f"a contact, as class {name!r} is touched"
-    )
-    made = contact(**difference)  # type: ignore[misc]
-    made.check(sensor, name)
-    return made
-
-
-def _counts(wanted: int | Mapping[str, int], classes: tuple[str, ...]) -> list[int]:
-    key = "scene.samples_per_class"
-    if not isinstance(wanted, Mapping):
-        require_integer(key, wanted, 1)
-        return [wanted] * len(classes)
-    for name, count in wanted.items():
-        require(str(name) in classes, key, name, f"one of the labels {', '.join(classes)}")
-        require_integer(f"{key}.{name}", count, 0)
-    return [int(wanted.get(name, 0)) for name in classes]
+    require(contact is not None, "scene.contact", contact, f"a contact for class {name!r}")
+    press = contact(**difference)  # type: ignore[misc]
+    sensor.paths.require_inside(f"scene.classes.{name}.position", press.position)
+    return press

@@ -1,10 +1,10 @@
 """Random streams that are addressed, not consumed.
 
-A stream is named by a seed, a purpose and counters such as (session, sample). Whoever asks for the
-noise of sample 17 of session 1 gets the same numbers, whatever was asked before, in whatever batch
-and by however many threads. ``SeedSequence`` hashes the address into independent 128-bit states
-(O'Neill's seed_seq_fe, https://numpy.org/doc/stable/reference/random/parallel.html); SFC64 is the
-fastest of numpy's generators.
+A stream is named by a seed, a purpose and counters such as (session, sample). The noise of sample
+17 of session 1 is the same in any order, in any batch and with any number of threads.
+``SeedSequence`` hashes the address into independent 128-bit states (O'Neill's seed_seq_fe,
+https://numpy.org/doc/stable/reference/random/parallel.html); SFC64 is the fastest generator of
+numpy.
 """
 
 from __future__ import annotations

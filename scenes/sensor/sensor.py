@@ -41,12 +41,8 @@ class Sensor:
 
     def __post_init__(self) -> None:
         require_integer("seed.sensor", self.seed, 0)
-        for name, kind in (
-            ("layer", Layer),
-            ("paths", Paths),
-            ("thermal", Thermal),
-            ("camera", Camera),
-        ):
+        for kind in (Layer, Paths, Thermal, Camera):
+            name = kind.__name__.lower()
             object.__setattr__(self, name, _part(f"scene.sensor.{name}", kind, getattr(self, name)))
 
     @cached_property

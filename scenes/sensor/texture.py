@@ -60,30 +60,22 @@ class TexturedPress(Press):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.spacing is not None:
-            require_number(f"{KEY}.spacing", self.spacing, 0, strict=True)
+        spacing = 1.0 if self.spacing is None else self.spacing
+        require_number(f"{KEY}.spacing", spacing, 0, strict=True)
         require_number(f"{KEY}.variance", self.variance, 0)
         require_number(f"{KEY}.offset", self.offset, -self.depth)
         require_number(f"{KEY}.cell", self.cell, 0, strict=True)
         require_integer(f"{KEY}.side", self.side, 16)
-        power = self.side & (self.side - 1) == 0
-        require(power, f"{KEY}.side", self.side, "a power of two")
-        box = self.side * self.cell
-        require(2.5 * self.radius <= box, f"{KEY}.side", self.side, "a grid 2.5 contact radii wide")
+        power = self.side & (self.side - 1) == 0 and 2.5 * self.radius <= self.side * self.cell
+        require(power, f"{KEY}.side", self.side, "a power of two, 2.5 contact radii wide or more")
 
     def draw(self, normals: np.ndarray) -> dict[str, np.ndarray]:
-        deeper = Press(
-            self.position, self.radius, self.depth, self.depth_spread, self.position_spread
-        ).draw(normals)
-        return {**deeper, "depth": deeper["depth"] + self.offset}
+        drawn = super().draw(normals)
+        return {**drawn, "depth": drawn["depth"] + self.offset}
 
     def bind(self, sensor: Sensor) -> BoundContact:
-        smooth = replace(self, depth=self.depth + self.offset).bind_smooth(sensor)
+        smooth = Press.bind(replace(self, depth=self.depth + self.offset), sensor)
         return smooth if self.spacing is None else GrainyPress(self, sensor, smooth)
-
-    def bind_smooth(self, sensor: Sensor) -> BoundContact:
-        """The phases of the same press with a smooth face."""
-        return super().bind(sensor)
 
 
 class GrainyPress:
@@ -124,9 +116,8 @@ class GrainyPress:
 class Patch:
     """Displacement by grains on a periodic grid about one position, read by the paths.
 
-    Levels are grouped by the grid they need: cells up to ``finest`` times their depth.
-    ``_groups``: (points a side, response complex64
-    [levels·3, n, n/2 + 1]); ``_read``: sparse float32 [P, all grid values].
+    Levels are grouped by the grid they need: cells up to ``finest`` times their depth. ``_groups``:
+    (points a side, response complex64 [levels·3, n, n/2 + 1]); ``_read``: sparse float32 [P, grid].
     """
 
     def __init__(
@@ -158,9 +149,8 @@ class Patch:
             p, q = layer_response(k, layer.heights[levels][:, None, None], layer.thickness)
             horizontal = -1j * strength * q / safe
             response = np.stack([horizontal * kx, horizontal * ky, -strength * p], axis=1)
-            cropped = (
-                _coarsen(response.reshape(-1, side, side // 2 + 1), n) / (side * cell / n) ** 2
-            )
+            whole = response.reshape(-1, side, side // 2 + 1)
+            cropped = _coarsen(whole, n) / (side * cell / n) ** 2
             self._groups.append((n, torch.from_numpy(cropped.astype(np.complex64)).to(place)))
             for at, level in enumerate(levels):
                 c, r, w = self._readings(level, n, position)
@@ -195,19 +185,13 @@ class Patch:
         bend = paths.bend.cpu().numpy()[:, chosen][:, inside]
         i, j = along[inside].astype(np.int64), across[inside].astype(np.int64)
         v, u = along[inside] - i, across[inside] - j
-        corners = [
-            (0, 0, (1 - v) * (1 - u)),
-            (0, 1, (1 - v) * u),
-            (1, 0, v * (1 - u)),
-            (1, 1, v * u),
-        ]
         index, weight = [], []
         for component in range(3):
-            for down, right, w in corners:
+            for down, right, w in _corners(u, v):
                 index.append(component * n * n + (i + down) * n + j + right)
                 weight.append(w * bend[component])
-        found = np.concatenate(index), np.tile(path, 12), np.concatenate(weight)
-        return found[0], found[1], found[2].astype(np.float32)
+        weights = np.concatenate(weight).astype(np.float32)
+        return np.concatenate(index), np.tile(path, 12), weights
 
     def spectrum(
         self, x: np.ndarray, y: np.ndarray, force: np.ndarray, centre: tuple[float, float]
@@ -218,12 +202,7 @@ class Patch:
         j, i = across.astype(np.int64), along.astype(np.int64)
         u, v = across - j, along - i
         grid = np.zeros(n * n)
-        for down, right, share in (
-            (0, 0, (1 - v) * (1 - u)),
-            (0, 1, (1 - v) * u),
-            (1, 0, v * (1 - u)),
-            (1, 1, v * u),
-        ):
+        for down, right, share in _corners(u, v):
             grid += np.bincount((i + down) * n + j + right, force * share, minlength=n * n)
         cx, cy = centre[0] + self._half, centre[1] + self._half
         phase = np.exp(-1j * self._kx * cx) * np.exp(-1j * self._ky * cy)
@@ -241,6 +220,12 @@ class Patch:
             fields += [torch.fft.irfft2(one, s=(n, n)).flatten() for one in spectra]
         scale = self._sensor.paths.wavenumber * touch.depth
         return (self._read @ torch.cat(fields)).to(torch.float64).mul_(scale)
+
+
+def _corners(u: np.ndarray, v: np.ndarray) -> list[tuple[int, int, np.ndarray]]:
+    """Bilinear weights of the four grid points (down, right) around a point at fraction (u, v)."""
+    shares = (1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u
+    return [(k // 2, k % 2, share) for k, share in enumerate(shares)]
 
 
 def _coarsen(spectrum: np.ndarray, n: int) -> np.ndarray:

@@ -13,7 +13,7 @@ from sklearn.neighbors import NearestCentroid
 
 from baselines import dual, integer
 from baselines.correlation import CorrelationClassifier
-from baselines.dual import KERNELS, Descent, Products, scores_from_old
+from baselines.dual import KERNELS, Descent, Products
 from baselines.integer import integer_product
 from baselines.mean_image import MeanImage
 from baselines.nearest_neighbour import NearestNeighbour
@@ -208,7 +208,7 @@ def test_an_update_from_old_weights_is_the_optimum_near_them(kind, pixels, speck
     products = Products(frames, labels, 3)
     b = (products.scores(model, TRAIN, queries) - x[queries] @ w.T).mean(0)
     w, b = from_old_by_descent(model, x[new], torch.from_numpy(labels[new]), w, b)
-    scores = scores_from_old(products, model, TRAIN, new, queries)
+    scores = model.scores_from_old(products, TRAIN, new, queries)
     torch.testing.assert_close(scores, x[queries] @ w.T + b, rtol=1e-4, atol=1e-4)
 
 

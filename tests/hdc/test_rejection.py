@@ -8,7 +8,6 @@ import torch
 
 from hdc import HDCClassifier, bits
 from hdc.encode import encode
-from hdc.online import OnlineHDCClassifier
 from hdc.prototypes import Counters
 from hdc.rejection import EXTRAS, KEPT, Peers, Sample, p_values
 
@@ -197,7 +196,7 @@ def test_models_without_kept_frames_refuse_to_reject() -> None:
     merged = HDCClassifier().fit(frames, labels)
     merged.is_known(frames)
     merged.merge(counted)
-    for model in (counted, merged, OnlineHDCClassifier().fit(frames, labels)):
+    for model in (counted, merged):
         for ask in (model.is_known, model.predict_set, model.limits):
             with pytest.raises(ValueError, match="found one of counters alone"):
                 ask() if ask == model.limits else ask(frames)

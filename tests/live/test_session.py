@@ -214,6 +214,8 @@ def test_the_worker_survives_jobs_and_frames_that_fail(empty, monkeypatch):
     wait_for(lambda: worker.view.number > 2 and not worker.view.error)
     with pytest.raises(KeyError):
         worker.do(lambda session: session.places["nobody"]).result(60)
+    worker.do(lambda session: time.sleep(0.5))
+    assert worker.do(lambda session: None).cancel()  # as when a page is closed
     seen = worker.view.number
     wait_for(lambda: worker.view.number > seen)
     assert list(worker.view.prototypes) == ["left"]

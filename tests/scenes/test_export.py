@@ -62,7 +62,6 @@ def test_a_class_name_stays_inside_the_folder(tmp_path):
     assert not (tmp_path / "b").exists()
 
 
-@pytest.mark.parametrize("arguments", [["scene=touch"], ["out=a", "out=b"], ["out="]])
-def test_one_folder_has_to_be_named(arguments):
+def test_one_folder_has_to_be_named():
     with pytest.raises(SystemExit, match="expected one folder, out=FOLDER"):
-        main(arguments)
+        main(["scene=touch"])

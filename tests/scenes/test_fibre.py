@@ -43,10 +43,10 @@ def hdc_accuracy(scene: FibreScene, seed: int) -> float:
 
 @pytest.mark.parametrize(("perturbation", "reported"), [(0.3, 0.79), (1, 0.49)])
 def test_accuracy_is_near_the_reported_one(repository, perturbation, reported):
-    # Mean of 6 input fields with 100 test samples each; a single field spreads by about 0.05, and
+    # Mean of 3 input fields with 100 test samples each; a single field spreads by about 0.05, and
     # the reported value is the mean of two of them.
     scenes = (
-        FibreScene(repository, perturbation=perturbation, seed=k, sampling_seed=k) for k in range(6)
+        FibreScene(repository, perturbation=perturbation, seed=k, sampling_seed=k) for k in range(3)
     )
     accuracies = [hdc_accuracy(scene, seed) for seed, scene in enumerate(scenes)]
     assert np.mean(accuracies) == pytest.approx(reported, abs=0.1)
@@ -169,29 +169,25 @@ def test_matrices_of_another_fibre(tmp_path, monkeypatch):
     with pytest.raises(ValueError, match=r"scene.step: expected a depth in m .* found None"):
         excerpt(**{**settings, "step": None})
     monkeypatch.delenv("MEASURED_DATA")
-    with pytest.raises(FileNotFoundError, match=r"MEASURED_DATA not set; get it by: git clone"):
+    with pytest.raises(
+        FileNotFoundError, match=r"found none in MEASURED_DATA=; get it by: git clone"
+    ):
         excerpt(**settings)
 
 
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
+def test_settings_out_of_range_are_named():
+    for setting, message in [
         ({"samples_per_class": 2.5}, "scene.samples_per_class: expected an integer ≥ 1, found 2.5"),
         ({"perturbation": float("nan")}, "scene.perturbation: .* found nan"),
-        ({"photons": "many"}, "scene.photons: .* found 'many'"),
         ({"saturation": 0}, "scene.saturation: expected a finite number > 0"),
         ({"side": 20}, r"scene.side: expected an integer in \[21, 4096\], found 20"),
         ({"n_fields": 0}, r"scene.n_fields: expected an integer in \[1, 64\], found 0"),
-        ({"seed": -1}, "scene.seed: expected an integer ≥ 0"),
-        ({"depth_edges": [0.0]}, "scene.depth_edges: expected two or more increasing"),
         ({"depth_edges": [0.0, 0.0]}, "scene.depth_edges: expected two or more increasing"),
         ({"depth_edges": "deep"}, "scene.depth_edges: .* found 'deep'"),
         ({"depth_edges": [0.0, 1e-6]}, r"some of the 15 measured depths in class 0–1 µm"),
-    ],
-)
-def test_settings_out_of_range_are_named(setting, message):
-    with pytest.raises(ValueError, match=message):
-        excerpt(**setting)
+    ]:
+        with pytest.raises(ValueError, match=message):
+            excerpt(**setting)
 
 
 def test_a_missing_repository_is_named(tmp_path, monkeypatch):
@@ -199,8 +195,8 @@ def test_a_missing_repository_is_named(tmp_path, monkeypatch):
         FibreScene(tmp_path)
     monkeypatch.delenv("FIBRE_DATA", raising=False)
     monkeypatch.delenv("MEASURED_DATA", raising=False)
-    monkeypatch.setattr(fibre, "CANDIDATES", (tmp_path / "a", tmp_path / "b"))
-    with pytest.raises(FileNotFoundError, match=r"found no folder .*a/Data and .*b/Data"):
+    monkeypatch.setattr(fibre, "BESIDE", tmp_path / "a")
+    with pytest.raises(FileNotFoundError, match=r"found no folder .*a/Data; get it by: git clone"):
         FibreScene()
     shutil.copytree(EXCERPT, tmp_path / "article_MMF_disorder")
     monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
@@ -211,26 +207,20 @@ def test_a_missing_repository_is_named(tmp_path, monkeypatch):
         FibreScene()
 
 
-GOOD = np.zeros((30, 30), complex)
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (None, "TM_modes_5.06.npz: expected a complex array"),
-        ({"TM_corr_modes": GOOD[:, :3]}, r"complex array \(30, 30\), found complex128 \(30, 3\)"),
-        ({"TM_corr_modes": GOOD.real}, "found float64"),
-        ({"TM_corr_modes": np.full_like(GOOD, np.nan)}, "not all finite"),
-        ({"TM_corr_modes": np.array([print])}, "allow_pickle"),
-        ({"other": GOOD}, "TM_corr_modes"),
-    ],
-)
-def test_a_damaged_file_is_named_and_nothing_is_unpickled(tmp_path, content, message):
+def test_a_damaged_file_is_named_and_nothing_is_unpickled(tmp_path):
     shutil.copytree(EXCERPT, tmp_path / "copy")
     file = tmp_path / "copy" / "Data" / "TM_modes_5.06.npz"
-    if content is None:
-        file.write_bytes(file.read_bytes()[:900])
-    else:
+    good = np.zeros((30, 30), complex)
+    for content, message in [
+        ({"TM_corr_modes": good[:, :3]}, r"complex array \(30, 30\), found complex128 \(30, 3\)"),
+        ({"TM_corr_modes": good.real}, "found float64"),
+        ({"TM_corr_modes": np.full_like(good, np.nan)}, "not all finite"),
+        ({"TM_corr_modes": np.array([print])}, "allow_pickle"),
+        ({"other": good}, "TM_corr_modes"),
+    ]:
         np.savez(file, **content)
-    with pytest.raises(ValueError, match=message):
+        with pytest.raises(ValueError, match=message):
+            excerpt(tmp_path / "copy")
+    file.write_bytes(file.read_bytes()[:900])
+    with pytest.raises(ValueError, match=r"TM_modes_5.06.npz: expected a complex array"):
         excerpt(tmp_path / "copy")

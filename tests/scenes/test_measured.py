@@ -107,8 +107,12 @@ def test_a_table_gives_values_and_levels_and_each_folder_is_a_session(root):
         touches(**settings)
     with pytest.raises(ValueError, match=r"scene.levels: expected a value among depth, roll"):
         touches(**settings, levels={"value": "x", "edges": [1, 2]})
-    with pytest.raises(ValueError, match=r"scene.levels.edges: expected two or more increasing"):
-        touches(**settings, levels={"value": "depth", "edges": [2, 1]})
+    for edges, message in [
+        ([2, 1], "two or more increasing"),
+        ([3, 5], "a last edge of 6 or more"),
+    ]:
+        with pytest.raises(ValueError, match=f"scene.levels.edges: expected {message}"):
+            touches(**settings, levels={"value": "depth", "edges": edges})
 
 
 def test_unknown_frames_are_a_scene_of_their_own(root):
@@ -165,6 +169,7 @@ def test_what_is_missing_is_listed_with_the_commands_that_get_it(tmp_path, monke
         ("gelsight", [100] * 10, (400, 300)),
         ("diffuser", [600] * 4, (512, 512)),
         ("tactip", [650, 681, 729, 706, 707, 690, 695, 749, 660, 733], (128, 128)),
+        ("tactip_edge", [658, 657, 726, 669, 780, 672, 716, 703, 698, 721], (128, 128)),
         ("spr", [100] * 3, (640, 640)),
         ("fibre_2", [100] * 5, (41, 82)),
         ("fibre_3", [100] * 5, (41, 82)),

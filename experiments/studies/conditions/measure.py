@@ -86,6 +86,7 @@ def table1_conditions(
                 readings = train_all(problem, trainings, rate, levels, seed, **how)
                 for (start, number), reading in zip(trainings, readings, strict=True):
                     yield {
+                        "origin": made.origin,
                         "seed": seed,
                         "pixels": scaling,
                         "method": method,
@@ -98,7 +99,6 @@ def table1_conditions(
                     }
 
     for seed in seeds:
-        run.note(f"sensor {seed}")
         yield from run.part({"seed": seed}, partial(sensor, seed))
 
 
@@ -131,9 +131,7 @@ def train_all(
     to_span = torch.stack(shifts, dim=2)
     starts = torch.stack(logits, dim=2)
     targets, classes = problem.targets[:n], starts.shape[1]
-    descent = Descent(
-        problem.kernel, targets, classes, rate, logits=starts, batch=batch, seed=seed
-    )
+    descent = Descent(problem.kernel, targets, classes, rate, logits=starts, batch=batch, seed=seed)
     names = [f"{value}_{level}" for level in levels for value in ("steps", *VALUES)]
     readings: list[Row] = [dict.fromkeys(names) for _ in trainings]
     *_, last = levels

@@ -133,7 +133,9 @@ def times(results: Results) -> pd.DataFrame | None:
     lines["step_s"] = lines["method"].map(step).astype(float)
     lines["time_90_s"] = lines["steps_90"] * lines["step_s"]
     lines["time_over_hdc"] = lines["time_90_s"] / np.median([record.training_s for record in hdc])
-    time, ratio = (published.value(f"table1/softmax_{x}") for x in ("training_time", "time_over_hdc"))
+    time, ratio = (
+        published.value(f"table1/softmax_{x}") for x in ("training_time", "time_over_hdc")
+    )
     paper = {"method": "published", "time_90_s": time, "time_over_hdc": ratio}
     return pd.concat([lines, pd.DataFrame([paper])])
 
@@ -146,7 +148,8 @@ def seconds_per_step(results: Results, batch: int | None, machine: tuple[str, in
         recipe = model.get("optimizer"), model.get("batch_size", 0), run.scene
         here = record.environment.cpu, record.environment.threads
         if recipe == ("SGD", batch, "touch") and here == machine and "filters" not in model:
-            seconds.append(run.curve[-1]["training_s"] / run.curve[-1]["steps"])
+            steps = run.curve[-1]["samples_seen"] / (batch or record.n_train)
+            seconds.append(run.curve[-1]["training_s"] / steps)
     return float(np.median(seconds)) if seconds else np.nan
 
 

@@ -46,7 +46,9 @@ def error_against_time(figure: Figure, rows: pd.DataFrame, config: dict[str, Any
         plain_decades(axes)
         panel(axes, letter, name if name == "phases" else f"mean correlation, {name}")
         dots: dict[str, Any] = {"ls": "", "marker": "o"}
-        handles = [Line2D([], [], color=COLOURS[n], label=n, **dots) for n in part["number"].unique()]
+        handles = [
+            Line2D([], [], color=COLOURS[n], label=n, **dots) for n in part["number"].unique()
+        ]
         for method, marker in markers.items():
             handles.append(Line2D([], [], **dots | {"marker": marker}, color="0.4", label=method))
         axes.legend(handles=handles, loc="center left", bbox_to_anchor=(1, 0.5), handlelength=1)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -70,18 +71,12 @@ def recordings(
                 for name, model in direct.items():
                     answers = (subsets.predict(model, trained[n], test) for n in sizes)
                     yield row | {"model": name, "right": [subsets.right(a, test) for a in answers]}
-                if draw < steps_draws and by_steps:
-                    few = [n for n in sizes if n in steps_n]
-                    for name, part in by_steps.items():
-                        yield from run.part(
-                            {"seed": seed, "split": split, "draw": draw, "model": name},
-                            lambda: [
-                                row | {"model": name, "n": few, "right": [
-                                    train_by_steps(part, stop, recording, trained[n], test, draw)
-                                    for n in few
-                                ]}
-                            ],
-                        )  # fmt: skip
+                few = [n for n in sizes if n in steps_n]
+                for name, part in (by_steps or {}).items() if draw < steps_draws else ():
+                    model = {"seed": seed, "split": split, "draw": draw, "model": name}
+                    compute = partial(_by_steps, part, stop, recording, trained, test, few)
+                    for kept in run.part(model, compute):
+                        yield {**row, "model": name, "n": few, **kept}
             run.note(f"seed {seed}, {split}")
 
 
@@ -184,20 +179,26 @@ def nested(
     return order, [n for n in sizes if n <= least]
 
 
-def train_by_steps(
+def _by_steps(
     part: Any,
     stop: Mapping[str, Any] | None,
     scene: Scene,
-    train: np.ndarray,
+    train: Mapping[int, np.ndarray],
     test: np.ndarray,
-    seed: int,
-) -> int:
-    """Test samples that a model has right which learns by steps until the stopping rule ends it."""
-    model = _build(part, seed)
-    rule = trial.stop_rule(OmegaConf.create(dict(stop or {})))
-    trial.train_until(model, rule, scene, train)
-    frames = scene.frames(test)
-    return int((model.predict(frames) == scene.labels[test]).sum())
+    sizes: Sequence[int],
+) -> Iterator[Row]:
+    """Test samples that a model has right after training by steps until the stopping rule ends it,
+    for each number of frames a class."""
+    rule, frames, right = (
+        trial.stop_rule(OmegaConf.create(dict(stop or {}))),
+        scene.frames(test),
+        [],
+    )
+    for n in sizes:
+        model = _build(part, 0)
+        trial.train_until(model, rule, scene, train[n])
+        right.append(int((model.predict(frames) == scene.labels[test]).sum()))
+    yield {"right": right}
 
 
 def _build(part: Any, seed: int) -> Any:

@@ -45,7 +45,12 @@ EXPERIMENT = "all_scenes"
 BY_STEPS = ("softmax", "cnn1_fast")  # iterative models, run where an epoch is short
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
 # Which figure of the paper shows the confusion of a scene.
-PAPER = {"touch": "Fig. 5(a)", "finger": "Fig. 6(b)", "spatial": "Fig. 7(b)", "tactile": "Fig. 9(d)"}
+PAPER = {
+    "touch": "Fig. 5(a)",
+    "finger": "Fig. 6(b)",
+    "spatial": "Fig. 7(b)",
+    "tactile": "Fig. 9(d)",
+}
 SHOWN = (
     "scene",
     "origin",
@@ -92,7 +97,9 @@ def groups(results: Results) -> list[Group]:
 
 def lines_of(results: Results) -> list[Row]:
     """A row of a table for each of :func:`groups`."""
-    return [row(group, results.group(group.scene, "hdc", group.n_train)) for group in groups(results)]
+    return [
+        row(group, results.group(group.scene, "hdc", group.n_train)) for group in groups(results)
+    ]
 
 
 def few_samples(results: Results) -> dict[str, list[Row]]:
@@ -145,7 +152,9 @@ def errors_by_scene(figure: Figure, results: Results) -> None:
         if line["model"] in models or line["model"] in results.extra_models(line["scene"]):
             scenes.setdefault(line["scene"], []).append(line)
     scenes = {scene: lines for scene, lines in scenes.items() if len(lines) > 1} or scenes
-    for axes, letter, (scene, lines) in zip(grid(figure, len(scenes), 1.6), LETTERS, scenes.items()):
+    for axes, letter, (scene, lines) in zip(
+        grid(figure, len(scenes), 1.6), LETTERS, scenes.items()
+    ):
         _errors(axes, lines)
         axes.set(xlabel="training time (s)", ylabel="test error (%)")
         panel(axes, letter, f"{literal(scene)}\n{lines[0]['origin']}")
@@ -212,9 +221,11 @@ def confusions(figure: Figure, results: Results) -> None:
         axes.set(xlabel="predicted", ylabel="true")
         axes.tick_params(axis="x", rotation=90)
         of = f", {PAPER[group.scene]}" if group.scene in PAPER else ""
+        by = "" if group.model == "hdc" else f"{rows_of.display_name(group.model)}, "
         accuracy = 100 * estimates.share(group).value
-        panel(axes, letter, f"{literal(group.scene)}{of}\n{accuracy:.1f} %")
-    head(figure, "Confusion by HDC, % of the true label", [])
+        panel(axes, letter, f"{literal(group.scene)}{of}\n{by}{accuracy:.1f} %")
+    frames = rows_of.frames_of([{"origin": g.runs[0].record.scene.origin} for g in chosen])
+    head(figure, "Confusion by HDC, % of the true label", [frames])
 
 
 def confused(results: Results) -> list[Group]:
@@ -326,7 +337,9 @@ def spatial(figure: Figure, results: Results) -> None:
     axes.text(0.98, 0.95, text, transform=axes.transAxes, ha="right", va="top", fontsize=6)
     panel(axes, "d", f"distribution of the error, {len(error):,} test samples")
     frames = rows_of.frames_of([{"origin": group.runs[0].record.scene.origin}])
-    head(figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", [f"{frames}, {seeds_of(len(group.runs))}"])
+    head(
+        figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", [f"{frames}, {seeds_of(len(group.runs))}"]
+    )
 
 
 # Published numbers --------------------------------------------------------------------------------

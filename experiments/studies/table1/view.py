@@ -63,6 +63,8 @@ def _ratio(cells: Mapping[str, Any]) -> str:
 
 
 def _trained(cells: Mapping[str, Any]) -> str:
+    if not cells["seeds"]:
+        return str(cells["status"])
     ends = ("", "_low", "_high")
     accuracy, low, high = (percent(cells[f"test_accuracy_final{end}"]) for end in ends)
     time, seconds = cells["training_time_s"], cells["total_time_s"]

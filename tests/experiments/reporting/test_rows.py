@@ -143,7 +143,7 @@ def test_every_model_of_an_experiment_has_a_config_and_a_name(experiment):
     params = configs.sweep(experiment)
     for model in params["model"]:
         assert configs.of_model(model) is not None
-        assert configs.display(model)["family"] != "own"
+        assert configs.display(model)["colour"] != "#666666"
     assert all(configs.of_scene(scene) for scene in params["scene"])
     for key in ("split.n_train", "data.pixels"):
         assert configs.numbers(params.get(key, ["null"]))

@@ -65,7 +65,7 @@ def test_every_command_in_a_folder_of_its_own(environment, laboratory, tmp_path)
         assert (done.returncode, done.stderr) == (0, ""), words
         return done.stdout
 
-    assert "held out (at random): accuracy 100.0%" in hdc(
+    assert "held out at random: accuracy 100.0%" in hdc(
         "train", "touches", "-o", "touch.safetensors", "--crop", "4", "0", "40", "40",
         "--test-fraction", "0.2",
     )  # fmt: skip

@@ -60,17 +60,6 @@ def test_half_space_inside_is_its_integral():
         assert found == pytest.approx(expected, rel=1e-8)
 
 
-def test_thick_layer_tends_to_hertz_and_boussinesq():
-    r = np.array([0.0, 1.5, 3.0, 20.0]) * A
-    _, half = Layer(thickness=100.0).displacement(r, np.array([100.0]), A)
-    outer = np.maximum(r, A)
-    tail = (2 * A**2 - outer**2) * np.arcsin(A / outer) + A * np.sqrt(outer**2 - A**2)
-    closed = -np.where(r <= A, 1, tail / (np.pi * A**2))
-    # What remains is the layer's own finite thickness, of order a/h.
-    assert np.allclose(half[:, 0], closed, atol=A / 100)
-    assert half[-1, 0] == pytest.approx(-4 / (3 * np.pi) * A / r[-1], rel=0.01)
-
-
 @pytest.mark.parametrize("thickness", [1e-5, 1e-3, 5e-3, 0.1])
 def test_base_is_fixed_surface_sinks_by_one(thickness):
     layer = Layer(thickness=thickness)
@@ -134,27 +123,15 @@ def test_bad_thickness_is_named():
 @pytest.mark.slow
 def test_layer_against_finite_elements():
     """Axisymmetric Taylor-Hood elements: the same displacement to a per cent of the indentation."""
-    from skfem import (
-        Basis,
-        BilinearForm,
-        ElementTriP1,
-        ElementTriP2,
-        ElementVector,
-        FacetBasis,
-        LinearForm,
-        MeshTri,
-        bmat,
-        condense,
-        solve,
-    )  # fmt: skip
+    import skfem as fem
 
     h, wide = 5e-3, 60e-3
     r_nodes = np.concatenate([np.linspace(0, 8e-3, 65), np.geomspace(8e-3, wide, 60)[1:]])
-    mesh = MeshTri.init_tensor(r_nodes, np.linspace(0, h, 33))
-    displacement = Basis(mesh, ElementVector(ElementTriP2()), intorder=6)
-    pressure = displacement.with_element(ElementTriP1())
+    mesh = fem.MeshTri.init_tensor(r_nodes, np.linspace(0, h, 33))
+    displacement = fem.Basis(mesh, fem.ElementVector(fem.ElementTriP2()), intorder=6)
+    pressure = displacement.with_element(fem.ElementTriP1())
 
-    @BilinearForm
+    @fem.BilinearForm
     def stiffness(u, v, w):
         r = w.x[0]
         strain = [[(u.grad[i][j] + u.grad[j][i]) / 2 for j in range(2)] for i in range(2)]
@@ -162,27 +139,28 @@ def test_layer_against_finite_elements():
         planar = sum(strain[i][j] * twist[i][j] for i in range(2) for j in range(2))
         return 2 * (planar + u[0] * v[0] / r**2) * r
 
-    @BilinearForm
+    @fem.BilinearForm
     def divergence(u, q, w):
         r = w.x[0]
         return -q * (u.grad[0][0] + u[0] / r + u.grad[1][1]) * r
 
-    @LinearForm
+    @fem.LinearForm
     def load(v, w):
         r = w.x[0]
         return -np.sqrt(np.maximum(1 - (r / A) ** 2, 0)) * v[1] * r
 
-    top = FacetBasis(mesh, ElementVector(ElementTriP2()), facets=mesh.facets_satisfying(
-        lambda x: np.isclose(x[1], h)), intorder=6)  # fmt: skip
+    surface = mesh.facets_satisfying(lambda x: np.isclose(x[1], h))
+    quadratic = fem.ElementVector(fem.ElementTriP2())
+    top = fem.FacetBasis(mesh, quadratic, facets=surface, intorder=6)
     k = stiffness.assemble(displacement)
     b = divergence.assemble(displacement, pressure)
-    system = bmat([[k, b.T], [b, None]], "csr")
+    system = fem.bmat([[k, b.T], [b, None]], "csr")
     force = np.concatenate([load.assemble(top), np.zeros(pressure.N)])
     base = displacement.get_dofs(lambda x: np.isclose(x[1], 0)).all()
     far = displacement.get_dofs(lambda x: np.isclose(x[0], wide)).all()
     axis = displacement.get_dofs(lambda x: np.isclose(x[0], 0)).all(["u^1"])
     fixed = np.unique(np.concatenate([base, far, axis]))
-    solution = solve(*condense(system, force, D=fixed))[: displacement.N]
+    solution = fem.solve(*fem.condense(system, force, D=fixed))[: displacement.N]
 
     r = np.array([0.0, 1e-3, 2e-3, 4e-3, 6e-3, 10e-3])
     z = np.array([1e-3, 2.5e-3, 4e-3, 5e-3])

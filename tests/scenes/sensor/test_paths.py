@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,10 +48,20 @@ def test_paths_lie_in_the_layer(small):
     assert torch.linalg.vector_norm(paths.bend, dim=0).max() <= 2 + 1e-5
 
 
-def test_phases_are_linear_in_depth(small):
+def test_phases_are_linear_in_depth_and_zero_at_none(small):
     press = Press((28e-3, 8e-3), 2.45e-3, 1.8e-3, 0.01, 0.02e-3).bind(small)
-    one, two = (press(Touch(depth, 28.01e-3, 8e-3)) for depth in (0.9e-3, 1.8e-3))
+    none, one, two = (press(Touch(depth, 28.01e-3, 8e-3)) for depth in (0.0, 0.9e-3, 1.8e-3))
     assert torch.allclose(two, 2 * one)
+    assert (none == 0).all()
+
+
+def test_float32_tables_are_exact_enough_for_a_deep_touch(small):
+    """1.8 mm are 6,000 rad: the same paths with everything in float64."""
+    paths, touch = small.path_set, Touch(1.8e-3, 28e-3, 8e-3)
+    double = replace(paths, x=paths.x.double(), y=paths.y.double(), bend=paths.bend.double())
+    exact = double.lengthening(small.table(2.45e-3, torch.float64), (touch.x, touch.y))
+    found = ExactPress(Press((28e-3, 8e-3), 2.45e-3, 1.8e-3), small)(touch)
+    assert (found - exact * small.paths.wavenumber * touch.depth).abs().max() < 0.01
 
 
 def test_expansion_about_the_target_is_exact_enough(small):
@@ -92,23 +103,17 @@ def test_line_of_positions():
     assert classes["7"]["position"] == pytest.approx((19e-3, 0.0))
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Paths(vertices=0), r"scene\.sensor\.paths\.vertices: expected .*, found 0"),
-        (lambda: Paths(surface=1.5), r"scene\.sensor\.paths\.surface: expected .*, found 1\.5"),
-        (
-            lambda: Paths(wavelength=float("nan")),
-            r"scene\.sensor\.paths\.wavelength: expected .*, found nan",
-        ),
-        (lambda: Paths(fibre=(0.0, 0.5)), r"scene\.sensor\.paths\.fibre.*sensor's surface"),
-        (lambda: Press((0.01,), 1e-3, 1e-3), r"two coordinates"),
-        (lambda: Press((0.01, 0.0), 0.0, 1e-3), r"scene\.contact\.radius: expected .*, found 0"),
-        (lambda: Sensor(seed=-1), r"seed\.sensor: expected .*, found -1"),
-        (lambda: Sensor(paths={"vertexes": 3}), r"scene\.sensor\.paths\.vertexes: .* one of"),
-        (lambda: Sensor(camera=3), r"scene\.sensor\.camera: expected .*, found 3"),
-    ],
-)
-def test_bad_values_are_named(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()
+def test_bad_values_are_named():
+    for part, values, message in [
+        (Paths, {"vertices": 0}, r"scene.sensor.paths.vertices: expected .*, found 0"),
+        (Paths, {"surface": 1.5}, r"scene.sensor.paths.surface: expected .*, found 1\.5"),
+        (Paths, {"wavelength": math.nan}, r"scene.sensor.paths.wavelength: .*, found nan"),
+        (Paths, {"fibre": (0.0, 0.5)}, r"scene.sensor.paths.fibre.*sensor's surface"),
+        (Press, {"position": (0.01,), "radius": 1e-3, "depth": 1e-3}, r"two coordinates"),
+        (Press, {"position": (0.01, 0.0), "radius": 0.0, "depth": 1e-3}, r"radius: .* found 0"),
+        (Sensor, {"seed": -1}, r"seed.sensor: expected .*, found -1"),
+        (Sensor, {"paths": {"vertexes": 3}}, r"scene.sensor.paths.vertexes: .* one of"),
+        (Sensor, {"camera": 3}, r"scene.sensor.camera: expected .*, found 3"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            part(**values)

@@ -78,19 +78,6 @@ def test_coarse_grids_lose_nothing_that_matters(near):
     assert error < 0.02
 
 
-def test_phases_do_not_depend_on_threads(near):
-    bound = face(spacing=0.6e-3, variance=1.0).bind(near)
-    before, found = torch.get_num_threads(), []
-    try:
-        for threads in (1, 2, 3):
-            torch.set_num_threads(threads)
-            found.append(bound(touch()))
-    finally:
-        torch.set_num_threads(before)
-    assert torch.equal(found[0], found[1])
-    assert torch.equal(found[0], found[2])
-
-
 def test_point_force_on_the_surface_far_away_is_boussinesq():
     """A grain on a thick layer: u_z·r is constant, and ties the constant C to Hertz's depth."""
     layer, r = Layer(thickness=50.0), np.array([10.0, 20.0]) * A

@@ -1,0 +1,79 @@
+"""Rules that turn numbers into one of four words; docs/verdicts.md states them in sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+from experiments.reporting.estimates import Estimate
+
+YES, NO, PARTLY, UNDECIDABLE = "yes", "no", "partly", "undecidable"
+MARGIN = 0.03  # of accuracies, as in published.csv: a smaller difference decides nothing
+TIMES = 10  # a training "much faster" takes at most this part of its rival's time
+
+
+def more_accurate(difference: Estimate, margin: float = MARGIN) -> str:
+    """Whether HDC is more accurate than its rival.
+
+    Yes: the difference is at least the margin and its interval lies above zero. No: the interval
+    lies below the margin. Undecidable otherwise.
+
+    Args:
+        difference: accuracy of HDC less that of the rival.
+        margin: smallest difference that counts.
+    """
+    if math.isnan(difference.low) or math.isnan(difference.high):
+        return UNDECIDABLE
+    if difference.low > 0 and difference.value >= margin:
+        return YES
+    return NO if difference.high < margin else UNDECIDABLE
+
+
+def at_least_as_accurate(difference: Estimate, margin: float = MARGIN) -> str:
+    """Whether HDC is less accurate than its rival by no more than the margin.
+
+    Yes: the interval lies above −margin. No: the difference is at most −margin and its interval
+    lies below zero. Undecidable otherwise.
+    """
+    opposite = more_accurate(Estimate(-difference.value, -difference.high, -difference.low), margin)
+    return {YES: NO, NO: YES}.get(opposite, UNDECIDABLE)
+
+
+def slower(ratios: Mapping[str, Sequence[float]], times: float = TIMES) -> str:
+    """Whether a rival trains at least `times` as long as HDC.
+
+    Yes: in every run, by every way of computing HDC. No: in none. Partly: the ways disagree.
+    Undecidable: the runs of one way disagree, or there are none.
+
+    Args:
+        ratios: for each way of computing HDC, training time over HDC's in each run.
+        times: the factor that is asked for.
+    """
+    verdicts = []
+    for runs in ratios.values():
+        above = [ratio >= times for ratio in runs]
+        if not above or any(above) != all(above):
+            return UNDECIDABLE
+        verdicts.append(YES if all(above) else NO)
+    return combine(verdicts)
+
+
+def confidence(n_runs: int) -> float:
+    """Confidence with which the least of n runs bounds their median from below: 1 − 2⁻ⁿ."""
+    return 1 - 2.0**-n_runs
+
+
+def combine(verdicts: Iterable[str]) -> str:
+    """One word for several: the word that all decided ones share, else partly."""
+    decided = {verdict for verdict in verdicts if verdict != UNDECIDABLE}
+    if not decided:
+        return UNDECIDABLE
+    return decided.pop() if len(decided) == 1 else PARTLY
+
+
+def judge(measured: Iterable[str], simulated: Iterable[str]) -> str:
+    """The verdict on a claim: that of measured evidence; simulated frames can only refute."""
+    word = combine(measured)
+    if word != UNDECIDABLE:
+        return word
+    return NO if combine(simulated) == NO else UNDECIDABLE

@@ -1,0 +1,255 @@
+"""Every model on measured recordings: accuracies, where information is lost, distances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from experiments.records.measurement import Measured
+from experiments.records.results import Results
+from experiments.reporting.columns import Column, display_name
+from experiments.reporting.estimates import Estimate, mean_interval
+from experiments.reporting.plot import head, panel
+from experiments.reporting.study import RUN, Study
+from experiments.reporting.text import number, percent, points
+
+STUDY = Study(
+    "recordings",
+    "Measured recordings",
+    "On frames that others measured with optical sensors of several kinds: does HDC recognise "
+    "better than its rivals, where does it lose information, and where does the median gain?",
+    0.5,
+    front=True,
+)
+RIVAL = "softmax_dual"  # the primary rival, named beforehand: the paper's own, at its optimum
+# From pixels to prototypes: each step keeps less of a frame.
+STEPS = (
+    "ridge",
+    "ridge_standardised",
+    "mean_image",
+    "mean_image_standardised",
+    "hdc_integer",
+    "hdc",
+)
+BESIDE = ("knn_greys_standardised", "nearest_neighbour", "linear_bits", RIVAL)
+SHOWN_N = (1, 5, 20, 50)
+KINDS = {
+    "diffuser": "laser speckle behind ground glass",
+    "fibre": "multimode fibre, pressed; computed from measured matrices",
+    "fibre_2": "second fibre; computed from measured matrices",
+    "fibre_3": "third fibre; computed from measured matrices",
+    "spr": "specklegrams of a fibre sensor",
+    "gelsight": "camera under an elastomer with markers; no speckle",
+    "tactip": "camera under a skin with pins; no speckle",
+}
+
+
+def recordings(results: Results, name: str = "recordings") -> dict[str, Measured]:
+    """Finished measurements by the name of their scene, in the order of :data:`KINDS`."""
+    by_scene = {m.record.scene: m for m in results.measurements if m.record.name == name}
+    known = [scene for scene in KINDS if scene in by_scene]
+    return {scene: by_scene[scene] for scene in [*known, *sorted(set(by_scene) - set(known))]}
+
+
+def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row for each split, model, n and unit: ``accuracy``. The unit is what varies: the seed
+    where there are several (another input field or fibre), else the draw of frames."""
+    every = rows.explode(["n", "right"]).astype({"n": int, "right": float})
+    several = every.seed.nunique() > 1
+    every["unit"] = every.seed if several else every.draw
+    every["accuracy"] = every.right / every.n_test
+    return every.groupby(["split", "model", "n", "unit"]).accuracy.mean().reset_index()
+
+
+def estimate(values: Sequence[float], seeds: bool) -> Estimate:
+    """Mean with Student's interval over seeds; of draws from one recording, which share frames,
+    with the central 95 % of the draws."""
+    if seeds:
+        return mean_interval(list(values))
+    low, high = np.quantile(values, (0.025, 0.975))
+    return Estimate(float(np.mean(values)), float(low), float(high))
+
+
+def summary(measured: Measured) -> pd.DataFrame:
+    """``split``, ``model``, ``n``, accuracy and the difference from HDC of the same draws."""
+    every = accuracies(measured.frame)
+    seeds = measured.frame.seed.nunique() > 1
+    keys = ["split", "n", "unit"]
+    hdc = every[every.model == "hdc"].set_index(keys).accuracy
+    every["difference"] = every.accuracy - hdc.reindex(every.set_index(keys).index).to_numpy()
+    table = []
+    for (split, model, n), part in every.groupby(["split", "model", "n"]):
+        line = {"split": split, "model": model, "n": n, "units": len(part)}
+        line |= estimate(part.accuracy, seeds).columns("accuracy")
+        line |= estimate(part.difference, seeds).columns("over_hdc")
+        table.append(line)
+    return pd.DataFrame(table)
+
+
+def frames_of_recording(measured: Measured) -> str:
+    """How the frames came about, and whether they rank models."""
+    scene = measured.record.config["scene"]
+    text = KINDS.get(measured.record.scene, "recording")
+    return f"{text}; saturated, ranks nothing" if scene.get("saturated") else text
+
+
+COLUMNS = {
+    "recording": Column("Recording"),
+    "frames": Column("Frames"),
+    "n": Column("Frames a class"),
+    "hdc": Column("HDC, %", percent),
+    "mean_image": Column("Mean image, %", percent),
+    "linear_bits": Column("Ridge on the same bits, %", percent),
+    "softmax_dual": Column("Softmax at its optimum, %", percent),
+    "softmax_dual_standardised": Column("… on standardised frames, %", percent),
+    "nearest_neighbour": Column("Nearest neighbour on bits, %", percent),
+}
+NOTE = (
+    "Split by time, session, group or position, as each recording states, so that near copies of a "
+    "test frame do not train. Brackets: Student over seeds (input fields, fibres) for fibres, the "
+    "central 95 % of draws for cameras, each of which is one sensor. Standardised: each frame with "
+    "mean 0 and deviation 1. Primary rival, named beforehand: softmax regression at its optimum."
+)
+
+
+@STUDY.table("recordings", title="Accuracy on measured recordings", note=NOTE, columns=COLUMNS)
+def front(results: Results) -> pd.DataFrame | None:
+    """The recordings, at the fewest, a middle and the largest number of frames a class."""
+    table = []
+    for scene, measured in recordings(results).items():
+        lines = summary(measured).query("split == 'counts'")
+        sizes = sorted(lines.n.unique())
+        for n in dict.fromkeys((sizes[0], *[n for n in sizes if n == 5], sizes[-1])):
+            line = {"recording": scene, "frames": frames_of_recording(measured), "n": n}
+            for model, part in lines[lines.n == n].set_index("model").iterrows():
+                if model in COLUMNS:
+                    line |= {f"{model}{end}": part[f"accuracy{end}"] for end in _ENDS}
+            table.append(line)
+    if not table:
+        return None
+    data = pd.DataFrame(table)
+    names = [name for name in COLUMNS if name in data]
+    data.attrs["shown"] = names
+    data.attrs["commands"] = [f"{RUN}recordings scene={scene}" for scene in recordings(results)]
+    return data[[*names, *(c for c in data if c.endswith(("_low", "_high")))]]
+
+
+_ENDS = ("", "_low", "_high")
+
+
+@STUDY.table(
+    "recordings_all",
+    title="Every model on every recording",
+    columns={
+        "recording": Column("Recording"),
+        "split": Column("Split"),
+        "model": Column("Model", display_name),
+        "n": Column("Frames a class"),
+        "accuracy": Column("Accuracy, %", percent),
+        "over_hdc": Column("Difference from HDC, points", points),
+    },
+    note=NOTE,
+    folded=True,
+)
+def everything(results: Results) -> pd.DataFrame | None:
+    """A row for each recording, split, model and n."""
+    parts = [
+        summary(measured).assign(recording=scene) for scene, measured in recordings(results).items()
+    ]
+    if not parts:
+        return None
+    data = pd.concat(parts)
+    data.attrs["commands"] = [f"{RUN}recordings scene={scene}" for scene in recordings(results)]
+    data.attrs["shown"] = ["recording", "split", "model", "n", "accuracy", "over_hdc"]
+    return data[["recording", *(name for name in data if name != "recording")]]
+
+
+@STUDY.figure(
+    "recordings",
+    caption="Where information is lost: accuracy along grey values, standardised grey values, mean "
+    "images, bits, counts and majority, beside models that keep all frames, on each recording.",
+    size=(7.0, 4.6),
+    needs=lambda results: bool(recordings(results)),
+)
+def lost(figure: Figure, results: Results) -> None:
+    """Accuracy along the steps from pixels to prototypes, a panel a recording, a line an n."""
+    shown = recordings(results)
+    columns = min(4, len(shown))
+    panels = figure.subplots(-(-len(shown) // columns), columns, sharey=True, squeeze=False)
+    order = ["ridge", "ridge_standardised", RIVAL, "linear_bits", "nearest_neighbour"]
+    order += ["mean_image", "mean_image_standardised", "hdc_integer", "hdc"]
+    names = ["ridge, greys", "ridge, standardised", "softmax optimum", "ridge, bits"]
+    names += ["1-NN, bits", "mean image", "mean, standardised", "counts", "majority: HDC"]
+    for k, (axes, (scene, measured)) in enumerate(zip(panels.flat, shown.items(), strict=False)):
+        lines = summary(measured).query("split == 'counts'")
+        sizes = [n for n in SHOWN_N if n in set(lines.n)]
+        for n, colour, marker in zip(sizes, ("#56B4E9", "#0072B2", "#E69F00", "#D55E00"), "osD^",
+                                     strict=False):  # fmt: skip
+            at = lines[lines.n == n].set_index("model")
+            places = [i for i, model in enumerate(order) if model in at.index]
+            values = at.loc[[order[i] for i in places]]
+            low = values.accuracy - values.accuracy_low
+            high = values.accuracy_high - values.accuracy
+            axes.errorbar(
+                places, 100 * values.accuracy, yerr=100 * np.maximum([low, high], 0),
+                color=colour, marker=marker, ls=":", lw=0.6, ms=3, elinewidth=0.5, label=f"{n}",
+            )  # fmt: skip
+        axes.axvline(4.5, color="0.7", lw=0.6)
+        axes.set_xticks(range(len(order)), names, rotation=90, fontsize=5.5)
+        panel(axes, "abcdefgh"[k], scene)
+        axes.set_ylim(0, 103)
+    for axes in panels.flat[len(shown) :]:
+        axes.set_axis_off()
+    for axes in panels[:, 0]:
+        axes.set_ylabel("accuracy (%)")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(
+        handles, labels, title="frames a class", loc="outside lower center", ncols=len(labels)
+    )
+    head(figure, "Accuracy on measured recordings, by what a model keeps of the frames", [
+        "right of the line: one template a class; split by time, group or position"
+    ])  # fmt: skip
+
+
+@STUDY.figure(
+    "recording_distances",
+    caption="Hamming distances between hypervectors of frames of one class (intra) and of two "
+    "(inter), and their separation d′.",
+    size=(7.0, 2.6),
+    needs=lambda results: bool(recordings(results, "recording_distances")),
+)
+def distances(figure: Figure, results: Results) -> None:
+    """Histograms of intra- and inter-class distances, a panel a recording."""
+    shown = recordings(results, "recording_distances")
+    panels = figure.subplots(1, len(shown), squeeze=False, sharex=True)[0]
+    for k, (axes, (scene, measured)) in enumerate(zip(panels, shown.items(), strict=True)):
+        for kind, colour in (("intra", "#0072B2"), ("inter", "#D55E00")):
+            part = (
+                measured.frame.query("kind == @kind").groupby("low", as_index=False)["count"].sum()
+            )
+            axes.step(part.low, part["count"] / part["count"].sum(), where="post", color=colour,
+                      lw=0.9, label=kind)  # fmt: skip
+        panel(axes, "abcdefgh"[k], f"{scene}\nd′ = {number(separation(measured.frame), 2)}")
+        axes.set_yticks([])
+        axes.set_xlabel("share of bits", fontsize=6)
+    panels[0].legend()
+    head(figure, "Hamming distances between frames of one class and of two", [])
+
+
+def separation(rows: pd.DataFrame) -> float:
+    """d′ = |mean inter − mean intra| / √((variance inter + variance intra)/2)."""
+    moments = rows.groupby("kind")[["mean", "variance"]].mean()
+    gap = abs(moments["mean"]["inter"] - moments["mean"]["intra"])
+    return float(gap / np.sqrt(moments["variance"].mean()))
+
+
+def over_rival(measured: Measured, n: int | None = None) -> tuple[Estimate, int]:
+    """HDC's accuracy less that of the primary rival, at n frames a class or the most there are,
+    by the split that counts; and n."""
+    every = accuracies(measured.frame).query("split == 'counts'")
+    n = n or int(every.n.max())
+    at = every[every.n == n].pivot(index="unit", columns="model", values="accuracy")
+    return estimate((at["hdc"] - at[RIVAL]).tolist(), measured.frame.seed.nunique() > 1), n

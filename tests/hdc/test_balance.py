@@ -1,0 +1,99 @@
+"""Classes of unequal size: as published, and counted as if all had the smallest number."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from hdc import HDCClassifier, bits
+from hdc.prototypes import Counters
+
+
+def frames_of(numbers: list[int], seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frames that share a field, as speckle of one sensor does, in classes of these numbers."""
+    fields = np.random.default_rng(seed).normal(0, 1, (6, 6000))
+    rng = np.random.default_rng([seed, *numbers])
+    labels = np.repeat(np.arange(5), numbers)
+    noise = rng.normal(0, 2.5, (len(labels), 6000))
+    return 2 * fields[5] + 0.45 * fields[labels] + noise, labels
+
+
+@pytest.mark.parametrize("prototype", ["binary", "integer"])
+@pytest.mark.parametrize("more", [1, 3, 40])
+def test_one_larger_class_costs_nothing(more: int, prototype: str) -> None:
+    """With one frame more in a class, the published rule names that class for nearly all frames."""
+    scores = []
+    for seed in range(4):
+        test = frames_of([60] * 5, seed)
+        equal = HDCClassifier(prototype=prototype, balance=False).fit(*frames_of([4] * 5, seed))
+        unequal = frames_of([4, 4 + more, 4, 4, 4], seed)
+        models = [
+            HDCClassifier(prototype=prototype, balance=b).fit(*unequal) for b in (False, True)
+        ]
+        scores.append([model.score(*test) for model in (equal, *models)])
+    equal_score, published, balanced = np.mean(scores, 0)
+    assert equal_score > 0.7
+    assert published < equal_score - 0.15
+    assert balanced > equal_score - 0.03
+
+
+@pytest.mark.parametrize("prototype", ["binary", "integer"])
+@pytest.mark.parametrize("ties", bits.TIES)
+def test_equal_classes_are_as_published(ties: str, prototype: str) -> None:
+    frames, labels = frames_of([6] * 5, 0)
+    models = [HDCClassifier(ties, prototype, balance=b).fit(frames, labels) for b in (True, False)]
+    assert torch.equal(models[0].prototypes_, models[1].prototypes_)
+    assert torch.equal(models[0]._scores(frames), models[1]._scores(frames))
+    for model in models:  # and whatever the frames of before
+        model.partial_fit(frames[:3], labels[:3]).partial_fit(frames, labels)
+    assert not torch.equal(models[0].prototypes_, models[1].prototypes_)
+    missing = np.repeat(np.arange(1, 5), 3)
+    for model in models:
+        model.partial_fit(frames[:12], missing)
+    assert torch.equal(models[0].prototypes_, models[1].prototypes_)
+
+
+def test_order_batches_merging_and_files_change_nothing(tmp_path) -> None:
+    frames, labels = frames_of([9, 4, 6, 4, 12], 1)
+    whole = HDCClassifier().fit(frames, labels)
+    order = np.random.default_rng(0).permutation(len(labels))
+    parts = HDCClassifier()
+    for i in order[:20]:
+        parts.partial_fit(frames[i : i + 1], labels[i : i + 1])
+    parts.save(tmp_path / "m")
+    parts = HDCClassifier.load(tmp_path / "m")
+    parts.merge(HDCClassifier().partial_fit(frames[order[20:]], labels[order[20:]]))
+    assert torch.equal(parts.prototypes_, whole.prototypes_)
+
+
+def test_both_ways_of_recalibration_are_balanced() -> None:
+    for method in ("replace", "merge"):
+        scores = []
+        for seed in range(4):
+            old, test = frames_of([4] * 5, seed), frames_of([60] * 5, seed)
+            new = frames_of([5, 4, 4, 4, 4], seed)
+            for b in (False, True):
+                model = HDCClassifier(balance=b).fit(*old)
+                scores.append(model.recalibrate(*new, p=0.9, method=method).score(*test))
+        published, balanced = np.mean(np.reshape(scores, (4, 2)), 0)
+        assert balanced > published + 0.02
+
+
+def test_thinned_counts_are_those_of_random_subsets() -> None:
+    n, size = 12, 5
+    ones = torch.arange(13).repeat(4000)[None]  # each count 4000 times
+    counters = Counters.from_counts(torch.cat((ones, ones.clamp(max=4))), torch.tensor([n, 4]))
+    thinned = counters.thinned(size, seed=3)
+    assert thinned.n.tolist() == [size, 4]
+    assert torch.equal(thinned.counts()[1], ones[0].clamp(max=4))
+    drawn = thinned.counts()[0].double().view(4000, 13)
+    k = torch.arange(13).double()
+    variance = size * k / n * (1 - k / n) * (n - size) / (n - 1)
+    assert ((drawn.mean(0) - size * k / n).abs() <= 5 * (variance / 4000).sqrt()).all()
+    torch.testing.assert_close(drawn.var(0), variance, rtol=0.15, atol=1e-12)
+    assert torch.equal(counters.thinned(size, seed=3).planes, thinned.planes)
+    assert not torch.equal(counters.thinned(size, seed=4).planes, thinned.planes)
+    for c in range(2):
+        expected = thinned.prototype(c, "one")
+        assert torch.equal(counters.prototype(c, "one", seed=3, size=size), expected)
