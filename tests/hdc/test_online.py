@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from hydra.utils import instantiate
-from omegaconf import OmegaConf
-from sklearn.base import clone
 
-from experiments.protocol.model import Model
 from hdc import HDCClassifier, bits, classifier
 from hdc.encode import encode
 from hdc.online import OnlineHDCClassifier
@@ -97,49 +92,6 @@ def test_batches_and_a_file_between_them_change_nothing(tmp_path):
     assert repr(whole).startswith("OnlineHDCClassifier(bundle=2, correction=1,")
 
 
-class Lazy:
-    """A FrameSource that makes its frames only when indexed."""
-
-    def __init__(self, images):
-        self._images, self.shape = images, tuple(images.shape)
-
-    def __len__(self):
-        return len(self._images)
-
-    def __getitem__(self, index):
-        return self._images[index].clone()
-
-
-def test_contract_of_a_model(monkeypatch):
-    monkeypatch.setattr(classifier, "CHUNK", 16)
-    frames, labels = touches()
-    model = OnlineHDCClassifier()
-    assert isinstance(model, Model)
-    model.fit(*touches(12, 3, (5, 9)))  # is forgotten
-    seen = []
-    for report in model.train(Lazy(frames), labels):
-        seen.append(report["samples_seen"])
-        assert model.predict(frames[:3]).shape == (3,)
-    assert seen == sorted(set(seen))
-    assert seen[-1] == 60
-    again = clone(model).fit(frames, labels)
-    assert again.get_params() == model.get_params()
-    assert torch.equal(again.state_tensors()["prototypes"], model.state_tensors()["prototypes"])
-    assert (model.predict(frames) == labels).mean() > 0.6
-    before = model.distances(frames)
-    model.state_tensors()["prototypes"].view(-1).bitwise_not_()
-    assert (model.distances(frames) != before).any()
-
-
-def test_the_config_builds_it():
-    config = OmegaConf.create(
-        {"seed": {"init": 5}, "device": "cpu", "model": OmegaConf.load(CONFIG).model}
-    )
-    model = instantiate(config.model, _convert_="all")
-    assert isinstance(model, OnlineHDCClassifier)
-    assert (model.bundle, model.correction, model.seed) == (2, 1, 5)
-
-
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -155,28 +107,8 @@ def test_weights_are_checked(given, message):
         OnlineHDCClassifier(**given).fit(*touches())
 
 
-def test_memory_does_not_grow_with_the_number_of_frames(monkeypatch):
-    monkeypatch.setattr(classifier, "CHUNK", 8)
-    peaks = []
-    for n in (32, 256):
-        frames, labels = touches(n, 2, (100, 100))
-        tracemalloc.start()
-        OnlineHDCClassifier().fit(frames, labels)
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-    assert peaks[1] < peaks[0] + 10 * 1250 + 50_000  # a few planes more for larger counts
-
-
 def test_what_is_no_sum_is_not_merged():
     frames, labels = touches()
     model = OnlineHDCClassifier().fit(frames, labels)
     with pytest.raises(ValueError, match="merge: expected models whose training is a sum"):
         model.merge(OnlineHDCClassifier().fit(frames, labels))
-
-
-def test_told_classes_are_not_what_a_sample_is_taken_for():
-    frames, labels = touches()
-    told = OnlineHDCClassifier().partial_fit(frames, labels, classes=range(9))
-    plain = OnlineHDCClassifier().fit(frames, labels)
-    assert torch.equal(told.prototypes_[:4], plain.prototypes_)
-    assert (told.predict(frames) == plain.predict(frames)).all()
