@@ -24,6 +24,7 @@ classes together, not of each, and holds as far as their distances spread alike.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -154,6 +155,13 @@ def p_values(peers: Sequence[Peers | None], words: Tensor, alpha: float) -> np.n
     A class without kept frames has p = 0.
     """
     result = np.zeros((len(words), len(peers)))
+    n = sum(len(own.constant) for own in peers if own is not None)
+    if (n + 1) * alpha < 1:
+        warnings.warn(
+            f"{alpha:g} of known frames: expected at least {1 / (n + 1):.2g}, as {n} training "
+            "frames are kept; no frame is refused",
+            stacklevel=2,
+        )
     for c, own in enumerate(peers):
         if own is None:
             continue
