@@ -75,7 +75,7 @@ def _status(arguments: Sequence[str] | None) -> int:
             f"error: expected the package {package}, found none; "
             f"pip install 'speckle-hdc[{extra}]'", 1
         )  # fmt: skip
-    except BrokenPipeError:  # whoever read the output has seen enough
+    except BrokenPipeError:  # the reader of the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except (ValueError, OSError) as error:

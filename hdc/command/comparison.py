@@ -95,25 +95,26 @@ def coordinates(
 
     Centred G = V·S²·Vᵀ gives the training frames V·S, and test frames by their inner products.
     """
-    own, other = products[np.ix_(train, train)], products[np.ix_(test, train)]
-    mean = own.mean(0)
-    centred = own - mean - mean[:, None] + own.mean()
-    other = other - other.mean(1, keepdims=True) - mean + own.mean()
+    trained, queries = products[np.ix_(train, train)], products[np.ix_(test, train)]
+    mean = trained.mean(0)
+    centred = trained - mean - mean[:, None] + trained.mean()
+    queries = queries - queries.mean(1, keepdims=True) - mean + trained.mean()
     squares, basis = np.linalg.eigh(centred)
-    kept = squares > max(squares[-1], 0) * len(own) * np.finfo(np.float32).eps
+    kept = squares > max(squares[-1], 0) * len(trained) * np.finfo(np.float32).eps
     if not kept.any():
         raise ValueError("frames: expected some that differ, found all alike")
     scale = np.sqrt(squares[kept])
-    unit = 1 / np.sqrt(np.trace(centred) / len(own))  # so that penalties mean the same everywhere
-    return unit * basis[:, kept] * scale, unit * (other @ basis[:, kept]) / scale
+    unit = 1 / np.sqrt(
+        np.trace(centred) / len(trained)
+    )  # so that penalties mean the same everywhere
+    return unit * basis[:, kept] * scale, unit * (queries @ basis[:, kept]) / scale
 
 
 def _prototypes(data: Frames, labels: np.ndarray, train: np.ndarray, test: np.ndarray) -> Any:
     classes = range(labels.max() + 1)
     majorities = [bits.majority(data.words[train[labels[train] == c]]) for c in classes]
-    return bits.hamming(data.words[test], torch.stack([*map(torch.atleast_1d, majorities)])).argmin(
-        1
-    )
+    prototypes = torch.stack([torch.atleast_1d(majority) for majority in majorities])
+    return bits.hamming(data.words[test], prototypes).argmin(1)
 
 
 def _neighbours(data: Frames, labels: np.ndarray, train: np.ndarray, test: np.ndarray) -> Any:
@@ -125,18 +126,18 @@ def _neighbours(data: Frames, labels: np.ndarray, train: np.ndarray, test: np.nd
 def _nearest_mean(products: str) -> Callable[..., Any]:
     def predict(data: Frames, labels: np.ndarray, train: np.ndarray, test: np.ndarray) -> Any:
         """|x − m|² but for |x|², of the mean m of each class, by inner products alone."""
-        own, other = (getattr(data, products)[np.ix_(i, train)] for i in (train, test))
+        trained, queries = (getattr(data, products)[np.ix_(i, train)] for i in (train, test))
         members = np.eye(labels.max() + 1)[labels[train]]
         weights = members / members.sum(0)
-        return (np.sum(weights * (own @ weights), 0) - 2 * other @ weights).argmin(1)
+        return (np.sum(weights * (trained @ weights), 0) - 2 * queries @ weights).argmin(1)
 
     return predict
 
 
 def _linear(products: str, estimator: Callable[[], Any]) -> Callable[..., Any]:
     def predict(data: Frames, labels: np.ndarray, train: np.ndarray, test: np.ndarray) -> Any:
-        own, other = coordinates(getattr(data, products), train, test)
-        return estimator().fit(own, labels[train]).predict(other)
+        trained, queries = coordinates(getattr(data, products), train, test)
+        return estimator().fit(trained, labels[train]).predict(queries)
 
     return predict
 
@@ -209,7 +210,7 @@ def compare(
         draws: random choices of test frames, and of training frames at each number a class.
 
     Returns:
-        What the page and the table show, as JSON has it: a curve for each split and method.
+        Contents of the table and the page, as JSON has it: a curve for each split and method.
     """
     load = os.getloadavg()[0] / (os.cpu_count() or 1)
     names, n = recording.names, len(recording)
@@ -285,11 +286,11 @@ def _curves(
         if size == 0 and all(np.array_equal(train, chosen[0][0]) for train, _ in chosen):
             chosen = chosen[:1]  # of an ordered split there is one choice of all frames
         for name, method in METHODS.items():
-            right, asked = np.zeros(len(labels)), np.zeros(len(labels))
+            right, tested = np.zeros(len(labels)), np.zeros(len(labels))
             for train, test in chosen:
                 right[test] += np.asarray(method.predict(data, labels, train, test)) == labels[test]
-                asked[test] += 1
-            shares = right[asked > 0] / asked[asked > 0]
+                tested[test] += 1
+            shares = right[tested > 0] / tested[tested > 0]
             low, high = wilson(shares.sum(), len(shares))
             curves[name].append(
                 {"frames_a_class": len(chosen[0][0]) / len(members), "accuracy": shares.mean(),
@@ -361,7 +362,7 @@ def _progress(total: float) -> Iterator[Callable[[str, float], None]]:
 
 
 def conditions(result: dict[str, Any]) -> str:
-    """What was compared on what."""
+    """Frames, split and threads, and whether the cores were busy."""
     height, width = result["shape"]
     text = (
         f"{result['frames']} frames of {len(result['classes'])} classes, {width} × {height} "

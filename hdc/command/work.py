@@ -239,8 +239,8 @@ def _score(
     names = [str(c) for c in model.classes_]
     row = {name: k for k, name in enumerate(names)}
     truth = [recording.names[i] for i in index]
-    found, true = (np.array([row[str(x)] for x in some]) for some in (answers, truth))
-    counts, share = confusion(found, true, len(names)), accuracy(found, true)
+    predicted, true = (np.array([row[str(x)] for x in some]) for some in (answers, truth))
+    counts, share = confusion(predicted, true, len(names)), accuracy(predicted, true)
     right = int(np.trace(counts))
     low, high = wilson(right, len(index))
     text = [
@@ -309,7 +309,7 @@ def recalibrate(
 
 
 def info(path: Path, as_json: bool) -> str:
-    """What a model was trained on."""
+    """Rows on how a model was trained."""
     model, window = load(path)
     rows: dict[str, Any] = {
         "file": f"{shown(path)}, {path.stat().st_size} bytes",

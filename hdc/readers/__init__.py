@@ -80,7 +80,7 @@ def open_recording(
         fewest_classes: a recording of fewer is refused.
 
     Returns:
-        Frames, labels or None, values or None, and ``others``, the files that are no frames.
+        Frames, labels or None, values or None, and ``other_files``, the files that are no frames.
 
     Raises:
         SettingError: a setting is out of range, or the path leads to no recording.

@@ -253,7 +253,7 @@ def open_listing(
         values=None if listing.values is None else listing.values[good],
         value_names=listing.value_names,
         skipped=tuple(problems),
-        others=tuple(map(shown, listing.others)),
+        other_files=tuple(map(shown, listing.other_files)),
         size=window.shape(*first[0][0]) if first else None,
     )
 

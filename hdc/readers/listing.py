@@ -35,7 +35,7 @@ class Listing:
     classes: list[str] | None = None
     values: np.ndarray | None = None
     value_names: tuple[str, ...] = ()
-    others: list[str] = field(default_factory=list)
+    other_files: list[str] = field(default_factory=list)
 
 
 def list_folder(
@@ -115,8 +115,8 @@ def _from_folders(root: Path) -> Listing:
             f"template, found {'images in no sub-folder' if any(map(is_image, files)) else 'none'}"
         )
     labels = [label(file.split("/")[0], shown(root / file)) for file in inside]
-    others = sorted(set(files) - set(inside), key=natural_key)
-    return Listing([root / file for file in inside], labels, {}, others=others)
+    other_files = sorted(set(files) - set(inside), key=natural_key)
+    return Listing([root / file for file in inside], labels, {}, other_files=other_files)
 
 
 # Templates ---------------------------------------------------------------------------------------
@@ -147,18 +147,22 @@ def template_pattern(template: str) -> re.Pattern[str]:
 
 
 def _from_template(root: Path, pattern: re.Pattern[str]) -> Listing:
-    files, fields, others = [], [], []
+    files, fields, other_files = [], [], []
     for file in all_files(root):
         match = pattern.fullmatch(file) if is_image(file) else None
         if match is None:
-            others.append(file)
+            other_files.append(file)
         else:
             files.append(file)
             fields.append(match.groupdict())
     if not {"label", "value"} & set(pattern.groupindex):
         raise SettingError("template: expected a field {label} or {value}, or a table, found none")
     if not files:
-        first = f"none in {len(others)} files, such as {shown(others[0])}" if others else "no files"
+        first = (
+            f"none in {len(other_files)} files, such as {shown(other_files[0])}"
+            if other_files
+            else "no files"
+        )
         raise ValueError(
             f"{shown(root)}: expected images whose path is as the template says, found {first}"
         )
@@ -172,7 +176,7 @@ def _from_template(root: Path, pattern: re.Pattern[str]) -> Listing:
         _samples(columns),
         values=np.array(values, dtype=float)[:, None] if values else None,
         value_names=("value",) if values else (),
-        others=others,
+        other_files=other_files,
     )
 
 
@@ -206,7 +210,7 @@ def _from_table(
     required = (image_column, *["label"] * manifest, *value_columns)
     names: list[str] = []
     seen: set[str] = set()
-    rows, others = [], []
+    rows, other_files = [], []
     for where, row in read_csv(table, required=required):
         name = row.pop(image_column)
         path = PurePosixPath(name)
@@ -214,7 +218,7 @@ def _from_table(
             raise ValueError(f"{where}: expected a path inside the folder, found {name!r}")
         match = pattern.fullmatch(str(path)) if pattern else None
         if pattern and match is None:
-            others.append(name)
+            other_files.append(name)
             continue
         row |= match.groupdict() if match else {}
         if "label" in row:
@@ -250,7 +254,7 @@ def _from_table(
         classes,
         np.stack([columns[n].astype(float) for n in value_columns], 1) if value_columns else None,
         tuple(value_columns),
-        others,
+        other_files,
     )
 
 

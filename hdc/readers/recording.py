@@ -78,7 +78,7 @@ class Recording:
         values: float64 [N, k], the numbers to learn; None where there are none.
         value_names: their k names.
         skipped: a line for each frame that cannot be used, with the reason.
-        others: names of files that are no frames of the recording.
+        other_files: names of files that are no frames of the recording.
         each: frames [H, W] of indices [n], one after the other, decoded ahead of the caller.
         place: file of a frame, or its place in one, for messages.
         digest: gives that of the recorded bytes, in their order, and of the skipped frames.
@@ -96,7 +96,7 @@ class Recording:
     values: np.ndarray | None = None
     value_names: tuple[str, ...] = ()
     skipped: tuple[str, ...] = ()
-    others: tuple[str, ...] = ()
+    other_files: tuple[str, ...] = ()
     size: tuple[int, int] | None = None
 
     def __len__(self) -> int:
@@ -171,7 +171,7 @@ class Recording:
     def left_out(self, most: int = 3) -> str:
         """One line on frames and files that were left out, with the first names; or nothing."""
         parts = []
-        for kind, items in (("bad frame", self.skipped), ("other file", self.others)):
+        for kind, items in (("bad frame", self.skipped), ("other file", self.other_files)):
             if items:
                 names = ", ".join(map(shown, items[:most])) + ", …" * (len(items) > most)
                 parts.append(f"left out {len(items)} {kind}{'s' * (len(items) > 1)}: {names}")
@@ -211,8 +211,8 @@ def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> Non
         values = samples.get(key, np.zeros(n))
         if values.shape != (n,) or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
             raise ValueError(
-                f"{shown(where)}: expected {n} numbers in the column {key}, found others "
-                f"({values.dtype} {values.shape})"
+                f"{shown(where)}: expected {n} numbers in the column {key}, found "
+                f"{values.dtype} {values.shape}"
             )
 
 

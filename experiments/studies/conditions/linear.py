@@ -1,8 +1,9 @@
 """Initial weights of softmax regression and the logits they give, for ``baselines.dual.Descent``.
 
-The initial weights W₀ enter gradient descent in sample space through Z₀ = X·W₀ᵀ + b₀ alone. W₀ is the sum of a part in the span of the training frames and a part orthogonal to it. Gradients
-never change the second part and training frames do not see it. A start projected on the span
-therefore trains alike, and its test logits differ by X_test·W₀ᵀ − K_test·K⁻¹·X_train·W₀ᵀ.
+The initial weights W₀ enter gradient descent in sample space through Z₀ = X·W₀ᵀ + b₀ alone. W₀ is
+the sum of a part in the span of the training frames and a part orthogonal to it. Gradients never
+change the second part and training frames do not see it. A start projected on the span therefore
+trains alike, and its test logits differ by X_test·W₀ᵀ − K_test·K⁻¹·X_train·W₀ᵀ.
 """
 
 from __future__ import annotations

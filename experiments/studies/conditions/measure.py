@@ -1,7 +1,7 @@
 """Train softmax regression under the conditions that Table I leaves open.
 
-The paper gives the learning rate, 1e-4, but not the optimiser, the batch, the initial weights or the
-scale of the pixels. Gradient descent and SGD are computed exactly in sample space; Adam and the
+The paper gives the learning rate, 1e-4, but not the optimiser, the batch, the initial weights or
+the scale of the pixels. Gradient descent and SGD are computed exactly in sample space; Adam and the
 networks are ordinary runs of ``model=softmax``, ``cnn1`` and ``cnn3``.
 """
 
@@ -41,10 +41,10 @@ def table1_conditions(
 ) -> Iterator[Row]:
     """One row: one training of softmax regression from one draw of initial weights.
 
-    Columns: ``seed`` of the sensor, ``pixels``, ``method``, ``start``, ``sigma`` (standard deviation
-    of an initial weight), ``draw``; for each level ``NAME`` of training accuracy
-    ``steps_NAME``, ``train_NAME``, ``test_NAME`` and ``projected_NAME`` (test accuracy had the start
-    been projected on the span of the training frames), None if not reached; ``across`` of
+    Columns: ``seed`` of the sensor, ``pixels``, ``method``, ``start``, ``sigma`` (standard
+    deviation of an initial weight), ``draw``; for each level ``NAME`` of training accuracy
+    ``steps_NAME``, ``train_NAME``, ``test_NAME`` and ``projected_NAME`` (test accuracy had the
+    start been projected on the span of the training frames), None if not reached; ``across`` of
     :class:`~experiments.studies.conditions.linear.Problem`; ``hdc``, test accuracy of HDC.
 
     Args:
@@ -54,8 +54,8 @@ def table1_conditions(
         pixels: scalings, of ``linear.SCALINGS``.
         starts: rules of ``linear.Start`` other than normal.
         normal: standard deviations of normal weights.
-        methods: ``GD`` and ``SGD``: ``batch`` (null: all frames), ``reports_per_epoch`` and the most
-            ``steps``.
+        methods: ``GD`` and ``SGD``: ``batch`` (null: all frames), ``reports_per_epoch`` and the
+            most ``steps``.
         rate: learning rate.
         levels: training accuracies: ``90`` is exceeded, ``end`` is reached and ends a training.
 

@@ -39,15 +39,15 @@ USED_BY = {
 STUDY = Study(
     "conditions",
     "What would have to be true for Table I",
-    "The paper gives the learning rate, but not the optimiser, the initial weights, the scale of the "
-    "pixels or when training was stopped. Which of them give the published row, and does the effect "
-    "disappear when its cause is removed?",
+    "The paper gives the learning rate, but not the optimiser, the initial weights, the scale of "
+    "the pixels or when training was stopped. Which of them give the published row, and does the "
+    "effect disappear when its cause is removed?",
     order=1.5,
     front=True,
 )
 COLUMNS = {
-    "method": Column("Optimiser, batch", METHODS.get),
-    "pixels": Column("Pixels", PIXELS.get),
+    "method": Column("Optimiser, batch", lambda name: METHODS[name]),
+    "pixels": Column("Pixels", lambda name: PIXELS[name]),
     "start": Column("Initial weights"),
     "sigma": Column("σ", number),
     "trials": Column("Trials", str),
@@ -72,9 +72,9 @@ COLUMNS = {
     NAME,
     of=NAME,
     title="Softmax regression by gradient descent and SGD, over what the paper does not state",
-    note="Trials: sensors times draws of the initial weights; accuracies are means over them, steps "
-    "medians. As published: training and test accuracy lie within the published intervals at the "
-    "step where training reaches the published maximum, and HDC has at least 99 % on the same "
+    note="Trials: sensors times draws of the initial weights; accuracies are means over them, "
+    "steps medians. As published: training and test accuracy lie within the published intervals at "
+    "the step where training reaches the published maximum, and HDC has at least 99 % on the same "
     "frames. Start projected: without the part of the initial weights that is orthogonal to all "
     "training frames, which training never changes. A dash: not reached in most trials.",
     columns=COLUMNS,
@@ -105,9 +105,9 @@ def as_published(trials: pd.DataFrame) -> pd.Series:
     f"{NAME}_times",
     title="Time ratios of the conditions that give the published accuracies",
     note="Conditions with the published accuracies in at least 80 % of the trials. Seconds a step: "
-    "of ordinary runs of softmax regression with this optimiser and batch on the machine of the HDC "
-    "runs, frames in memory, without evaluation. × HDC: over the median training time of HDC there. "
-    "A dash: there is no such run. The paper's machine is another.",
+    "of ordinary runs of softmax regression with this optimiser and batch on the machine of the "
+    "HDC runs, frames in memory, without evaluation. × HDC: over the median training time of HDC "
+    "there. A dash: there is no such run. The paper's machine is another.",
     columns=COLUMNS,
     commands=(
         f"{RUN}{NAME}",
@@ -184,8 +184,8 @@ _METHODS = {"GD": ("-", None), "SGD": (":", "white")}
     of=NAME,
     caption="Softmax regression by the scale of its initial weights: steps until training exceeds "
     "90 %, test accuracy where training reaches the published 99.2 %, and test error there against "
-    "the noise that training never removes from a test logit. On pixels of 0…255 a single step moves "
-    "the logits by more than that.",
+    "the noise that training never removes from a test logit. On pixels of 0…255 a single step "
+    "moves the logits by more than that.",
     size=(3.4, 6.6),
 )
 def figure(figure: Figure, rows: pd.DataFrame, config: dict[str, Any]) -> None:
@@ -221,7 +221,8 @@ def _against_sigma(axes: Axes, trials: pd.DataFrame, column: str, summary: Any) 
     for (method, pixels), part in trials.groupby(["method", "pixels"], sort=False):
         (colour, marker), (line, fill) = _PIXELS[pixels], _METHODS[method]
         values = part.groupby("sigma")[column].agg(summary)
-        look = {"color": colour, "marker": marker, "ls": line, "mfc": fill or colour}
+        look: dict[str, Any] = {"color": colour, "marker": marker, "ls": line}
+        look["mfc"] = fill or colour
         axes.plot([smallest] * (0.0 in values), values[values.index == 0], **look)
         axes.plot(values[values.index > 0], **look)
     ticks = {smallest: "0", 0.001: "0.001", 0.01: "0.01", 0.1: "0.1"}

@@ -111,22 +111,26 @@ def hdc_right(
 ) -> list[int]:
     """Test samples that HDC has right after the first n of `order`, for each n of `sizes`.
 
-    A further sample changes one class only: its counters, its prototype, its distances.
+    A further sample changes one class, or all where prototypes are balanced and the smallest class
+    grew: its counters, its prototype, its distances.
 
     Args:
         words, labels: hypervectors int64 [N, W] of D = `dimension`, and classes int64 [N].
         order, test: indices; the first sizes[0] of `order` have every class.
         sizes: increasing by one.
-        model: its rule of ties decides.
+        model: its ties and its balance count.
     """
     counters = Counters(int(labels.max()) + 1, dimension)
     distances = np.empty((len(test), len(counters.n)), np.int64)
     targets, right = torch.from_numpy(labels[order]), []
+    size: int | None = None
     for k in range(sizes[-1]):
         counters.add(words[order[k : k + 1]], targets[k : k + 1])
-        c = int(targets[k])
-        prototype = counters.prototype(c, model.ties, model.seed)
-        distances[:, c] = bits.hamming(words[test], prototype[None])[:, 0]
+        before, size = size, int(counters.n[counters.n > 0].min()) if model.balance else None
+        changed = [int(targets[k])] if size == before else counters.n.nonzero().flatten().tolist()
+        for c in changed:
+            prototype = counters.prototype(c, model.ties, model.seed, size=size)
+            distances[:, c] = bits.hamming(words[test], prototype[None])[:, 0]
         if k + 1 in sizes:
             right.append(int((distances.argmin(1) == labels[test]).sum()))
     return right

@@ -32,8 +32,7 @@ from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.subsets import Products, models_of
 from hdc import HDCClassifier, bits
 from hdc.encode import encode
-from hdc.prototypes import Counters, recalibrate
-from hdc.recalibration import merged
+from hdc.prototypes import Counters, merged, recalibrate
 from scenes.frames import Scene
 from scenes.split import by_session, learning_curve_subsets, split
 

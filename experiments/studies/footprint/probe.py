@@ -64,24 +64,16 @@ def main(scene_name: str, model_name: str, frames: str) -> None:
     print(json.dumps(row))
 
 
-def parts(root: Any) -> set[str]:
+def parts(item: Any, seen: set[int] | None = None) -> set[str]:
     """Classes of the project's objects that are reachable from this one."""
-    names: set[str] = set()
-    seen: set[int] = set()
-    waiting = [root]
-    while waiting:
-        item = waiting.pop()
-        if id(item) in seen:
-            continue
-        seen.add(id(item))
-        if isinstance(item, dict):
-            waiting += item.values()
-        elif isinstance(item, list | tuple):
-            waiting += item
-        elif type(item).__module__.startswith("scenes."):
-            names.add(type(item).__name__)
-            waiting += vars(item).values()
-    return names
+    seen = set() if seen is None else seen
+    if id(item) in seen:
+        return set()
+    seen.add(id(item))
+    ours = type(item).__module__.startswith("scenes.")
+    held = vars(item).values() if ours else item.values() if isinstance(item, dict) else ()
+    held = item if isinstance(item, list | tuple) else held
+    return {type(item).__name__ for _ in range(ours)}.union(*(parts(x, seen) for x in held))
 
 
 if __name__ == "__main__":

@@ -26,22 +26,26 @@ COLOURS = {"float32": "#0072B2", "mixed": "#009E73", "float64": "#D55E00"}  # Ok
     "numerics",
     of="numerics",
     caption="Error against CPU time, one thread: the field of a path by its phase, and the mean "
-    "correlation of a class (Eq. 4) for two kinds of frames. Dashed: the error that is tolerable, the "
-    "camera's read noise and half of the last digit that the paper prints.",
+    "correlation of a class (Eq. 4) for two kinds of frames. Dashed: the error that is tolerable, "
+    "the camera's read noise and half of the last digit that the paper prints.",
     size=(3.4, 5.2),
 )
 def error_against_time(figure: Figure, rows: pd.DataFrame, config: dict[str, Any]) -> None:
     """A panel an input: a colour a precision, a marker a method."""
     every = figure.subplots(rows["input"].nunique(), 1)
-    for axes, letter, (name, part) in zip(every, "abc", rows.groupby("input", sort=False)):
+    for axes, letter, (name, part) in zip(
+        every, "abc", rows.groupby("input", sort=False), strict=True
+    ):
         markers = dict(zip(part["method"].unique(), "os^", strict=False))
         for row in part.to_dict("records"):
             look = {"marker": markers[row["method"]], "color": COLOURS[row["number"]]}
             axes.plot(1e3 * row["time_s"], max(row["error"], FLOOR), **look)
         axes.set(xscale="log", yscale="log", xlabel="CPU time (ms)", ylabel="error")
-        axes.margins(x=0.15, y=0.15)
+        axes.set_xlim(300 * part["time_s"].min(), 3000 * part["time_s"].max())
+        axes.tick_params(axis="x", labelsize=6)
+        axes.margins(y=0.15)
         axes.axhline(part["tolerance"].iloc[0], color="0.5", lw=0.8, ls="--", zorder=0)
-        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
         axes.xaxis.set_minor_locator(NullLocator())
         plain_decades(axes)
         panel(axes, letter, name if name == "phases" else f"mean correlation, {name}")

@@ -6,6 +6,7 @@ Scenes of measured optics come before simulated ones.
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Iterator
 
 import numpy as np
@@ -90,7 +91,7 @@ def groups(results: Results) -> list[Group]:
     def place(group: Group) -> tuple[bool, int, str, bool]:
         at = order.index(group.scene) if group.scene in order else len(order)
         simulated = group.runs[0].record.scene.origin == "simulated"
-        return simulated, at, group.scene, group.model != "hdc"
+        return simulated, at, group.scene, group.model.partition(" (")[0] != "hdc"
 
     return sorted(whole.values(), key=place)
 
@@ -119,8 +120,8 @@ def few_samples(results: Results) -> dict[str, list[Row]]:
 @STUDY.table(
     EXPERIMENT,
     title="Every model on every scene",
-    note="Fibre: frames computed from measured transmission matrices. Each model on all pixels of a "
-    "scene and the most training samples that it was given.",
+    note="Fibre: frames computed from measured transmission matrices. Each model on all pixels of "
+    "a scene and the most training samples that it was given.",
     shown=SHOWN,
     key=("scene", "model"),
 )
@@ -152,9 +153,8 @@ def errors_by_scene(figure: Figure, results: Results) -> None:
         if line["model"] in models or line["model"] in results.extra_models(line["scene"]):
             scenes.setdefault(line["scene"], []).append(line)
     scenes = {scene: lines for scene, lines in scenes.items() if len(lines) > 1} or scenes
-    for axes, letter, (scene, lines) in zip(
-        grid(figure, len(scenes), 1.6), LETTERS, scenes.items()
-    ):
+    panels = grid(figure, len(scenes), 1.6)
+    for axes, letter, (scene, lines) in zip(panels, LETTERS, scenes.items(), strict=False):
         _errors(axes, lines)
         axes.set(xlabel="training time (s)", ylabel="test error (%)")
         panel(axes, letter, f"{literal(scene)}\n{lines[0]['origin']}")
@@ -208,22 +208,25 @@ def grid(figure: Figure, n: int, height: float) -> list[Axes]:
 
 @STUDY.figure(
     "confusions",
-    caption="Confusion of the classes by HDC, in percent of the true label (rows), test samples of all "
-    "seeds together (Figs. 5(a), 6(b) and 9(d)); less than 0.5 % is left blank.",
+    caption="Confusion of the classes by HDC, in percent of the true label (rows), test samples of "
+    "all seeds together (Figs. 5(a), 6(b) and 9(d)); less than 0.5 % is left blank.",
     needs=lambda results: bool(confused(results)),
     commands=(f"{RUN}scenes", f"{RUN}{EXPERIMENT}", f"{RUN}tactile_controls"),
 )
 def confusions(figure: Figure, results: Results) -> None:
     """A panel a scene."""
     chosen = confused(results)
-    for axes, letter, group in zip(grid(figure, len(chosen), 1.55), LETTERS, chosen):
+    panels = grid(figure, len(chosen), 1.55)
+    for axes, letter, group in zip(panels, LETTERS, chosen, strict=False):
         confusion(axes, group)
         axes.set(xlabel="predicted", ylabel="true")
         axes.tick_params(axis="x", rotation=90)
         of = f", {PAPER[group.scene]}" if group.scene in PAPER else ""
-        by = "" if group.model == "hdc" else f"{rows_of.display_name(group.model)}, "
+        name = group.model.partition(" (")[0]
+        by = "" if name == "hdc" else f"{rows_of.display_name(name)}, "
         accuracy = 100 * estimates.share(group).value
-        panel(axes, letter, f"{literal(group.scene)}{of}\n{by}{accuracy:.1f} %")
+        scene = textwrap.fill(literal(group.scene.replace("_", " ")), 17)
+        panel(axes, letter, f"{scene}{of}\n{by}{accuracy:.1f} %")
     frames = rows_of.frames_of([{"origin": g.runs[0].record.scene.origin} for g in chosen])
     head(figure, "Confusion by HDC, % of the true label", [frames])
 
@@ -362,11 +365,15 @@ def quantities(results: Results) -> Iterator[Quantity]:
             )
     group = results.group("spatial", "hdc")
     errors = [1e3 * np.abs(position_errors(run.record)) for run in group.runs]
-    summaries = {"mean": np.mean, "median": np.median, "p95": lambda e: np.percentile(e, 95)}
-    for name, summary in summaries.items() if errors else ():
+    summaries = {
+        "mean": [error.mean() for error in errors],
+        "median": [np.median(error) for error in errors],
+        "p95": [np.percentile(error, 95) for error in errors],
+    }
+    for name, values in summaries.items() if errors else ():
         yield Quantity.of(
             f"spatial/{name}_position_error",
-            estimates.one_sensor([float(summary(error)) for error in errors]),
+            estimates.one_sensor([float(value) for value in values]),
             ONE_SENSOR,
             n=sum(map(len, errors)),
             seeds=len(group.runs),

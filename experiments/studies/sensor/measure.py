@@ -106,7 +106,9 @@ def _of_drift(
 ) -> Iterator[Value]:
     """Accuracy in the second session, of the stored prototypes and after an update."""
     choice = choose(scene, split, n_test, "random", seed)
-    rows = updates(Sessions(scene), choice, HDCClassifier(), [n_new], [p], "random", 1, seed)
+    rows = updates(
+        Sessions(scene), choice, HDCClassifier(balance=False), [n_new], [p], "random", 1, seed
+    )
     for row in rows:
         if kind := {"stored": "stored", "replace": "recovered"}.get(row["method"]):
             share = 100 * row["right_new"] / row["n_test_new"]
@@ -117,5 +119,5 @@ def _accuracy(scene: Scene, split: Mapping[str, Any], seed: int) -> tuple[int, f
     """Training samples, and HDC's test accuracy in percent."""
     train, test = data.choose(scene, split, seed)
     seen, asked = (data.take(scene, part, Clock("cpu")) for part in (train, test))
-    predicted = HDCClassifier().fit(seen, scene.labels[train]).predict(asked)
+    predicted = HDCClassifier(balance=False).fit(seen, scene.labels[train]).predict(asked)
     return len(train), 100 * float((predicted == scene.labels[test]).mean())

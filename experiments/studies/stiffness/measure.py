@@ -1,9 +1,9 @@
 """Training as a stiff problem: the largest stable learning rate, predicted and measured.
 
-Gradient descent is the explicit Euler method on the gradient flow, stable for rates below 2/λ_max of
-the Hessian. That limit is computed where training starts, and rates are swept across it: from zero
-weights, and from the optimum of the penalised loss, slightly perturbed, where the theory is local
-and sharp. For SGD the prediction takes the mean λ_max of the minibatches.
+Gradient descent is the explicit Euler method on the gradient flow, stable for rates below 2/λ_max
+of the Hessian. That limit is computed where training starts, and rates are swept across it: from
+zero weights, and from the optimum of the penalised loss, slightly perturbed, where the theory is
+local and sharp. For SGD the prediction takes the mean λ_max of the minibatches.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def stiffness(
     """One row: descent of softmax regression at one learning rate.
 
     Columns: ``pixels``, ``method``, ``start``, ``lambda_max`` at the start, ``predicted`` limit,
-    ``rate``, those of :func:`verdict`, and ``lambda_end``, λ_max at the end of gradient descent from
-    zero weights (None elsewhere).
+    ``rate``, those of :func:`verdict`, and ``lambda_end``, λ_max at the end of gradient descent
+    from zero weights (None elsewhere).
 
     Args:
         scene, split: as in the configuration of a run.
@@ -52,8 +52,8 @@ def stiffness(
         steps: of gradient descent at each rate.
         epochs: of SGD at each rate.
         exponents: k of the rates 2^(k/2 + 1/4) times the predicted limit, which lies between two.
-        penalty: of the loss whose optimum is the second start, in mean eigenvalues of the Hessian at
-            the first.
+        penalty: of the loss whose optimum is the second start, in mean eigenvalues of the Hessian
+            at the first.
     """
     made = run.scene(scene, seed)
     train, _ = data.choose(made, split, seed)

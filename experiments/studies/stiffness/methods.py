@@ -1,9 +1,9 @@
 """Error against run time: explicit, adaptive, quasi-Newton and Newton methods, one objective.
 
 All minimise the mean cross-entropy of softmax regression on pixels in 0…1 with the penalty of
-scikit-learn's LogisticRegression, F(W, b) = mean loss + ‖W‖²/(2CN). The error of a method is F − F*,
-F* from the dual Newton method at its tightest tolerance; F is evaluated in float64 with the clock
-stopped, on the weights that a prediction would use (float32).
+scikit-learn's LogisticRegression, F(W, b) = mean loss + ‖W‖²/(2CN). The error of a method is F −
+F*, F* from the dual Newton method at its tightest tolerance; F is evaluated in float64 with the
+clock stopped, on the weights that a prediction would use (float32).
 
 Gradient descent takes 0.9 of the largest stable rate, on pixels and, a thousand times cheaper, in
 sample space. ``unit`` and ``unit_centred`` pixels have the same optimum but not the same stiffness.
@@ -12,6 +12,7 @@ sample space. ``unit`` and ``unit_centred`` pixels have the same optimum but not
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,8 +22,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from baselines.base import Classifier
 from baselines.dual import Descent, DualLinearClassifier
+from baselines.pixels import PixelScaling
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.protocol import data
@@ -73,45 +74,47 @@ def softmax_methods(
     )
     objective = Objective(train, test, C)
     # The dual methods can start from zero weights only; so do the others.
-    common: dict[str, Any] = {"C": C, "seed": seed, "init": "zeros", "max_epochs": 10**6}
+    make = functools.partial(SoftmaxRegression, C=C, seed=seed, init="zeros", max_epochs=10**6)
     models = []
     for name in pixels:
         gram, targets = softmax.kernel(name, *train)
         curvature = float(softmax.start_spectrum(gram, int(targets.max()) + 1)[0])
         rate = SAFETY * 2 / (curvature + objective.penalty)
-        recipe = {"pixels": name, "optimizer": "SGD", "lr": rate, "batch_size": None}
-        models.append(("GD", SoftmaxRegression(**recipe, **common)))
-    for rate in adam_rates:
-        models.append(("Adam", SoftmaxRegression(lr=rate, batch_size=batch, **common)))
-    for name in pixels:
-        recipe = {"pixels": name, "optimizer": "LBFGS", "lr": 1.0, "batch_size": None}
-        models.append(("L-BFGS", SoftmaxRegression(**recipe, **common)))
+        models.append(("GD", make(pixels=name, optimizer="SGD", lr=rate, batch_size=None)))
+    models += [("Adam", make(lr=rate, batch_size=batch)) for rate in adam_rates]
+    quasi = {"optimizer": "LBFGS", "lr": 1.0, "batch_size": None}
+    models += [("L-BFGS", make(pixels=name, **quasi)) for name in pixels]  # type: ignore[arg-type]
     for method, model in models:
         run.note(f"{method}, {model.pixels} pixels")
-        work = {"method": method, "pixels": model.pixels, "steps": None}
-        work["rate"] = None if method == "L-BFGS" else model.lr
         for seconds, epochs in timed_epochs(model, train, budget_s):
-            yield {**work, "epochs": epochs, "seconds": seconds, **objective(model)}
-    direct: list[tuple[str, DualLinearClassifier]] = [
-        *(("GD dual", DualDescent(C=C, steps=steps)) for steps in dual_steps),
-        *(
-            ("Newton dual", DualSoftmaxRegression(C=C, tol=1e-12, max_iter=steps))
-            for steps in range(1, newton_steps + 1)
-        ),
-    ]
-    for method, machine in direct:
+            yield {
+                "origin": made.origin,
+                "method": method,
+                "pixels": model.pixels,
+                "steps": None,
+                "rate": None if method == "L-BFGS" else model.lr,
+                "epochs": epochs,
+                "seconds": seconds,
+                **objective(model),
+            }
+    counts = [*(("GD dual", n) for n in dual_steps)]
+    counts += [("Newton dual", n) for n in range(1, newton_steps + 1)]
+    for method, steps in counts:
+        solver: DualLinearClassifier = DualDescent(C=C, steps=steps)
+        if method == "Newton dual":
+            solver = DualSoftmaxRegression(C=C, tol=1e-12, max_iter=steps)
         clock = Clock()
         with clock.running():
-            machine.fit(*train)
-        descends = isinstance(machine, DualDescent)
+            solver.fit(*train)
         yield {
+            "origin": made.origin,
             "method": method,
             "pixels": "centred",
-            "steps": machine.steps if descends else machine.max_iter,
-            "rate": machine.rate_ if descends else None,
+            "steps": steps,
+            "rate": getattr(solver, "rate_", None),
             "epochs": None,
             "seconds": clock.seconds,
-            **objective(machine),
+            **objective(solver),
         }
 
 
@@ -181,7 +184,7 @@ class Objective:
         best = DualSoftmaxRegression(C=C, tol=1e-15).fit(*train)
         self.optimum = best.objective_ * self.penalty
 
-    def __call__(self, model: Classifier) -> Row:
+    def __call__(self, model: DualLinearClassifier | SoftmaxRegression) -> Row:
         weight, bias = unit_weights(model)
         losses, errors = [], []
         for frames, labels in self._parts:
@@ -191,23 +194,20 @@ class Objective:
             errors.append(float((logits.argmax(dim=1) != targets).double().mean()))
             losses.append(F.cross_entropy(logits, targets).item())
         loss = losses[0] + 0.5 * self.penalty * float(weight.square().sum())
-        return {
-            "loss": loss,
-            "loss_gap": loss - self.optimum,
-            "train_error": errors[0],
-            "test_error": errors[1],
-        }
+        gap = loss - self.optimum
+        return {"loss": loss, "loss_gap": gap, "train_error": errors[0], "test_error": errors[1]}
 
 
-def unit_weights(model: Classifier) -> tuple[Tensor, Tensor]:
-    """W float64 [L, D] for pixels in 0…1, and b [L], of a softmax regression of this module.
+def unit_weights(model: DualLinearClassifier | SoftmaxRegression) -> tuple[Tensor, Tensor]:
+    """W float64 [L, D] for pixels in 0…1, and b [L].
 
     Raises:
         ValueError: for pixels of another scale, whose weights have another penalty.
     """
     if isinstance(model, DualLinearClassifier):
         return model.weight_.double() * 255, model.bias_.double()
-    if model.scaling_.scale != 1 / 255:
+    scaling = model.scaling_
+    if not isinstance(scaling, PixelScaling) or scaling.scale != 1 / 255:
         raise ValueError(f"pixels: expected unit or unit_centred, found {model.pixels!r}")
     weight, bias = (p.detach().double() for p in model.network_.parameters())
-    return weight, bias - weight.sum(dim=1) * model.scaling_.offset / 255
+    return weight, bias - weight.sum(dim=1) * scaling.offset / 255

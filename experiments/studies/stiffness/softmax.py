@@ -17,7 +17,7 @@ import torch
 from scipy.sparse.linalg import LinearOperator, eigsh
 from torch import Tensor
 
-from baselines.pixels import fit_scaling
+from baselines.pixels import PixelScaling, fit_scaling
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
 
@@ -32,6 +32,7 @@ def kernel(pixels: str, frames: Tensor, labels: np.ndarray) -> tuple[Tensor, Ten
     model = SoftmaxRegression(pixels=pixels)
     targets = model.start(frames, labels)
     scaling = fit_scaling(pixels, model, frames)
+    assert isinstance(scaling, PixelScaling)
     offset, scale, shift = (
         torch.as_tensor(x, dtype=torch.float64).expand(frames.shape[1:])
         for x in (scaling.offset, scaling.scale, scaling.shift)

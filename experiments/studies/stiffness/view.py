@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -65,9 +64,9 @@ COLUMNS = {
     "stiffness",
     of="stiffness",
     title="Largest stable learning rates of softmax regression, {frames}",
-    note="Predicted: 2/λ_max of the Hessian at the start, for SGD in batches of 20 of the mean over "
-    "minibatches. Measured: geometric mean of the two swept rates between which it begins. Start "
-    "“optimum”: of the penalised loss, slightly perturbed; the others have no penalty.",
+    note="Predicted: 2/λ_max of the Hessian at the start, for SGD in batches of 20 of the mean "
+    "over minibatches. Measured: geometric mean of the two swept rates between which it begins. "
+    "Start “optimum”: of the penalised loss, slightly perturbed.",
     columns=COLUMNS,
 )
 def limits(rows: pd.DataFrame, config: dict[str, Any]) -> pd.DataFrame:
@@ -98,9 +97,9 @@ def crossing(sweep: pd.DataFrame, name: str) -> float | str:
 @STUDY.figure(
     "stiffness_limit",
     of="stiffness",
-    caption="Highest loss of softmax regression against the learning rate in units of the predicted "
-    "limit, {frames}: from zero weights by gradient descent and SGD (open markers), and from near the "
-    "optimum of the penalised loss. Losses beyond the axes are drawn at their edge.",
+    caption="Highest loss of softmax regression against the learning rate over the predicted "
+    "limit, {frames}: from zero weights by gradient descent and SGD (open markers), and from near "
+    "the optimum of the penalised loss. Losses beyond the axes are drawn at their edge.",
     size=(3.4, 4.4),
 )
 def stability_limit(figure: Figure, rows: pd.DataFrame, config: dict[str, Any]) -> None:
@@ -143,7 +142,7 @@ def curve_of(rows: pd.DataFrame) -> pd.Series:
     of="softmax_methods",
     title="Softmax regression by explicit, adaptive and second-order methods, {frames}, {machine}",
     note="F: mean cross-entropy + ‖W‖²/(2CN), pixels in 0…1; F*: the dual Newton method at its "
-    "tightest. Gradient descent at 0.9 of its stability limit. A dash: not reached in the time given.",
+    "tightest. Gradient descent at 0.9 of its stability limit. A dash: not reached.",
     columns=COLUMNS,
 )
 def methods(rows: pd.DataFrame, config: dict[str, Any]) -> pd.DataFrame:

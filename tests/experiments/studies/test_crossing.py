@@ -17,14 +17,16 @@ from hdc.encode import encode
 MODELS = {name: configs.of_model(name) for name in ("hdc", "hdc_random_ties", "ridge")}
 
 
-@pytest.mark.parametrize("ties", ["zero", "random"])
-def test_counters_that_grow_are_models_trained_anew(ties):
+@pytest.mark.parametrize(
+    "choice", [{"balance": False}, {"ties": "random", "balance": False}, {"balance": True}]
+)
+def test_counters_that_grow_are_models_trained_anew(choice):
     images = np.random.default_rng(0).integers(0, 256, (40, 16, 16), np.uint8)
     labels, order, test = np.arange(40) % 4, np.arange(20), np.arange(20, 40)
-    words, model = encode(torch.from_numpy(images)), HDCClassifier(ties=ties, seed=3)
+    words, model = encode(torch.from_numpy(images)), HDCClassifier(**choice, seed=3)
     right = measure.hdc_right(words, labels, order, test, range(5, 13), model, 256)
     for n, count in zip(range(5, 13), right, strict=True):
-        anew = HDCClassifier(ties=ties, seed=3).fit(images[:n], labels[:n])
+        anew = HDCClassifier(**choice, seed=3).fit(images[:n], labels[:n])
         assert count == (anew.predict(images[test]) == labels[test]).sum()
     assert len(set(right)) > 1
 

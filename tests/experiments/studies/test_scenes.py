@@ -65,7 +65,7 @@ def test_figures_fit_and_name_every_scene(everything, write_scene, drawn):
     write_scene("tactile", {0: 1}, model="ridge")
     words = drawn(STUDY)
     assert set(words) == {"all_scenes", "confusions", "fig7_spatial"}
-    for scene in ("touch", "finger", "fibre_grouped", "tactile"):
+    for scene in ("touch", "finger", "fibre grouped", "tactile"):
         assert scene in words["confusions"]
     assert "Ridge read-out, 83.3 %" in words["confusions"]
     assert "mean 0.21 mm" in words["fig7_spatial"]

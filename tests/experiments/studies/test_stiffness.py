@@ -1,4 +1,4 @@
-"""Stiffness: the Hessian is the Hessian, the limit is where theory has it; methods reach one optimum."""
+"""Stiffness: Hessians are exact, limits are where theory has them, methods reach one optimum."""
 
 from __future__ import annotations
 

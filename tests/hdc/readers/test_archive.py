@@ -116,8 +116,8 @@ def test_archives_larger_than_memory_or_with_an_array_twice_are_refused(save, mo
         ({"classes": np.array(["a", "b"])}, r"\[labels\]: expected one of the 2 classes, found 2"),
         ({"classes": np.array(["a", "a", "b"])}, r"\[classes\]: expected different names"),
         ({"labels": np.array(["a\n", "a\\n"] * 6)}, r"\[labels\]: expected a label of printable"),
-        ({"order": LABELS.astype("M8[s]")}, r"12 numbers in the column order, .* \(datetime64\[s"),
-        ({"session": LABELS[:5]}, r"12 numbers in the column session, found others .*\(5,\)"),
+        ({"order": LABELS.astype("M8[s]")}, r"12 numbers in the column order, found datetime64"),
+        ({"session": LABELS[:5]}, r"12 numbers in the column session, found .*\(5,\)"),
         ({"classes": np.arange(3)}, r"\[classes\]: expected strings \[L\], found int64"),
     ],
 )

@@ -31,7 +31,7 @@ def test_folders_as_they_are(folder, pixels):
     assert recording.classes == ("a", "b", "c")
     assert recording.names == ["a"] * 4 + ["b"] * 6 + ["c"] * 4
     assert recording.samples["file"][8:10].tolist() == ["b/deep/9.png", "b/deep/10.png"]
-    assert recording.others == ("a/meta.json", "loose.png", "README.txt")
+    assert recording.other_files == ("a/meta.json", "loose.png", "README.txt")
     assert recording.left_out(2) == "left out 3 other files: a/meta.json, loose.png, …"
 
 
@@ -47,7 +47,7 @@ def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
     assert recording.order.tolist() == [2, 10] * 4
     assert recording.session.tolist() == [0] * 4 + [1] * 4  # day2 before day10
     assert recording.samples["session_name"][-1] == "day10"
-    assert recording.others == ("day2/raw/a/meta.json", "day2/ref/a/x_frame_1.png")
+    assert recording.other_files == ("day2/raw/a/meta.json", "day2/ref/a/x_frame_1.png")
     assert np.array_equal(recording.frames([1]), pixels[[1]])
     write(tmp_path / "press" / "p1_wood12_-0.5mm.png", pixels[3])
     recording = open_recording(
