@@ -125,7 +125,12 @@ def test_every_run_has_a_line_with_what_was_changed(tmp_path, write_run):
     lines = {run["id"]: run for run in csv.DictReader(io.StringIO(text))}
     assert set(lines) == {small, changed, failed}
     run = lines[small]
-    assert (run["n_train"], run["pixels"], run["seed"], run["code"]) == ("20", "100", "1", "current")
+    assert (run["n_train"], run["pixels"], run["seed"], run["code"]) == (
+        "20",
+        "100",
+        "1",
+        "current",
+    )
     assert run["test_accuracy_final"] == "0.9"
     assert lines[changed]["overrides"] == "scene.samples_per_class=20 model.lr=0.01"
     assert lines[failed]["status"] == "failed: RuntimeError: no\\nmemory"
