@@ -4,13 +4,14 @@ A majority of n hypervectors whose bits correlate by c correlates with any other
 
     C^p = g(n)·C^b,    g(n) ≈ √(2/π)·√(m/(1 + (m − 1)·c)),    m = n for odd n, n − 1 for even n:
 
-of n numbers ±1 that share a Gaussian, the sign of the sum has the slope g; for c = 0 it is exactly
-m·binom(m − 1, (m − 1)/2)/2^(m − 1). Ties of an even n carry no vote, so the last frame of an even n
-adds nothing, and a further one adds two at once. The factor is that of every correlation, of what
-all frames have in common, too. With equal classes it cancels in the comparison. A class with
-n + k frames takes a query of class q once g(n + k)/g(n) exceeds C^b_qq/C^b_ql: little where frames
-of a class correlate well (c near 1, where g is 1), much where they do not and all frames share a
-floor. Means and ridge regression divide by n, and have no such factor.
+the n bits of a pixel share a Gaussian, and g is the slope of the sign of their sum; for c = 0 it is
+m·binom(m − 1, (m − 1)/2)/2^(m − 1). Where n is even, ties carry no vote: an even frame adds
+nothing, and the next adds two. g multiplies what all frames have in common, too. For equal classes
+it cancels; a class l of n + k frames takes a query of class q where g(n + k)/g(n) > C^b_qq/C^b_ql.
+It is a lot for few frames of small c, nothing for c = 1, and falls as 1/(n²·c).
+
+Integer prototypes, compared by the cosine, have √(n/(1 + (n − 1)·c)), so without the parity. The
+mean image of more frames has less noise, and so is nearer to every frame.
 """
 
 from __future__ import annotations

@@ -28,13 +28,13 @@ NAMES = {
 }  # fmt: skip
 ENDS = ("", "_low", "_high")
 NOTE = (
-    "Changes of the test accuracy, on the same test frames, when one class has more training frames "
-    "than the others. The majority of n frames whose hypervectors correlate by c multiplies every "
-    "correlation, the floor of all frames too, by about √(2/π)·√(m/(1 + (m − 1)·c)), m = n for odd "
-    "n and n − 1 for even n. For equal classes the factor cancels; a class with more frames has a "
-    "larger one, and takes frames of the others. Balanced, the library's default: a class counts as "
-    "if it had as many frames as the smallest. Brackets: Student over sensors or input fields; of "
-    "one camera, the central 95 % of draws."
+    "Changes of the test accuracy, on the same test frames, when one class has more training "
+    "frames than the others. The majority of n frames whose hypervectors correlate by c multiplies "
+    "every correlation, the floor of all frames too, by about √(2/π)·√(m/(1 + (m − 1)·c)), m = n "
+    "for odd n and n − 1 for even n. For equal classes the factor cancels; a class with more "
+    "frames has a larger one, and takes frames of the others. Balanced, the library's default: a "
+    "class counts as if it had as many frames as the smallest. Brackets: Student over sensors or "
+    "input fields; of one camera, the central 95 % of draws."
 )
 
 
@@ -45,8 +45,8 @@ def measurements(results: Results) -> dict[str, Measured]:
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
-    """A row for each n, extra and model, with intervals: ``accuracy``, ``change`` from equal classes
-    in the same draws, and ``to_larger``, the share of answers that name the larger class."""
+    """A row for each n, extra and model, with intervals: ``accuracy``, its ``change`` from equal
+    classes in the same draws, and ``to_larger``, the share that is put into the larger class."""
     every = rows.explode(["n", "right", "to_larger"]).astype({"n": int})
     seeds = every.seed.nunique() > 1
     every["unit"] = every.seed if seeds else every.draw
@@ -59,8 +59,8 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     table = []
     for (n, extra, model), part in every.groupby(["n", "extra", "model"]):
         line = {"n": n, "extra": extra, "model": model}
-        for name in ("accuracy", "change", "to_larger"):
-            line |= estimate(part[name].tolist(), seeds).columns(name)
+        for name, least in (("accuracy", 0), ("change", -1), ("to_larger", 0)):
+            line |= estimate(part[name].tolist(), seeds).within(least, 1).columns(name)
         table.append(line)
     return pd.DataFrame(table)
 
@@ -90,7 +90,9 @@ def table(results: Results) -> pd.DataFrame | None:
                 line[f"to_larger{end}"] = at.loc["hdc", f"to_larger{end}"]
                 line |= {f"{model}{end}": at.loc[model, f"change{end}"] for model in NAMES}
             lines.append(line)
-        worst += [furthest(every.loc[model], scene, str(model)) for model in ("hdc", "hdc_balanced")]
+        worst += [
+            furthest(every.loc[model], scene, str(model)) for model in ("hdc", "hdc_balanced")
+        ]
     if not lines:
         return None
     data = pd.DataFrame(lines)
