@@ -24,6 +24,7 @@ classes together, not of each, and holds as far as their distances spread alike.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -65,10 +66,13 @@ class Sample:
             place = k if k < KEPT else (k * _GOLDEN % 2**64) * (k + 1) >> 64
             if place < KEPT:
                 chosen[label, place] = i
+        on_cpu = words.device.type == "cpu"  # where numpy's rows take a tenth of torch's time
+        source = words.numpy() if on_cpu else words
         for (label, place), i in chosen.items():
             if label not in self._words:
                 self._words[label] = planes.zeros((KEPT, words.shape[1]), words.device)
-            self._words[label][place] = words[i]
+            into = self._words[label]
+            (into.numpy() if on_cpu else into)[place] = source[i]
 
     def of(self, label: Label) -> Tensor:
         """The hypervectors of a class, int64 [m, W]."""
@@ -151,6 +155,13 @@ def p_values(peers: Sequence[Peers | None], words: Tensor, alpha: float) -> np.n
     A class without kept frames has p = 0.
     """
     result = np.zeros((len(words), len(peers)))
+    n = sum(len(own.constant) for own in peers if own is not None)
+    if (n + 1) * alpha < 1:
+        warnings.warn(
+            f"{alpha:g} of known frames: expected at least {1 / (n + 1):.2g}, as {n} training "
+            "frames are kept; no frame is refused",
+            stacklevel=2,
+        )
     for c, own in enumerate(peers):
         if own is None:
             continue

@@ -38,13 +38,6 @@ def test_bit_j_lies_in_word_j_over_64_least_significant_first() -> None:
         assert words == expected
 
 
-def test_large_tensor_packs_alike_on_both_routes() -> None:
-    mask = mask_of((3, 250_000))
-    words = bits.pack_torch(mask)
-    assert torch.equal(words, bits.pack(mask))
-    assert torch.equal(bits.unpack_torch(words, 250_000), mask)
-
-
 def test_views_with_strides_are_packed_by_value() -> None:
     mask = mask_of((90, 7))
     assert torch.equal(bits.pack(mask.T), bits.pack(mask.T.contiguous()))
@@ -130,15 +123,6 @@ def test_same_bits_on_cuda() -> None:
     assert torch.equal(bits.majority(there).cpu(), bits.majority(words))
 
 
-def test_hamming_agrees_with_torchhd() -> None:
-    torchhd = pytest.importorskip("torchhd")
-    bsc = torchhd.tensors.bsc.BSCTensor
-    queries, prototypes = mask_of((6, 1000)), mask_of((5, 1000), 1)
-    theirs = torchhd.hamming_similarity(queries.as_subclass(bsc), prototypes.as_subclass(bsc))
-    ours = bits.hamming(bits.pack(queries), bits.pack(prototypes))
-    torch.testing.assert_close(1000 - ours.double(), torch.as_tensor(theirs).double())
-
-
 @pytest.mark.parametrize("n", [1, 2, 3, 80, 255, 256, 65_537])
 @pytest.mark.parametrize("ties", bits.TIES)
 def test_majority_is_the_count_compared_with_half(n: int, ties: str) -> None:
@@ -153,13 +137,6 @@ def test_majority_is_the_count_compared_with_half(n: int, ties: str) -> None:
         planes.vertical_sum_torch(words), n, ties, bits.pack(breaker)
     )
     assert torch.equal(bits.unpack(torch_route, d), expected)
-
-
-def test_majority_agrees_with_torchhd_where_nothing_ties() -> None:
-    torchhd = pytest.importorskip("torchhd")
-    vectors = mask_of((81, 1000))
-    theirs = torchhd.multiset(vectors.as_subclass(torchhd.tensors.bsc.BSCTensor))
-    assert torch.equal(bits.unpack(bits.majority(bits.pack(vectors)), 1000), theirs.bool())
 
 
 def test_distance_between_random_hypervectors_spreads_as_one_over_root_d() -> None:

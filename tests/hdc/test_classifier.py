@@ -159,18 +159,6 @@ def test_no_frames_to_predict_give_no_labels() -> None:
         assert model.distances(frames[:0]).shape == (0, 3)
 
 
-def test_torchhd_measures_alike() -> None:
-    """Integer prototypes are torchhd's bundle of bipolar hypervectors."""
-    torchhd = pytest.importorskip("torchhd")
-    frames, labels = touches(90)
-    v = 2 * bits.unpack(encode(torch.from_numpy(frames)), 144).float() - 1
-    bipolar = v.as_subclass(torchhd.tensors.map.MAPTensor)
-    bundles = torch.stack([torchhd.multiset(bipolar[labels == c]) for c in range(3)])
-    theirs = torchhd.cosine_similarity(bipolar, bundles).as_subclass(torch.Tensor)
-    model = HDCClassifier(prototype="integer").fit(frames, labels)
-    torch.testing.assert_close(-model._scores(frames).float() / 12, theirs)
-
-
 @given(st.integers(1, 12), st.integers(2, 40), st.integers(0, 99))
 @settings(max_examples=40, deadline=None)
 def test_integer_prototypes_against_floats(n: int, d: int, seed: int) -> None:

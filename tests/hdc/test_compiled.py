@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import subprocess
 import sys
 from itertools import product
@@ -66,21 +65,6 @@ def test_any_sample_gives_the_same(said: int, kinds_of_frames, upper_half) -> No
 
 
 @needs_numba
-def test_frames_of_a_camera_take_few_passes_in_any_order(camera_frames, monkeypatch) -> None:
-    """Medians 100 grey levels apart, shuffled, took half as long again as sorted ones."""
-    from hdc import compiled
-
-    frames = camera_frames(24).reshape(24, -1)
-    threshold, passes = compiled._threshold, []
-    monkeypatch.setattr(
-        compiled, "_threshold", lambda *given: passes.append(1) or threshold(*given)
-    )
-    words, constant = np.zeros((24, bits.words_for(250_000)), np.int64), np.zeros(24, np.bool_)
-    compiled._encode.py_func(frames, words, constant)
-    assert len(passes) <= 3 * len(frames)
-
-
-@needs_numba
 def test_frames_of_a_camera(camera_frames, upper_half, threads: int) -> None:
     frames = torch.from_numpy(camera_frames(24))
     words = encode(frames, backend="compiled")
@@ -127,18 +111,6 @@ def test_same_words_and_same_counts_of_any_frames(frames: np.ndarray, n_classes:
 
 
 @needs_numba
-@pytest.mark.parametrize("d", [2, 63, 64, 129, 5000])
-@pytest.mark.parametrize(("low", "high"), [(0, 255), (0, 1), (254, 255), (3, 200)])
-def test_two_values_at_every_share(d: int, low: int, high: int) -> None:
-    """The level jumps from frame to frame, and lies at an end of the scale."""
-    frames = torch.full((d if d < 200 else 60, d), low, dtype=torch.uint8)
-    for i, frame in enumerate(frames):
-        share = i * d // len(frames) if i else 1
-        frame[torch.randperm(d, generator=torch.Generator().manual_seed(i))[:share]] = high
-    assert torch.equal(*both(frames))
-
-
-@needs_numba
 def test_every_level_is_found_from_every_other() -> None:
     levels = torch.arange(256, dtype=torch.uint8)
     ramp = torch.arange(-32, 33)
@@ -158,23 +130,6 @@ def test_constant_frames_are_named_and_have_half_ones(threads: int) -> None:
     frames[3, 8999] = 1  # in the pixels that fill no word
     with pytest.warns(UserWarning, match=r"1 constant frame\(s\), at index 39:"):
         encode(frames, backend="compiled")
-
-
-@needs_numba
-@pytest.mark.parametrize(
-    "view",
-    [
-        lambda x: x[::2],
-        lambda x: x[:, 1::3],
-        lambda x: x[:, 5:-2],
-        lambda x: x.t(),
-        lambda x: x.view(30, 20, 50).transpose(1, 2),
-        lambda x: x[:0],
-    ],
-)
-def test_views_are_taken_as_they_are(view) -> None:
-    frames = view(frames_of(30, 1000))
-    assert torch.equal(*both(frames))
 
 
 @needs_numba
@@ -238,19 +193,6 @@ def test_training_goes_on_with_another_backend() -> None:
 
 
 @needs_numba
-def test_parameter_pickle_and_clone() -> None:
-    sklearn = pytest.importorskip("sklearn.base")
-    frames, labels = frames_of(12, 100), np.arange(12) % 3
-    model = HDCClassifier(backend="compiled")
-    assert sklearn.clone(model).get_params() == model.get_params()
-    assert model.get_params()["backend"] == "compiled"
-    assert "backend='compiled'" in repr(model)
-    again = pickle.loads(pickle.dumps(model.fit(frames, labels)))
-    again.partial_fit(frames, labels)
-    assert torch.equal(again.prototypes_, model.prototypes_)
-
-
-@needs_numba
 def test_a_file_does_not_remember_the_backend(tmp_path) -> None:
     pytest.importorskip("safetensors")
     frames, labels = frames_of(12, 100), np.arange(12) % 3
@@ -261,23 +203,6 @@ def test_a_file_does_not_remember_the_backend(tmp_path) -> None:
     loaded = HDCClassifier.load(files[1])
     assert loaded.backend == "auto"
     loaded.set_params(backend="compiled").partial_fit(frames, labels)
-
-
-@needs_numba
-def test_unknown_labels_and_widths_are_refused_as_before() -> None:
-    counters = Counters(2, 100, backend="compiled")
-    with pytest.raises(ValueError, match=r"labels: expected class indices in \[0, 2\), found 2"):
-        counters.add(encode(frames_of(3, 100)), torch.tensor([0, 1, 2]))
-    assert counters.planes.sum() == 0
-
-
-@needs_numba
-def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch) -> None:
-    from hdc import compiled
-
-    monkeypatch.setattr("numba.core.caching.CacheImpl._locator_classes", [])
-    double = compiled._compile("int64(int64)")(lambda x: 2 * x)
-    assert double(21) == 42
 
 
 def test_without_numba_the_parameter_is_named(monkeypatch) -> None:

@@ -225,8 +225,8 @@ def confusions(figure: Figure, results: Results) -> None:
         name = group.model.partition(" (")[0]
         by = "" if name == "hdc" else f"{rows_of.display_name(name)}, "
         accuracy = 100 * estimates.share(group).value
-        scene = textwrap.fill(group.scene.replace("_", " "), 17)
-        panel(axes, letter, f"{literal(scene)}{of}\n{by}{accuracy:.1f} %")
+        scene = textwrap.fill(literal(group.scene.replace("_", " ")), 17)
+        panel(axes, letter, f"{scene}{of}\n{by}{accuracy:.1f} %")
     frames = rows_of.frames_of([{"origin": g.runs[0].record.scene.origin} for g in chosen])
     head(figure, "Confusion by HDC, % of the true label", [frames])
 
