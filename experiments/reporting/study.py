@@ -28,6 +28,7 @@ from experiments.records.results import Results
 from experiments.reporting.columns import Column
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.table import Table
+from experiments.reporting.text import frames_of
 
 RUN = "python -m experiments.run experiment="
 WIDTH = 3.4  # in, one column of a journal
@@ -292,20 +293,6 @@ def machine_of(measured: Measured) -> str:
     accelerator = [env.device] if env.device not in (None, "cpu") else []
     threads = f"{env.threads} thread{'s' * (env.threads != 1)}"
     return ", ".join([*accelerator, env.cpu, threads])
-
-
-ORIGINS = {
-    "simulated": "simulated frames",
-    "computed": "frames computed from measured matrices",  # of a fibre; no camera took them
-    "measured": "measured frames",
-    "recorded": "recorded frames",
-}
-
-
-def frames_of(rows: Iterable[Mapping[str, Any]]) -> str:
-    """Origin of the frames of some rows: ``simulated frames``, ``measured frames`` …"""
-    origins = sorted({str(row["origin"]) for row in rows if row.get("origin")})
-    return " and ".join(ORIGINS.get(origin, f"{origin} frames") for origin in origins)
 
 
 def _draw(
