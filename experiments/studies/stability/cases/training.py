@@ -90,7 +90,7 @@ def standardised_pixels(n: int = 400) -> Any:
     pixels[0, 0, 1] -= 1
     frames = torch.from_numpy(pixels)
     # The second pixel has mean 65,535 − 1/n and variance (n − 1)/n².
-    exact = np.zeros((n, 2))
+    exact = np.zeros((n, 2), np.float32)
     exact[:, 1] = 1 / math.sqrt(n - 1)
     exact[0, 1] = -math.sqrt(n - 1)
 
