@@ -298,7 +298,7 @@ def _draw(
 ) -> Any:
     from matplotlib import pyplot as plt
 
-    from experiments.reporting.plot import STYLE
+    from experiments.reporting.style import STYLE
 
     with plt.rc_context(STYLE):
         figure = plt.figure(figsize=size, layout="constrained")
