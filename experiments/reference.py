@@ -28,7 +28,7 @@ from experiments.records import record as records
 from experiments.records.files import REFERENCE, ROOT, results_dir, write_atomically
 from experiments.records.results import Results, Run
 from experiments.reporting.study import with_places
-from experiments.reporting.text import markdown_text
+from experiments.reporting.text import markdown_text, number
 
 PUBLIC = ("scenes.fibre.", "scenes.measured.")  # scenes of published data; others are one's own
 README = ROOT / "README.md"
@@ -142,16 +142,41 @@ def blocks() -> dict[str, Callable[[], str]]:
 
 
 def _claims() -> str:
-    """The paper's claims and what holds of each."""
-    path = REFERENCE / "tables" / "claims.csv"
-    if not path.exists():
+    """The paper's claims, a row each: numbers from measured and simulated frames, and the word."""
+    files = [REFERENCE / "tables" / f"{name}.csv" for name in ("claims", "claims_evidence")]
+    if not all(file.exists() for file in files):
         return "*missing: no claim was measured*"
-    lines = ["| the paper says | what holds |", "|---|---|"]
-    with path.open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            claim, paper, verdict = (markdown_text(row[k]) for k in ("claim", "paper", "verdict"))
-            lines.append(f"| **{claim}**: {paper} | {verdict} |")
+    claims, evidence = (
+        list(csv.DictReader(file.read_text(encoding="utf-8").splitlines())) for file in files
+    )
+    lines = ["| The paper says | Measured frames | Simulated frames | In short |"]
+    lines.append("|---|---|---|---|")
+    for row in claims:
+        own = [entry for entry in evidence if entry["claim"] == row["claim"] and entry["value"]]
+        measured = [_evidence(entry) for entry in own if entry["kind"] == "measured"]
+        simulated = [_evidence(entry) for entry in own if entry["kind"] != "measured"]
+        cells = ["<br>".join(texts) or "–" for texts in (measured, simulated)]
+        word, _, phrase = markdown_text(row["verdict"]).partition(": ")
+        short = f"**{word.capitalize()}**" + f": {phrase}" * bool(phrase)
+        lines.append(f"| {markdown_text(row['paper'])} | {' | '.join(cells)} | {short} |")
     return "\n".join(lines)
+
+
+def _evidence(row: dict[str, str]) -> str:
+    """A number with its name, its unit and its interval, to two significant digits."""
+    unit, name = row["unit"], row["evidence"]
+    if unit == "1":  # of a bare number, the quantity has both values
+        return markdown_text(f"{name}: {row['quantity']}")
+    sign = "+" if unit == "points" else ""
+    value, low, high = (
+        f"{float(text):{sign}.{0 if abs(float(text)) >= 10 else 1}f}"
+        if sign
+        else number(float(text), 2)
+        for text in (row["value"], row["value_low"] or "nan", row["value_high"] or "nan")
+    )
+    shown = f"×{value}" if unit == "×" else f"{value} {unit}"
+    known = f" [{low}, {high}]" if row["value_low"] and row["value_high"] else ""
+    return markdown_text(f"{name}: {shown}{known}".replace("-", "−"))
 
 
 def _table(name: str) -> str:

@@ -24,7 +24,8 @@ from rich.text import Text
 from experiments import studies
 from experiments.records import configs
 from experiments.records.files import REFERENCE, results_dir, write_atomically
-from experiments.records.results import Results
+from experiments.records.measurement import Measured
+from experiments.records.results import Results, Run
 from experiments.reporting import comparison
 from experiments.reporting.page import page
 from experiments.reporting.page.page import Block, Picture, Section
@@ -182,7 +183,7 @@ def _side_by_side(sets: Sequence[Answers], name: str) -> Table:
 def _about(answers: Answers) -> str:
     """How many records there are, of which code, from which machine."""
     results = answers.results
-    records = [*results.runs, *results.measurements]
+    records: list[Run | Measured] = [*results.runs, *results.measurements]
     machines = {(r.record.environment.cpu, r.record.environment.threads) for r in records}
     where = "; ".join(f"{cpu}, {threads} threads" for cpu, threads in sorted(machines))
     counts = f"{len(results.runs)} runs and {len(results.measurements)} measurements on {where}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hydra import compose, initialize_config_dir
@@ -141,16 +141,6 @@ def _display(model: str) -> dict[str, str]:
         return shown
     tree: Any = OmegaConf.load(path)
     return shown | dict(tree.get("display") or {})
-
-
-def beside(config: Any, reference: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
-    """(dotted key, value, that of the reference) of every key that both have."""
-    if not isinstance(config, Mapping) or not isinstance(reference, Mapping):
-        yield key, config, reference
-        return
-    for name in config:
-        if name in reference:
-            yield from beside(config[name], reference[name], f"{key}.{name}")
 
 
 def differences(config: Any, reference: Any, key: str = "") -> dict[str, str]:

@@ -11,7 +11,7 @@ from experiments.records.record import Finished
 from experiments.records.results import Group, Results
 from experiments.reporting.columns import COLUMNS, display_name
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.study import frames_of
+from experiments.reporting.text import frames_of
 
 Row = dict[str, Any]
 

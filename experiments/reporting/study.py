@@ -21,13 +21,12 @@ from functools import partial
 from types import ModuleType
 from typing import Any
 
-import pandas as pd
-
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import Column
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.table import Table
+from experiments.reporting.text import frames_of
 
 RUN = "python -m experiments.run experiment="
 WIDTH = 3.4  # in, one column of a journal
@@ -294,26 +293,12 @@ def machine_of(measured: Measured) -> str:
     return ", ".join([*accelerator, env.cpu, threads])
 
 
-ORIGINS = {
-    "simulated": "simulated frames",
-    "computed": "frames computed from measured matrices",  # of a fibre; no camera took them
-    "measured": "measured frames",
-    "recorded": "recorded frames",
-}
-
-
-def frames_of(rows: Iterable[Mapping[str, Any]]) -> str:
-    """Origin of the frames of some rows: ``simulated frames``, ``measured frames`` …"""
-    origins = sorted({str(row["origin"]) for row in rows if row.get("origin")})
-    return " and ".join(ORIGINS.get(origin, f"{origin} frames") for origin in origins)
-
-
 def _draw(
     function: Callable[..., Any], arguments: tuple[Any, ...], size: tuple[float, float]
 ) -> Any:
     from matplotlib import pyplot as plt
 
-    from experiments.reporting.plot import STYLE
+    from experiments.reporting.style import STYLE
 
     with plt.rc_context(STYLE):
         figure = plt.figure(figsize=size, layout="constrained")
@@ -321,22 +306,9 @@ def _draw(
     return figure
 
 
-def columns_of(data: pd.DataFrame, name: str, estimates: Iterable[Estimate]) -> pd.DataFrame:
-    """A data frame with the columns ``name``, ``name_low`` and ``name_high`` of estimates."""
-    values = list(estimates)
-    for place, end in enumerate(("", "_low", "_high")):
-        data[f"{name}{end}"] = [estimate[place] for estimate in values]
-    return data
-
-
 def studies(package: ModuleType) -> list[Study]:
     """Every study of a package of studies, in the order of the page."""
     names = (module.name for module in pkgutil.iter_modules(package.__path__) if module.ispkg)
-    every = []
-    for name in names:
-        try:
-            every.append(importlib.import_module(f"{package.__name__}.{name}.view").STUDY)
-        except Exception as error:  # TODO: until every study is converted
-            print(f"study {name}: {type(error).__name__}: {error}")
-    every = [study for study in every if isinstance(study.front, bool)]
+    views = (importlib.import_module(f"{package.__name__}.{name}.view") for name in names)
+    every: list[Study] = [view.STUDY for view in views]
     return sorted(every, key=lambda study: (not study.front, study.order))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -88,3 +89,17 @@ _TEX = {
 def tex(text: str) -> str:
     """Text for LaTeX, which stops at control characters."""
     return "".join(_TEX.get(letter, letter) for letter in printable(" ".join(text.split())))
+
+
+ORIGINS = {
+    "simulated": "simulated frames",
+    "computed": "frames computed from measured matrices",  # of a fibre; no camera took them
+    "measured": "measured frames",
+    "recorded": "recorded frames",
+}
+
+
+def frames_of(rows: Iterable[Mapping[str, Any]]) -> str:
+    """Origin of the frames of some rows: ``simulated frames``, ``measured frames`` …"""
+    origins = sorted({str(row["origin"]) for row in rows if row.get("origin")})
+    return " and ".join(ORIGINS.get(origin, f"{origin} frames") for origin in origins)

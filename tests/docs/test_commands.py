@@ -48,7 +48,7 @@ RUN = [(page, c) for page, c in SHOWN if reason(c) is None]
 
 def test_commands_are_found_in_the_pages_that_have_them():
     pages = {page for page, _ in SHOWN}
-    assert {"README.md", "tutorial.md", "extend.md", "cluster.md"} <= pages
+    assert {"README.md", "tutorial.md", "extend.md", "times.md"} <= pages
     unknown = [c for _, c in RUN if not c.startswith(("hdc ", "python -m experiments.run "))]
     assert unknown == []  # neither run nor composed nor named above
 

@@ -65,7 +65,7 @@ def test_the_api_has_every_public_method(site):
     from hdc import HDCClassifier
 
     page = (site / "api.html").read_text()
-    for name in ("fit", "partial_fit", "predict", "predict_proba", "decision_function",
+    for name in ("fit", "partial_fit", "predict", "predict_set", "decision_function",
                  "recalibrate", "merge", "save", "load", "is_known"):  # fmt: skip
         assert callable(getattr(HDCClassifier, name))
         assert f'id="hdc.HDCClassifier.{name}"' in page

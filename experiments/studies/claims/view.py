@@ -63,8 +63,8 @@ CLAIMS = {
     "softmax": (
         "HDC trains much faster than softmax regression (×137)",
         {
-            NO: "less than ten times; a direct solve takes twice HDC's time",
-            "partly": "only against slow training; a direct solve takes twice HDC's time",
+            NO: "less than ten times, by descent and solved directly",
+            "partly": "only against slow training, not against a direct solve",
             YES: "at least ten times, even against a direct solve",
         },
     ),
@@ -251,7 +251,7 @@ def recalibration(results: Results) -> Iterator[Evidence]:
         ("ridge", "from_old", None, "ridge from old weights"),
         ("softmax_dual", "from_old", None, "softmax from old weights"),
     ):
-        part = every.query("model == @model and method == @method and n_new == 50")
+        part = every[(every.model == model) & (every.method == method) & (every.n_new == 50)]
         part = part if share is None else part[part.p == share]
         if len(part) and len(stored):
             gained = (part.set_index("seed")["new"] - stored).dropna()
@@ -344,7 +344,7 @@ def _value(row: dict[str, Any]) -> str:
     title="The paper's claims",
     columns={
         "paper": Column("The paper says"),
-        "verdict": Column("Verdict", lambda text: text.capitalize()),
+        "verdict": Column("Verdict", lambda text: text[:1].upper() + text[1:]),
         "measured": Column("Measured", lambda text: text or "no recording"),
         "simulated": Column("Simulated, fitted to the paper", lambda text: text or "–"),
     },

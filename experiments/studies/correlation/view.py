@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from experiments.reporting import published
 from experiments.reporting.estimates import ONE_SENSOR, Estimate, mean_interval, one_sensor
 from experiments.reporting.plot import PAPER, errors, head, matrix, panel, seeds_of, star
-from experiments.reporting.study import Quantity, Study, frames_of
+from experiments.reporting.study import Quantity, Study
+from experiments.reporting.text import frames_of
 from experiments.studies.correlation.measure import REDUCED
 from experiments.studies.correlation.sums import contrast
 

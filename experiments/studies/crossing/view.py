@@ -15,8 +15,8 @@ from experiments.reporting import published
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.estimates import Estimate, crossing, mean_share
 from experiments.reporting.plot import handle, head, line_plot, panel, seeds_of, style_of
-from experiments.reporting.study import Study, frames_of
-from experiments.reporting.text import number, percent
+from experiments.reporting.study import Study
+from experiments.reporting.text import frames_of, number, percent
 
 STUDY = Study(
     "crossing",

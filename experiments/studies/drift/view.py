@@ -18,8 +18,8 @@ from experiments.reporting.estimates import (
     one_sensor,
 )
 from experiments.reporting.plot import PAPER, head, line_plot, panel, seeds_of, star
-from experiments.reporting.study import Quantity, Study, frames_of
-from experiments.reporting.text import percent, points
+from experiments.reporting.study import Quantity, Study
+from experiments.reporting.text import frames_of, percent, points
 
 STUDY = Study(
     "drift",

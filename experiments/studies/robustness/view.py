@@ -13,8 +13,8 @@ from experiments.records import configs
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.estimates import Estimate, mean_share
 from experiments.reporting.plot import bars, errors, handle, head, seeds_of
-from experiments.reporting.study import Study, frames_of
-from experiments.reporting.text import percent, size
+from experiments.reporting.study import Study
+from experiments.reporting.text import frames_of, percent, size
 
 STUDY = Study(
     "robustness",

@@ -199,7 +199,10 @@ def quantities(results: Results) -> Iterator[Quantity]:
         if not group.runs:
             continue
         line = row(group, group)
-        seeds = {"seeds": len(group.runs), "made_by": " && ".join(rows_of.commands([group]))}
+        seeds: dict[str, Any] = {
+            "seeds": len(group.runs),
+            "made_by": " && ".join(rows_of.commands([group])),
+        }
         yield Quantity(
             f"table1/{model}_training_time",
             line["training_time_s"],
@@ -209,8 +212,9 @@ def quantities(results: Results) -> Iterator[Quantity]:
         )
         if model == "hdc":
             share = estimates.share_of_one_sensor(group)
-            name = "table1/hdc_test_accuracy"
-            yield Quantity.of(name, share, ONE_SENSOR, 100, n=line["n_test"], **seeds)
+            yield Quantity.of(
+                "table1/hdc_test_accuracy", share, ONE_SENSOR, 100, n=line["n_test"], **seeds
+            )
             yield Quantity("touch/labels", len(group.classes), made_by=f"{RUN}table1")
             continue
         yield from _ratios(results, group)
