@@ -10,7 +10,8 @@ WIDTHS = (400, 1280)
 # What a reader sees once every part is unfolded and every figure loaded.
 FOUND = """async () => {
   document.querySelectorAll("details").forEach((d) => { d.open = true; });
-  for (const image of document.images) { image.loading = "eager"; await image.decode(); }
+  document.querySelectorAll(".all input").forEach((i) => { i.checked = true; });
+  for (const image of document.images) await image.decode();
   return {
     broken: [...document.images].filter((i) => !i.complete || !i.naturalWidth).map((i) => i.alt),
     images: document.images.length,
@@ -52,6 +53,7 @@ def test_what_is_folded_opens_for_a_link_and_figures_grow(browser, tmp_path, a_f
     assert comparison.get_attribute("open") is None
     page.click("nav a[href='#comparison']")
     page.wait_for_selector("#comparison > details[open]")
+    assert abs(page.locator("#comparison").bounding_box()["y"]) < 2
     page.goto(f"{made}#reference-figure-fig4_correlations")
     page.reload()
     page.wait_for_selector("#correlation > details[open]")
@@ -59,4 +61,7 @@ def test_what_is_folded_opens_for_a_link_and_figures_grow(browser, tmp_path, a_f
     before = figure.bounding_box()["width"]
     figure.locator("a").click()
     assert figure.bounding_box()["width"] > 1.5 * before
+    assert figure.bounding_box()["height"] <= 900
+    page.keyboard.press("Escape")
+    assert figure.bounding_box()["width"] == before
     page.close()
