@@ -57,7 +57,8 @@ def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
         from hdc import compiled
     except ImportError as error:
         raise ValueError(
-            f"backend: 'compiled' expects numba (pip install 'hdc[compiled]'), found: {error}"
+            "backend: 'compiled' expects numba (pip install 'speckle-hdc[compiled]'), "
+            f"found: {error}"
         ) from error
     return compiled
 

@@ -144,20 +144,6 @@ def difference(runs: Sequence[Run], reference: Sequence[Run]) -> Difference | No
     return Difference(share, above, below, each)
 
 
-def one_ratio(value: float, logarithms: Sequence[float]) -> Estimate:
-    """A ratio that spreads by factors, with the interval for one more run.
-
-    Args:
-        value: the ratio.
-        logarithms: of the ratio in each run; Student's interval is of them. It is unknown for fewer
-            than three (that of two spans decades), or if one is not finite.
-    """
-    if len(logarithms) < 3 or not np.isfinite(logarithms).all():
-        return Estimate(value)
-    middle, low, high = one_sensor(logarithms)
-    return Estimate(value, value * math.exp(low - middle), value * math.exp(high - middle))
-
-
 def crossing(n: Sequence[float], accuracy: Sequence[float], level: float = 0.9) -> float:
     """N at which a curve first rises above the level, between two N on a line; NaN if it never
     does."""

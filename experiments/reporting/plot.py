@@ -13,9 +13,6 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
 import numpy as np
 import pandas as pd
 from matplotlib import pyplot as plt
@@ -31,25 +28,10 @@ from experiments.records import configs
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import Estimate, mean_interval
 from experiments.reporting.rows import Row, frames_of
+from experiments.reporting.style import STYLE
 from experiments.reporting.text import printable
 
 WIDTH = 3.4  # in, one column
-STYLE: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 7,
-    "axes.titlesize": 7,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "lines.linewidth": 1.1,
-    "lines.markersize": 3.5,
-    "legend.fontsize": 6,
-    "legend.frameon": False,
-    "legend.handlelength": 3.0,
-    "svg.fonttype": "none",  # text stays text: smaller, and it can be searched and copied
-    "svg.hashsalt": "optical-hdc",
-    "pdf.fonttype": 42,
-}
 # Light to dark in any colour vision, and in grey.
 CORRELATION_MAP, CONFUSION_MAP = "cividis", "Blues"
 PAPER: dict[str, Any] = {

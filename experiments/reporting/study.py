@@ -21,8 +21,6 @@ from functools import partial
 from types import ModuleType
 from typing import Any
 
-import pandas as pd
-
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import Column
@@ -300,7 +298,7 @@ def _draw(
 ) -> Any:
     from matplotlib import pyplot as plt
 
-    from experiments.reporting.plot import STYLE
+    from experiments.reporting.style import STYLE
 
     with plt.rc_context(STYLE):
         figure = plt.figure(figsize=size, layout="constrained")
@@ -308,22 +306,9 @@ def _draw(
     return figure
 
 
-def columns_of(data: pd.DataFrame, name: str, estimates: Iterable[Estimate]) -> pd.DataFrame:
-    """A data frame with the columns ``name``, ``name_low`` and ``name_high`` of estimates."""
-    values = list(estimates)
-    for place, end in enumerate(("", "_low", "_high")):
-        data[f"{name}{end}"] = [estimate[place] for estimate in values]
-    return data
-
-
 def studies(package: ModuleType) -> list[Study]:
     """Every study of a package of studies, in the order of the page."""
     names = (module.name for module in pkgutil.iter_modules(package.__path__) if module.ispkg)
-    every = []
-    for name in names:
-        try:
-            every.append(importlib.import_module(f"{package.__name__}.{name}.view").STUDY)
-        except Exception as error:  # TODO: until every study is converted
-            print(f"study {name}: {type(error).__name__}: {error}")
-    every = [study for study in every if isinstance(study.front, bool)]
+    views = (importlib.import_module(f"{package.__name__}.{name}.view") for name in names)
+    every: list[Study] = [view.STUDY for view in views]
     return sorted(every, key=lambda study: (not study.front, study.order))

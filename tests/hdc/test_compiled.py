@@ -25,7 +25,7 @@ NEAR = "ignore:.*constant frame"
 @pytest.fixture(scope="module")
 def numba():
     return pytest.importorskip(
-        "numba", reason="numba is not installed: pip install 'hdc[compiled]'"
+        "numba", reason="numba is not installed: pip install 'speckle-hdc[compiled]'"
     )
 
 

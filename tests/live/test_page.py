@@ -16,7 +16,7 @@ import pytest
 from hdc import HDCClassifier
 from hdc.command import main
 
-pytest.importorskip("nicegui", reason="the page needs nicegui: pip install 'hdc[live]'")
+pytest.importorskip("nicegui", reason="the page needs nicegui: pip install 'speckle-hdc[live]'")
 
 from hdc.live.guard import Guard
 
@@ -219,7 +219,7 @@ def test_a_missing_extra_is_one_line(monkeypatch, capfd):
     monkeypatch.delitem(sys.modules, "hdc.live.page", raising=False)
     with pytest.raises(SystemExit, match="1"):
         main(["live", "--folder", "nowhere"])
-    line = "error: expected the package nicegui, found none; pip install 'hdc[live]'\n"
+    line = "error: expected the package nicegui, found none; pip install 'speckle-hdc[live]'\n"
     assert capfd.readouterr().err == line
 
 

@@ -15,7 +15,6 @@ import gc
 import importlib.util
 import itertools
 import math
-import resource
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -47,7 +46,7 @@ _START_PEAK_ANEW = Path("/proc/self/clear_refs")
 
 @experiment
 def benchmark(
-    run: Run, steps: Sequence[Mapping[str, Any]], limit_bytes: float, budget_s: float, seed: int
+    run: Run, steps: Sequence[Mapping[str, Any]], budget_s: float, seed: int
 ) -> Iterator[Row]:
     """One row: a route at one size.
 
@@ -59,7 +58,6 @@ def benchmark(
         steps: sizes, each a mapping of lists: ``operation``, ``n`` frames, ``d`` pixels, ``l``
             classes and ``frames`` (default: speckle), measured in every combination; with
             ``peers: false`` ours and one read of the bytes alone.
-        limit_bytes: the most memory that the routes of a size may take together.
         budget_s: time a route at one size; it gets three turns at least.
         seed: seed of the frames.
 
@@ -72,7 +70,7 @@ def benchmark(
         for size in itertools.product(*lists):
             key = dict(zip(SIZE, size, strict=True))
             case, peers = Case(**key, seed=seed), step.get("peers", True)
-            compute = functools.partial(measure, case, limit_bytes, budget_s, peers)
+            compute = functools.partial(measure, case, budget_s, peers)
             for row in run.part(key, compute):
                 yield row
                 if row["status"].startswith(("wrong", "failed")):
@@ -81,12 +79,12 @@ def benchmark(
         raise RuntimeError(f"benchmark: expected right results, found {', '.join(wrong)}")
 
 
-def measure(case: Case, limit_bytes: float, budget_s: float, peers: bool = True) -> list[Row]:
+def measure(case: Case, budget_s: float, peers: bool = True) -> list[Row]:
     """A row for each route of the case's operation."""
     rows: list[Row] = []
     samplers: dict[str, Callable[[], float]] = {}
     gc.collect()  # memory of the size before
-    with at_most(limit_bytes), warnings.catch_warnings():
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # constant frames carry no information
         for route in OPERATIONS[case.operation](case):
             if not peers and route.name not in (OURS, OURS_COMPILED, READ):
@@ -125,8 +123,6 @@ def check(route: Route, case: Case) -> Row:
         verdict = case.verdict(common_form(case, route.call))
     except Exception as error:
         message = " ".join(str(error).split())
-        if isinstance(error, MemoryError) or "allocate memory" in message:
-            return {"status": "skipped: too large for limit_bytes", "equal_result": ""}
         return {"status": f"failed: {type(error).__name__}: {message}"[:200], "equal_result": ""}
     exact = verdict != "yes, ties aside" or route.name not in (OURS, OURS_COMPILED)
     right = verdict != "no" and exact  # ours is specified to the last bit
@@ -157,19 +153,6 @@ def call_bytes(call: Callable[[], Any]) -> int | None:
     taken = peak_bytes() - before
     del result
     return max(0, taken)
-
-
-@contextlib.contextmanager
-def at_most(more: float) -> Iterator[None]:
-    """Refuse the process more than this memory (bytes) beyond what it has, where the system can."""
-    held, limits = Path("/proc/self/statm"), resource.getrlimit(resource.RLIMIT_DATA)
-    if held.exists():
-        data = int(held.read_text().split()[5]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_DATA, (int(data + more), limits[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_DATA, limits)
 
 
 @functools.cache

@@ -54,12 +54,8 @@ def encode_routes(case: Case) -> Iterator[Route]:
     if case.dtype != np.uint16:  # torch does not sort it
         yield Route("torch.median, compare", "torch", lambda: torch_bits(frames))
     if case.dtype != np.float32:
-        for package, counter in (("cv2.calcHist", opencv_counts), ("numpy.bincount", np.bincount)):
-            yield Route(
-                f"{package}, compare, packbits",
-                package.partition(".")[0],
-                partial(histogram_rows, array, counter),
-            )
+        call = partial(histogram_rows, array, opencv_counts)
+        yield Route("cv2.calcHist, compare, packbits", "cv2", call)
 
 
 def bundle_routes(case: Case) -> Iterator[Route]:
@@ -76,7 +72,6 @@ def bundle_routes(case: Case) -> Iterator[Route]:
     yield from ours(lambda backend: partial(count, backend))
     yield from limits(words)
     yield Route(TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
-    yield Route("torchhd.models.Centroid", "torchhd", lambda: centroid(case, ones()))
     yield Route(
         "numpy.add.reduce of bytes",
         "numpy",
@@ -88,8 +83,6 @@ def hamming_routes(case: Case) -> Iterator[Route]:
     """Distances of queries and prototypes."""
     pair = case.words, case.prototypes
     q, p = (x.numpy().view(np.uint8) for x in pair)
-    signs = cache(lambda: [2 * bits.unpack(x, case.d).float() - 1 for x in pair])
-    ones = cache(lambda: [load("torchhd").BSCTensor(bits.unpack(x, case.d)) for x in pair])
 
     @cache
     def index() -> Any:
@@ -101,18 +94,14 @@ def hamming_routes(case: Case) -> Iterator[Route]:
         distances, order = index().search(q, len(p))
         return np.take_along_axis(distances, order.argsort(1), 1)
 
-    calls: dict[tuple[str, str], Callable[[], Any]] = {
-        (NUMKONG, "numkong"): lambda: load("numkong").cdist(q, p, metric="hamming", dtype="uint1"),
-        ("faiss.IndexBinaryFlat", "faiss"): faiss_distances,
-        ("numpy.bitwise_count", "numpy"): lambda: numpy_hamming(q, p),
-        ("torchhd.hamming_similarity", "torchhd"): lambda: (
-            case.d - load("torchhd").hamming_similarity(*ones()).as_subclass(Tensor)
-        ),
-        ("torch float32 product of ±1", "torch"): lambda: (case.d - signs()[0] @ signs()[1].T) / 2,
-    }
+    def numkong_distances() -> Any:
+        return load("numkong").cdist(q, p, metric="hamming", dtype="uint1")
+
     yield from ours(lambda backend: partial(bits.hamming, *pair, backend))
     yield from limits(*pair)
-    yield from (Route(*names, call) for names, call in calls.items())
+    yield Route(NUMKONG, "numkong", numkong_distances)
+    yield Route("faiss.IndexBinaryFlat", "faiss", faiss_distances)
+    yield Route("numpy.bitwise_count", "numpy", lambda: numpy_hamming(q, p))
 
 
 def train_routes(case: Case) -> Iterator[Route]:
@@ -126,8 +115,6 @@ def train_routes(case: Case) -> Iterator[Route]:
     yield from limits(frames, copy=True)
     yield Route(TORCHHD_TRAIN, "torchhd", lambda: multisets(by_class(case, torch_bits(frames))))
     yield Route(ORDINARY_ROUTES[1], "torchhd", numpy_multisets)
-    name = "torch.median, torchhd.models.Centroid"
-    yield Route(name, "torchhd", lambda: centroid(case, torch_bits(frames)))
     yield Route(RIDGE, "sklearn", lambda: ridge(frames, case.labels))
 
 
@@ -151,23 +138,13 @@ def predict_routes(case: Case) -> Iterator[Route]:
         turn = itertools.cycle(frames)
         return lambda: label(next(turn))
 
-    yield from ours(lambda backend: each(trained(case, backend).predict))
+    yield from ours(
+        lambda backend: each(HDCClassifier(backend=backend).fit(*case.examples).predict)
+    )
     yield from limits(frames[0], case.prototypes)
     yield Route("torch.median, torchhd.hamming_similarity", "torchhd", each(torchhd_label))
     yield Route("numpy.bincount, numpy.bitwise_count", "numpy", each(numpy_label))
     yield Route(RIDGE, "sklearn", each(lambda frame: model().predict(scaled(frame))[0]))
-
-
-def learn_one_routes(case: Case) -> Iterator[Route]:
-    """A frame of a stream into a model; successive calls learn successive held-out frames."""
-    frames, labels = case.held_out
-    turn = itertools.cycle(zip(frames.split(1), labels[:, None], strict=True))
-
-    def learn(model: HDCClassifier) -> HDCClassifier:
-        return model.partial_fit(*next(turn))
-
-    yield from ours(lambda backend: partial(learn, trained(case, backend)))
-    yield from limits(frames[:1])
 
 
 def file_routes(case: Case) -> Iterator[Route]:
@@ -206,7 +183,6 @@ OPERATIONS: Mapping[str, Callable[[Case], Iterator[Route]]] = {
     "hamming": hamming_routes,
     "train": train_routes,
     "predict": predict_routes,
-    "learn_one": learn_one_routes,
     "folder": file_routes,
     "video": file_routes,
 }
@@ -218,9 +194,7 @@ def common_form(case: Case, call: Callable[[], Any]) -> np.ndarray:
     result: Any = np.array([call() for _ in range(HELD_OUT)]).ravel() if one_by_one else call()
     if isinstance(result, Path):
         result = HDCClassifier.load(result)
-    if case.operation == "learn_one":
-        result = result.predict(case.held_out[0])
-    elif isinstance(result, HDCClassifier):
+    if isinstance(result, HDCClassifier):
         result = result.prototypes_
     elif hasattr(result, "predict"):
         result = result.predict(scaled(case.held_out[0]))
@@ -248,13 +222,6 @@ def limits(*inputs: Tensor, copy: bool = False) -> Iterator[Route]:
     if copy:
         copied = torch.empty_like(inputs[0])
         yield Route(COPY, "torch", lambda: copied.copy_(inputs[0]))
-
-
-def trained(case: Case, backend: str) -> HDCClassifier:
-    """A model of one frame a class, with room for the frames of a stream."""
-    model = HDCClassifier(backend=backend).fit(*case.examples)
-    model.counters_.reserve(2**8)
-    return model
 
 
 def torch_bits(frames: Tensor) -> Tensor:
@@ -293,14 +260,6 @@ def multisets(classes: list[Tensor]) -> Tensor:
     torchhd = load("torchhd")
     prototypes = [torchhd.multiset(torchhd.BSCTensor(ones)) for ones in classes]
     return torch.stack(prototypes).as_subclass(Tensor)
-
-
-def centroid(case: Case, ones: Tensor) -> Tensor:
-    """The same by torchhd's model, which adds hypervectors up."""
-    model = load("torchhd").models.Centroid(case.d, case.l)
-    model.add(ones.float(), torch.from_numpy(case.labels))
-    n = torch.from_numpy(np.bincount(case.labels, minlength=case.l))
-    return 2 * model.weight > n[:, None]
 
 
 def numpy_hamming(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray:

@@ -39,7 +39,6 @@ NOTE = (
 )
 TEXTS = {
     "predict": "predict, one frame",
-    "learn_one": "learn, one frame",
     "folder": "hdc train FOLDER",
     "video": "hdc train VIDEO",
 }
@@ -109,11 +108,6 @@ def goals(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
             of_route(rows, "encode", route, kind)["median_s"] for kind in (SHUFFLED, SORTED)
         )
         table.append((f"encode {SHUFFLED}, × {SORTED}: {route}", "≤", 1.3, shuffled / by_class))
-        most, fewest = (
-            of_route(rows, "learn_one", route, l=classes)["median_s"]
-            for classes in (rows["l"].max(), HEADLINE["l"])
-        )
-        table.append((f"learn one frame, most classes, × fewest: {route}", "≤", 1.3, most / fewest))
     return pd.DataFrame(
         [
             {
@@ -138,6 +132,7 @@ def goals(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
 )
 def headline(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """The rows of the headline size; of operations on other numbers of frames, theirs."""
+    rows = rows[rows["operation"].isin(list(OPERATIONS))]
     other_n = ~rows["operation"].isin(["encode", "bundle", "train"])
     rows = rows[(rows["frames"] == "speckle") & (other_n | (rows["n"] == HEADLINE["n"]))]
     rows = rows[(rows["d"] == HEADLINE["d"]) & (rows["l"] == HEADLINE["l"])]
@@ -159,23 +154,6 @@ def by_kind(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
         "µs a frame", ["frames", "n", "d"], "route", sort=False, observed=True
     )
     return wide[rows["route"].unique()].reset_index().rename(columns={"frames": "Frames"})
-
-
-@STUDY.table(
-    "benchmark_classes",
-    of="benchmark",
-    title="Prediction and learning, µs a frame, by the number of classes. {machine}",
-    columns=COLUMNS,
-    note=f"{NOTE} One read: of the frame and, where it is predicted, of all prototypes.",
-)
-def by_classes(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
-    """Ours beside one read."""
-    rows = rows[rows["operation"].isin(["predict", "learn_one"])]
-    rows = rows[rows["route"].isin([OURS, OURS_COMPILED, READ]) & (rows["status"] == "ok")]
-    names = ["operation", "frames", "route", "d", "l", "µs a frame"]
-    table = per_frame(rows)[names]
-    table.attrs["shown"] = [name for name in names if name != "frames"]
-    return table
 
 
 def ordinary_training_s(results: Results, group: Group) -> float | None:

@@ -58,11 +58,6 @@ def slower(ratios: Mapping[str, Sequence[float]], times: float = TIMES) -> str:
     return combine(verdicts)
 
 
-def confidence(n_runs: int) -> float:
-    """Confidence with which the least of n runs bounds their median from below: 1 − 2⁻ⁿ."""
-    return 1 - 2.0**-n_runs
-
-
 def combine(verdicts: Iterable[str]) -> str:
     """One word for several: the word that all decided ones share, else partly."""
     decided = {verdict for verdict in verdicts if verdict != UNDECIDABLE}

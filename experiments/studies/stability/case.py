@@ -4,100 +4,99 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from experiments.protocol.experiment import Row
 
-
-class Forms(NamedTuple):
-    """A prepared case.
-
-    Attributes:
-        naive: the obvious computation, as a practitioner would write it.
-        ours: the computation of this project.
-        error: error of a result of either, against an exact reference.
-        tolerance: instead of the case's, where it depends on the input.
-    """
-
-    naive: Callable[[], Any]
-    ours: Callable[[], Any]
-    error: Callable[[Any], float]
-    tolerance: float | None = None
+Error = Callable[[Any, Any], float]
+Prepare = Callable[..., tuple[Any, ...]]
 
 
-@dataclass(frozen=True, kw_only=True)
+def largest(result: Any, exact: Any) -> float:
+    """Largest distance from the exact result."""
+    return float(np.abs(np.asarray(result, float) - np.asarray(exact, float)).max())
+
+
+def relative(result: Any, exact: Any) -> float:
+    """Largest relative distance from the exact result."""
+    return largest(np.asarray(result, float) / np.asarray(exact, float), 1)
+
+
+def differing(result: Any, exact: Any) -> float:
+    """Number of entries that differ from the exact ones."""
+    return float((np.asarray(result) != np.asarray(exact)).sum())
+
+
+@dataclass(frozen=True)
 class Case:
     """What is computed, and why it is hard.
 
     Attributes:
         part: hypervectors, correlations, training or layer.
         name: of the function that prepares it, in words.
-        prepare: makes the input.
+        prepare: makes the input, and returns two functions without arguments, the obvious
+            computation and ours, then the exact result, then a tolerance if it depends on the
+            input.
         extreme: what is extreme about the input, and where the obvious computation fails.
         naive, ours: the two computations, in words.
         unit: of the error.
+        error: of a result, against the exact one.
         tolerance: the largest error of ours for which the case holds.
-        small: arguments of `prepare` for a quick look.
     """
 
     part: str
     name: str
-    prepare: Callable[..., Forms]
+    prepare: Prepare
     extreme: str
     naive: str
     ours: str
     unit: str
+    error: Error = largest
     tolerance: float = 0.0
-    small: Mapping[str, Any] = field(default_factory=dict)
 
-    def row(self, small: bool = False) -> Row:
-        """Both errors and the verdict."""
-        forms = self.prepare(**(self.small if small else {}))
-        error_naive, error_ours = (_error(forms.error, _try(x)) for x in (forms.naive, forms.ours))
-        tolerance = self.tolerance if forms.tolerance is None else forms.tolerance
-        holds = error_ours is not None and error_ours <= tolerance
+    def row(self, **arguments: Any) -> Row:
+        """Both errors and the verdict; arguments are those of `prepare`."""
+        naive, ours, exact, *tolerances = self.prepare(**arguments)
+        tolerance = (*tolerances, self.tolerance)[0]
+        error_ours = self._error(ours, exact)
+        texts = ("part", "extreme", "naive", "ours", "unit")
         return {
-            "part": self.part,
             "case": self.name,
-            "extreme": self.extreme,
-            "naive": self.naive,
-            "ours": self.ours,
-            "unit": self.unit,
-            "error_naive": error_naive,
+            **{text: getattr(self, text) for text in texts},
+            "error_naive": self._error(naive, exact),
             "error_ours": error_ours,
             "tolerance": tolerance,
-            "verdict": "holds" if holds else "fails",
+            "verdict": "holds" if error_ours is not None and error_ours <= tolerance else "fails",
         }
+
+    def _error(self, compute: Callable[[], Any], exact: Any) -> float | None:
+        """The error of a computation; None where it raises or gives no finite number."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                result = compute()
+            except (ArithmeticError, RuntimeError, ValueError):
+                return None
+            value = float(self.error(result, exact))
+        return value if math.isfinite(value) else None
 
 
 CASES: list[Case] = []
 """Every case, once the modules of ``cases`` are imported."""
 
 
-def case(part: str, name: str = "", **attributes: Any) -> Callable[[Any], Any]:
+def case(
+    part: str, extreme: str, naive: str, ours: str, unit: str, name: str = "", **rest: Any
+) -> Callable[[Prepare], Prepare]:
     """Register a function as a :class:`Case` with these attributes."""
 
-    def register(prepare: Callable[..., Forms]) -> Callable[..., Forms]:
+    def register(prepare: Prepare) -> Prepare:
         words = name or prepare.__name__.replace("_", " ")
-        CASES.append(Case(part=part, name=words, prepare=prepare, **attributes))
+        CASES.append(Case(part, words, prepare, extreme, naive, ours, unit, **rest))
         return prepare
 
     return register
-
-
-def _try(call: Callable[[], Any]) -> Any:
-    """The result of a call without its warnings, or None if it raises."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            return call()
-        except (ArithmeticError, RuntimeError, ValueError):
-            return None
-
-
-def _error(error: Callable[[Any], float], result: Any) -> float | None:
-    """The error of a result; None where there is no number to compare."""
-    value = math.nan if result is None else float(error(result))
-    return value if math.isfinite(value) else None

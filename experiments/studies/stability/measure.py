@@ -17,13 +17,9 @@ PARTS = ("hypervectors", "correlations", "training", "layer")
 
 
 @experiment
-def stability(run: Run, small: bool = False) -> Iterator[Row]:
-    """One row: a case, with the errors of both computations.
-
-    Args:
-        small: the cases' small sizes, for a quick look.
-    """
+def stability(run: Run) -> Iterator[Row]:
+    """One row: a case, with the errors of both computations."""
     for case in sorted(CASES, key=lambda case: PARTS.index(case.part)):
-        row = case.row(small)
+        row = case.row()
         run.note(f"{row['verdict']}: {case.name}")
         yield row

@@ -1,4 +1,4 @@
-"""Numbers at their limits: every case with both errors, both times and the verdict."""
+"""Numbers at their limits: every case with both errors and the verdict."""
 
 from __future__ import annotations
 
@@ -25,16 +25,13 @@ def error(value: float) -> str:
 
 
 COLUMNS = {
-    "part": Column("Part"),
     "case": Column("Case"),
     "extreme": Column("Why it is extreme"),
     "naive": Column("Obvious computation"),
-    "ours": Column("Ours"),
     "unit": Column("Error in"),
     "error_naive": Column("Error, obvious", error, note="A dash: no number came out."),
     "error_ours": Column("Error, ours", error),
     "tolerance": Column("Tolerance", error),
-    "verdict": Column("Verdict"),
 }
 
 
@@ -47,7 +44,7 @@ COLUMNS = {
     "holds if our error is within the tolerance.",
 )
 def stability(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
-    """A row a case."""
+    """One row per case."""
     holding = (rows["verdict"] == "holds").sum()
     rows.attrs["title"] = f"Numbers at their limits: {holding} of {len(rows)} cases hold"
     return rows

@@ -1,4 +1,4 @@
-"""Estimators against scipy and closed forms."""
+"""Estimators against scipy, closed forms, and simulations where the truth is known."""
 
 import math
 
@@ -8,19 +8,90 @@ from scipy.stats import binomtest
 
 from experiments.records.results import Results
 from experiments.reporting import estimates
-from experiments.reporting.estimates import (
-    crossing,
-    mean_interval,
-    one_ratio,
-    one_sensor,
-    quartiles,
-)
+from experiments.reporting.estimates import mean_difference, mean_interval, mean_share
+
+T2 = 4.302652730  # Student's t(0.975) with two degrees of freedom
 
 
-def test_student_interval():
-    # t(0.975, 2) = 4.3027
-    assert mean_interval([1.0, 2.0, 3.0]) == pytest.approx((2, 2 - 2.4841, 2 + 2.4841), abs=1e-4)
+def test_student_intervals_of_the_mean_and_of_one_more_sensor():
+    half = T2 / math.sqrt(3)
+    assert mean_interval([1.0, 2.0, 3.0]) == pytest.approx((2, 2 - half, 2 + half))
+    half = T2 * math.sqrt(4 / 3)
+    assert estimates.one_sensor([1.0, 2.0, 3.0]) == pytest.approx((2, 2 - half, 2 + half))
     assert np.isnan(mean_interval([1.0])[1:]).all()
+    # The interval of a ratio is that of its logarithm.
+    ratio = estimates.one_ratio(2.0, [0.0, math.log(2), math.log(4)])
+    assert math.log(ratio.high / ratio.value) == pytest.approx(half * math.log(2))
+    assert np.isnan(estimates.one_ratio(3.0, [1.0, 1.1, math.inf])[1:]).all()
+
+
+def coverage(interval, seeds, accuracy, spread):
+    """How often the interval of 2,000 simulated experiments holds the expected accuracy.
+
+    Each seed has 100 test samples of a sensor whose own accuracy is drawn from a beta distribution
+    of this mean and standard deviation.
+    """
+    rng = np.random.default_rng([seeds, round(1e3 * accuracy), round(1e3 * spread)])
+    sensors = np.full((2000, seeds), accuracy)
+    if spread:
+        total = accuracy * (1 - accuracy) / spread**2 - 1
+        sensors = rng.beta(accuracy * total, (1 - accuracy) * total, (2000, seeds))
+    shares = rng.binomial(100, sensors) / 100
+    bounds = np.array([interval(list(each)) for each in shares])
+    return np.mean((bounds[:, 1] <= accuracy) & (accuracy <= bounds[:, 2]))
+
+
+@pytest.mark.parametrize("accuracy", [0.7, 0.9])
+@pytest.mark.parametrize(("seeds", "spread"), [(3, 0), (5, 0), (5, 0.05), (10, 0), (10, 0.05)])
+def test_intervals_hold_the_expectation_about_95_times_in_100(seeds, accuracy, spread):
+    case = seeds, accuracy, spread
+    assert 0.93 <= coverage(mean_interval, *case) <= 0.99
+    # Student's factor on a variance that the samples alone make: too wide for few equal sensors.
+    widest = 1 if seeds < 10 and not spread else 0.99
+    assert 0.93 <= coverage(lambda each: mean_share(each, 100), *case) <= widest
+
+
+def test_100_percent_of_all_samples_has_an_interval(tmp_path, write_run):
+    for seed in range(3):
+        write_run("hdc", seed=seed)
+    group = Results(tmp_path).group("touch", "hdc")
+    assert estimates.share(group)[::2] == (1, 1)
+    p = 302 / 304  # two right and two wrong added
+    half = T2 * math.sqrt(p * (1 - p) / 100)
+    assert estimates.share(group).low == pytest.approx(1 - half / math.sqrt(3))
+    assert estimates.share_of_one_sensor(group).low == pytest.approx(1 - half * math.sqrt(4 / 3))
+
+
+def test_one_seed_has_wilsons_interval():
+    wilson = binomtest(97, 100).proportion_ci(0.95, "wilson")
+    assert mean_share([0.97], 100) == pytest.approx((0.97, wilson.low, wilson.high))
+
+
+def test_models_differ_seed_by_seed_on_the_same_samples(tmp_path, write_run):
+    def difference():
+        results = Results(tmp_path)
+        return estimates.difference(*(results.group("touch", m).runs for m in ("softmax", "hdc")))
+
+    write_run("softmax", wrong=range(4))
+    assert difference() is None
+    write_run("hdc", wrong=[0])
+    assert difference().share.value == pytest.approx(-0.03)
+    write_run("softmax", seed=1, wrong=range(2))
+    write_run("hdc", seed=1, wrong=range(10))
+    half = 12.7062 * np.std([-0.03, 0.08], ddof=1) / math.sqrt(2)
+    assert difference().share == pytest.approx((0.025, 0.025 - half, 0.025 + half), abs=1e-4)
+    # A seed whose test frames were others is no pair.
+    write_run("hdc", seed=2)
+    write_run("softmax", seed=2, wrong=range(50), data_sha256={"train": "", "test": "of others"})
+    assert (difference().above, difference().below, len(difference().each)) == (1, 1, 2)
+
+
+def test_differences_spread_at_least_as_much_as_the_samples_disagree():
+    half = T2 * math.sqrt(1 / 302 / 100 / 3)
+    assert mean_difference([0, 0, 0], 100) == pytest.approx((0, -half, half))
+    half = 12.7062 * math.sqrt((4 + 1) / 202 / 100 / 2)  # 2 and 2 of 100 samples
+    found = mean_difference([0.02, 0.02], 100)
+    assert found == pytest.approx((0.02, 0.02 - half, 0.02 + half), abs=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -34,108 +105,10 @@ def test_student_interval():
     ],
 )
 def test_where_a_curve_crosses(n, accuracy, expected):
-    assert crossing(n, accuracy) == pytest.approx(expected, nan_ok=True)
+    assert estimates.crossing(n, accuracy) == pytest.approx(expected, nan_ok=True)
 
 
-def test_the_interval_of_a_ratio_in_closed_form():
-    value, low, high = one_ratio(2.0, [0.0, math.log(2), math.log(4)])
-    # Student's t with two degrees of freedom, of one more of three.
-    half = 4.302652730 * math.log(2) * math.sqrt(4 / 3)
-    assert value == 2
-    assert (math.log(low), math.log(high)) == pytest.approx(
-        (math.log(2) - half, math.log(2) + half)
-    )
-
-
-@pytest.mark.parametrize("logarithms", [[1.0, 3.0], [1.0, 1.1, math.inf]])
-def test_no_interval_of_too_few_or_unreached_ratios(logarithms):
-    found = one_ratio(3.0, logarithms)
-    assert found.value == 3
-    assert np.isnan(found[1:]).all()
-
-
-def test_quartiles_of_finite_times_are_numpys_and_infinite_ones_count():
+def test_quartiles_count_infinite_times():
     times = [3.0, 1.0, 2.0, 7.0, 5.5]
-    assert quartiles(times) == pytest.approx(np.quantile(times, [0.25, 0.5, 0.75]))
-    assert quartiles([1.0, math.inf]) == [math.inf] * 3
-    assert quartiles([1.0, 2.0, math.inf]) == [1.5, 2.0, math.inf]
-
-
-def test_one_more_sensor_lies_where_students_law_says():
-    # t(0.975, 2)·√(1 + 1/3) = 4.9682; so wide that 95 of 100 further ones are in it.
-    assert one_sensor([1.0, 2.0, 3.0]) == pytest.approx((2, 2 - 4.9682, 2 + 4.9682), abs=1e-4)
-    assert np.isnan(one_sensor([1.0])[1:]).all()
-    rng = np.random.default_rng(0)
-    drawn = rng.normal(size=(2000, 6))
-    inside = [low <= one[5] <= high for one in drawn for _, low, high in [one_sensor(one[:5])]]
-    assert 0.93 < np.mean(inside) < 0.97
-
-
-def test_accuracies_of_100_percent_have_an_interval(tmp_path, write_run):
-    """Nothing spreads over seeds, and 300 of 300 is no proof of 100 %."""
-    for seed in range(3):
-        write_run("hdc", seed=seed)
-    group = Results(tmp_path).group("touch", "hdc")
-    assert estimates.share(group)[::2] == (1, 1)
-    p = 302 / 304  # two right and two wrong added
-    half = 4.302652730 * math.sqrt(p * (1 - p) / 100)
-    assert estimates.share(group).low == pytest.approx(1 - half / math.sqrt(3))
-    assert estimates.share_of_one_sensor(group).low == pytest.approx(1 - half * math.sqrt(4 / 3))
-
-
-def test_seeds_are_the_units_of_an_interval(tmp_path, write_run):
-    """Wilson's of all samples together was half as wide where sensors differ."""
-    for seed, wrong in enumerate((0, 10, 30)):
-        write_run("hdc", seed=seed, wrong=range(wrong))
-    found = estimates.share(Results(tmp_path).group("touch", "hdc"))
-    shares = [1.0, 0.9, 0.7]
-    half = 4.302652730 * np.std(shares, ddof=1) / math.sqrt(3)
-    assert found == pytest.approx((np.mean(shares), np.mean(shares) - half, 1))
-
-
-def test_one_seed_has_wilsons_interval(tmp_path, write_run):
-    write_run("hdc", wrong=range(3))
-    wilson = binomtest(97, 100).proportion_ci(0.95, "wilson")
-    found = estimates.share(Results(tmp_path).group("touch", "hdc"))
-    assert found == pytest.approx((0.97, wilson.low, wilson.high))
-
-
-def test_models_differ_seed_by_seed_on_the_same_samples(tmp_path, write_run):
-    def found():
-        results = Results(tmp_path)
-        return estimates.difference(*(results.group("touch", m).runs for m in ("softmax", "hdc")))
-
-    write_run("softmax", wrong=range(4))
-    assert found() is None
-    write_run("hdc", wrong=[0])
-    assert found().share[:1] == pytest.approx((-0.03,))
-    assert np.isnan(found().share[1:]).all()
-    write_run("softmax", seed=1, wrong=range(2))
-    write_run("hdc", seed=1, wrong=range(10))
-    each = [-0.03, 0.08]
-    half = 12.7062 * np.std(each, ddof=1) / math.sqrt(2)
-    assert found().share == pytest.approx((0.025, 0.025 - half, 0.025 + half), abs=1e-4)
-    assert (found().above, found().below, len(found().each)) == (1, 1, 2)
-    write_run("hdc", seed=2)
-    write_run(
-        "softmax", seed=2, wrong=range(50), data_sha256={"train": "", "test": "of other frames"}
-    )
-    assert (found().above, found().below, len(found().each)) == (1, 1, 2)
-
-
-def test_models_that_agree_on_every_sample_may_differ_on_others(tmp_path, write_run):
-    for seed in range(3):
-        for model in ("softmax", "hdc"):
-            write_run(model, seed=seed)
-    results = Results(tmp_path)
-    runs = [results.group("touch", model).runs for model in ("softmax", "hdc")]
-    share, *_ = estimates.difference(*runs)
-    half = 4.302652730 * math.sqrt(1 / 302 / 100 / 3)
-    assert share == pytest.approx((0, -half, half))
-    assert estimates.mean_difference([0, 0, 0], 100) == share
-
-
-def test_where_models_disagree_at_least_is_what_they_differ_by():
-    half = 12.7062 * math.sqrt((4 + 1) / 202 / 100 / 2)  # 2 and 2 of 100 samples
-    found = estimates.mean_difference([0.02, 0.02], 100)
-    assert found == pytest.approx((0.02, 0.02 - half, 0.02 + half), abs=1e-4)
+    assert estimates.quartiles(times) == pytest.approx(np.quantile(times, [0.25, 0.5, 0.75]))
+    assert estimates.quartiles([1.0, 2.0, math.inf]) == [1.5, 2.0, math.inf]

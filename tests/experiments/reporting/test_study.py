@@ -1,51 +1,64 @@
-"""A study is a folder with a view; the report finds it, and starts fast."""
+"""A study is a folder with a view; its decorators make tables, figures and numbers of records."""
 
 import math
-import subprocess
-import sys
+
+import pandas as pd
+import pytest
 
 from experiments import studies
-from experiments.records.files import ROOT
 from experiments.records.results import Results
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.study import Quantity
+from experiments.reporting.study import Quantity, Study
 from experiments.reporting.study import studies as studies_of
 
-FOUND = studies_of(studies)
 
-
-def test_every_study_is_found_in_the_order_of_the_page():
-    assert {"table1", "accuracy", "scenes", "correlation", "drift"} <= {s.name for s in FOUND}
-    orders = [study.order for study in FOUND]
-    assert orders == sorted(set(orders))
-    for study in FOUND:
-        assert (ROOT / "experiments" / "studies" / study.name / "view.py").is_file()
-        assert study.title
-        assert study.question.endswith((".", "?"))
-
-
-def test_a_study_has_nothing_to_say_of_an_empty_folder(tmp_path):
+def test_no_study_has_anything_to_say_of_an_empty_folder(tmp_path):
+    every = studies_of(studies)
+    assert {"table1", "accuracy", "claims", "recordings", "drift"} <= {s.name for s in every}
     results = Results(tmp_path)
-    for study in FOUND:
-        assert not list(study.plots(results)), study.name
-        assert not list(study.quantities(results)), study.name
-        # Table I has its published half.
-        assert study.name == "table1" or not list(study.tables(results)), study.name
-    assert results.problems == []
+    for study in every:
+        for made in (study.tables_of, study.plots_of, study.quantities_of):
+            assert not list(made(results)), study.name
 
 
-def test_what_shows_does_not_import_what_measures():
-    code = (
-        "import sys; from experiments import report; report.all_studies();"
-        "print([m for m in sys.modules if m in ('torch', 'hdc', 'cv2', 'sklearn')"
-        " or m.startswith('experiments.') and m.endswith('.measure')])"
+@pytest.fixture
+def study():
+    made = Study("of_a_test", "Title", "Question?", 1)
+
+    @made.table("some", of="correlation", title="Some, {frames}, {machine}", note="How.")
+    def some(rows, config):
+        return rows.groupby("model", as_index=False)["right"].sum().assign(k=config["k"])
+
+    @made.table("none", of=("correlation", "drift"), title="None")
+    def none(rows, others, config):
+        raise AssertionError("drift was not measured")
+
+    @made.quantities(of="correlation")
+    def quantities(rows, config):
+        yield Quantity("a/b", float(rows.right.sum()))
+
+    return made
+
+
+def test_rows_of_a_measurement_become_a_table_for_each_kind_of_frames(
+    tmp_path, write_measurement, study
+):
+    rows = [{"origin": "simulated", "model": m, "right": n} for m, n in zip("aab", (1, 2, 4))]
+    write_measurement("correlation", rows, config={"k": 5})
+    write_measurement("correlation", rows[:1], config={"k": 6, "scene": {"path": "mine"}},
+                      scene="recorded")  # fmt: skip
+    first, second = study.tables_of(Results(tmp_path))
+    pd.testing.assert_frame_equal(
+        first.data, pd.DataFrame({"model": ["a", "b"], "right": [3, 4], "k": 5})
     )
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert done.stdout.strip() == "[]", done.stderr
+    assert (first.name, second.name) == ("some", "some_recorded")
+    assert first.title == "Some, simulated frames, A CPU, 2 threads"
+    assert first.commands == ("python -m experiments.run experiment=correlation",)
+    assert [q.value for q in study.quantities_of(Results(tmp_path))] == [7]  # not of other frames
 
 
 def test_an_estimate_without_bounds_has_no_interval():
-    found = Quantity.of("a/b", Estimate(0.5), "Wilson", 100)
-    assert (found.value, found.low, found.high, found.interval) == (50, None, None, "")
-    found = Quantity.of("a/b", Estimate(0.5, 0.4, math.nan), "Wilson", 100, seeds=3)
-    assert (found.low, found.high, found.interval, found.seeds) == (40, None, "Wilson", 3)
+    quantity = Quantity.of("a/b", Estimate(0.5), "Wilson", 100)
+    assert (quantity.value, quantity.low, quantity.high, quantity.interval) == (50, None, None, "")
+    quantity = Quantity.of("a/b", Estimate(0.5, 0.4, math.nan), "Wilson", 100, seeds=3)
+    assert (quantity.low, quantity.high, quantity.interval) == (40, None, "Wilson")

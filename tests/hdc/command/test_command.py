@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-import hdc as package
 from hdc import HDCClassifier
 from hdc.accuracy import wilson
 from hdc.command import main
@@ -272,7 +271,6 @@ def test_a_video_is_predicted_frame_by_frame(hdc, tmp_path):
     assert hdc("predict", tmp_path / "m", path)[:2] == (1, [])  # no head without a line
 
 
-@pytest.mark.skipif(not hasattr(package, "HDCRegressor"), reason="needs hdc.HDCRegressor")
 def test_numbers_are_learnt_from_a_table(hdc, tmp_path):
     rng = np.random.default_rng(0)
     base = cv2.GaussianBlur(rng.integers(0, 250, (SIDE, 3 * SIDE)).astype(np.uint8), (0, 0), 4)

@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 import pytest
 
-import hdc as package
 from hdc.command import main
 
 TUTORIAL = Path(__file__).resolve().parents[3] / "docs" / "tutorial.md"
@@ -49,7 +48,6 @@ def test_nested_folders_by_a_template(tmp_path, monkeypatch, capsys):
     assert compared.splitlines()[-1].startswith("Use ")
 
 
-@pytest.mark.skipif(not hasattr(package, "HDCRegressor"), reason="needs hdc.HDCRegressor")
 def test_numbers_by_a_table(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     noise = np.random.default_rng(0).integers(0, 250, (30, 90)).astype(np.uint8)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
-import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,37 +12,15 @@ from experiments.studies.correlation.sums import (
     mean_pair_correlations,
     pair_correlations_double_sum,
 )
-from experiments.studies.stability.case import Forms, case
+from experiments.studies.numerics.measure import exact_mean
+from experiments.studies.stability.case import case
 
 D = 250_000
-correlation_case = partial(
-    case, "correlations", unit="correlation", ours="mean_pair_correlations", tolerance=1e-10
-)
 
 
-def exact_mean(samples: NDArray[Any]) -> float:
-    """C_ll of integer samples [N_s, D]: no rounding but that of the result.
-
-    Raises:
-        ValueError: if a sum of products might not fit in 64 bits.
-    """
-    # A shift changes no covariance, and keeps the numbers small.
-    rows = samples.astype(np.int64) - samples.min(1, keepdims=True)
-    n, d = rows.shape
-    if int(rows.max()) ** 2 * d >= 2**63:
-        raise ValueError(f"samples: expected a range whose square times {d} is below 2^63")
-    sums = [int(total) for total in rows.sum(1)]
-    with mpmath.workdps(50):
-
-        def covariance(i: int, j: int) -> Any:
-            return mpmath.mpf(d * int(rows[i] @ rows[j]) - sums[i] * sums[j])
-
-        deviation = [mpmath.sqrt(covariance(i, i)) for i in range(n)]
-        pairs = [
-            covariance(i, j) / (deviation[i] * deviation[j])
-            for i, j in itertools.combinations(range(n), 2)
-        ]
-        return float(mpmath.fsum(pairs) / len(pairs))
+def correlation_case(extreme: str, naive: str, tolerance: float = 1e-10) -> Any:
+    ours = "mean_pair_correlations"
+    return case("correlations", extreme, naive, ours, "correlation", tolerance=tolerance)
 
 
 def one_pass(x: NDArray[Any], y: NDArray[Any]) -> float:
@@ -62,82 +37,71 @@ def correlated(d: int, levels: int) -> NDArray[np.int64]:
     return frames
 
 
-def pair(
+def compared(
     naive: Callable[..., float], frames: NDArray[np.int64], given: Any, ours: Any = None
-) -> Forms:
-    """A computation for one pair of frames, `given` in its type, beside ours for this class."""
-    exact, samples = exact_mean(frames), given if ours is None else ours
-    return Forms(
+) -> tuple[Any, ...]:
+    """A computation for `given`, the frames in its type, beside ours for the frames in ours."""
+    samples = given if ours is None else ours
+    return (
         lambda: naive(*given),
         lambda: mean_pair_correlations(samples, samples).value,
-        lambda value: abs(value - exact),
+        exact_mean(frames),
     )
 
 
 @correlation_case(
-    extreme="16-bit frames, mean 10^6 times the deviation: 65,000² has 10 digits, float32 seven",
-    naive="⟨xy⟩ − ⟨x⟩⟨y⟩ in float32",
-    small={"d": 20_000},
+    "16-bit frames, mean 10^6 times the deviation: 65,000² has 10 digits, float32 seven",
+    "⟨xy⟩ − ⟨x⟩⟨y⟩ in float32",
 )
-def mean_far_above_the_deviation(d: int = D) -> Forms:
+def mean_far_above_the_deviation(d: int = D) -> Any:
     frames = 65_000 + (correlated(d, 236) == 0)  # one pixel in 236 is brighter by one
-    return pair(one_pass, frames, frames.astype(np.float32), frames.astype(np.uint16))
+    return compared(one_pass, frames, frames.astype(np.float32), frames.astype(np.uint16))
 
 
 @correlation_case(
-    extreme="mean 10^9, deviation 577: float64 loses 12 of its 16 digits",
-    naive="⟨xy⟩ − ⟨x⟩⟨y⟩ in float64",
-    small={"d": 20_000},
+    "mean 10^9, deviation 577: float64 loses 12 of its 16 digits", "⟨xy⟩ − ⟨x⟩⟨y⟩ in float64"
 )
-def mean_far_above_the_deviation_in_float64(d: int = D) -> Forms:
+def mean_far_above_the_deviation_in_float64(d: int = D) -> Any:
     frames = 10**9 + correlated(d, 2000)
-    return pair(one_pass, frames, frames.astype(np.float64))
+    return compared(one_pass, frames, frames.astype(np.float64))
 
 
 @correlation_case(
-    extreme="16-bit frames up to 65,535: products in uint16 wrap",
-    naive="⟨xy⟩ − ⟨x⟩⟨y⟩ of the camera's integers",
-    small={"d": 20_000},
+    "16-bit frames up to 65,535: products in uint16 wrap",
+    "⟨xy⟩ − ⟨x⟩⟨y⟩ of the camera's integers",
 )
-def sixteen_bit_frames(d: int = D) -> Forms:
+def sixteen_bit_frames(d: int = D) -> Any:
     frames = correlated(d, 65_536)
-    return pair(one_pass, frames, frames.astype(np.uint16))
+    return compared(one_pass, frames, frames.astype(np.uint16))
 
 
 @correlation_case(
-    extreme="pixels of 10^-200: their squares are zero in float64, a variance of zero gives NaN",
-    naive="numpy.corrcoef",
-    small={"d": 20_000},
+    "pixels of 10^-200: their squares are zero in float64, a variance of zero gives NaN",
+    "numpy.corrcoef",
 )
-def squares_that_underflow(d: int = D) -> Forms:
-    frames = correlated(d, 4096)
-    # Scaled by a power of two: exact.
-    return pair(lambda x, y: np.corrcoef(x, y)[0, 1], frames, frames * 2.0**-664)
+def squares_that_underflow(d: int = D) -> Any:
+    frames = correlated(d, 4096)  # scaled by a power of two: exact
+    return compared(lambda x, y: np.corrcoef(x, y)[0, 1], frames, frames * 2.0**-664)
 
 
 @correlation_case(
-    extreme="N_s = 2: one pair; the mean over a whole Gram matrix counts each frame with itself",
-    naive="mean of numpy.corrcoef",
-    tolerance=1e-12,
-    small={"d": 20_000},
-)
-def two_samples_a_class(d: int = D) -> Forms:
+    "N_s = 2: one pair; the mean over a whole Gram matrix counts each frame with itself",
+    "mean of numpy.corrcoef", 1e-12,
+)  # fmt: skip
+def two_samples_a_class(d: int = D) -> Any:
     frames = correlated(d, 256)
-    return pair(lambda *both: np.corrcoef(both).mean(), frames, frames.astype(np.uint8))
+    return compared(lambda *both: np.corrcoef(both).mean(), frames, frames.astype(np.uint8))
 
 
 @correlation_case(
-    extreme="30 samples: 870 ordered pairs for the double sum, one product a sample for ours",
-    naive="double sum of Eq. 4 in float64",
-    tolerance=1e-12,
-    small={"n": 5, "d": 2500},
-)
-def many_pairs(n: int = 30, d: int = 25_000) -> Forms:
+    "30 samples: 870 ordered pairs for the double sum, one product a sample for ours",
+    "double sum of Eq. 4 in float64", 1e-12,
+)  # fmt: skip
+def many_pairs(n: int = 30, d: int = 25_000) -> Any:
     rng = np.random.default_rng(0)
     frames = rng.integers(0, 200, (n, d)) + rng.integers(0, 56, d)
-    exact, samples = exact_mean(frames), frames.astype(np.uint8)
-    return Forms(
-        lambda: pair_correlations_double_sum(samples, samples).value,
-        lambda: mean_pair_correlations(samples, samples).value,
-        lambda value: abs(value - exact),
-    )
+
+    def double_sum(*samples: NDArray[Any]) -> float:
+        return pair_correlations_double_sum(np.array(samples), np.array(samples)).value
+
+    return compared(double_sum, frames, frames.astype(np.uint8))
