@@ -36,9 +36,10 @@ COLUMNS = {
     "refused": Column("Known frames refused, %", percent),
     "unknown_refused": Column("Unknown frames refused, %", percent),
 }
+SHARES = ("covered", "refused", "unknown_refused")
 NOTE = (
     "As recorded: split by time, session or position. Brackets: Student over sensors or input "
-    "fields; of one camera, the central 95 % of draws."
+    "fields; of one camera, the central 95 % of draws. A saturated recording ranks nothing."
 )
 
 
@@ -48,22 +49,24 @@ def measured(results: Results, name: str) -> Iterator[tuple[dict[str, str], pd.D
     for measurement in sorted(every, key=lambda m: m.record.scene):
         rows = measurement.frame
         answer = "labels" if name == "coverage" else f"{rows.value[0]}, {rows.unit[0]}"
-        yield {"recording": measurement.record.scene, "answer": answer}, rows
+        saturated = ", saturated" * bool(measurement.record.config["scene"].get("saturated"))
+        yield {"recording": f"{measurement.record.scene}{saturated}", "answer": answer}, rows
 
 
 def means(rows: pd.DataFrame, column: str, name: str) -> dict[str, float]:
     """Mean of a column with its interval: over seeds where there are several, else over draws."""
     several = rows.seed.nunique() > 1
     of = rows.groupby("seed" if several else "draw")[column].mean()
-    return estimate(of.astype(float).tolist(), several).columns(name)
+    value = estimate(of.astype(float).round(9).tolist(), several)  # 9: no rounding errors as errors
+    return (value.within(0, 1) if column in SHARES else value).columns(name)
 
 
 def shown(lines: list[dict], results: Results, *names: str) -> pd.DataFrame | None:
     """Rows of a table, and the commands that make them; None without any."""
     data = pd.DataFrame(lines)
     data.attrs["shown"] = [name for name in COLUMNS if name in data]
-    scenes = [(name, about["recording"]) for name in names for about, _ in measured(results, name)]
-    data.attrs["commands"] = [f"{RUN}{name} scene={scene}" for name, scene in scenes]
+    every = [m for m in results.measurements if m.record.name in names]
+    data.attrs["commands"] = sorted(f"{RUN}{m.record.name} scene={m.record.scene}" for m in every)
     return data if lines else None
 
 
