@@ -158,9 +158,9 @@ def accuracy(results: Results) -> Iterator[Evidence]:
 
 def _slower(results: Results, model: str, name: str) -> Iterator[Evidence]:
     group = results.group(scene_of_table1(), model)
-    ratios = {way: runs for way, runs in time_ratios(results, group).items() if runs}
-    for way, runs in ratios.items():
-        value = Estimate(float(np.median(runs)), min(runs), max(runs))
+    for way, runs in time_ratios(results, group).items():
+        middle = float(np.median(runs)) if runs else math.nan  # a way that was not measured
+        value = Estimate(middle, min(runs, default=math.nan), max(runs, default=math.nan))
         yield _row(
             f"{name}, over {way}", TIMED, "training time over HDC's, lowest to highest run", value,
             rules.slower({way: runs}), unit="×", n=f"{len(runs)} runs", rule="slower",

@@ -48,8 +48,12 @@ KINDS = {
 
 
 def recordings(results: Results, name: str = "recordings") -> dict[str, Measured]:
-    """Finished measurements by the name of their scene, in the order of :data:`KINDS`."""
-    by_scene = {m.record.scene: m for m in results.measurements if m.record.name == name}
+    """Finished measurements by the name of their scene, in the order of :data:`KINDS`; of several
+    of one scene the one whose config was changed least."""
+    by_scene: dict[str, Measured] = {}
+    for measured in results.measurements:  # those changed least come first
+        if measured.record.name == name:
+            by_scene.setdefault(measured.record.scene, measured)
     known = [scene for scene in KINDS if scene in by_scene]
     return {scene: by_scene[scene] for scene in [*known, *sorted(set(by_scene) - set(known))]}
 

@@ -71,8 +71,8 @@ def test_a_title_says_what_is_missing_and_where_frames_are_from(figure):
 
 def test_no_error_lies_below_one_error_of_all_samples(figure):
     lines = [
-        {"seeds": 5, "n_test": 500, "test_accuracy_final": value, "test_accuracy_final_low": value - 0.01,
-         "test_accuracy_final_high": min(value + 0.01, 1)}
+        {"seeds": 5, "n_test": 500, "test_accuracy_final": value,
+         "test_accuracy_final_low": value - 0.01, "test_accuracy_final_high": min(value + 0.01, 1)}
         for value in (1.0, 499 / 500)
     ]  # fmt: skip
     axes = figure.axes[0]

@@ -43,7 +43,7 @@ def study():
 def test_rows_of_a_measurement_become_a_table_for_each_kind_of_frames(
     tmp_path, write_measurement, study
 ):
-    rows = [{"origin": "simulated", "model": m, "right": n} for m, n in zip("aab", (1, 2, 4))]
+    rows = [{"origin": "simulated", "model": m, "right": int(n)} for m, n in ("a1", "a2", "b4")]
     write_measurement("correlation", rows, config={"k": 5})
     write_measurement("correlation", rows[:1], config={"k": 6, "scene": {"path": "mine"}},
                       scene="recorded")  # fmt: skip
