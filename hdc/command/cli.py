@@ -18,7 +18,7 @@ import click
 
 import hdc
 from hdc import readers
-from hdc.readers.files import file_size, shown
+from hdc.readers.files import check_file, shown
 from hdc.readers.listing import image_files, is_image
 
 RATE = 0.01
@@ -342,5 +342,5 @@ def _is_page(path: Path) -> bool:
 def _images(path: Path) -> list[Path]:
     if path.is_dir():
         return image_files(path)
-    file_size(path)  # raises: no such file
+    check_file(path)
     return [path]
