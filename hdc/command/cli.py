@@ -10,7 +10,6 @@ import json
 import os
 import stat
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -218,14 +217,12 @@ def compare(
 ) -> None:
     """Compare read-outs of bits and grey values on a RECORDING.
 
-    Accuracy for 1, 2, 5 … frames a class, held out at random and by time, training times, and
-    advice. Frames are held in memory.
+    Accuracy for 1, 2, 5 … frames a class, held out at random and by time, and advice. Frames are
+    held in memory.
     """
     window = _window(crop, subsample)
     if output:
         _check_output(output, _is_page, "a page of hdc compare")
-        if find_spec("matplotlib") is None:  # said before the work
-            raise ModuleNotFoundError("matplotlib", name="matplotlib")
     for path in filter(None, (recording, other)):
         readers.check_path(path, source["intervals"])
     from hdc.command import comparison, work
