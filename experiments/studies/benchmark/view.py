@@ -145,6 +145,7 @@ def headline(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     "benchmark_frames",
     of="benchmark",
     title="Encoding, µs a frame, by the kind of frames. {machine}",
+    columns={OURS: Column(OURS)},
     note=f"{NOTE} {CAMERA_NOTE}",
 )
 def by_kind(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:

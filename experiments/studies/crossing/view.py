@@ -10,12 +10,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.records import configs
 from experiments.reporting import published
-from experiments.reporting.columns import Column, display_name
+from experiments.reporting.columns import Column
 from experiments.reporting.estimates import Estimate, crossing, mean_share
-from experiments.reporting.plot import handle, head, line_plot, panel, seeds_of, style_of
-from experiments.reporting.study import Study, frames_of
+from experiments.reporting.plot import handle, line_plot, panel, style_of
+from experiments.reporting.study import Study
 from experiments.reporting.text import number, percent
 
 STUDY = Study(
@@ -101,11 +100,7 @@ def first(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
 @STUDY.table(
     "crossing_accuracy", of="crossing",
     title="Mean test accuracy, %, where every class has as many samples, on {frames}",
-    columns={
-        "n": Column("N"),
-        **{m.stem: Column(display_name(m.stem), percent)
-           for m in (configs.CONFIGS / "model").glob("*.yaml")},
-    },
+    columns={"n": Column("N")},
     note="Student, 95 %, over sensors, each the mean of its experiments.",
 )  # fmt: skip
 def curves(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
@@ -156,7 +151,8 @@ def theory(rows: pd.DataFrame, expected: pd.DataFrame, config: Mapping[str, Any]
 @STUDY.figure(
     "crossing", of=("crossing", "crossing_theory"), size=(3.4, 6.9),
     caption="Test accuracy against every N, with theory, and the share of experiments that have "
-    "exceeded 90 % by then, on {frames} (Fig. 5(b)).",
+    "exceeded 90 % by then, on {frames} (Fig. 5(b)); bars: 95 % over sensors, each the mean of its "
+    "experiments; theory is from correlations alone.",
 )  # fmt: skip
 def figure(
     figure: Figure, rows: pd.DataFrame, expected: pd.DataFrame, config: Mapping[str, Any]
@@ -198,11 +194,3 @@ def figure(
     ]
     handles = [*map(handle, firsts.model.unique()), *lines]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
-    frames = frames_of(rows[["origin"]].to_dict("records"))
-    head(
-        figure,
-        "Where one experiment's accuracy crosses 90 % (Fig. 5(b))",
-        [f"{frames}, {seeds_of(rows.seed.nunique())} with {rows.draw.nunique()} experiments each, "
-         f"{rows.n_test.iloc[0]} test samples; bars: 95 % over sensors; theory is from "
-         "correlations alone"],
-    )  # fmt: skip

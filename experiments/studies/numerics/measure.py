@@ -30,10 +30,7 @@ Samples = NDArray[Any]
 def numerics(run: Run, samples: int = 100, pixels: int = 25_000, repeats: int = 3) -> Iterator[Row]:
     """One row: a method on one input. Columns: ``input``, ``method``, ``number`` (its precision),
     ``error`` against an exact reference, ``time_s``, and ``tolerance``, the error that it may have.
-
-    Args:
-        samples, pixels: N_s and D of the mean correlations.
-        repeats: of each time, of which the least counts.
+    Arguments: configs/experiment/numerics.yaml.
     """
     before = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -70,13 +67,11 @@ def phases(repeats: int) -> Iterator[Row]:
             value = form(phase).numpy()
             square = (value.real - np.cos(long)) ** 2 + (value.imag - np.sin(long)) ** 2
             yield {
-                "input": "phases",
-                "method": f"to {largest:.0e} rad",
-                "number": number,
+                "input": "phases", "method": f"to {largest:.0e} rad", "number": number,
                 "error": float(np.sqrt(square.mean())),
                 "time_s": cpu_time(partial(form, phase), repeats),
                 "tolerance": camera.read_noise / camera.grey / math.sqrt(2),
-            }
+            }  # fmt: skip
 
 
 def field(phase: Tensor) -> Tensor:
@@ -103,13 +98,10 @@ def correlations(n: int, d: int, repeats: int) -> Iterator[Row]:
         exact = exact_mean(frames)
         for method, number, form in FORMS:
             yield {
-                "input": name,
-                "method": method,
-                "number": number,
+                "input": name, "method": method, "number": number, "tolerance": 5e-4,
                 "error": abs(form(frames) - exact),
                 "time_s": cpu_time(partial(form, frames), repeats),
-                "tolerance": 5e-4,
-            }
+            }  # fmt: skip
 
 
 def speckle(n: int, d: int) -> Samples:

@@ -16,13 +16,12 @@ import torch
 from omegaconf import OmegaConf
 from torch import Tensor
 
-from experiments.protocol import data, evaluate
+from experiments.protocol import data
 from experiments.protocol.clock import Clock
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model
 from experiments.protocol.scenes import at_seed
-from experiments.protocol.stop import StopRule
-from experiments.protocol.trial import instantiate, stop_rule
+from experiments.protocol.trial import instantiate, stop_rule, train_until
 from experiments.studies.robustness.disturbances import (
     OF_FRAMES,
     flipped_bits,
@@ -75,23 +74,6 @@ def robustness(
             ):
                 yield {"origin": sensor.origin, "model": name, "seed": seed, **row}
             run.note(f"seed {seed}, {name}")
-
-
-def train_until(model: Model, stop: StopRule, scene: Scene, train: np.ndarray) -> None:
-    """Train on these samples until the rule ends it; test samples have no say."""
-    clock, labels = Clock(), scene.labels[train]
-    frames = data.take(scene, train, clock)
-    reports = iter(model.train(frames, labels))
-    while True:
-        with clock.running():
-            report = next(reports, None)
-        if report is None:
-            return
-        loss, accuracy = report.get("loss"), 0.0
-        if loss is not None and stop.reached_after_s is not None:  # otherwise it has no say
-            accuracy = evaluate.accuracy(model.predict(frames), labels)
-        if stop.check(clock.seconds, report.get("steps", 0), loss, accuracy):
-            return
 
 
 def rows_of(
