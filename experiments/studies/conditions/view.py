@@ -25,13 +25,9 @@ PIXELS = {"unit": "0…1", "raw": "0…255", "standard_global": "standardised"}
 METHODS = {"GD": "GD, all frames", "SGD": "SGD, batches of 20", "published": "published"}
 # Who uses these initial weights by default.
 USED_BY = {
-    "zeros": "scikit-learn",
-    "linear": "PyTorch nn.Linear",
-    "glorot": "Keras Dense",
-    "normal 0.01": "AlexNet",
-    "normal 0.02": "BERT, GPT-2",
-    "normal 0.05": "Keras RandomNormal",
-}
+    "zeros": "scikit-learn", "linear": "PyTorch nn.Linear", "glorot": "Keras Dense",
+    "normal 0.01": "AlexNet", "normal 0.02": "BERT, GPT-2", "normal 0.05": "Keras RandomNormal",
+}  # fmt: skip
 STUDY = Study(
     "conditions",
     "What would have to be true for Table I",

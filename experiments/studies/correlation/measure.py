@@ -89,12 +89,12 @@ def correlation_images(
     for k, name in enumerate(sensor.classes):
         whole = white[1][k]
         small = (width // REDUCED, height // REDUCED)
-        for picture, image in (
-            ("speckle", frames.numpy()[k][window]),
-            ("hypervector", white[0][k][window]),
-            ("prototype", whole[window]),
-            ("whole", cv2.resize(whole, small, interpolation=cv2.INTER_AREA)),
-        ):
+        for picture, image in {
+            "speckle": frames.numpy()[k][window],
+            "hypervector": white[0][k][window],
+            "prototype": whole[window],
+            "whole": cv2.resize(whole, small, interpolation=cv2.INTER_AREA),
+        }.items():
             _, png = cv2.imencode(".png", np.ascontiguousarray(image))
             text = base64.b64encode(png.tobytes()).decode()
             yield {"origin": sensor.origin, "class": name, "picture": picture, "png": text}

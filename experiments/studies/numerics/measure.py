@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import timeit
 from collections.abc import Callable, Iterator
 from decimal import Decimal, localcontext
 from functools import partial
@@ -45,12 +46,7 @@ def numerics(run: Run, samples: int = 100, pixels: int = 25_000, repeats: int = 
 def cpu_time(call: Callable[[], object], repeats: int) -> float:
     """Least CPU seconds of one call; other load on the machine does not show in them."""
     call()
-    spent = []
-    for _ in range(repeats):
-        start = time.process_time()
-        call()
-        spent.append(time.process_time() - start)
-    return min(spent)
+    return min(timeit.repeat(call, timer=time.process_time, number=1, repeat=repeats))
 
 
 def phases(repeats: int) -> Iterator[Row]:
@@ -139,10 +135,10 @@ def gram(frames: Samples, dtype: DTypeLike) -> float:
 
 
 FORMS: tuple[tuple[str, str, Callable[[Samples], float]], ...] = (
-    ("double sum", "float32", lambda x: pair_correlations_double_sum(x, x, np.float32).value),
-    ("double sum", "float64", lambda x: pair_correlations_double_sum(x, x).value),
+    ("double sum", "float32", lambda x: pair_correlations_double_sum(x, x, np.float32)),
+    ("double sum", "float64", lambda x: pair_correlations_double_sum(x, x)),
     ("Gram matrix", "float32", lambda x: gram(x, np.float32)),
     ("Gram matrix", "float64", lambda x: gram(x, np.float64)),
-    ("class sum", "float32", lambda x: mean_pair_correlations(x, x, np.float32).value),
-    ("class sum", "float64", lambda x: mean_pair_correlations(x, x).value),
+    ("class sum", "float32", lambda x: mean_pair_correlations(x, x, np.float32)),
+    ("class sum", "float64", lambda x: mean_pair_correlations(x, x)),
 )

@@ -35,12 +35,10 @@ LEVELS = {
 
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
-    """Accuracy by ``disturbance``, ``level`` and ``model``, mean over seeds and draws.
+    """Accuracy by ``disturbance``, ``level`` and ``model``, mean over seeds.
 
-    Returns:
-        DataFrame: ``accuracy`` with ``accuracy_low`` and ``accuracy_high``: Student's interval over
-        seeds. A flipped bit can ruin all predictions of a draw at once, so of flips they are the
-        lowest and the highest draw.
+    Bounds are Student's interval over seeds. A flipped bit can ruin all predictions of a seed at
+    once, so of flips they are the lowest and the highest seed.
     """
     table = []
     keys = ["disturbance", "level", "model"]

@@ -120,7 +120,7 @@ def test_every_model_is_measured_and_left_as_it_was(name, scene):
     stop = stop_rule(OmegaConf.load(ROOT / "configs" / "stop" / "paper.yaml"))
     train_until(model, stop, scene, np.arange(80))
     test, levels = np.arange(80, 100), {"power": [0.2], "shift": [1]}
-    rows = pd.DataFrame(rows_of(model, scene, test, levels, [1e-4, 0.5], 2, ("labels",)))
+    rows = pd.DataFrame(rows_of(model, scene, test, levels, [1e-4, 0.5], ("labels",)))
     assert rows.disturbance[:3].tolist() == ["none", "power", "shift"]
     assert set(rows.n_test) == {20}
     assert rows.right[0] > 18
@@ -135,7 +135,7 @@ def test_every_model_is_measured_and_left_as_it_was(name, scene):
 def test_a_ruined_model_has_nothing_right(scene):
     model = instantiate(OmegaConf.create(configs.of_model("nearest_neighbour")["model"]), "model")
     model.fit(scene.images[:80], scene.labels[:80])
-    *_, row = rows_of(model, scene, np.arange(80, 100), {}, [0.5], 1)  # labels that are none
+    *_, row = rows_of(model, scene, np.arange(80, 100), {}, [0.5])  # labels that are none
     assert row["right"] == 0
 
 
