@@ -132,13 +132,6 @@ def test_every_model_is_measured_and_left_as_it_was(name, scene):
     assert (model.predict(scene.images[test]) == scene.labels[test]).sum() == rows.right[0]
 
 
-def test_a_ruined_model_has_nothing_right(scene):
-    model = instantiate(OmegaConf.create(configs.of_model("nearest_neighbour")["model"]), "model")
-    model.fit(scene.images[:80], scene.labels[:80])
-    *_, row = rows_of(model, scene, np.arange(80, 100), {}, [0.5])  # labels that are none
-    assert row["right"] == 0
-
-
 def test_the_experiment_of_the_config(small_scene):
     task = configs.task("robustness")
     assert task.pop("_target_").endswith("robustness.measure.robustness")
