@@ -46,9 +46,6 @@ def correlation(
     ``class_i`` is that of the prototype in Eq. 6; ``n`` counts the samples of a class,
     ``undefined`` the constant ones among those of both.
     Arguments: configs/experiment/correlation.yaml.
-
-    Raises:
-        ValueError: naming the key that is wrong.
     """
     for key, values, known in (("kinds", kinds, KINDS), ("samples", samples, SAMPLES)):
         if unknown := [value for value in values if value not in known]:
@@ -68,9 +65,6 @@ def correlation_images(
     ``picture`` is ``speckle`` or ``hypervector`` of a sample, or the ``prototype``, all cropped, or
     the ``whole`` prototype, reduced by :data:`REDUCED`.
     Arguments: configs/experiment/correlation_images.yaml.
-
-    Raises:
-        ValueError: if the square is not within a frame.
     """
     sensor = run.scene(scene, seed)
     height, width = sensor.shape

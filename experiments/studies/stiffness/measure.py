@@ -92,12 +92,7 @@ def descend(
 
 
 def verdict(losses: Sequence[float], floor: float = 0.0) -> Row:
-    """Whether the loss rises, exceeds the one at the start, and ends above it.
-
-    Args:
-        losses: at the start and at every report, less the floor.
-        floor: loss of the optimum, where it is known, else zero.
-    """
+    """Whether the loss (less the floor) rises, exceeds the one at the start, and ends above it."""
     slack = _ROUNDING * max(losses[0], floor)
     highest = math.inf if any(map(math.isnan, losses)) else max(losses)
     return {
