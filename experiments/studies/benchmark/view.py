@@ -27,11 +27,7 @@ NOTE = (
     "speckle in uint8 unless another kind is named. “hdc, compiled” is "
     'HDCClassifier(backend="compiled").'
 )
-TEXTS = {
-    "predict": "predict, one frame",
-    "folder": "hdc train FOLDER",
-    "video": "hdc train VIDEO",
-}
+TEXTS = {"predict": "predict, one frame", "folder": "hdc train FOLDER", "video": "hdc train VIDEO"}
 CAMERA_NOTE = (
     "Camera frames have one of six exposures, whose medians are 100 grey levels apart, with 5 % of "
     "flicker, and are saturated where they are bright."

@@ -13,14 +13,7 @@ from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.studies.drift import view
-from experiments.studies.drift.measure import (
-    Sessions,
-    choose,
-    drift,
-    drift_size,
-    subsets,
-    updates,
-)
+from experiments.studies.drift.measure import Sessions, choose, drift, drift_size, subsets, updates
 from hdc import HDCClassifier, bits
 from hdc.prototypes import recalibrate
 from scenes.frames import Frames
