@@ -38,9 +38,6 @@ def crossing(
 
     ``n`` and ``right`` are lists; ``rows.explode(["n", "right"])`` makes them tidy.
     Arguments: configs/experiment/crossing.yaml.
-
-    Raises:
-        ValueError: naming the key that is wrong.
     """
     sizes, built = _sizes(n_train), models_of(models)
     for seed, sensor in run.scenes(scene, seeds):
