@@ -153,8 +153,6 @@ class Products:
             ValueError: for another name, listing the valid ones.
         """
         choose("pixels", pixels, dict.fromkeys(KERNELS))
-        if pixels == "unit_frame_centred":
-            return self.centred(train, queries, "unit")
         rows, n = np.concatenate([train, queries]), len(train)
         part = (self.bits if pixels == "bits" else self.greys)[np.ix_(rows, train)]
         (first, second), d = self.moments, self.dimension
@@ -178,7 +176,7 @@ class Products:
         self, train: np.ndarray, queries: np.ndarray, pixels: str = "unit"
     ) -> tuple[Tensor, Tensor]:
         """:meth:`kernel` of scaled frames less the mean scaled training frame."""
-        if pixels in ("raw", "unit", "unit_centred", "unit_frame_centred"):
+        if pixels in ("raw", "unit", "unit_centred"):
             # The offset cancels: the small integers do without it, and lose nothing to it.
             scale = 1.0 if pixels == "raw" else 1 / self.white
             inside, across = (scale**2 * self.greys[np.ix_(x, train)] for x in (train, queries))

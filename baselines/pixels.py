@@ -1,20 +1,19 @@
 """Pixels to numbers: how grey values are scaled before a model sees them, by name.
 
-======================  =================  ========================================================
-``raw``                 x                  0…255 (or 0…65535), as the camera gives them
-``unit``                x / max            0…1, max = 255 or 65535
-``unit_centred``        (x − μ) / max      less the mean grey of all training frames, one number:
-                                           with an intercept the same problem as ``unit``, but far
-                                           less stiff, as the mean no longer acts as an intercept
-``unit_frame_centred``  (x − μ) / max      less the mean training frame, pixel by pixel
-``standard``            (x − μ) / σ        mean and standard deviation of each pixel over the
-                                           training frames (scikit-learn's StandardScaler)
-``standard_global``     (x − μ) / σ        one mean and standard deviation for all pixels
-``standardised``        (x − m) / s        each frame by its own mean m and standard deviation s:
-                                           no brightness or contrast of a frame is left
-``bits``                ±1                 HDC's hypervector of the frame: the ⌊D/2⌋ brightest
-                                           pixels +1, the others −1
-======================  =================  ========================================================
+===================  =================  ========================================================
+``raw``              x                  0…255 (or 0…65535), as the camera gives them
+``unit``             x / max            0…1, max = 255 or 65535
+``unit_centred``     (x − μ) / max      less the mean grey of all training frames, one number:
+                                        with an intercept the same problem as ``unit``, but far
+                                        less stiff, as the mean no longer acts as an intercept
+``standard``         (x − μ) / σ        mean and standard deviation of each pixel over the
+                                        training frames (scikit-learn's StandardScaler)
+``standard_global``  (x − μ) / σ        one mean and standard deviation for all pixels
+``standardised``     (x − m) / s        each frame by its own mean m and standard deviation s:
+                                        no brightness or contrast of a frame is left
+``bits``             ±1                 HDC's hypervector of the frame: the ⌊D/2⌋ brightest
+                                        pixels +1, the others −1
+===================  =================  ========================================================
 
 A pixel or frame that never changes has σ = 0 and is divided by one.
 """
@@ -99,8 +98,6 @@ def fit_scaling(pixels: str, model: Classifier, frames: FrameSource) -> Scaling:
     mean, n = total / len(frames), len(frames)
     if pixels == "unit_centred":
         return PixelScaling(total.mean().item() / n, 1 / model.white)
-    if pixels == "unit_frame_centred":
-        return PixelScaling(mean.float(), 1 / model.white)
     if pixels == "standard_global":
         values = n * total.numel()
         overall = total.sum() / values
@@ -115,10 +112,7 @@ def fit_scaling(pixels: str, model: Classifier, frames: FrameSource) -> Scaling:
     return PixelScaling(whole.float(), (1 / deviation).float(), shift.float())
 
 
-SCALINGS = (
-    *("unit", "unit_centred", "unit_frame_centred", "raw"),
-    *("standard", "standard_global", "standardised", "bits"),
-)
+SCALINGS = ["unit", "unit_centred", "raw", "standard", "standard_global", "standardised", "bits"]
 
 
 def _sums(model: Classifier, frames: FrameSource) -> tuple[Tensor, Tensor]:
