@@ -15,8 +15,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from baselines.dual import Products
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.protocol.subsets import Products, models_of
+from experiments.protocol.model import models_of
 from experiments.studies.crossing import theory
 from hdc import HDCClassifier, bits
 from hdc.encode import encode

@@ -26,10 +26,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.dual import PenalisedClassifier
+from baselines.dual import PenalisedClassifier, Products
 from experiments.protocol import data
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.protocol.subsets import Products, models_of
+from experiments.protocol.model import models_of
 from hdc import HDCClassifier, bits
 from hdc.encode import encode
 from hdc.prototypes import Counters, merged, recalibrate
