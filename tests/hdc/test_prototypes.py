@@ -39,17 +39,6 @@ def test_any_split_order_and_merge_count_alike(labels: list[int], random) -> Non
     assert torch.equal(merged.planes, whole.planes)
 
 
-@pytest.mark.parametrize("n_classes", [1, 2, 5, 51])
-def test_prototypes_of_many_unequal_classes(n_classes: int) -> None:
-    labels = torch.cat([torch.full((c % 7 + 1,), c) for c in range(n_classes)])
-    mask = vectors(len(labels), 127)
-    counters = Counters(n_classes, 127)
-    counters.add(bits.pack(mask), labels)
-    for c, prototype in enumerate(bits.unpack(counters.majority(), 127)):
-        members = mask[labels == c]
-        assert torch.equal(prototype, 2 * members.sum(0) > len(members))
-
-
 def test_more_than_two_to_the_sixteen_samples() -> None:
     mask = vectors(65_537, 65)
     words, labels = bits.pack(mask), torch.zeros(65_537, dtype=torch.int64)
@@ -156,15 +145,6 @@ def test_scaled_counters_are_repeated_samples(weights: list[int], n: int) -> Non
     scaled = counters.scaled(weights)
     assert torch.equal(scaled.n, repeated.n)
     assert torch.equal(scaled.counts(), repeated.counts())
-    for dtype in (torch.int64, torch.int32, torch.uint8)[: 2 + (int(repeated.n.max()) < 256)]:
-        again = Counters.from_counts(repeated.counts(dtype), repeated.n)
-        assert torch.equal(again.planes, repeated.planes)
-
-
-def test_counts_outside_their_samples_are_named() -> None:
-    for counts in ([[1, 4], [0, 0]], [[0, 0], [0, -1]]):
-        with pytest.raises(ValueError, match=r"class [01]: expected counts from 0 to 3, found"):
-            Counters.from_counts(torch.tensor(counts), torch.tensor([3, 3]))
 
 
 def test_counters_of_some_classes_are_merged_into_their_rows() -> None:

@@ -190,19 +190,6 @@ def test_merged_samples_have_the_share_of_each() -> None:
     assert few.of("b").tolist() == [[1]] * 8
 
 
-def test_models_without_kept_frames_refuse_to_reject() -> None:
-    frames, labels = Speckle(0).frames(50)
-    counters = HDCClassifier().fit(frames, labels).counters_
-    counted = HDCClassifier.from_counters(counters, range(5), (D,))
-    merged = HDCClassifier().fit(frames, labels)
-    merged.is_known(frames)
-    merged.merge(counted)
-    for model in (counted, merged):
-        for ask in (model.is_known, model.predict_set, model.limits):
-            with pytest.raises(ValueError, match="found one of counters alone"):
-                ask() if ask == model.limits else ask(frames)
-
-
 def test_merging_compares_with_frames_of_both_whoever_asked_before() -> None:
     frames, labels = Speckle(0).frames(60)
     queries = np.concatenate([Speckle(0).frames(60)[0], junk()[:10]])
