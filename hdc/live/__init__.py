@@ -1,7 +1,7 @@
 """A page in the browser that teaches a sensor, lets it drift and recalibrates it.
 
 ``hdc live --camera 0`` and ``hdc live --folder DIR`` open it for a camera or a recording,
-``python -m scenes.live`` for the simulated sensor. It needs ``pip install 'hdc[live]'``.
+``python -m scenes.live`` for the simulated sensor. It needs ``pip install 'speckle-hdc[live]'``.
 
 There is one sensor and one model, shared by all who open the page. One worker thread takes frames,
 predicts and trains (:mod:`hdc.live.worker`); :mod:`hdc.live.session` holds the model and the taught

@@ -38,13 +38,6 @@ def test_bit_j_lies_in_word_j_over_64_least_significant_first() -> None:
         assert words == expected
 
 
-def test_views_with_strides_are_packed_by_value() -> None:
-    mask = mask_of((90, 7))
-    assert torch.equal(bits.pack(mask.T), bits.pack(mask.T.contiguous()))
-    words = bits.pack(mask_of((7, 200)))[:, ::2]
-    assert torch.equal(bits.unpack(words, 128), bits.unpack(words.contiguous(), 128))
-
-
 @given(st.lists(st.integers(-(2**63), 2**63 - 1), min_size=1, max_size=20))
 @example([-1, 0, 1, -(2**63), 2**63 - 1])
 @settings(max_examples=100, deadline=None)

@@ -64,13 +64,6 @@ def test_any_sample_gives_the_same(said: int, kinds_of_frames, upper_half) -> No
         assert np.array_equal(found, upper_half(frames))
 
 
-@needs_numba
-def test_frames_of_a_camera(camera_frames, upper_half, threads: int) -> None:
-    frames = torch.from_numpy(camera_frames(24))
-    words = encode(frames, backend="compiled")
-    assert np.array_equal(bits.unpack(words, 250_000).numpy(), upper_half(frames.numpy()))
-
-
 def both(frames: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     return encode(frames), encode(frames, backend="compiled")
 
@@ -111,16 +104,6 @@ def test_same_words_and_same_counts_of_any_frames(frames: np.ndarray, n_classes:
 
 
 @needs_numba
-def test_every_level_is_found_from_every_other() -> None:
-    levels = torch.arange(256, dtype=torch.uint8)
-    ramp = torch.arange(-32, 33)
-    for start in (0, 1, 127, 128, 255):
-        pairs = torch.stack([torch.full_like(levels, start), levels], 1).flatten().long()
-        frames = (pairs[:, None] + ramp).clamp(0, 255).to(torch.uint8)
-        assert torch.equal(*both(frames))
-
-
-@needs_numba
 def test_constant_frames_are_named_and_have_half_ones(threads: int) -> None:
     frames = frames_of(40, 9000)
     frames[3], frames[39] = 0, 255
@@ -150,13 +133,6 @@ def test_nothing_beyond_a_frame_is_read_or_written() -> None:
 
 
 @needs_numba
-@pytest.mark.parametrize("dtype", [torch.int16, torch.float32, torch.float16, torch.uint16])
-def test_other_pixels_take_the_way_they_always_take(dtype: torch.dtype) -> None:
-    frames = frames_of(9, 300).to(dtype)
-    assert torch.equal(*both(frames))
-
-
-@needs_numba
 @pytest.mark.parametrize("ties", bits.TIES)
 @pytest.mark.parametrize("prototype", ["binary", "integer"])
 def test_the_same_model(ties: str, prototype: str, threads: int) -> None:
@@ -172,24 +148,6 @@ def test_the_same_model(ties: str, prototype: str, threads: int) -> None:
         for model in models:
             model.recalibrate(frames[:40], labels[:40], 0.5, seed=1)
         assert np.array_equal(models[0].distances(frames), models[1].distances(frames))
-
-
-@needs_numba
-def test_training_goes_on_with_another_backend() -> None:
-    frames, labels = frames_of(90, 700), np.arange(90) % 4
-    whole = HDCClassifier(balance=False).fit(frames, labels)
-    model = HDCClassifier(balance=False, backend="compiled").fit(frames[:30], labels[:30])
-    model.set_params(backend="numpy").partial_fit(frames[30:60], labels[30:60])
-    assert model.counters_.backend == "numpy"
-    model.set_params(backend="compiled").partial_fit(frames[60:], labels[60:])
-    assert model.counters_.backend == "compiled"
-    assert torch.equal(model.counters_.planes, whole.counters_.planes)
-    halves = [
-        HDCClassifier(backend=backend).fit(frames[part], labels[part]).counters_
-        for part, backend in zip((slice(45), slice(45, None)), bits.BACKENDS, strict=True)
-    ]
-    halves[0].merge(halves[1])
-    assert torch.equal(halves[0].majority(), whole.prototypes_)
 
 
 @needs_numba

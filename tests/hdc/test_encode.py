@@ -64,12 +64,6 @@ def sessions(draw) -> np.ndarray:
     return np.stack(frames).astype(np.uint8)
 
 
-@given(sessions())
-@settings(max_examples=300, deadline=None)
-def test_any_session_of_frames(frames: np.ndarray) -> None:
-    check(frames)
-
-
 types = ["uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64"]
 all_types = [*types, "float16", "float32", "float64"]
 

@@ -89,14 +89,6 @@ def test_arrays_as_files_give_them() -> None:
         assert torch.equal(HDCClassifier().fit(same, labels).prototypes_, expected)
 
 
-def test_a_batch_of_one_from_a_reversed_array_is_taken() -> None:
-    """numpy calls an axis of length 1 contiguous, whatever its stride; torch refuses it."""
-    frames, labels = touches(257)
-    model = HDCClassifier().fit(frames, labels)
-    assert (model.predict(frames[::-1]) == labels[::-1]).all()
-    assert model.predict(frames[:1][::-1]).tolist() == [0]
-
-
 @pytest.mark.parametrize(
     ("frames", "error", "message"),
     [

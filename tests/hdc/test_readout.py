@@ -218,18 +218,6 @@ def test_intervals_cover_as_often_as_stated(model: HDCRegressor) -> None:
     assert np.isinf([low, high]).all()  # 25 frames tell nothing of 3 %
 
 
-def test_neighbours_left_out_are_those_of_training_again() -> None:
-    (frames, z), (queries, _) = presses(9, 0), presses(4, 1)
-    model = HDCRegressor("neighbours", 2).fit(frames, z)
-    _, without = model._means(encode(torch.from_numpy(queries)))
-    for i in range(9):
-        rest = np.arange(9) != i
-        again = HDCRegressor("neighbours", 2).fit(frames[rest], z[rest])
-        np.testing.assert_allclose(without[:, i], again.predict(queries))
-        error = z[i] - again.predict(frames[i : i + 1])[0]
-        np.testing.assert_allclose(model.residuals_[i], error)
-
-
 def test_targets_that_cannot_be_learnt_are_named() -> None:
     frames, z = presses(6, 0)
     model = HDCRegressor().fit(frames, z)

@@ -91,19 +91,6 @@ def test_a_changed_environment_is_learnt_and_the_old_one_kept(method: str) -> No
     assert model.is_known(new).mean() > 0.9
 
 
-def test_p_is_a_half_as_published_and_merging_is_surer() -> None:
-    (old, new), labels = sessions(300)
-    nearest = {}
-    for method in METHODS:
-        model = HDCClassifier().fit(old, labels)
-        again = HDCClassifier().fit(old, labels)
-        model.recalibrate(new[:60], labels[:60], method=method)
-        again.recalibrate(new[:60], labels[:60], 0.5, method=method)
-        assert torch.equal(model.prototypes_, again.prototypes_)
-        nearest[method] = model.distances(new[60:]).min(1).mean()
-    assert nearest["merge"] < nearest["replace"]
-
-
 def test_integer_prototypes_merge_and_refuse_replacement() -> None:
     (old, new), labels = sessions()
     model = HDCClassifier(prototype="integer").fit(old, labels)

@@ -16,7 +16,7 @@ import pytest
 from hdc import HDCClassifier
 from hdc.command import main
 
-pytest.importorskip("nicegui", reason="the page needs nicegui: pip install 'hdc[live]'")
+pytest.importorskip("nicegui", reason="the page needs nicegui: pip install 'speckle-hdc[live]'")
 
 from hdc.live.guard import Guard
 
@@ -211,16 +211,6 @@ def test_a_wrong_source_is_one_line(words, code, message, capfd):
     out, err = capfd.readouterr()
     assert (caught.value.code, out, len(err.splitlines())) == (code, "", 1)
     assert message in err
-
-
-def test_a_missing_extra_is_one_line(monkeypatch, capfd):
-    for name in ("nicegui", "fastapi", "starlette"):
-        monkeypatch.setitem(sys.modules, name, None)
-    monkeypatch.delitem(sys.modules, "hdc.live.page", raising=False)
-    with pytest.raises(SystemExit, match="1"):
-        main(["live", "--folder", "nowhere"])
-    line = "error: expected the package nicegui, found none; pip install 'hdc[live]'\n"
-    assert capfd.readouterr().err == line
 
 
 def test_a_port_that_is_taken_is_one_line(address):
