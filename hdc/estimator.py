@@ -132,7 +132,10 @@ class Estimator:
             model = cls().set_params(**header["parameters"])
             io.move_to_cpu_without_cuda(model)
             model._check_parameters()
-            model._set_shape(io.checked_shape(header["frame_shape"]))
+            shape = header["frame_shape"]
+            if not 1 <= len(shape) <= 2 or not all(isinstance(n, int) and n > 0 for n in shape):
+                raise ValueError(f"frame_shape {shape!r}")
+            model._set_shape(shape)
             model._restore(header, tensors)
             model.metadata_ = dict(header["metadata"])
             return model

@@ -107,17 +107,6 @@ def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[s
     return header, content
 
 
-def checked_shape(shape: Any) -> tuple[int, ...]:
-    """A frame's shape, (H, W) or (D,).
-
-    Raises:
-        ValueError: if it is none.
-    """
-    if not 1 <= len(shape) <= 2 or not all(isinstance(s, int) and 0 < s < LARGEST for s in shape):
-        raise ValueError(f"frame_shape {shape!r}")
-    return tuple(shape)
-
-
 def check_tensors(tensors: Mapping[str, Tensor], shapes: Mapping[str, tuple[int, ...]]) -> None:
     """Check the shapes of tensors, and that they are int64 or float64 and finite.
 
