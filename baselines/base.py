@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import types
-import typing
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -49,14 +47,6 @@ class Classifier(ABC):
     prediction_batch: ClassVar[int] = 50
     _estimator_type: ClassVar[str] = "classifier"  # what scikit-learn before 1.6 asks for
 
-    def __post_init__(self) -> None:
-        hints = typing.get_type_hints(type(self))
-        for field in dataclasses.fields(self):
-            value, kinds = getattr(self, field.name), _plain_kinds(hints[field.name])
-            if kinds and not (isinstance(value, kinds) and (bool in kinds or value is not True)):
-                names = " or ".join(kind.__name__ for kind in kinds)
-                raise ValueError(f"{field.name}: expected {names}, found {value!r}")
-
     @abstractmethod
     def train(self, frames: FrameSource, labels: Any) -> Iterator[Mapping[str, float]]:
         """Start anew and yield whenever the model can predict."""
@@ -79,15 +69,8 @@ class Classifier(ABC):
         return FRAME_TYPES[self.frame_dtype_]
 
     def fit(self, frames: Any, labels: Any) -> Self:
-        """Learn from frames [N, H, W] or [N, D], uint8 or uint16, and N labels.
-
-        Args:
-            frames: array, tensor, list of either, or a :class:`FrameSource`.
-            labels: array, tensor or list of integers or text.
-
-        Raises:
-            ValueError: naming what was expected and what was found.
-        """
+        """Learn from frames (array, tensor, list of either, or a :class:`FrameSource`) and labels
+        (array, tensor or list of integers or text); raises as :meth:`start` does."""
         for _ in self.train(inputs.indexable(frames), labels):
             pass
         return self
@@ -204,12 +187,3 @@ def _pixel_type(batch: Tensor) -> torch.dtype:
     if batch.dtype in FRAME_TYPES:
         return batch.dtype
     raise ValueError(f"frames: expected uint8 or uint16, found {batch.dtype}")
-
-
-def _plain_kinds(hint: Any) -> tuple[type, ...]:
-    """The classes that a hint of plain values allows; none for any other hint."""
-    union = typing.get_origin(hint) is types.UnionType
-    kinds = typing.get_args(hint) if union else (hint,)
-    if not all(kind in (str, bool, int, float, type(None)) for kind in kinds):
-        return ()
-    return (*kinds, int) if float in kinds and int not in kinds else kinds

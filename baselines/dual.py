@@ -1,11 +1,9 @@
 """Classifiers computed in the space of samples instead of the space of pixels.
 
 With N frames of D pixels and N ≪ D, the weights that minimise any loss with an L2 penalty are
-combinations of the training frames, W = Aᵀ·X (representer theorem), so that the N×N Gram matrix
-K = X·Xᵀ carries the whole problem, however many pixels there are. :class:`Products` is that matrix,
-exact in integers, of all frames that are asked for: from it a classifier is trained on any subset
-and asked about any other at a cost of its samples squared. :class:`Descent` is gradient descent on
-it, step for step the one that the weights would take.
+combinations of the training frames, W = Aᵀ·X (representer theorem): the N×N Gram matrix K = X·Xᵀ
+carries the whole problem. :class:`Products` is that matrix, exact in integers; from it a classifier
+is trained on any subset of the frames. :class:`Descent` is gradient descent on it.
 """
 
 from __future__ import annotations
@@ -130,12 +128,12 @@ class Products:
         return moments(self._images)
 
     def scores(self, model: Any, train: np.ndarray, queries: np.ndarray) -> Tensor:
-        """Scores of some samples by a model trained on others: float64 [n, L], the largest wins.
+        """Scores of queries by a model trained on others: float64 [n, L], the largest wins.
 
         Args:
             model: one with ``scores_from``: linear models in dual form, image correlation, nearest
                 neighbours; it is left as it was.
-            train: indices below M; one that stands there k times counts k times.
+            train: indices below M; one that occurs k times counts k times.
             queries: indices [n].
         """
         return model.scores_from(self, train, queries)
@@ -155,40 +153,33 @@ class Products:
             ValueError: for another name, listing the valid ones.
         """
         choose("pixels", pixels, dict.fromkeys(KERNELS))
-        if pixels == "unit_frame_centred":
-            return self.centred(train, queries, "unit")
-        products = self.bits if pixels == "bits" else self.greys
-        inside, across = (products[np.ix_(rows, train)] for rows in (train, queries))
-        if pixels == "bits":
-            return inside, across
+        rows, n = np.concatenate([train, queries]), len(train)
+        part = (self.bits if pixels == "bits" else self.greys)[np.ix_(rows, train)]
         (first, second), d = self.moments, self.dimension
         if pixels == "standardised":
             s = deviations(first, second, d)
-            return tuple(  # type: ignore[return-value]
-                (part - torch.outer(first[rows], first[train]) / d) / torch.outer(s[rows], s[train])
-                for rows, part in ((train, inside), (queries, across))
+            part = (part - torch.outer(first[rows], first[train]) / d) / torch.outer(
+                s[rows], s[train]
             )
-        mean = float(first[train].mean()) / d
-        offset = (
-            mean if pixels in ("unit_centred", "standard_global") else -constant_of(self._images)
-        )
-        scale = 1.0 if pixels == "raw" else 1 / self.white
-        if pixels == "standard_global":
-            scale = (float(second[train].mean()) / d - mean**2) ** -0.5
-        return tuple(  # type: ignore[return-value]
-            scale**2 * (part - offset * (first[rows, None] + first[train]) + offset**2 * d)
-            for rows, part in ((train, inside), (queries, across))
-        )
+        elif pixels != "bits":
+            mean = float(first[train].mean()) / d
+            centred = pixels in ("unit_centred", "standard_global")
+            offset = mean if centred else -constant_of(self._images)
+            scale = 1.0 if pixels == "raw" else 1 / self.white
+            if pixels == "standard_global":
+                scale = (float(second[train].mean()) / d - mean**2) ** -0.5
+            shift = offset * (first[rows, None] + first[train])
+            part = scale**2 * (part - shift + offset**2 * d)
+        return part[:n], part[n:]
 
     def centred(
         self, train: np.ndarray, queries: np.ndarray, pixels: str = "unit"
     ) -> tuple[Tensor, Tensor]:
         """:meth:`kernel` of scaled frames less the mean scaled training frame."""
-        if pixels in ("raw", "unit", "unit_centred", "unit_frame_centred"):
+        if pixels in ("raw", "unit", "unit_centred"):
             # The offset cancels: the small integers do without it, and lose nothing to it.
             scale = 1.0 if pixels == "raw" else 1 / self.white
-            rows = (self.greys[np.ix_(part, train)] for part in (train, queries))
-            inside, across = (scale**2 * part for part in rows)
+            inside, across = (scale**2 * self.greys[np.ix_(x, train)] for x in (train, queries))
         else:
             inside, across = self.kernel(train, queries, pixels)
         mean, square = inside.mean(0), inside.mean()
@@ -256,11 +247,17 @@ class DualLinearClassifier(Classifier):
 
     def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
         """See :meth:`Products.scores`."""
+        scores, bias = self._solved(products, train, queries)
+        return scores + bias
+
+    def _solved(
+        self, products: Products, train: np.ndarray, queries: np.ndarray, *before: Tensor
+    ) -> tuple[Tensor, Tensor]:
         solver = copy.copy(self)
         solver.classes_ = np.arange(products.n_classes)
         inside, across = products.centred(train, queries, self.pixels)
-        coefficients, bias, _ = solver.solve(inside, products.labels[train])
-        return across @ (coefficients - coefficients.mean(0)) + bias
+        coefficients, bias, _ = solver.solve(inside, products.labels[train], *before)
+        return across @ (coefficients - coefficients.mean(0)), bias
 
     def state_tensors(self) -> dict[str, Tensor]:
         """weight [L, D] and bias [L]."""
@@ -304,11 +301,8 @@ class PenalisedClassifier(DualLinearClassifier):
             queries: samples to score [n].
         """
         before = self.scores_from(products, old, np.concatenate([new, queries]))
-        solver = copy.copy(self)
-        solver.classes_ = np.arange(products.n_classes)
-        inside, across = products.centred(new, queries, self.pixels)
-        change, bias, _ = solver.solve(inside, products.labels[new], before[: len(new)])
-        return before[len(new) :] + across @ (change - change.mean(0)) + bias
+        change, bias = self._solved(products, new, queries, before[: len(new)])
+        return before[len(new) :] + change + bias
 
 
 class Descent:
@@ -331,17 +325,12 @@ class Descent:
             `coefficients` and `intercepts`, one start at zero if there are none.
         coefficients: initial A, float64 [N, L, V], of weights W = Aᵀ·X.
         intercepts: initial b, float64 [L, V].
-        decay: λ of each start, number or float64 [V]: weights shrink by 1 − ηλ a step, which is
-            descent with the penalty λ/2·‖W‖².
-        decay_intercepts: whether intercepts shrink, too, as ``torch.optim.SGD`` has it.
+        decay: λ: weights shrink by 1 − ηλ a step, which is descent with the penalty λ/2·‖W‖².
         batch: frames a step; None for all.
         seed: of the permutation of every epoch, as in :mod:`baselines.training`.
 
     Attributes:
-        logits: now, float64 [N + M, L, V].
-        coefficients: A now.
-        intercepts: b now.
-        shrunk: factor that decay has left of the initial weights, float64 [V].
+        logits, coefficients, intercepts: now.
     """
 
     def __init__(
@@ -354,23 +343,23 @@ class Descent:
         logits: Tensor | None = None,
         coefficients: Tensor | None = None,
         intercepts: Tensor | None = None,
-        decay: float | Tensor = 0.0,
-        decay_intercepts: bool = False,
+        decay: float = 0.0,
         batch: int | None = None,
         seed: int = 0,
     ) -> None:
         self._kernel, self._targets, self._rate, self._batch = kernel, targets, rate, batch
         self._onehot = F.one_hot(targets, n_classes).to(kernel.dtype)[:, :, None]
-        starts = next((x.shape[-1] for x in (logits, coefficients, intercepts) if x is not None), 1)
-        n = kernel.shape[1]
-        self.coefficients = _copied(coefficients, kernel, (n, n_classes, starts))
-        self.intercepts = _copied(intercepts, kernel, (n_classes, starts))
+        starts = next((x.shape[-1] for x in (logits, coefficients) if x is not None), 1)
+        if coefficients is None:
+            coefficients = kernel.new_zeros(kernel.shape[1], n_classes, starts)
+        if intercepts is None:
+            intercepts = kernel.new_zeros(n_classes, starts)
         if logits is None:
-            logits = torch.einsum("ij,jlv->ilv", kernel, self.coefficients) + self.intercepts
-        self.logits = _copied(logits, kernel, tuple(logits.shape))
-        self._decay_intercepts = decay_intercepts
-        self._decay = torch.as_tensor(decay, dtype=kernel.dtype).expand(starts).clone()
-        self.shrunk = torch.ones_like(self._decay)
+            logits = torch.einsum("ij,jlv->ilv", kernel, coefficients) + intercepts
+        self.logits, self.coefficients, self.intercepts = (
+            x.to(kernel.dtype).clone().contiguous() for x in (logits, coefficients, intercepts)
+        )
+        self._decay = decay
         self._order = torch.Generator().manual_seed(seed)
         self._parts = self.parts()
 
@@ -388,13 +377,10 @@ class Descent:
         part = next(self._parts) if part is None else part
         residual = self.logits[part].softmax(dim=1) - self._onehot[part]
         residual *= self._rate / len(residual)
-        if bool(self._decay.any()):
+        if self._decay:
             keep = 1 - self._rate * self._decay
-            free = 0.0 if self._decay_intercepts else self.intercepts
-            self.logits = keep * (self.logits - free) + free
+            self.logits = keep * (self.logits - self.intercepts) + self.intercepts
             self.coefficients *= keep
-            self.intercepts *= keep if self._decay_intercepts else 1.0
-            self.shrunk *= keep
         change = residual.sum(dim=0)
         self.coefficients[part] -= residual
         self.intercepts -= change
@@ -416,9 +402,5 @@ class Descent:
 
     def drop(self, kept: Tensor) -> None:
         """Go on with these starts only, int64 [V']."""
-        for name in ("logits", "coefficients", "intercepts", "_decay", "shrunk"):
+        for name in ("logits", "coefficients", "intercepts"):
             setattr(self, name, getattr(self, name)[..., kept].contiguous())
-
-
-def _copied(given: Tensor | None, like: Tensor, shape: tuple[int, ...]) -> Tensor:
-    return like.new_zeros(shape) if given is None else given.to(like.dtype).clone().contiguous()

@@ -82,19 +82,13 @@ class OnlineHDCClassifier(Classifier):
 
     def _learn(self, word: Tensor, row: int) -> None:
         """Classify and count one hypervector int64 [W] of a class."""
-        times = self.bundle
         signs = 2 * bits.unpack(word, self._sums.shape[1]).to(torch.int32) - 1
-        if not self._known[row]:
-            times = max(1, self.bundle)
-        elif (taken := int(self._similarities(word[None]).argmax())) != row:
-            times += self.correction
-            self._add(signs, taken, -self.correction)
-        self._add(signs, row, times)
-
-    def _add(self, signs: Tensor, row: int, times: int) -> None:
-        if times == 0:
-            return
-        self._sums[row] += times * signs
-        self._known[row] = True
-        total = self._sums[row]
-        self.prototypes_[row] = bits.pack(total > 0 if self.ties == "zero" else total >= 0)
+        counts = {row: self.bundle if self._known[row] else max(1, self.bundle)}
+        if self._known[row] and (taken := int(self._similarities(word[None]).argmax())) != row:
+            counts = {taken: -self.correction, row: self.bundle + self.correction}
+        for changed, times in counts.items():
+            if times:
+                total = self._sums[changed].add_(signs, alpha=times)
+                self._known[changed] = True
+                ones = total > 0 if self.ties == "zero" else total >= 0
+                self.prototypes_[changed] = bits.pack(ones)

@@ -1,20 +1,19 @@
 """Pixels to numbers: how grey values are scaled before a model sees them, by name.
 
-======================  =================  ========================================================
-``raw``                 x                  0…255 (or 0…65535), as the camera gives them
-``unit``                x / max            0…1, max = 255 or 65535
-``unit_centred``        (x − μ) / max      less the mean grey of all training frames, one number:
-                                           with an intercept the same problem as ``unit``, but far
-                                           less stiff, as the mean no longer acts as an intercept
-``unit_frame_centred``  (x − μ) / max      less the mean training frame, pixel by pixel
-``standard``            (x − μ) / σ        mean and standard deviation of each pixel over the
-                                           training frames (scikit-learn's StandardScaler)
-``standard_global``     (x − μ) / σ        one mean and standard deviation for all pixels
-``standardised``        (x − m) / s        each frame by its own mean m and standard deviation s:
-                                           no brightness or contrast of a frame is left
-``bits``                ±1                 HDC's hypervector of the frame: the ⌊D/2⌋ brightest
-                                           pixels +1, the others −1
-======================  =================  ========================================================
+===================  =================  ========================================================
+``raw``              x                  0…255 (or 0…65535), as the camera gives them
+``unit``             x / max            0…1, max = 255 or 65535
+``unit_centred``     (x − μ) / max      less the mean grey of all training frames, one number:
+                                        with an intercept the same problem as ``unit``, but far
+                                        less stiff, as the mean no longer acts as an intercept
+``standard``         (x − μ) / σ        mean and standard deviation of each pixel over the
+                                        training frames (scikit-learn's StandardScaler)
+``standard_global``  (x − μ) / σ        one mean and standard deviation for all pixels
+``standardised``     (x − m) / s        each frame by its own mean m and standard deviation s:
+                                        no brightness or contrast of a frame is left
+``bits``             ±1                 HDC's hypervector of the frame: the ⌊D/2⌋ brightest
+                                        pixels +1, the others −1
+===================  =================  ========================================================
 
 A pixel or frame that never changes has σ = 0 and is divided by one.
 """
@@ -88,32 +87,24 @@ def fit_scaling(pixels: str, model: Classifier, frames: FrameSource) -> Scaling:
     Raises:
         ValueError: for an unknown name, listing the valid ones.
     """
-    return choose("pixels", pixels, SCALINGS)(model, frames)
-
-
-def _raw(model: Classifier, frames: FrameSource) -> PixelScaling:
-    return PixelScaling()
-
-
-def _unit(model: Classifier, frames: FrameSource) -> PixelScaling:
-    return PixelScaling(scale=1 / model.white)
-
-
-def _unit_centred(model: Classifier, frames: FrameSource) -> PixelScaling:
-    total, _ = _sums(model, frames)
-    return PixelScaling(total.mean().item() / len(frames), 1 / model.white)
-
-
-def _unit_frame_centred(model: Classifier, frames: FrameSource) -> PixelScaling:
-    total, _ = _sums(model, frames)
-    return PixelScaling((total / len(frames)).float(), 1 / model.white)
-
-
-def _standard(model: Classifier, frames: FrameSource) -> PixelScaling:
+    choose("pixels", pixels, dict.fromkeys(SCALINGS))
+    if pixels in ("raw", "unit"):
+        return PixelScaling(scale=1.0 if pixels == "raw" else 1 / model.white)
+    if pixels == "standardised":
+        return standardise
+    if pixels == "bits":
+        return lambda batch: signs(batch).float()
     total, squares = _sums(model, frames)
-    mean = total / len(frames)
+    mean, n = total / len(frames), len(frames)
+    if pixels == "unit_centred":
+        return PixelScaling(total.mean().item() / n, 1 / model.white)
+    if pixels == "standard_global":
+        values = n * total.numel()
+        overall = total.sum() / values
+        deviation = _deviation(squares.sum() / values - overall**2)
+        return PixelScaling(overall.item(), 1 / deviation.item())
     # In whole numbers up to 2⁵³, so that nothing cancels that float64 has not kept.
-    deviation = _deviation((len(frames) * squares - total**2) / len(frames) ** 2)
+    deviation = _deviation((n * squares - total**2) / n**2)
     # The difference of whole numbers is exact in float32; a mean of 16-bit pixels would lose what a
     # nearly constant pixel differs by.
     whole = mean.round()
@@ -121,24 +112,7 @@ def _standard(model: Classifier, frames: FrameSource) -> PixelScaling:
     return PixelScaling(whole.float(), (1 / deviation).float(), shift.float())
 
 
-def _standard_global(model: Classifier, frames: FrameSource) -> PixelScaling:
-    total, squares = _sums(model, frames)
-    pixels = len(frames) * total.numel()
-    mean = total.sum() / pixels
-    deviation = _deviation(squares.sum() / pixels - mean**2)
-    return PixelScaling(offset=mean.item(), scale=1 / deviation.item())
-
-
-SCALINGS: dict[str, Callable[[Classifier, FrameSource], Scaling]] = {
-    "unit": _unit,
-    "unit_centred": _unit_centred,
-    "unit_frame_centred": _unit_frame_centred,
-    "raw": _raw,
-    "standard": _standard,
-    "standard_global": _standard_global,
-    "standardised": lambda model, frames: standardise,
-    "bits": lambda model, frames: lambda batch: signs(batch).float(),
-}
+SCALINGS = ["unit", "unit_centred", "raw", "standard", "standard_global", "standardised", "bits"]
 
 
 def _sums(model: Classifier, frames: FrameSource) -> tuple[Tensor, Tensor]:

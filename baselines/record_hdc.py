@@ -10,14 +10,13 @@ first half of the coordinates flips in n − 1 equal blocks and the other half n
 are random, so which coordinates flip is of no consequence).
 
 Encoding N frames of m pixels costs N·m·D bind-and-add operations, and the position codebook m·D
-bits: 10¹² and 312 MB for 400 frames of 250,000 pixels at D = 10,000. That is the price which the
-optical encoding avoids. The sums below are exact, but cheaper than they look. In the block of
-coordinates that flips at level τ,
+bits: 10¹² and 312 MB for 400 frames of 250,000 pixels at D = 10,000. The optical encoding avoids
+both. The sums below are exact, but cheaper than they look: in the block that flips at level τ,
 
     Σᵢ P_i[d]·L_{x_i}[d] = L_0[d]·Σᵢ P_i[d]·s_i,        s_i = +1 where x_i < τ, else −1,
 
-which is an integer matrix product of two-level images with the bits of the positions: N·m·D/2
-multiply-adds of bytes. The half that never flips is the same for every frame and is summed once.
+which is an integer matrix product of two-level images with the bits of the positions. The half that
+never flips is the same for every frame and is summed once.
 """
 
 from __future__ import annotations
@@ -29,6 +28,7 @@ from typing import ClassVar
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from baselines.base import Classifier, FrameSource
 from baselines.integer import integer_product
@@ -63,81 +63,53 @@ class RecordHDC(Classifier):
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """Make the codebooks, encode and bundle; yields once, with samples_seen = N."""
         targets = self.start(frames, labels)
-        self._make_codebooks()
-        signs = self.encode(self.read(frames, slice(0, len(frames))))
-        onehot = torch.nn.functional.one_hot(targets, len(self.classes_)).float()
-        counters = onehot.T @ signs
-        self.prototypes_ = pack(torch.where(counters == 0, self._base() > 0, counters > 0))
+        if self.dimension < 16 or self.dimension % 16:
+            raise ValueError(f"dimension: expected a multiple of 16, found {self.dimension}")
+        if not 2 <= self.levels <= 256:
+            raise ValueError(f"levels: expected 2 to 256, found {self.levels}")
+        m, half = self.shape_[0] * self.shape_[1], self.dimension // 2
+        self.base_ = self._random_bytes(-1, 1)
+        starts = range(0, m, POSITIONS)
+        blocks = [self._random_bytes(start, min(POSITIONS, m - start)) for start in starts]
+        self.positions_ = torch.cat(blocks)
+        ones = torch.stack([unpack(block[:, half // 8 :]).sum(dim=0) for block in blocks]).sum(0)
+        base = signs(self.base_)[0]
+        self.fixed_ = pack(majority((2 * ones - m)[None], base[half:]))
+        encoded = self.encode(self.read(frames, slice(0, len(frames))))
+        counters = F.one_hot(targets, len(self.classes_)).float().T @ encoded
+        self.prototypes_ = pack(torch.where(counters == 0, base, counters) > 0)
         yield {"samples_seen": len(frames)}
 
     def encode(self, batch: Tensor) -> Tensor:
         """Hypervectors V of frames uint8 or int32 [n, H, W] as ±1, float32 [n, D]."""
         half, n = self.dimension // 2, len(batch)
-        images = self._quantise(batch.flatten(1))
+        bits = 8 if batch.dtype == torch.uint8 else 16
+        images = torch.stack([(frame.int() * self.levels >> bits).byte() for frame in batch])
+        images = images.flatten(1)
+        edges = np.linspace(0, half, self.levels).round().astype(int).tolist()
         # With bits B = (1 + P)/2 and t = (1 + s)/2:  Σ P·s = 4 Σ B·t − 2 Σ B − 2 Σ t + m.
-        # The last row of t is all ones and gives Σ B; Σ t is a cumulative histogram.
-        t = torch.ones(n + 1, POSITIONS, dtype=torch.bool, device=self.device)
-        products = torch.zeros(n + 1, half, device=self.device)
+        sums = torch.full((n, half), float(images.shape[1]), device=self.device)
         for start in range(0, images.shape[1], POSITIONS):
-            bits = unpack(self.positions_[start : start + POSITIONS, : half // 8].contiguous())
+            positions = unpack(self.positions_[start : start + POSITIONS, : half // 8])
             chunk = images[:, start : start + POSITIONS]
-            used = t[:, : chunk.shape[1]]
-            for level, block in self._blocks():
-                torch.lt(chunk, level, out=used[:n])
-                products[:, block] += integer_product(used.view(torch.int8), bits[:, block])
-        sums = 4 * products[:n] - 2 * products[n] + images.shape[1]
-        histogram = torch.stack([torch.bincount(row, minlength=self.levels) for row in images])
-        below = histogram.cumsum(dim=1).float()
-        for level, block in self._blocks():
-            sums[:, block] -= 2 * below[:, level - 1 : level]
-        base = self._base()
-        varying = torch.where(sums == 0, base[:half], (sums * base[:half]).sign())
-        fixed = 2.0 * unpack(self.fixed_) - 1
-        return torch.cat([varying, fixed.expand(n, -1)], dim=1)
+            sums -= 2 * positions.sum(dim=0)
+            for level in range(1, self.levels):
+                block = slice(edges[level - 1], edges[level])
+                t = (chunk < level).to(torch.int8)
+                sums[:, block] += 4 * integer_product(t, positions[:, block])
+                sums[:, block] -= 2 * t.sum(dim=1, keepdim=True)
+        varying = majority(sums, signs(self.base_)[0, :half])
+        half_signs = [2.0 * varying - 1, signs(self.fixed_).expand(n, -1)]
+        return torch.cat(half_signs, dim=1)
 
     def scores(self, batch: Tensor) -> Tensor:
         """D − 2·(Hamming distance) to each prototype, float32 [n, L]."""
-        return self.encode(batch) @ (2.0 * unpack(self.prototypes_) - 1).T
+        return self.encode(batch) @ signs(self.prototypes_).T
 
     def state_tensors(self) -> dict[str, Tensor]:
         """prototypes [L, D/8], base [1, D/8], fixed [1, D/16] and positions [m, D/8]."""
         names = ("prototypes", "base", "fixed", "positions")
         return {name: getattr(self, f"{name}_") for name in names}
-
-    def _make_codebooks(self) -> None:
-        if self.dimension < 16 or self.dimension % 16:
-            raise ValueError(f"dimension: expected a multiple of 16, found {self.dimension}")
-        if not 2 <= self.levels <= 256:
-            raise ValueError(f"levels: expected 2 to 256, found {self.levels}")
-        m = self.shape_[0] * self.shape_[1]
-        self.base_ = self._random_bytes(-1, 1)
-        half = self.dimension // 2
-        self.positions_ = torch.cat(
-            [
-                self._random_bytes(start, min(POSITIONS, m - start))
-                for start in range(0, m, POSITIONS)
-            ]
-        )
-        ones = torch.zeros(half, dtype=torch.float64, device=self.device)
-        for rows in self.positions_[:, half // 8 :].split(POSITIONS):
-            count = torch.ones(1, len(rows), dtype=torch.int8, device=self.device)
-            ones += integer_product(count, unpack(rows.contiguous()))[0]
-        base = self._base()[half:]
-        sums = (2 * ones - m) * base
-        self.fixed_ = pack(torch.where(sums == 0, base > 0, sums > 0)[None])
-
-    def _blocks(self) -> list[tuple[int, slice]]:
-        """Level at which a block of coordinates flips, and the block."""
-        edges = np.linspace(0, self.dimension // 2, self.levels).round().astype(int)
-        return [(k, slice(int(edges[k - 1]), int(edges[k]))) for k in range(1, self.levels)]
-
-    def _quantise(self, images: Tensor) -> Tensor:
-        """Levels uint8 [n, m], equal steps of the camera's range."""
-        bits = 8 if images.dtype == torch.uint8 else 16
-        out = torch.empty(images.shape, dtype=torch.uint8, device=self.device)
-        for row, image in zip(out, images, strict=True):
-            row.copy_((image.int() * self.levels) >> bits)
-        return out
 
     def _random_bytes(self, start: int, rows: int) -> Tensor:
         """Random hypervectors [rows, D/8], a pure function of the seed and the first row."""
@@ -145,9 +117,10 @@ class RecordHDC(Classifier):
         drawn = bytearray(random.bytes(rows * self.dimension // 8))
         return torch.frombuffer(drawn, dtype=torch.uint8).view(rows, -1).to(self.device)
 
-    def _base(self) -> Tensor:
-        """L_0 as ±1, float32 [D]."""
-        return 2.0 * unpack(self.base_)[0] - 1
+
+def majority(sums: Tensor, base: Tensor) -> Tensor:
+    """Bits of Σ P·L = L_0·Σ P·s, bool: L_0 decides a tie."""
+    return torch.where(sums == 0, base, sums * base) > 0
 
 
 def pack(mask: Tensor) -> Tensor:
@@ -159,3 +132,8 @@ def unpack(packed: Tensor) -> Tensor:
     """uint8 [n, B] → int8 0 or 1, [n, 8B]."""
     ones = np.unpackbits(packed.numpy(force=True), axis=1)
     return torch.from_numpy(ones.view(np.int8)).to(packed.device)
+
+
+def signs(packed: Tensor) -> Tensor:
+    """uint8 [n, B] → ±1, float32 [n, 8B]."""
+    return 2.0 * unpack(packed) - 1

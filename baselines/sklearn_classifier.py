@@ -48,7 +48,7 @@ class SklearnClassifier(Classifier):
 
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """Fit; yields once: samples_seen = N."""
-        if not (hasattr(self.estimator, "fit") and hasattr(self.estimator, "predict")):
+        if not hasattr(self.estimator, "predict"):
             kind = type(self.estimator).__name__
             raise ValueError(f"estimator: expected an object with fit and predict, found a {kind}")
         targets = self.start(frames, labels)
@@ -72,13 +72,11 @@ class SklearnClassifier(Classifier):
     def state_tensors(self) -> dict[str, Tensor] | None:
         """The arrays of a linear estimator, ``coef_`` and ``intercept_``; None for any other, whose
         state has no known form."""
-        learnt = {k for k in vars(self.estimator_) if k.endswith("_") and not k.startswith("_")}
-        if not {"coef_", "intercept_"} <= learnt:
+        learnt = vars(self.estimator_)
+        if not {"coef_", "intercept_"} <= learnt.keys():
             return None
-        return {
-            name: in_memory_order(torch.from_numpy(getattr(self.estimator_, name)))
-            for name in ("coef_", "intercept_")
-        }
+        arrays = {name: torch.from_numpy(learnt[name]) for name in ("coef_", "intercept_")}
+        return {name: in_memory_order(array) for name, array in arrays.items()}
 
     def _features(self, batch: Tensor) -> np.ndarray:
         return self.scaling_(batch).flatten(1).numpy(force=True)

@@ -54,19 +54,19 @@ class DualSoftmaxRegression(PenalisedClassifier):
         logits = torch.zeros_like(onehot) if before is None else before.clone()
         square = 0.0  # tr(Aᵀ·K·A)
         objective = self._objective(logits, targets, square)
-        self.n_iter_ = 0
+        self.n_iter_, n = 0, len(targets)
         while self.n_iter_ < self.max_iter:
             probability = logits.softmax(dim=1)
             residual = probability - onehot
             gradient = a + self.C * _centre(residual)
             gradient_b = self.C * residual.sum(dim=0)
-            step = _Newton(gram, probability, self.C).step(gradient, gradient_b)
-            promise = 0.5 * (_dot(gradient, step.k_a) + float(gradient_b @ step.b))
+            step = _newton_step(gram, probability, self.C, gradient, gradient_b)
+            step_a, step_b, change = step[:n], step[-1], step[n:-1] + step[-1]
+            promise = 0.5 * (_dot(gradient, step[n:-1]) + float(gradient_b @ step_b))
             if -promise <= self.tol * objective:
                 break
             # Along the step everything but the softmax is a parabola in its length.
-            across, curved = _dot(a, step.k_a), _dot(step.a, step.k_a)
-            change = step.k_a + step.b
+            across, curved = _dot(a, step[n:-1]), _dot(step_a, step[n:-1])
             length, least = 1.0, 1e-12
             while length > least:
                 trial_square = square + 2 * length * across + length**2 * curved
@@ -77,7 +77,7 @@ class DualSoftmaxRegression(PenalisedClassifier):
             else:
                 break  # rounding is all that is left to gain
             self.n_iter_ += 1
-            a, b = a + length * step.a, b + length * step.b
+            a, b = a + length * step_a, b + length * step_b
             logits, square, objective = logits + length * change, trial_square, trial
         self.objective_ = objective
         return a, b, objective / (self.C * len(targets))
@@ -87,54 +87,45 @@ class DualSoftmaxRegression(PenalisedClassifier):
         return self.C * loss + 0.5 * square
 
 
-class _Step:
-    """A direction in (A, b), with K·A carried along."""
+def _newton_step(
+    gram: Tensor, probability: Tensor, c: float, gradient: Tensor, gradient_b: Tensor
+) -> Tensor:
+    """Solution of H·step = −gradient by conjugate gradients, H the Hessian of F at ``probability``.
 
-    def __init__(self, a: Tensor, b: Tensor, k_a: Tensor) -> None:
-        self.a, self.b, self.k_a = a, b, k_a
+    A direction is one tensor [2N + 1, L]: A, K·A carried along, and b.
+    """
+    n, p = len(gram), probability
 
-    def plus(self, other: _Step, factor: float) -> _Step:
-        return _Step(
-            self.a + factor * other.a, self.b + factor * other.b, self.k_a + factor * other.k_a
-        )
+    def stacked(a: Tensor, k_a: Tensor, b: Tensor) -> Tensor:
+        return torch.cat([a, k_a, b[None]])
 
-    def dot(self, other: _Step) -> float:
-        return _dot(self.a, other.k_a) + float(self.b @ other.b)
+    def dot(x: Tensor, y: Tensor) -> float:
+        return _dot(x[:n], y[n:-1]) + float(x[-1] @ y[-1])
 
-
-class _Newton:
-    """The Hessian of F at probabilities P [N, L], and the solution of H·step = −gradient."""
-
-    def __init__(self, gram: Tensor, probability: Tensor, c: float) -> None:
-        self.gram, self.probability, self.c = gram, probability, c
-
-    def times(self, x: _Step) -> _Step:
-        change = x.k_a + x.b
-        p = self.probability
+    def hessian(x: Tensor) -> Tensor:
+        change = x[n:-1] + x[-1]
         change = p * (change - (p * change).sum(dim=1, keepdim=True))
-        centred = self.c * _centre(change)
-        return _Step(x.a + centred, self.c * change.sum(dim=0), x.k_a + self.gram @ centred)
+        centred = c * _centre(change)
+        return stacked(x[:n] + centred, x[n:-1] + gram @ centred, c * change.sum(dim=0))
 
-    def step(self, gradient: Tensor, gradient_b: Tensor) -> _Step:
-        """Conjugate gradients until the residual is small beside the gradient."""
-        residual = _Step(-gradient, -gradient_b, self.gram @ -gradient)
-        solution = residual.plus(residual, -1.0)
-        direction, square = residual, residual.dot(residual)
-        enough = 1e-6 * square
-        # The Hessian has at most one distinct eigenvalue an unknown; far fewer are needed.
-        for _ in range(gradient.numel()):
-            if square <= enough:
-                break
-            product = self.times(direction)
-            curvature = direction.dot(product)
-            if curvature <= 0:  # rounding
-                break
-            length = square / curvature
-            solution = solution.plus(direction, length)
-            residual = residual.plus(product, -length)
-            square, previous = residual.dot(residual), square
-            direction = residual.plus(direction, square / previous)
-        return solution
+    residual = stacked(-gradient, gram @ -gradient, -gradient_b)
+    solution = torch.zeros_like(residual)
+    direction, square = residual, dot(residual, residual)
+    enough = 1e-6 * square  # small beside the gradient
+    # The Hessian has at most one distinct eigenvalue an unknown; far fewer are needed.
+    for _ in range(gradient.numel()):
+        if square <= enough:
+            break
+        product = hessian(direction)
+        curvature = dot(direction, product)
+        if curvature <= 0:  # rounding
+            break
+        length = square / curvature
+        solution = solution + length * direction
+        residual = residual - length * product
+        square, previous = dot(residual, residual), square
+        direction = residual + square / previous * direction
+    return solution
 
 
 def _centre(x: Tensor) -> Tensor:

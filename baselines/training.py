@@ -43,13 +43,11 @@ class IterativeClassifier(Classifier):
         dtype: ``float32``, or ``bfloat16`` for the products alone (autocast: the weights, their
             gradients and the optimiser stay in float32).
         memory_format: ``contiguous`` or ``channels_last``.
-        micro_batch: frames held as activations at a time; the gradients of a batch are summed over
-            its micro-batches, so the step is the same and only memory and speed change.
-            None for the whole batch.
+        micro_batch: frames held as activations at a time; only memory and speed change. None for
+            the whole batch.
         reports_per_epoch: how often in an epoch ``train`` yields.
-        init: initial weights. ``linear``: PyTorch's own of a linear or convolution layer, weights
-            and biases uniform within ±1/√n for n inputs of a unit (a standard deviation of 0.00115
-            for 250,000 pixels). ``normal``: weights normal with ``init_std``, biases zero.
+        init: initial weights. ``linear``: PyTorch's own, weights and biases uniform within ±1/√n
+            for n inputs of a unit. ``normal``: weights normal with ``init_std``, biases zero.
             ``zeros``: all zero.
         init_std: standard deviation for ``init="normal"``, at least zero.
         seed: of the initial weights and the permutations.
@@ -82,21 +80,26 @@ class IterativeClassifier(Classifier):
         """Train from new initial weights; yields samples_seen, epoch, steps and loss.
 
         ``samples_seen`` counts a frame every time it is used, ``epoch`` is samples_seen / N,
-        ``steps`` are the optimiser's, and ``loss`` is the mean of F over those of the last epoch
-        (a pass over the frames; of fewer in the first). A loss that is not finite is
-        yielded like any other: it is the caller who stops. L-BFGS returns when the loss stands
-        still.
+        ``steps`` are the optimiser's, and ``loss`` is the mean of F over those of the last epoch.
+        Stopping is up to the caller, also at a loss that is not finite; L-BFGS returns on
+        convergence.
         """
         for name in ("batch_size", "micro_batch", "reports_per_epoch"):
             if (value := getattr(self, name)) is not None and value < 1:
                 raise ValueError(f"{name}: expected at least 1, found {value}")
         targets = self.start(frames, labels)
         choose("dtype", self.dtype, DTYPES)
-        initialise = choose("init", self.init, INITS)
+        choose("init", self.init, INITS)
+        if self.init == "normal" and not 0 <= self.init_std < math.inf:
+            raise ValueError(f"init_std: expected a number from zero, found {self.init_std}")
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(self.seed)
             network = self.build(self.shape_, len(self.classes_))
-            initialise(network, self.init_std)
+            for parameter in network.parameters() if self.init != "linear" else ():
+                if self.init == "normal" and parameter.ndim > 1:
+                    nn.init.normal_(parameter, std=self.init_std)
+                else:
+                    nn.init.zeros_(parameter)
         layout = choose("memory_format", self.memory_format, MEMORY_FORMATS)
         # The stubs of torch do not know this keyword of Module.to.
         self.network_ = network.to(device=self.device, memory_format=layout)  # type: ignore[call-overload]
@@ -135,10 +138,8 @@ class IterativeClassifier(Classifier):
         n = len(frames)
         size = n if self.batch_size is None else min(self.batch_size, n)
         steps = math.ceil(n / size)
-        reports = {
-            math.ceil(steps * k / self.reports_per_epoch)
-            for k in range(1, self.reports_per_epoch + 1)
-        }
+        parts = self.reports_per_epoch
+        reports = {math.ceil(steps * k / parts) for k in range(1, parts + 1)}
         order = torch.Generator().manual_seed(self.seed)
         seen, taken, mean, previous = 0, 0, math.nan, math.inf
         losses: deque[Tensor] = deque(maxlen=steps)
@@ -184,40 +185,15 @@ class IterativeClassifier(Classifier):
             part.backward()
             loss += part.detach()
         if self.C is not None:
-            penalty = self._squared_weights() / (2 * self.C * len(frames))
+            weights = [p for p in self.network_.parameters() if p.ndim > 1]
+            squares = torch.stack([p.square().sum() for p in weights]).sum()
+            penalty = squares / (2 * self.C * len(frames))
             penalty.backward()
             loss += penalty.detach()
         return loss
 
-    def _squared_weights(self) -> Tensor:
-        weights = (p for p in self.network_.parameters() if p.ndim > 1)
-        return torch.stack([p.square().sum() for p in weights]).sum()
 
-
-def _keep(network: nn.Module, std: float) -> None:
-    """PyTorch has drawn the weights when it made the layers."""
-
-
-def _draw_normal(network: nn.Module, std: float) -> None:
-    if not 0 <= std < math.inf:
-        raise ValueError(f"init_std: expected a number from zero, found {std}")
-    for parameter in network.parameters():
-        if parameter.ndim > 1:
-            nn.init.normal_(parameter, std=std)
-        else:
-            nn.init.zeros_(parameter)
-
-
-def _clear(network: nn.Module, std: float) -> None:
-    for parameter in network.parameters():
-        nn.init.zeros_(parameter)
-
-
-INITS: dict[str, Callable[[nn.Module, float], None]] = {
-    "linear": _keep,
-    "normal": _draw_normal,
-    "zeros": _clear,
-}
+INITS = dict.fromkeys(["linear", "normal", "zeros"])
 DEFAULT_FULL_CHUNK = 20  # frames scaled at a time in a full batch
 LBFGS_TOLERANCE = 1e-7  # relative change of the loss between two reports: float32 has no more
 

@@ -56,18 +56,17 @@ def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
     try:
         from hdc import compiled
     except ImportError as error:
-        raise ValueError(
-            "backend: 'compiled' expects numba (pip install 'speckle-hdc[compiled]'), "
-            f"found: {error}"
-        ) from error
+        install = "pip install 'speckle-hdc[compiled]'"
+        reason = f"backend: 'compiled' expects numba ({install}), found: {error}"
+        raise ValueError(reason) from error
     return compiled
 
 
-def choose_backend(backend: str, device: torch.device | str, n_pixels: float) -> str:
+def choose_backend(backend: str, device: torch.device | str, n_pixels: int = 0) -> str:
     """The backend for so many pixels (frames × pixels of each), one of :data:`BACKENDS`.
 
-    ``"auto"`` is ``"compiled"`` on the CPU where the kernels are loaded, or numba is installed and
-    there are pixels enough that loading it pays: more than about 4000 frames of 500 × 500.
+    ``"auto"`` is ``"compiled"`` on the CPU where the kernels are loaded already, or where numba is
+    installed and loading it pays: for more than about 4000 frames of 500 × 500.
 
     Raises:
         ValueError: for an unknown backend, or ``"compiled"`` where it is not to be had.
@@ -105,17 +104,15 @@ def pack(mask: Tensor) -> Tensor:
 
 def pack_torch(mask: Tensor) -> Tensor:
     """:func:`pack` in torch alone, for any device."""
-    *batch, dimension = mask.shape
-    n_bits = words_for(dimension) * WORD
-    padded = torch.zeros(*batch, n_bits, dtype=torch.bool, device=mask.device)
-    padded[..., :dimension] = mask
+    padded = mask.new_zeros(*mask.shape[:-1], words_for(mask.shape[-1]) * WORD)
+    padded[..., : mask.shape[-1]] = mask
     top_bytes = (padded.view(torch.int64) * _GATHER_BYTE) >> 56
     return top_bytes.to(torch.uint8).view(torch.int64)
 
 
 def unpack(words: Tensor, dimension: int) -> Tensor:
     """Unpack int64 words [..., W] into bool [..., D]."""
-    _check_width(words, dimension)
+    check_width(words, dimension)
     if words.device.type != "cpu":
         return unpack_torch(words, dimension)
     bytes_ = words.contiguous().numpy().view(np.uint8)
@@ -126,8 +123,7 @@ def unpack(words: Tensor, dimension: int) -> Tensor:
 def unpack_torch(words: Tensor, dimension: int) -> Tensor:
     """:func:`unpack` in torch alone, for any device."""
     shifts = torch.arange(WORD, device=words.device)
-    bits = (words.unsqueeze(-1) >> shifts) & 1
-    return bits.flatten(-2)[..., :dimension].bool()
+    return ((words.unsqueeze(-1) >> shifts) & 1).flatten(-2)[..., :dimension].bool()
 
 
 def popcount(words: Tensor) -> Tensor:
@@ -157,28 +153,12 @@ def hamming(queries: Tensor, prototypes: Tensor, backend: str = "numpy") -> Tens
             f"hamming: expected queries and prototypes of equal width, found "
             f"{queries.shape[-1]} and {prototypes.shape[-1]} words"
         )
-    if queries.device.type == "cpu" and prototypes.device.type == "cpu":
-        queries, prototypes = queries.contiguous(), prototypes.contiguous()
-        if backend == "compiled" and (compiled := kernels(backend, "cpu")):
-            return torch.from_numpy(compiled.hamming(queries.numpy(), prototypes.numpy()))
-        return hamming_numpy(queries, prototypes)
-    return hamming_torch(queries, prototypes)
-
-
-def hamming_torch(queries: Tensor, prototypes: Tensor) -> Tensor:
-    """:func:`hamming` in torch alone, for any device; working memory at most about 256 MB."""
-    (n, width), n_prototypes = queries.shape, len(prototypes)
-    out = torch.empty(n, n_prototypes, dtype=torch.int64, device=queries.device)
-    step = max(1, 2**23 // max(1, n_prototypes * width))  # some four such tensors at once
-    for start in range(0, n, step):
-        differing = queries[start : start + step, None] ^ prototypes
-        out[start : start + step] = _swar_popcount(differing).sum(-1)
-    return out
-
-
-def hamming_numpy(queries: Tensor, prototypes: Tensor) -> Tensor:
-    """:func:`hamming` by ``numpy.bitwise_count``, a prototype at a time."""
-    q, p = (np.atleast_2d(x.numpy()).view(np.uint64) for x in (queries, prototypes))
+    if queries.device.type != "cpu":
+        return hamming_torch(queries, prototypes)
+    if compiled := kernels(backend, "cpu"):
+        pair = (np.ascontiguousarray(words.numpy()) for words in (queries, prototypes))
+        return torch.from_numpy(compiled.hamming(*pair))
+    q, p = (words.contiguous().numpy().view(np.uint64) for words in (queries, prototypes))
     out = np.empty((len(q), len(p)), np.int64)
     # Some tens of queries a step keep the intermediate words in the processor's cache.
     step = max(1, 2**16 // max(1, q.shape[1]))
@@ -187,6 +167,16 @@ def hamming_numpy(queries: Tensor, prototypes: Tensor) -> Tensor:
         for j, prototype in enumerate(p):
             np.bitwise_count(block ^ prototype).sum(-1, out=out[start : start + step, j])
     return torch.from_numpy(out)
+
+
+def hamming_torch(queries: Tensor, prototypes: Tensor) -> Tensor:
+    """:func:`hamming` in torch alone, for any device; working memory at most about 256 MB."""
+    out = queries.new_empty(len(queries), len(prototypes))
+    step = max(1, 2**23 // max(1, prototypes.numel()))  # some four such tensors at once
+    for start in range(0, len(queries), step):
+        differing = queries[start : start + step, None] ^ prototypes
+        out[start : start + step] = _swar_popcount(differing).sum(-1)
+    return out
 
 
 def majority(words: Tensor, ties: str = "zero", tie_breaker: Tensor | None = None) -> Tensor:
@@ -262,7 +252,12 @@ def _swar_popcount(words: Tensor) -> Tensor:
     return ((words * 0x0101010101010101) >> 56) & 0x7F
 
 
-def _check_width(words: Tensor, dimension: int) -> None:
+def check_width(words: Tensor, dimension: int) -> None:
+    """Check that hypervectors [..., W] have the words of D bits.
+
+    Raises:
+        ValueError: if they do not.
+    """
     if words.shape[-1] != words_for(dimension):
         raise ValueError(
             f"words: expected {words_for(dimension)} words for D = {dimension}, "

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from math import inf, prod
 from typing import Any, Self
 
 import numpy as np
@@ -12,11 +11,11 @@ import torch
 from torch import Tensor
 
 from hdc import bits, cosine, inputs, io
-from hdc.estimator import CHUNK, Estimator
+from hdc.estimator import CHUNK, Estimator, check_share
 from hdc.inputs import Label
-from hdc.prototypes import Counters, check_share, merged, replaced_bits
+from hdc.prototypes import Counters, check_probability, merged, replaced_bits
 from hdc.readout import Ridge, ridge
-from hdc.rejection import EXTRAS, KEPT, RATE, Peers, Sample, p_values
+from hdc.rejection import EXTRAS, KEPT, RATE, Peers, Sample, deciding, p_values
 
 PROTOTYPES = ("binary", "integer")
 READOUTS = ("prototype", "ridge", "neighbours")
@@ -69,7 +68,6 @@ class HDCClassifier(Estimator):
         frame_shape_: (H, W) or (D,).
         counters_: the counts, :class:`hdc.prototypes.Counters`.
         metadata_: values that :meth:`save` was given to keep with the model.
-        backend_: ``"numpy"`` or ``"compiled"``, with which the model was trained.
 
     Example:
         >>> frames = np.array([[9, 8, 1, 0], [8, 9, 0, 2], [0, 1, 9, 7], [1, 0, 8, 9]], np.uint8)
@@ -79,17 +77,17 @@ class HDCClassifier(Estimator):
     """
 
     _estimator_type = "classifier"
+    _choices: Mapping[str, tuple[Any, ...]] = {
+        "ties": bits.TIES, "prototype": PROTOTYPES, "readout": READOUTS, "balance": (True, False)
+    }  # fmt: skip
 
     classes_: np.ndarray
-    counts_: np.ndarray
     counters_: Counters
     prototypes_: Tensor
-    backend_: str
     ridge_: Ridge
     _index: dict[Label, int]  # label → row
-    _outdated: set[int]  # rows whose prototypes are not those of the counters
-    _size: int | None  # samples a class that prototypes count as, where some are thinned
-    _sample: Sample | None  # None where the frames that were counted are not known
+    _size: int | None  # samples a class that prototypes count as; −1: all are to be made anew
+    _sample: Sample
     _deciding: Tensor | None  # [L, 5, W], see rejection.EXTRAS, where counters do not tell them
     _peers: list[Peers | None] | None  # made of the last two when asked for
     _frames: tuple[Tensor, list[Label]] | None  # hypervectors [N, W] and labels of all frames
@@ -148,68 +146,61 @@ class HDCClassifier(Estimator):
         labels = inputs.label_array(y, len(frames)).tolist()
         if not labels:
             raise ValueError("frames: expected at least one frame, found none")
-        self.backend_ = self._backend(frames)
         classes = inputs.classes_of(labels)
-        if len(classes) < 2:
-            raise inputs.one_class(classes)
+        inputs.check_two_classes(classes)
+        backend = self._backend(frames)
         words: Tensor | None = None
         kept = self.readout != "prototype"
         for start in range(0, len(frames), CHUNK):
             part = inputs.tensor(frames[start : start + CHUNK])
-            words = self._encode(part, start, self.backend_, None if kept else words)
+            words = self._encode(part, start, backend, None if kept else words)
             if start == 0:  # room once for all that will come
                 self._start(part.shape[1:])
                 self._know(classes.tolist())
                 self.counters_.reserve(max(Counter(labels).values()))
-            self._add(words, labels[start : start + CHUNK])
+            self._add(words, labels[start : start + CHUNK], backend)
             seen = min(start + CHUNK, len(frames))
-            if self.readout == "ridge" and seen == len(frames):
-                self._fit_ridge()
-            # A model that has seen one frame of each class at least.
-            if self._empty() is None and (self.readout != "ridge" or seen == len(frames)):
-                self._update_prototypes()
+            if self.readout == "ridge":
+                if seen < len(frames):
+                    continue
+                assert self._frames is not None
+                pairs, self._frames = self._targets(*self._frames), None
+                self.ridge_, _ = ridge(*pairs, self.dimension_, backend=backend)
+            if self._empty() is None:  # a model that has seen one frame of each class at least
+                self._update_prototypes(range(len(classes)))
                 yield seen
 
-    def partial_fit(self, frames: Any, y: Any = None, classes: Any = None) -> Self:
-        """Add frames to the counters; a label not met before becomes a new class.
+    def partial_fit(self, frames: Any, y: Any, classes: Any = None) -> Self:
+        """Add a batch of frames to the counters; a label not met before becomes a new class.
+
+        A call that raises leaves the model as it was.
 
         Args:
-            frames: a batch, or (with no `y`) an iterable of ``(frames, y)`` batches.
-            y: labels of the batch.
+            frames: the batch.
+            y: its labels.
             classes: all labels that may come. Those without samples are known (``classes_``) and
                 never predicted; a label that is not among them is refused.
 
         Raises:
             ValueError: as :meth:`fit`, or after :meth:`recalibrate`, whose prototypes are not those
-                of counted frames. Frames counted before a batch that raises stay counted.
+                of counted frames.
         """
         self._check_parameters()
-        self._check_counts("partial_fit")
-        self._check_not_ridge("partial_fit")
-        allowed = None if classes is None else inputs.label_array(classes, len(classes)).tolist()
-        if y is None and hasattr(frames, "shape"):
-            inputs.label_array(y, len(frames))
-        try:
-            for batch, batch_labels in frames if y is None else [(frames, y)]:
-                batch = inputs.indexable(batch, getattr(self, "frame_shape_", None))
-                labels = inputs.label_array(batch_labels, len(batch)).tolist()
-                if allowed is not None:
-                    inputs.check_among(labels, allowed)
-                inputs.classes_of([*getattr(self, "_index", ()), *labels])
-                self.backend_ = self._backend(batch)
-                for start in range(0, len(batch), CHUNK):
-                    part = inputs.tensor(batch[start : start + CHUNK])
-                    words = self._encode(part, start, self.backend_)
-                    if not hasattr(self, "counters_"):
-                        self._start(part.shape[1:])
-                    self._add(words, labels[start : start + CHUNK])
-            if not hasattr(self, "counters_"):
-                raise ValueError("frames: expected at least one frame, found none")
-            if allowed is not None:
-                self._know(allowed)
-        finally:
-            if hasattr(self, "counters_"):
-                self._update_prototypes()
+        self._check_learns("partial_fit")
+        frames = inputs.indexable(frames, getattr(self, "frame_shape_", None))
+        labels = inputs.label_array(y, len(frames)).tolist()
+        if not labels:
+            raise ValueError("frames: expected at least one frame, found none")
+        allowed = labels
+        if classes is not None:
+            allowed = inputs.label_array(classes, len(classes)).tolist()
+            inputs.check_among(labels, allowed)
+        inputs.classes_of([*getattr(self, "_index", ()), *allowed])
+        words = torch.cat(list(self._encoded(frames)))
+        if not hasattr(self, "counters_"):
+            self._start(frames.shape[1:])
+        self._know(allowed)
+        self._update_prototypes(self._add(words, labels, self._backend(frames)))
         return self
 
     def merge(self, other: HDCClassifier) -> Self:
@@ -221,16 +212,12 @@ class HDCClassifier(Estimator):
             ValueError: for a model of another kind or frame shape, or one of the two that was not
                 trained or was recalibrated.
         """
-        if type(other) is not type(self):
-            raise ValueError(
-                f"merge: expected a {type(self).__name__}, found {type(other).__name__}"
-            )
+        if type(other) is not type(self) or self.readout != other.readout:
+            kinds = [f"{type(m).__name__} with readout {m.readout!r}" for m in (self, other)]
+            raise ValueError(f"merge: expected a {kinds[0]}, found a {kinds[1]}")
         Estimator._check_is_trained(other)
         for model in (self, other):
-            model._check_counts("merge")
-            model._check_not_ridge("merge")
-        if self.readout != other.readout:
-            raise ValueError(f"merge: expected readout {self.readout!r}, found {other.readout!r}")
+            model._check_learns("merge")
         if not hasattr(self, "counters_"):
             self._start(other.frame_shape_)
         inputs.check_shape(other.frame_shape_, self.frame_shape_, type(self).__name__)
@@ -238,14 +225,10 @@ class HDCClassifier(Estimator):
         self._know(labels)
         rows = [self._index[label] for label in labels]
         self.counters_.merge(other.counters_, rows)
-        if self._sample is not None and other._sample is not None:
-            self._sample.merge(other._sample)
-        else:
-            self._sample = None
+        self._sample.merge(other._sample)
         if other._frames is not None:
             self._keep(*other._frames)
-        self._changed(rows)
-        self._update_prototypes()
+        self._update_prototypes(rows)
         return self
 
     def recalibrate(
@@ -272,7 +255,7 @@ class HDCClassifier(Estimator):
         """
         self._check_is_trained()
         self._check_parameters()
-        check_share(p)
+        check_probability(p)
         if method not in METHODS:
             raise ValueError(f"method: expected one of {', '.join(METHODS)}, found {method!r}")
         if self.prototype != "binary" and self.readout == "prototype" and method == "replace":
@@ -280,114 +263,49 @@ class HDCClassifier(Estimator):
                 f"prototype: replacing bits expects 'binary', found {self.prototype!r}; "
                 "method='merge' takes any"
             )
-        new, rows, sample, encoded = self._counted_apart(frames, y)
-        size = _smallest(new) if self.balance else None
-        counters, before = self.counters_, self.prototypes_
-        if method == "merge":
-            old, placed = counters, Counters(len(self._index), self.dimension_, counters.device)
-            if self.balance and not self._recalibrated:
-                old = old.thinned(_smallest(old), self.seed)
-            placed.merge(new.thinned(size, seed) if size else new, rows)
-            counters, weights = merged(old, placed, p)
-            after = counters.prototypes(self.ties, self.seed)
-
-            def deciding(i: int, extra: int) -> Tensor:
-                c = rows[i]
-                return counters.prototype(c, self.ties, self.seed, extra * weights[c])
-        else:
-            mask = replaced_bits(len(self._index), self.dimension_, p, seed).to(before.device)
-            after = before.clone()
-            after[rows] ^= (before[rows] ^ new.prototypes(self.ties, self.seed, size)) & mask[rows]
-
-            def deciding(i: int, extra: int) -> Tensor:
-                c, fresh = rows[i], new.prototype(i, self.ties, self.seed, extra)
-                return before[c] ^ ((before[c] ^ fresh) & mask[c])
-
-        kept = self._sample or Sample()
-        decided = self._deciding_prototypes()
-        for i, c in enumerate(rows):
-            decided[c] = torch.stack([deciding(i, extra) for extra in EXTRAS])
-            label = self.classes_.tolist()[c]
-            kept.put(label, sample.of(label), sample.seen[label])
-        if self.readout == "ridge":
-            self.ridge_, _ = ridge(*self._targets(*encoded), self.dimension_, self.ridge_)
-        elif self._frames is not None:
-            words, names = self._frames
-            old_rows = [i for i, name in enumerate(names) if name not in set(encoded[1])]
-            self._frames = words[old_rows], [names[i] for i in old_rows]
-            self._keep(*encoded)
-        self.counters_, self.counts_ = counters, counters.n.numpy().copy()
-        self.prototypes_, self._recalibrated = after, True
-        self._deciding, self._sample, self._peers = decided, kept, None
-        return self
-
-    def _counted_apart(
-        self, frames: Any, y: Any
-    ) -> tuple[Counters, list[int], Sample, tuple[Tensor, list[Label]]]:
-        """More frames of known classes: counters, rows of these classes here, a sample, and, for
-        read-outs that need them, all hypervectors and labels.
-        """
         frames = inputs.indexable(frames, self.frame_shape_)
         labels = inputs.label_array(y, len(frames)).tolist()
         inputs.check_among(labels, self._index)
         if not labels:
             raise ValueError("frames: expected at least one frame, found none")
+        words = torch.cat(list(self._encoded(frames)))
         rows = sorted({self._index[label] for label in labels})
-        places = {row: i for i, row in enumerate(rows)}
-        backend = self._backend(frames)
-        counters = Counters(len(rows), self.dimension_, self.device, backend)
-        sample, encoded = Sample(), []
-        for start in range(0, len(labels), CHUNK):
-            chunk = labels[start : start + CHUNK]
-            words = self._encode(frames[start : start + CHUNK], start, backend)
-            counters.add(words, torch.tensor([places[self._index[label]] for label in chunk]))
-            sample.add(words, chunk)
-            if self.readout != "prototype":
-                encoded.append(words)
-        return counters, rows, sample, (torch.cat(encoded) if encoded else words[:0], labels)
+        new = Counters(len(rows), self.dimension_, self.device, self._backend(frames))
+        new.add(words, torch.tensor([rows.index(self._index[label]) for label in labels]))
+        sample = Sample()
+        sample.add(words, labels)
 
-    @classmethod
-    def from_counters(
-        cls,
-        counters: Counters,
-        classes: Sequence[Label],
-        frame_shape: tuple[int, ...],
-        **parameters: Any,
-    ) -> Self:
-        """A model of hypervectors that were counted elsewhere.
-
-        Args:
-            counters: counts of L classes; the model goes on with them.
-            classes: their labels [L].
-            frame_shape: shape (H, W) or (D,) of a frame.
-            parameters: constructor parameters.
-
-        Raises:
-            ValueError: if classes are not L different labels, at least two of them, or the frame
-                shape is not of the counters' dimension.
-        """
-        model = cls(**parameters)
-        model._check_parameters()
-        if model.readout != "prototype":
-            raise ValueError(f"readout: expected 'prototype' of counters, found {model.readout!r}")
-        labels = inputs.label_array(classes, len(counters.n)).tolist()
-        ordered = inputs.classes_of(labels)
-        if len(ordered) < len(labels):
-            raise ValueError(f"classes: expected different ones, found {labels}")
-        if len(labels) < 2:
-            raise inputs.one_class(ordered)
-        if prod(frame_shape) != counters.dimension:
-            raise ValueError(
-                f"frame_shape: expected {counters.dimension} pixels, found {tuple(frame_shape)}"
-            )
-        counters.planes = counters.planes.to(model.device)
-        model._start(tuple(frame_shape))
-        model._know(labels)
-        model.counters_.merge(counters, [model._index[label] for label in labels])
-        model._sample = None
-        model._changed(range(len(labels)))
-        model._update_prototypes()
-        return model
+        size = _smallest(new) if self.balance else None
+        before, rule = self.prototypes_, (self.ties, self.seed)
+        decided = self._deciding_prototypes()
+        if method == "merge":
+            old, placed = self.counters_, Counters(len(before), self.dimension_, self.device)
+            if self.balance and not self._recalibrated:
+                old = old.thinned(_smallest(old), self.seed)
+            placed.merge(new.thinned(size, seed) if size else new, rows)
+            counters, weights = merged(old, placed, p)
+            after = counters.prototypes(*rule)
+            for c in rows:
+                decided[c] = deciding(counters, c, *rule, weights[c])
+            self.counters_ = counters
+        else:
+            mask = replaced_bits(len(before), self.dimension_, p, seed).to(before.device)
+            after, fresh = before.clone(), new.prototypes(*rule, size)
+            for i, c in enumerate(rows):
+                after[c] ^= (before[c] ^ fresh[i]) & mask[c]
+                decided[c] = before[c] ^ ((before[c] ^ deciding(new, i, *rule)) & mask[c])
+        for label in set(labels):
+            self._sample.put(label, sample.of(label), sample.seen[label])
+        if self.readout == "ridge":
+            self.ridge_, _ = ridge(*self._targets(words, labels), self.dimension_, self.ridge_)
+        elif self._frames is not None:
+            kept, names = self._frames
+            others = [i for i, name in enumerate(names) if name not in set(labels)]
+            self._frames = kept[others], [names[i] for i in others]
+            self._keep(words, labels)
+        self.prototypes_, self._recalibrated = after, True
+        self._deciding, self._peers = decided, None
+        return self
 
     # Answers -------------------------------------------------------------------------------------
 
@@ -399,13 +317,13 @@ class HDCClassifier(Estimator):
             reject: answer None, in an array of objects, for a frame that :meth:`is_known` does not
                 know: the share of frames of known classes that may be lost so; True for 5 %.
         """
-        share = None if reject is False else _share(RATE if reject is True else reject)
+        share = None if reject is False else check_share(RATE if reject is True else reject)
         self._check_is_trained()
         rows, known = [], []
         for words in self._encoded(frames):
             rows.append(self._scores_of(words).argmin(1).numpy(force=True))
             if share is not None:
-                known.append(self._p_values(words, share).max(1) > share)
+                known.append(p_values(self._known_peers(), words, share).max(1) > share)
         labels = self.classes_[np.concatenate(rows)]
         if share is None:
             return labels
@@ -429,7 +347,7 @@ class HDCClassifier(Estimator):
         Raises:
             ValueError: as :meth:`is_known`.
         """
-        possible = self._all_p_values(frames, share := _share(alpha)) > share
+        possible = self._p_values(frames, share := check_share(alpha)) > share
         return [self.classes_[row] for row in list(possible)]
 
     def is_known(self, frames: Any, reject: float = RATE) -> np.ndarray:
@@ -440,10 +358,9 @@ class HDCClassifier(Estimator):
         object that was not trained is refused, as long as there are 1/reject training frames.
 
         Raises:
-            ValueError: for a share outside (0, 1), or a model of counters alone, which keeps no
-                frames to compare with.
+            ValueError: for a share outside (0, 1).
         """
-        return self._all_p_values(frames, share := _share(reject)).max(1) > share
+        return self._p_values(frames, share := check_share(reject)).max(1) > share
 
     def limits(self, reject: float = RATE) -> np.ndarray:
         """About the largest Hamming distance [L] at which :meth:`is_known` knows a frame.
@@ -451,7 +368,7 @@ class HDCClassifier(Estimator):
         The (1 − reject) quantile of leave-one-out distances, to be drawn beside distances; infinite
         for a class of one frame. :meth:`is_known` decides by p-values.
         """
-        share, peers = _share(reject), self._known_peers()
+        share, peers = check_share(reject), self._known_peers()
         pool = np.sort(np.concatenate([p.held_out for p in peers if p is not None]))
         limits = np.full(len(peers), np.inf)
         for c, own in enumerate(peers):
@@ -480,9 +397,8 @@ class HDCClassifier(Estimator):
         D + 1, farther than anything, from a class without samples.
         """
         self._check_is_trained()
-        return torch.cat([self._hamming(words) for words in self._encoded(frames)]).numpy(
-            force=True
-        )
+        distances = [self._hamming(words) for words in self._encoded(frames)]
+        return torch.cat(distances).numpy(force=True)
 
     def state_tensors(self) -> dict[str, Tensor]:
         """The tensors that have to be stored to predict; they share memory with the model."""
@@ -498,14 +414,13 @@ class HDCClassifier(Estimator):
     # Files ---------------------------------------------------------------------------------------
 
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
-        classes, seen = self.classes_.tolist(), None
+        classes = self.classes_.tolist()
+        seen = [self._sample.seen.get(c, 0) for c in classes]
+        kept = [self._sample.of(c) for c, n in zip(classes, seen, strict=True) if n]
         tensors = {
-            "planes": self.counters_.planes, "n": self.counters_.n, "prototypes": self.prototypes_
+            "planes": self.counters_.planes, "n": self.counters_.n, "prototypes": self.prototypes_,
+            "sample": torch.cat(kept),
         }  # fmt: skip
-        if self._sample is not None and self._sample.seen:
-            seen = [self._sample.seen.get(c, 0) for c in classes]
-            kept = [self._sample.of(c) for c, n in zip(classes, seen, strict=True) if n]
-            tensors["sample"] = torch.cat(kept)
         if self._deciding is not None:
             tensors["deciding"] = self._deciding
         if self.readout == "ridge":
@@ -516,40 +431,31 @@ class HDCClassifier(Estimator):
         return {"classes": classes, "seen": seen, "recalibrated": self._recalibrated}, tensors
 
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
-        if not isinstance(self.seed, int) or abs(self.seed) > io.LARGEST**2:
-            raise ValueError(f"seed {self.seed!r}")
         self._start(self.frame_shape_)
-        classes, seen = header["classes"], header["seen"]
-        counters, width = Counters(len(classes), self.dimension_), self.counters_.planes.shape[2]
-        n, n_planes = tensors["n"], tensors["planes"].shape[1]
-        n_frames = len(tensors["frames"]) if "frames" in tensors else 0
-        expected = {
+        classes, seen, n = header["classes"], header["seen"], tensors["n"]
+        width, n_planes = bits.words_for(self.dimension_), tensors["planes"].shape[1]
+        kept = [min(s, KEPT) for s in seen]
+        n_frames = len(tensors.get("frames", ()))
+        io.check_tensors(tensors, {
             "planes": (len(classes), n_planes, width), "n": (len(classes),),
             "prototypes": (len(classes), width), "deciding": (len(classes), len(EXTRAS), width),
-            "rows": (n_frames,), "frames": (n_frames, width), **Ridge.shapes(len(classes), width),
-        }  # fmt: skip
-        if seen is not None:
-            if not all(isinstance(s, int) and 0 <= s < io.LARGEST for s in seen):
-                raise ValueError(f"seen {seen!r}")
-            kept = [min(s, KEPT) for s in seen]
-            expected["sample"] = (sum(kept), width)
-        io.check_tensors(tensors, expected)
+            "rows": (n_frames,), "frames": (n_frames, width), "sample": (sum(kept), width),
+            **Ridge.shapes(len(classes), width),
+        })  # fmt: skip
+        if not all(isinstance(s, int) and 0 <= s < io.LARGEST for s in seen):
+            raise ValueError(f"seen {seen!r}")
         if (n < 0).any() or (n >= io.LARGEST).any() or not n.any() or n_planes > 53:
             raise ValueError(f"sample counts {n.tolist()}")
-        self.classes_ = inputs.classes_of(inputs.label_array(classes, len(classes)).tolist())
+        self._know(inputs.label_array(classes, len(classes)).tolist())
         if self.classes_.tolist() != classes or len(classes) < 2:
             raise ValueError(f"classes {classes!r}")
         here = {name: tensor.to(self.device) for name, tensor in tensors.items()}
-        counters.planes, counters.n = here["planes"], n
-        self.counters_, self.counts_ = counters, n.numpy().copy()
+        self.counters_.planes, self.counters_.n = here["planes"], n
+        self._size = self._common_size()
         self.prototypes_, self._deciding = here["prototypes"], here.get("deciding")
-        self._index = {label: row for row, label in enumerate(classes)}
         self._recalibrated = bool(header["recalibrated"])
-        self._sample = None
-        if seen is not None:
-            self._sample = sample = Sample()
-            for label, words, n_seen in zip(classes, here["sample"].split(kept), seen, strict=True):
-                sample.put(label, words, n_seen)
+        for label, words, n_seen in zip(classes, here["sample"].split(kept), seen, strict=True):
+            self._sample.put(label, words, n_seen)
         if self.readout == "ridge":
             self.ridge_ = Ridge.of(here, self.dimension_)
         elif self.readout == "neighbours":
@@ -557,27 +463,12 @@ class HDCClassifier(Estimator):
 
     # Parts ---------------------------------------------------------------------------------------
 
-    def _check_parameters(self) -> None:
-        for name, value, valid in (
-            ("ties", self.ties, bits.TIES),
-            ("prototype", self.prototype, PROTOTYPES),
-            ("readout", self.readout, READOUTS),
-            ("balance", self.balance, (True, False)),
-        ):
-            if value not in valid:
-                listed = ", ".join(map(str, valid))
-                raise ValueError(f"{name}: expected one of {listed}, found {value!r}")
-        inputs.check_count("n_neighbours", self.n_neighbours)
-        bits.choose_backend(self.backend, self.device, 0)
-
-    def _check_counts(self, action: str) -> None:
+    def _check_learns(self, action: str) -> None:
         if getattr(self, "_recalibrated", False):
             raise ValueError(
                 f"{action}: expected a model of counted frames, found one that was recalibrated; "
                 "recalibrate it again, or fit anew"
             )
-
-    def _check_not_ridge(self, action: str) -> None:
         if self.readout == "ridge":
             raise ValueError(
                 f"{action}: expected readout 'prototype' or 'neighbours', found 'ridge', which "
@@ -586,24 +477,14 @@ class HDCClassifier(Estimator):
 
     def _check_is_trained(self) -> None:
         super()._check_is_trained()
-        if len(self.classes_) < 2:
-            raise inputs.one_class(self.classes_)
-
-    def _backend(self, frames: Any) -> str:
-        """The backend for these frames; with "auto", the one that training began with."""
-        n_pixels: float = prod(frames.shape)
-        if self.backend == "auto" and hasattr(self, "backend_"):
-            if self.backend_ == "numpy":
-                return "numpy"
-            n_pixels = inf  # the same again, unless this is a machine without numba
-        return bits.choose_backend(self.backend, self.device, n_pixels)
+        inputs.check_two_classes(self.classes_)
 
     def _start(self, shape: Sequence[int]) -> None:
         self._set_shape(shape)
         self.counters_ = Counters(0, self.dimension_, self.device)
         self._index, self.classes_ = {}, np.empty(0, object)
         self.prototypes_ = self.counters_.planes[:, 0]
-        self._outdated, self._size = set(), None
+        self._size = None
         self._sample, self._deciding, self._peers = Sample(), None, None
         self._frames = None
         self._recalibrated = False
@@ -617,38 +498,27 @@ class HDCClassifier(Estimator):
         rows = [index[label] for label in self._index]
         prototypes = self.prototypes_.new_zeros(len(index), self.prototypes_.shape[1])
         prototypes[rows] = self.prototypes_
-        self.counters_.spread(rows, len(index))
-        self._outdated = {rows[c] for c in self._outdated}
+        counters = Counters(len(index), self.dimension_, self.device)
+        counters.merge(self.counters_, rows)
         self._index, self.classes_, self.prototypes_ = index, classes, prototypes
-        # A class's random ties and its thinned counts go by its row.
-        self._changed(row for before, row in enumerate(rows) if before != row)
+        self.counters_ = counters
+        self._size = -1  # a class's random ties and its thinned counts go by its row
 
-    def _add(self, words: Tensor, labels: Sequence[Label]) -> None:
-        """Count hypervectors [N, W] of N labels."""
-        self._know(labels)
-        self.counters_.backend = self.backend_
+    def _add(self, words: Tensor, labels: Sequence[Label], backend: str) -> list[int]:
+        """Count hypervectors [N, W] of N labels; return the rows of these."""
         rows = [self._index[label] for label in labels]
-        self._learn(words, torch.tensor(rows, dtype=torch.int64), labels)
-        self._changed(rows)
-
-    def _learn(self, words: Tensor, rows: Tensor, labels: Sequence[Label]) -> None:
-        self.counters_.add(words, rows)
-        if self._sample is not None:
-            self._sample.add(words, labels)
+        self.counters_.backend = backend
+        self.counters_.add(words, torch.tensor(rows, dtype=torch.int64))
+        self._sample.add(words, labels)
         if self.readout != "prototype":
             self._keep(words, labels)
+        return rows
 
     def _keep(self, words: Tensor, labels: Sequence[Label]) -> None:
         """Keep hypervectors for the read-outs that are made of them."""
         if self._frames is not None:
             words, labels = torch.cat((self._frames[0], words)), [*self._frames[1], *labels]
         self._frames = words, list(labels)
-
-    def _fit_ridge(self) -> None:
-        assert self._frames is not None
-        words, targets = self._targets(*self._frames)
-        self.ridge_, _ = ridge(words, targets, self.dimension_, backend=self.backend_)
-        self._frames = None
 
     def _targets(self, words: Tensor, labels: Sequence[Label]) -> tuple[Tensor, Tensor]:
         """Hypervectors, and 1 for the class of each and −1 for the others, float64 [N, L]."""
@@ -657,24 +527,23 @@ class HDCClassifier(Estimator):
         targets[torch.arange(len(labels)), rows] = 1
         return words, targets
 
-    def _changed(self, rows: Iterable[int]) -> None:
-        """Counts of these classes are others than before."""
-        self.counts_ = self.counters_.n.numpy().copy()
-        self._outdated.update(rows)
-        self._peers = None
+    def _common_size(self) -> int | None:
+        """Samples a class that prototypes count as, where some classes are thinned."""
+        smallest = _smallest(self.counters_)
+        return smallest if self.balance and (self.counters_.n > smallest).any() else None
 
-    def _update_prototypes(self) -> None:
-        """Make the prototypes of the classes that have changed."""
-        counters, size = self.counters_, None
-        if self.balance and (counters.n > _smallest(counters)).any():
-            size = _smallest(counters)
-        if size != self._size:
-            self._outdated = set(range(len(self._index)))
+    def _update_prototypes(self, rows: Iterable[int]) -> None:
+        """Make the prototypes of classes that have more samples, or all where that changes them."""
+        counters, size = self.counters_, self._common_size()
         prototypes = self.prototypes_.clone()  # others may be reading the ones of before
-        for c in self._outdated:
+        for c in set(rows) if size == self._size else range(len(self._index)):
             if counters.n[c]:
                 prototypes[c] = counters.prototype(c, self.ties, self.seed, size=size)
-        self.prototypes_, self._outdated, self._size = prototypes, set(), size
+        self.prototypes_, self._size, self._peers = prototypes, size, None
+
+    @property
+    def counts_(self) -> np.ndarray:
+        return self.counters_.n.numpy()
 
     def _empty(self) -> Tensor | None:
         """Which classes have no samples: bool [L], or None where all have."""
@@ -682,7 +551,7 @@ class HDCClassifier(Estimator):
         return empty if empty.any() else None
 
     def _hamming(self, words: Tensor) -> Tensor:
-        distances = bits.hamming(words, self.prototypes_, self._loaded_backend())
+        distances = bits.hamming(words, self.prototypes_, self._backend())
         if (empty := self._empty()) is not None:
             distances[:, empty] = self.dimension_ + 1
         return distances
@@ -694,7 +563,7 @@ class HDCClassifier(Estimator):
     def _scores_of(self, words: Tensor) -> Tensor:
         """Dissimilarity [Q, L], smaller is nearer."""
         if self.readout == "ridge":
-            return -self.ridge_.scores(words, self._loaded_backend())
+            return -self.ridge_.scores(words, self._backend())
         if self.readout == "neighbours":
             return self._nearest_frames(words)
         if self.prototype == "binary":
@@ -710,7 +579,7 @@ class HDCClassifier(Estimator):
         assert self._frames is not None
         kept, labels = self._frames
         rows = torch.tensor([self._index[label] for label in labels], device=words.device)
-        distances = bits.hamming(words, kept, self._loaded_backend())
+        distances = bits.hamming(words, kept, self._backend())
         rows = rows.expand_as(distances)
         far = distances.new_full((len(words), len(self._index)), self.dimension_ + 1)
         scores = far.scatter_reduce(1, rows, distances, "amin")
@@ -723,25 +592,18 @@ class HDCClassifier(Estimator):
 
     # Rejection -----------------------------------------------------------------------------------
 
-    def _all_p_values(self, frames: Any, alpha: float) -> np.ndarray:
+    def _p_values(self, frames: Any, alpha: float) -> np.ndarray:
         self._check_is_trained()
-        return np.concatenate([self._p_values(words, alpha) for words in self._encoded(frames)])
-
-    def _p_values(self, words: Tensor, alpha: float) -> np.ndarray:
-        return p_values(self._known_peers(), words, alpha)
+        parts = [p_values(self._known_peers(), words, alpha) for words in self._encoded(frames)]
+        return np.concatenate(parts)
 
     def _known_peers(self) -> list[Peers | None]:
         self._check_is_trained()
         peers = self._peers  # another thread may be making them, too, and of the same
         if peers is None:
-            if (sample := self._sample) is None or not sample.seen:
-                raise ValueError(
-                    "reject: expected a model that kept some of its training frames, found one of "
-                    "counters alone"
-                )
-            deciding = self._deciding_prototypes()
+            prototypes, sample = self._deciding_prototypes(), self._sample
             peers = [
-                Peers.of(sample.of(label), deciding[c]) if sample.seen.get(label) else None
+                Peers.of(sample.of(label), prototypes[c]) if sample.seen.get(label) else None
                 for c, label in enumerate(self.classes_.tolist())
             ]
             self._peers = peers
@@ -752,24 +614,12 @@ class HDCClassifier(Estimator):
         if self._deciding is not None:
             return self._deciding.clone()
         n_classes, width = self.prototypes_.shape
-        deciding = self.prototypes_.new_zeros(n_classes, len(EXTRAS), width)
+        decided = self.prototypes_.new_zeros(n_classes, len(EXTRAS), width)
         for c in self.counters_.n.nonzero().flatten().tolist():
-            for i, extra in enumerate(EXTRAS):
-                deciding[c, i] = self.counters_.prototype(c, self.ties, self.seed, extra)
-        return deciding
+            decided[c] = deciding(self.counters_, c, self.ties, self.seed)
+        return decided
 
 
 def _smallest(counters: Counters) -> int:
     """Samples of the smallest class that has any."""
     return int(counters.n[counters.n > 0].min()) if counters.n.any() else 0
-
-
-def _share(share: Any) -> float:
-    """A share of frames that may be missed.
-
-    Raises:
-        ValueError: if it is not in (0, 1).
-    """
-    if isinstance(share, bool) or not isinstance(share, float | np.floating) or not 0 < share < 1:
-        raise ValueError(f"reject, alpha: expected a share in (0, 1), found {share!r}")
-    return float(share)

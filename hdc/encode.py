@@ -6,13 +6,10 @@ here exactly k = ⌊D/2⌋ pixels become one: those above the k-th largest value
 to m the first in raster order. The order has to be the same for every frame and nothing else: a
 Hamming distance does not know where in the image a pixel lies.
 
-On the CPU nothing is sorted but a sample. A sample's order says about where m lies (Floyd and
-Rivest, Commun. ACM 18, 165 (1975)); counting the pixels above a value, in one pass over the frame,
-says on which side. Two or three passes leave the pixels of one grey level, or some thousands of
-many levels, among which the rest are selected. An 8-bit frame of nearly the same median as the
-frame before, by a smaller sample, is compared with that first: one pass and part of another. The
-counts of all pixels decide on either route, so neither the sample nor the frames before change a
-bit, and frames in any order take about the same time.
+On the CPU only a sample is sorted. Its order says about where m lies (Floyd and Rivest, Commun. ACM
+18, 165 (1975)); one pass over the frame counts the pixels above a value and so says on which side.
+Two or three passes leave the pixels of one grey level, or some thousands of many levels, among
+which the rest are selected. The counts of all pixels decide, so the sample changes no bit.
 """
 
 from __future__ import annotations
@@ -31,8 +28,6 @@ from hdc import bits
 _STEP = 2**20  # pixels of several frames thresholded at once, at up to 30 bytes each
 _SMALL = 4096  # pixels a frame up to which that is faster than one frame after another
 _SAMPLE = 4096  # pixels of a frame that are sorted, at most
-_GLANCE = 256  # pixels that are to agree with the frame before
-_SCAN = 2**16  # pixels looked through at a time for those equal to the level; a multiple of 64
 _PASSES = 12  # over a frame, before what is left is selected however much it is
 
 
@@ -75,7 +70,7 @@ def encode(
         step = max(1, _STEP // dimension)
         route = _encode_torch
         if frames.device.type == "cpu":
-            route = _encode_small if dimension <= _SMALL else _Large(dimension)
+            route = _encode_small if dimension <= _SMALL else _encode_large
         for start in range(0, n, step):
             block = slice(start, start + step)
             flat = route(_pixels(frames[block], first + start), words[block])
@@ -141,131 +136,70 @@ def _largest(values: np.ndarray, n: int) -> np.ndarray:
     return above | (equal & (equal.cumsum(1, dtype=np.int32) <= missing))
 
 
-class _Large:
+def _encode_large(pixels: Tensor, rows: Tensor) -> list[bool]:
     """:func:`_encode_torch` on the CPU, one frame after another; D > 1."""
+    # To be written to, false from D on: new memory takes long to come by.
+    mask = np.zeros(rows.shape[1] * bits.WORD, np.bool_)
+    frames = zip(pixels.numpy(), rows.numpy(), strict=True)
+    return [_select(image, row, mask) for image, row in frames]
 
-    def __init__(self, dimension: int) -> None:
-        self.dimension, self.ones = dimension, dimension // 2
-        # To be written to, false from D on: new memory takes long to come by.
-        self.mask = np.zeros(bits.words_for(dimension) * bits.WORD, np.bool_)
-        # The last frame's, if of 8 bits: its ones are the pixels above the level and, up to some
-        # place in the word of pixels from `cut` on, those equal to it.
-        self.level: int | None = None
-        self.cut = 0
 
-    def __call__(self, pixels: Tensor, rows: Tensor) -> list[bool]:
-        frames = zip(pixels.numpy(), rows.numpy(), strict=True)
-        return [self._encode(image, row) for image, row in frames]
-
-    def _encode(self, pixels: np.ndarray, row: np.ndarray) -> bool:
-        """Fill row int64 [W] from pixels [D]; return whether they are all equal."""
-        if self.level is not None:
-            sample = np.sort(pixels[_places(self.dimension, _GLANCE)], kind="stable")
-            middle = len(sample) // 2
-            slack = min(math.isqrt(len(sample)), (len(sample) - 1) // 2)  # two standard deviations
-            agrees = sample[middle - slack] <= self.level <= sample[middle + slack]
-            if agrees and self._move_cut(pixels, row):
-                return bool(sample[0] == sample[-1] and pixels.min() == pixels.max())
-        return self._select(pixels, row)
-
-    def _move_cut(self, pixels: np.ndarray, row: np.ndarray) -> bool:
-        """Fill row by the last level and cut, moved; False if they would have to move far.
-
-        All pairs of level and cut are ordered by the number of ones. One pass counts those of the
-        last pair; then the cut passes as many pixels that equal the level as there are ones missing
-        or too many, at the cost of the stretch in which they lie.
-        """
-        level, cut, mask = self.level, self.cut, self.mask[: self.dimension]
-        assert level is not None
-        np.greater_equal(pixels[:cut], level, out=mask[:cut])
-        np.greater(pixels[cut:], level, out=mask[cut:])
-        row[:] = _packed(self.mask)
-        missing = self.ones - _count(row)
-        while missing:
-            forwards = missing > 0
-            if forwards and cut >= self.dimension:
-                level, cut = level - 1, 0
-            elif not forwards and cut == 0:
-                level, cut = level + 1, self.mask.size
-            start = cut if forwards else max(0, cut - _SCAN)
-            stretch = pixels[start : start + _SCAN if forwards else cut]
-            equal = self.mask[: bits.words_for(len(stretch)) * bits.WORD]
-            np.equal(stretch, level, out=equal[: len(stretch)])
-            equal[len(stretch) :] = False
-            ties = _packed(equal)
-            n = _count(ties)
-            if abs(missing) * len(stretch) > n * self.dimension:  # more than a frame's
-                return False
-            words = row[start // bits.WORD :][: len(ties)]
-            words &= ~ties
-            kept = min(n, missing) if forwards else max(0, n + missing)
-            end = _keep_first(ties, kept)
-            cut = start + bits.WORD * end if kept else start
-            words |= ties
-            missing -= kept if forwards else kept - n
-        self.level, self.cut = level, cut
-        return True
-
-    def _select(self, pixels: np.ndarray, row: np.ndarray) -> bool:
-        """Fill row from this frame alone, in two or three passes; return whether it is constant."""
-        dimension, ones = self.dimension, self.ones
-        # The ones are all pixels above `high` and some of those above `low` only, each with its
-        # place in the sample, the packed pixels above it, and their number. None is beyond all.
-        low: Any = None
-        high: Any = None
-        low_at, below, n_below = -1, np.full_like(row, -1), dimension
-        if rest := dimension % bits.WORD:
-            below[-1] = (1 << rest) - 1
-        sample = np.sort(
-            pixels[_places(dimension, _SAMPLE)], kind="stable"
-        )  # to 16 bits, a radix sort
-        high_at, above, n_above = len(sample), np.zeros_like(row), 0
-        # So few pixels of many values are sooner selected than passed once more.
-        few = dimension // 32 if pixels.itemsize > 1 else 0
-        at = len(sample) // 2
-        value = sample[at]
-        for _ in range(_PASSES):
-            np.greater(pixels, value, out=self.mask[:dimension])
-            found = _packed(self.mask)
-            n = _count(found)
-            if n > ones:
-                low, low_at, below, n_below = value, at, found, n
-            else:
-                high, high_at, above, n_above = value, at, found, n
-            one_value = high is not None and low == _before(high)
-            if one_value or n_below - n_above <= few:
-                break
-            # By as many places as the count is off, to meet one of few levels, or beyond it by
-            # three standard deviations of that many, to have one of many between the last value
-            # and this.
-            off = (n - ones) * len(sample) / dimension
-            at += round(off + math.copysign(1 + 3 * math.sqrt(abs(off)) if few else 0, off))
-            if not low_at < at < high_at:
-                at = (low_at + high_at) // 2
-            value = sample[max(0, at)]
-            if low is not None and value <= low:
-                larger = sample[sample.searchsorted(low, "right") :]
-                value = larger[0] if len(larger) else _after(low)
-            if high is not None and value >= high:
-                value = _before(high)
-        band, missing, self.level = above ^ below, ones - n_above, None
-        if one_value or missing == n_below - n_above:
-            end = _keep_first(band, missing)
-            if one_value and pixels.dtype in (np.uint8, np.int8):
-                self.level, self.cut = int(high), end * bits.WORD
+def _select(pixels: np.ndarray, row: np.ndarray, mask: np.ndarray) -> bool:
+    """Fill row int64 [W] from pixels [D] in two or three passes; return whether all are equal."""
+    dimension = len(pixels)
+    ones = dimension // 2
+    # The ones are all pixels above `high` and some of those above `low` only, each with its place
+    # in the sample, the packed pixels above it, and their number. None is beyond all.
+    low: Any = None
+    high: Any = None
+    low_at, below, n_below = -1, np.full_like(row, -1), dimension
+    if rest := dimension % bits.WORD:
+        below[-1] = (1 << rest) - 1
+    sample = np.sort(pixels[_places(dimension)], kind="stable")  # to 16 bits, a radix sort
+    high_at, above, n_above = len(sample), np.zeros_like(row), 0
+    # So few pixels of many values are sooner selected than passed once more.
+    few = dimension // 32 if pixels.itemsize > 1 else 0
+    at = len(sample) // 2
+    value = sample[at]
+    for _ in range(_PASSES):
+        np.greater(pixels, value, out=mask[:dimension])
+        larger = _packed(mask)
+        n = int(_popcount(larger).sum(dtype=np.int64))
+        if n > ones:
+            low, low_at, below, n_below = value, at, larger, n
         else:
-            mask = np.unpackbits(band.view(np.uint8), bitorder="little").view(np.bool_)
-            places = np.flatnonzero(mask)
-            mask[places] = _largest(pixels[None, places], missing)
-            band = _packed(mask)
-        np.bitwise_or(above, band, out=row)
-        return one_value and n_below - n_above == dimension
+            high, high_at, above, n_above = value, at, larger, n
+        one_value = high is not None and low == _before(high)
+        if one_value or n_below - n_above <= few:
+            break
+        # By as many places as the count is off, to meet one of few levels, or beyond it by three
+        # standard deviations of that many, to have one of many between the last value and this.
+        off = (n - ones) * len(sample) / dimension
+        at += round(off + math.copysign(1 + 3 * math.sqrt(abs(off)) if few else 0, off))
+        if not low_at < at < high_at:
+            at = (low_at + high_at) // 2
+        value = sample[max(0, at)]
+        if low is not None and value <= low:
+            next_at = sample.searchsorted(low, "right")
+            value = sample[next_at] if next_at < len(sample) else _after(low)
+        if high is not None and value >= high:
+            value = _before(high)
+    band, missing = above ^ below, ones - n_above
+    if one_value or missing == n_below - n_above:
+        _keep_first(band, missing)
+    else:
+        among = np.unpackbits(band.view(np.uint8), bitorder="little").view(np.bool_)
+        places = np.flatnonzero(among)
+        among[places] = _largest(pixels[None, places], missing)
+        band = _packed(among)
+    np.bitwise_or(above, band, out=row)
+    return one_value and n_below - n_above == dimension
 
 
 @functools.lru_cache(maxsize=4)
-def _places(dimension: int, n: int) -> np.ndarray:
+def _places(dimension: int) -> np.ndarray:
     """Which pixels are the sample: one of each stretch, at random, lest they follow a pattern."""
-    n = min(n, max(32, dimension // 16), dimension)
+    n = min(_SAMPLE, max(32, dimension // 16), dimension)
     return ((np.arange(n) + np.random.default_rng(0).random(n)) * dimension / n).astype(np.intp)
 
 
@@ -286,24 +220,18 @@ def _packed(mask: np.ndarray) -> np.ndarray:
     return np.packbits(mask, bitorder="little").view(np.int64)
 
 
-def _count(words: np.ndarray) -> int:
-    """The number of ones in words int64 [W]."""
-    return int(_popcount(words).sum(dtype=np.int64))
-
-
 def _popcount(words: np.ndarray) -> np.ndarray:
     return np.bitwise_count(words.view(np.uint64))
 
 
-def _keep_first(words: np.ndarray, n: int) -> int:
-    """Clear all but the first n ones of words int64 [W]; return how many words keep all."""
+def _keep_first(words: np.ndarray, n: int) -> None:
+    """Clear all but the first n ones of words int64 [W]."""
     running = _popcount(words).cumsum(dtype=np.int64)
     at = int(running.searchsorted(n, "right"))  # the word that holds the first one cleared
     if at == len(words):
-        return at
+        return
     surplus, word = int(running[at]) - n, int(words[at]) & 0xFFFF_FFFF_FFFF_FFFF
     for _ in range(surplus):
         word &= ~(1 << word.bit_length() - 1)
     words[at] = np.uint64(word).view(np.int64)
     words[at + 1 :] = 0
-    return at

@@ -6,11 +6,13 @@ scikit-learn is not imported: its base class takes as long as torch, and 100 MB.
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from math import prod
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
 from torch import Tensor
 
 from hdc import bits, inputs, io
@@ -20,9 +22,11 @@ CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
 
 
 class Estimator:
-    """Parameters by name, tags, and how an untrained model is refused."""
+    """Parameters by name, tags, chunks of frames, and how an untrained model is refused."""
 
     _estimator_type: str
+    _choices: Mapping[str, tuple[Any, ...]]  # valid values of parameters
+    n_neighbours: int
     device: str
     backend: str
     frame_shape_: tuple[int, ...]
@@ -30,11 +34,22 @@ class Estimator:
     metadata_: dict[str, Any]
 
     def _check_parameters(self) -> None:
-        raise AssertionError("of the estimator itself")
+        for name, valid in self._choices.items():
+            if (value := getattr(self, name)) not in valid:
+                listed = ", ".join(map(str, valid))
+                raise ValueError(f"{name}: expected one of {listed}, found {value!r}")
+        k = self.n_neighbours
+        if isinstance(k, bool) or not isinstance(k, int | np.integer) or k < 1:
+            raise ValueError(f"n_neighbours: expected an integer from 1, found {k!r}")
+        if not isinstance(getattr(self, "seed", 0), int | np.integer):
+            raise ValueError(f"seed: expected an integer, found {getattr(self, 'seed', 0)!r}")
+        self._backend()
 
     def _check_is_trained(self) -> None:
         if not hasattr(self, "dimension_"):
-            kind = inputs.of_sklearn("NotFittedError", ValueError)
+            # Its own kind of error where scikit-learn is loaded.
+            module = sys.modules.get("sklearn.exceptions")
+            kind = getattr(module, "NotFittedError", ValueError)
             raise kind(f"{type(self).__name__}: expected a trained model; call fit first")
 
     def _set_shape(self, shape: Sequence[int]) -> None:
@@ -56,9 +71,10 @@ class Estimator:
             setattr(self, name, value)
         return self
 
-    def _loaded_backend(self) -> str:
-        """The backend without loading any: with "auto", compiled kernels where they are loaded."""
-        return bits.choose_backend(self.backend, self.device, 0)
+    def _backend(self, frames: Any = None) -> str:
+        """The backend to encode frames with, or (None) one that is loaded already."""
+        n_pixels = 0 if frames is None else prod(frames.shape)
+        return bits.choose_backend(self.backend, self.device, n_pixels)
 
     def _encode(self, frames: Any, first: int, backend: str, out: Tensor | None = None) -> Tensor:
         """Hypervectors [N, W] of one chunk of frames, the first of all being frame `first`."""
@@ -66,10 +82,6 @@ class Estimator:
         if hasattr(self, "frame_shape_") and len(tensor):
             inputs.check_shape(tensor.shape[1:], self.frame_shape_, type(self).__name__)
         return encode(tensor, first, backend, out)
-
-    def _backend(self, frames: Any) -> str:
-        """The backend to encode these frames with."""
-        return self._loaded_backend()
 
     def _encoded(self, frames: Any) -> Iterator[Tensor]:
         """Hypervectors of frames, a chunk at a time."""
@@ -120,7 +132,10 @@ class Estimator:
             model = cls().set_params(**header["parameters"])
             io.move_to_cpu_without_cuda(model)
             model._check_parameters()
-            model._set_shape(io.checked_shape(header["frame_shape"]))
+            shape = header["frame_shape"]
+            if not 1 <= len(shape) <= 2 or not all(isinstance(n, int) and n > 0 for n in shape):
+                raise ValueError(f"frame_shape {shape!r}")
+            model._set_shape(shape)
             model._restore(header, tensors)
             model.metadata_ = dict(header["metadata"])
             return model
@@ -161,3 +176,14 @@ class Estimator:
             regressor_tags=None if classifier else RegressorTags(poor_score=True),
             input_tags=InputTags(two_d_array=True, three_d_array=True),
         )
+
+
+def check_share(share: Any) -> float:
+    """A share of frames that may be missed, as a float.
+
+    Raises:
+        ValueError: if it is not in (0, 1).
+    """
+    if isinstance(share, bool) or not isinstance(share, float | np.floating) or not 0 < share < 1:
+        raise ValueError(f"reject, alpha: expected a share in (0, 1), found {share!r}")
+    return float(share)

@@ -25,7 +25,7 @@ LARGEST = 2**53
 def write_atomically(path: str | Path, content: str | bytes) -> None:
     """Write a file: under a temporary name beside it, flushed to disk, renamed.
 
-    A reader sees the old file or the new one. An existing file keeps its permissions.
+    A reader sees the old file or the new one.
 
     Args:
         path: name of the file, in a folder that exists.
@@ -33,53 +33,24 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
 
     Raises:
         FileNotFoundError: if the folder does not exist.
-        FileExistsError: if the name is taken by a folder, link, pipe or device.
         OSError: if the file cannot be written; it is named.
     """
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path.parent}: expected a folder to save {path.name} in")
-    mode = _mode_of_regular(path)
     temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
     try:
-        handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-        try:
-            with os.fdopen(handle, "wb") as file:
-                if mode is not None:
-                    os.fchmod(handle, mode)
-                file.write(content.encode() if isinstance(content, str) else content)
-                file.flush()
-                os.fsync(handle)
-            os.replace(temporary, path)
-        except BaseException:
-            temporary.unlink(missing_ok=True)
-            raise
+        with temporary.open("xb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
     except OSError as error:
         raise OSError(
             f"{path}: expected a file to write, found: {error.strerror or error}"
         ) from error
-
-
-def _mode_of_regular(path: Path) -> int | None:
-    """Permissions of an existing file; None where there is none."""
-    if path.is_symlink() or (path.exists() and not path.is_file()):
-        raise FileExistsError(f"{path}: expected a regular file or none, found a folder or device")
-    return path.stat().st_mode & 0o7777 if path.exists() else None
-
-
-def check_replaceable(path: Path) -> None:
-    """Check that a model may be written under this name.
-
-    Raises:
-        FileExistsError: if there is something other than a saved model.
-    """
-    if _mode_of_regular(path) is not None:
-        try:
-            read_model(path, tensors=False)
-        except ValueError as error:
-            raise FileExistsError(
-                f"{path}: expected a saved model or no file, found another file; not replaced"
-            ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def write_model(path: Path, header: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> None:
@@ -87,12 +58,18 @@ def write_model(path: Path, header: Mapping[str, Any], tensors: Mapping[str, Ten
 
     Raises:
         TypeError: for a header that JSON has not.
-        FileExistsError, FileNotFoundError, OSError: as :func:`write_atomically`, and for a name
-            that is taken by anything but a saved model.
+        FileExistsError: for a name that is taken by anything but a saved model.
+        FileNotFoundError, OSError: as :func:`write_atomically`.
     """
     from safetensors.torch import save
 
-    check_replaceable(path)
+    if path.exists() or path.is_symlink():
+        try:
+            read_model(path, tensors=False)
+        except (ValueError, FileNotFoundError) as error:
+            raise FileExistsError(
+                f"{path}: expected a saved model or no file, found another file; not replaced"
+            ) from error
     try:
         text = json.dumps({"format": FORMAT, **header})
         json.dumps(header.get("metadata"), allow_nan=False)
@@ -128,17 +105,6 @@ def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[s
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise ValueError(f"no header of format {FORMAT!r}")
     return header, content
-
-
-def checked_shape(shape: Any) -> tuple[int, ...]:
-    """A frame's shape, (H, W) or (D,).
-
-    Raises:
-        ValueError: if it is none.
-    """
-    if not 1 <= len(shape) <= 2 or not all(isinstance(s, int) and 0 < s < LARGEST for s in shape):
-        raise ValueError(f"frame_shape {shape!r}")
-    return tuple(shape)
 
 
 def check_tensors(tensors: Mapping[str, Tensor], shapes: Mapping[str, tuple[int, ...]]) -> None:

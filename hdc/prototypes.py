@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from math import gcd
-from typing import Self
 
 import numpy as np
 import torch
@@ -58,7 +57,7 @@ class Counters:
         Raises:
             ValueError: if lengths or widths disagree or a label is outside [0, L).
         """
-        bits._check_width(words, self.dimension)
+        bits.check_width(words, self.dimension)
         labels = labels.cpu()
         if len(words) != len(labels):
             raise ValueError(f"labels: expected {len(words)}, one a sample, found {len(labels)}")
@@ -119,36 +118,6 @@ class Counters:
             scaled.planes[c, :kept] = total[:kept]
         return scaled
 
-    @classmethod
-    def from_counts(cls, counts: Tensor, n: Tensor) -> Self:
-        """Counters of counts, integers [L, D], of n hypervectors a class, int64 [L].
-
-        Raises:
-            ValueError: for a count outside 0 to n of its class.
-        """
-        n = n.cpu().long()
-        outside = (counts < 0) | (counts > n.to(counts.device)[:, None])
-        if outside.any():
-            c = int(outside.any(1).nonzero()[0])
-            raise ValueError(
-                f"class {c}: expected counts from 0 to {int(n[c])}, "
-                f"found {int(counts[c][outside[c]][0])}"
-            )
-        counters = cls(len(n), counts.shape[1], counts.device)
-        counters.reserve(max(n.tolist(), default=0))
-        counters.n = n
-        for p in range(counters.planes.shape[1]):
-            counters.planes[:, p] = bits.pack((counts >> p) & 1 == 1)
-        return counters
-
-    def spread(self, rows: Sequence[int], n_classes: int) -> None:
-        """Give class i the row rows[i] of `n_classes`; the other classes have no samples."""
-        n, counts = self.n.new_zeros(n_classes), self.planes
-        n[list(rows)] = self.n
-        self.n = n
-        self.planes = planes.zeros((n_classes, *counts.shape[1:]), self.device)
-        self.planes[list(rows)] = counts
-
     def thinned(self, size: int, seed: int = 0) -> Counters:
         """Counters of `size` samples for every class that has more.
 
@@ -168,13 +137,10 @@ class Counters:
         n = int(self.n[c])
         if n <= size:
             return self.planes[c]
-        ones = sum(
-            bits.unpack(plane, self.dimension).numpy(force=True).astype(np.int64) << p
-            for p, plane in enumerate(self.planes[c])
-        )
+        ones = self.counts([c])[0].numpy(force=True)
         source = np.random.Generator(np.random.PCG64(bits.seed_sequence(seed, (_THINNING, c))))
-        drawn = torch.from_numpy(source.hypergeometric(ones, n - ones, size))
-        return Counters.from_counts(drawn[None], torch.tensor([size])).planes[0].to(self.device)
+        drawn = torch.from_numpy(source.hypergeometric(ones, n - ones, size)).to(self.device)
+        return torch.stack([bits.pack(drawn >> p & 1 == 1) for p in range(size.bit_length())])
 
     def majority(self, ties: str = "zero", seed: int = 0) -> Tensor:
         """Prototypes int64 [L, W] by bitwise majority (paper, Eq. 1).
@@ -186,10 +152,8 @@ class Counters:
         Raises:
             ValueError: for a class without samples or an unknown rule.
         """
-        if (self.n == 0).any():
-            raise ValueError(
-                f"class {int((self.n == 0).nonzero()[0])}: expected at least one sample, found none"
-            )
+        if len(empty := (self.n == 0).nonzero()):
+            raise ValueError(f"class {int(empty[0])}: expected at least one sample, found none")
         return self.prototypes(ties, seed)
 
     def prototypes(self, ties: str = "zero", seed: int = 0, size: int | None = None) -> Tensor:
@@ -223,11 +187,12 @@ class Counters:
             breaker = self._tie_breaker(seed, c)
         return bits.majority_of_counts(counts, n + extra, ties, breaker)
 
-    def counts(self, dtype: torch.dtype = torch.int64) -> Tensor:
-        """The counts as integers [L, D], of a type that holds the largest."""
-        total = torch.zeros(len(self.n), self.dimension, dtype=dtype, device=self.device)
-        for p in range(self.planes.shape[1]):
-            total += bits.unpack(self.planes[:, p], self.dimension).to(dtype) << p
+    def counts(self, rows: Sequence[int] | None = None) -> Tensor:
+        """The counts of all or some classes as integers int64 [L, D]."""
+        chosen = self.planes if rows is None else self.planes[list(rows)]
+        total = torch.zeros(len(chosen), self.dimension, dtype=torch.int64, device=self.device)
+        for p in range(chosen.shape[1]):
+            total += bits.unpack(chosen[:, p], self.dimension).long() << p
         return total
 
     @property
@@ -256,7 +221,7 @@ def recalibrate(stored: Tensor, new: Tensor, dimension: int, p: float, seed: int
     Raises:
         ValueError: if p is not in [0, 1] or the shapes differ.
     """
-    check_share(p)
+    check_probability(p)
     if stored.shape != new.shape:
         raise ValueError(
             f"recalibrate: expected prototypes of one shape, found {tuple(stored.shape)} "
@@ -279,7 +244,7 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
     Raises:
         ValueError: if p is not in [0, 1].
     """
-    check_share(p)
+    check_probability(p)
     share = Fraction(p).limit_denominator(_P_STEPS)
     of_old, of_new = [], []
     for n_old, n_new in zip(old.n.tolist(), new.n.tolist(), strict=True):
@@ -301,7 +266,7 @@ def replaced_bits(n_classes: int, dimension: int, p: float, seed: int) -> Tensor
 
     Class c draws its bits from (seed, c).
     """
-    check_share(p)
+    check_probability(p)
     chosen = (
         bits.random_hypervector(dimension, seed, p, stream=(_RECALIBRATION, c))
         for c in range(n_classes)
@@ -309,7 +274,7 @@ def replaced_bits(n_classes: int, dimension: int, p: float, seed: int) -> Tensor
     return torch.stack(list(chosen))
 
 
-def check_share(p: float) -> None:
+def check_probability(p: float) -> None:
     """Check that p is a probability.
 
     Raises:

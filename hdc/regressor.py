@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from hdc import bits, inputs, io
-from hdc.estimator import Estimator
+from hdc.estimator import Estimator, check_share
 from hdc.readout import Residuals, Ridge, nearest, ridge
 
 READOUTS = ("ridge", "neighbours")
@@ -45,6 +45,7 @@ class HDCRegressor(Estimator):
     """
 
     _estimator_type = "regressor"
+    _choices: Mapping[str, tuple[Any, ...]] = {"readout": READOUTS}
 
     ridge_: Ridge
     residuals_: np.ndarray
@@ -75,7 +76,7 @@ class HDCRegressor(Estimator):
                 are not finite.
         """
         trained = type(self)(**self.get_params())
-        trained._learn(frames, y)
+        trained._learn(*trained._pairs(frames, y))
         self._adopt(trained)
         return self
 
@@ -89,34 +90,13 @@ class HDCRegressor(Estimator):
             raise ValueError("partial_fit: expected a model that was not recalibrated; fit anew")
         trained = type(self)(**self.get_params())
         vars(trained).update(vars(self))
-        trained._learn(frames, y)
+        words, values = trained._pairs(frames, y)
+        if hasattr(self, "_words"):
+            words = torch.cat((self._words, words))
+            values = torch.cat((self._values, values))
+        trained._learn(words, values)
         self._adopt(trained)
         return self
-
-    def _learn(self, frames: Any, y: Any) -> None:
-        self._check_parameters()
-        frames = inputs.indexable(frames, getattr(self, "frame_shape_", None))
-        values = inputs.targets(y, len(frames))
-        words = torch.cat(list(self._encoded(frames)))
-        if not hasattr(self, "_words"):
-            self._set_shape(frames.shape[1:])
-            self._one, self._recalibrated = values.ndim == 1, False
-            self._words, self._values = words[:0], torch.empty(0, *values.shape[1:] or (1,))
-        if (values.ndim == 1) != self._one or values.shape[1:] not in ((), self._values.shape[1:]):
-            raise ValueError(f"targets: expected as many a frame as before, found {values.shape}")
-        table = torch.from_numpy(values.reshape(len(values), -1))
-        self._words = torch.cat((self._words, words))
-        self._values = torch.cat((self._values.double(), table))
-        if len(self._words) < 2:
-            raise ValueError(f"frames: expected at least two, found {len(self._words)} sample")
-        if self.readout == "ridge":
-            backend = self._loaded_backend()
-            self.ridge_, self._held = ridge(
-                self._words, self._values, self.dimension_, backend=backend
-            )
-            self.residuals_ = self._held.residuals.numpy()
-        else:
-            self.residuals_ = (self._values - self._means(self._words, own=True)[0]).numpy()
 
     def recalibrate(self, frames: Any, y: Any) -> Self:
         """Adapt to a changed environment by few new frames.
@@ -129,23 +109,33 @@ class HDCRegressor(Estimator):
             ValueError: as :meth:`fit`.
         """
         self._check_is_trained()
-        frames = inputs.indexable(frames, self.frame_shape_)
+        self._learn(*self._pairs(frames, y), self.ridge_ if self.readout == "ridge" else None)
+        self._recalibrated = True
+        return self
+
+    def _pairs(self, frames: Any, y: Any) -> tuple[Tensor, Tensor]:
+        """Hypervectors [N, W], and numbers float64 [N, T] like those of before."""
+        self._check_parameters()
+        frames = inputs.indexable(frames, getattr(self, "frame_shape_", None))
         values = inputs.targets(y, len(frames))
-        if values.shape[1:] != (() if self._one else tuple(self._values.shape[1:])):
-            raise ValueError(f"targets: expected as many a frame as before, found {values.shape}")
-        if len(values) < 2:
-            raise ValueError(f"frames: expected at least two, found {len(values)} sample")
         words = torch.cat(list(self._encoded(frames)))
         table = torch.from_numpy(values.reshape(len(values), -1))
+        if not hasattr(self, "_words"):
+            self._set_shape(frames.shape[1:])
+            self._one = values.ndim == 1
+        elif (values.ndim == 1) != self._one or table.shape[1] != self._values.shape[1]:
+            raise ValueError(f"targets: expected as many a frame as before, found {values.shape}")
+        return words, table
+
+    def _learn(self, words: Tensor, values: Tensor, prior: Ridge | None = None) -> None:
+        if len(words) < 2:
+            raise ValueError(f"frames: expected at least two, found {len(words)} sample")
+        self._words, self._values, self._recalibrated = words, values, False
         if self.readout == "ridge":
-            self.ridge_, self._held = ridge(
-                words, table, self.dimension_, self.ridge_, self._loaded_backend()
-            )
+            self.ridge_, self._held = ridge(words, values, self.dimension_, prior, self._backend())
             self.residuals_ = self._held.residuals.numpy()
-        self._words, self._values, self._recalibrated = words, table, True
-        if self.readout == "neighbours":
-            self.residuals_ = (table - self._means(words, own=True)[0]).numpy()
-        return self
+        else:
+            self.residuals_ = (values - self._means(words, own=True)[0]).numpy()
 
     def predict(self, frames: Any, return_interval: bool = False, alpha: float = 0.1) -> Any:
         """Numbers [Q] or [Q, T] of frames [Q, H, W] or [Q, D].
@@ -165,8 +155,7 @@ class HDCRegressor(Estimator):
             ValueError: for a share outside (0, 1).
         """
         self._check_is_trained()
-        if not isinstance(alpha, float) or not 0 < alpha < 1:
-            raise ValueError(f"alpha: expected a share in (0, 1), found {alpha!r}")
+        alpha = check_share(alpha)
         parts: list[tuple[Tensor, ...]] = []
         for words in self._encoded(frames):
             if not return_interval:
@@ -174,7 +163,7 @@ class HDCRegressor(Estimator):
                 continue
             if self.readout == "ridge":
                 centre = self._values_of(words)
-                change = self._held.changes(words, self.dimension_, self._loaded_backend())
+                change = self._held.changes(words, self.dimension_, self._backend())
                 without = centre[:, None] - change
             else:
                 centre, without = self._means(words)
@@ -215,17 +204,9 @@ class HDCRegressor(Estimator):
             parts = (tensors[name] for name in ("inverse", "means", "residuals"))
             self._held = Residuals(self._words, *parts)
 
-    def _check_parameters(self) -> None:
-        if self.readout not in READOUTS:
-            raise ValueError(
-                f"readout: expected one of {', '.join(READOUTS)}, found {self.readout!r}"
-            )
-        inputs.check_count("n_neighbours", self.n_neighbours)
-        self._loaded_backend()
-
     def _values_of(self, words: Tensor) -> Tensor:
         if self.readout == "ridge":
-            return self.ridge_.scores(words, self._loaded_backend()).cpu()
+            return self.ridge_.scores(words, self._backend()).cpu()
         return self._means(words)[0]
 
     def _means(self, words: Tensor, own: bool = False) -> tuple[Tensor, Tensor]:
@@ -235,7 +216,7 @@ class HDCRegressor(Estimator):
             words: the queries.
             own: the queries are the kept frames, none of which is its own neighbour.
         """
-        distances = bits.hamming(words, self._words, self._loaded_backend()).cpu().numpy()
+        distances = bits.hamming(words, self._words, self._backend()).cpu().numpy()
         if own:
             np.fill_diagonal(distances, self.dimension_ + 1)
         k = min(self.n_neighbours, len(self._words) - 1)

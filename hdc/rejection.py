@@ -34,6 +34,7 @@ from torch import Tensor
 
 from hdc import bits, planes
 from hdc.inputs import Label
+from hdc.prototypes import Counters
 
 KEPT = 19
 """Hypervectors kept of a class: p-values in steps of 5 %; 0.6 MB a class at D = 250,000."""
@@ -43,6 +44,11 @@ EXTRAS = (-2, -1, 0, 1, 2)
 """Prototypes that decide on a class, by `extra` of :meth:`hdc.prototypes.Counters.prototype`."""
 
 _GOLDEN = 0x9E3779B97F4A7C15  # 2^64 over the golden ratio
+
+
+def deciding(counters: Counters, c: int, ties: str, seed: int, weight: int = 1) -> Tensor:
+    """The prototypes of class c with :data:`EXTRAS` hypervectors of a weight, int64 [5, W]."""
+    return torch.stack([counters.prototype(c, ties, seed, weight * extra) for extra in EXTRAS])
 
 
 class Sample:

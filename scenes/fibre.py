@@ -48,10 +48,9 @@ class FibreScene:
     """Classes of press depth of a graded-index fibre.
 
     Sample i belongs to class i mod L. Its actuator position is drawn uniformly among the measured
-    positions of the class, so training and test samples share positions. Its input field is a +
-    ε·z: a is one random field shared by all samples, z an independent one of the same power.
-    Everything drawn for sample i comes from a generator seeded by (sampling_seed, i): it is the
-    same in any batch, order or number of samples.
+    positions of the class. Its input field is a + ε·z: a is one random field shared by all samples,
+    z an independent one of the same power. A generator seeded by (sampling_seed, i) draws all that
+    sample i needs.
 
     Args:
         path: a copy of :data:`PRESSED`; default: the one that :data:`DATA` names, a checkout in
@@ -103,12 +102,12 @@ class FibreScene:
         step: float | None = None,
     ) -> None:
         require_integer("scene.samples_per_class", samples_per_class, 1)
-        require_number("scene.perturbation", perturbation, 0)
-        require_number("scene.photons", photons, 0)
-        require_number("scene.saturation", saturation, 0, strict=True)
-        require_integer("scene.seed", seed, 0)
-        require_integer("scene.sampling_seed", sampling_seed, 0)
         require_integer("scene.n_fields", n_fields, 1, 64)
+        for name, value in (("seed", seed), ("sampling_seed", sampling_seed)):
+            require_integer(f"scene.{name}", value, 0)
+        for name, number in (("perturbation", perturbation), ("photons", photons)):
+            require_number(f"scene.{name}", number, 0)
+        require_number("scene.saturation", saturation, 0, strict=True)
 
         data = _locate(path)
         self._modes = _array(data / "modes_out_after_correction.npy", (None, None))
@@ -142,9 +141,7 @@ class FibreScene:
         depth = depths[self._position]
         self.samples: Mapping[str, np.ndarray] = {"order": np.arange(n), "depth": depth}
         self.values = depth[:, None] * 1e6
-
         self.cacheable = self.source.licence != "none stated"
-
         self._inputs = self._matrices.shape[2]
         fields = _complex_normal(np.random.default_rng(seed), n_fields * self._inputs)
         self._fields = fields.reshape(n_fields, self._inputs)
@@ -153,14 +150,12 @@ class FibreScene:
         self._mean = float(np.mean(means))
         self._full_scale = float(saturation) * self._mean
         self._interpolate = _dirichlet(side, self._grid) if side > self._grid else None
-        settings = (
-            tuple(np.asarray(depth_edges, float)),
-            samples_per_class,
-            self._perturbation,
-            self._photons,
-        )
+        edges, noise = tuple(np.asarray(depth_edges, float)), (self._perturbation, self._photons)
         more = (n_fields,) if n_fields > 1 else ()
-        self._settings = (*settings, float(saturation), side, seed, sampling_seed, *more)
+        seeds = (seed, sampling_seed)
+        self._settings = (
+            *(edges, samples_per_class, *noise, float(saturation), side, *seeds, *more),
+        )
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -174,10 +169,8 @@ class FibreScene:
         index = np.asarray(indices, dtype=np.int64).reshape(-1)
         if len(index) and not 0 <= index.min() <= index.max() < len(self):
             raise IndexError(f"indices: expected values in [0, {len(self)}), found {index}")
-        out = np.empty((len(index), *self.shape), np.uint8)
-        for k, i in enumerate(index):
-            out[k] = self._frame(int(i))
-        return torch.from_numpy(out)
+        frames = [self._frame(i) for i in index.tolist()]
+        return torch.from_numpy(np.array(frames, np.uint8).reshape(-1, *self.shape))
 
     def fingerprint(self) -> str:
         """SHA-256 over the measured arrays and every parameter but the path."""
@@ -242,12 +235,12 @@ def _stepped(
     source: Source, file: str | None, step: float | None, size: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Press depths [P] (m) and matrices complex128 [P, size, inputs] of one array."""
-    require(isinstance(file, str), "scene.file", file, "the array of matrices in scene.source")
-    require(is_number(step) and step > 0, "scene.step", step, "a depth in m between two matrices")
-    assert file is not None
-    assert step is not None
-    root = source.folder()
-    matrices = _array(root / file, (None, size, None))
+    if not file or not (is_number(step) and step > 0):
+        raise ValueError(
+            f"scene.file, scene.step: expected an array of matrices in scene.source "
+            f"and the depth in m between two of them, found {file!r}, {step!r}"
+        )
+    matrices = _array(source.folder() / file, (None, size, None))
     return np.round(np.arange(len(matrices)) * step, 9), matrices
 
 

@@ -71,16 +71,13 @@ class Frames:
     origin: str = "recorded"
 
     def __post_init__(self) -> None:
-        n, found = len(self.images), f"{self.images.dtype} {tuple(self.images.shape)}"
+        n, kind = len(self.images), f"{self.images.dtype} {tuple(self.images.shape)}"
         grey = self.images.ndim == 3 and self.images.dtype in (torch.uint8, torch.uint16)
-        require(grey, "images", found, "uint8 or uint16 of shape [N, H, W]")
-        labels = np.asarray(self.labels)
-        integers = labels.shape == (n,) and labels.dtype.kind in "iu"
-        require(integers, "labels", f"{labels.dtype} {labels.shape}", f"{n} integers")
-        outside = labels[(labels < 0) | (labels >= len(self.classes))]
-        require(not len(outside), "labels", outside[:1], f"values in [0, {len(self.classes)})")
-        for name, values in self.samples.items():
-            require(len(values) == n, f"samples[{name!r}]", len(values), f"{n} values")
+        require(grey, "images", kind, "uint8 or uint16 of shape [N, H, W]")
+        for name, values in {"labels": self.labels, **self.samples}.items():
+            require(len(values) == n, name, len(values), f"{n} values")
+        inside = n == 0 or 0 <= min(self.labels) <= max(self.labels) < len(self.classes)
+        require(inside, "labels", self.labels, f"values in [0, {len(self.classes)})")
         object.__setattr__(self, "samples", {"order": np.arange(n), **self.samples})
 
     def __len__(self) -> int:

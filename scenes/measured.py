@@ -10,7 +10,7 @@ A recording is a YAML of a dozen lines, in configs/scene or in a folder of one's
     template: "day{session}/{label}/{order}.png"
 
 Frames are read where they lie (:mod:`scenes.source`) and never copied: most of these repositories
-state no licence. Each recording is one sensor.
+state no licence.
 """
 
 from __future__ import annotations
@@ -86,24 +86,23 @@ class MeasuredScene:
         self.saturated, self._memory_bytes = saturated, memory_bytes
         root = self.source.folder()
         columns = [value["column"] for value in values if "column" in value]
-
-        def opened(folder: str) -> readers.Recording:
-            return readers.open_recording(
-                root / folder,
-                template=template,
-                table=table,
-                image_column=image_column,
-                value_columns=columns,
-                window=readers.Window(crop, subsample),
-                check=False,  # the digest says whether they are the files that were looked at
-                fewest_classes=1,
-            )
-
         try:
-            self._parts = [opened(folder) for folder in folders]
-            self.shape = self._parts[0].shape
+            self._parts = [
+                readers.open_recording(
+                    root / folder,
+                    template=template,
+                    table=table,
+                    image_column=image_column,
+                    value_columns=columns,
+                    window=readers.Window(crop, subsample),
+                    check=False,  # the digest says whether they are the files that were looked at
+                    fewest_classes=1,
+                )
+                for folder in folders
+            ]
         except readers.SettingError as error:
             raise ValueError(f"scene.{error}") from error
+        self.shape = self._parts[0].shape
         files = [
             posixpath.normpath(f"{folder}/{file}")
             for folder, part in zip(folders, self._parts, strict=True)

@@ -14,7 +14,7 @@ from hdc import readers
 
 
 class RecordedScene:
-    """A :class:`scenes.frames.Scene` of a recording (:func:`hdc.readers.open_recording`)."""
+    """A :class:`scenes.frames.Scene` of a recording."""
 
     origin = "recorded"
 

@@ -30,15 +30,14 @@ def split(
 
     Args:
         labels: int64 [N].
-        test_fraction: share of the samples to test on, in (0, 1); 0.2 without ``n_test``.
+        test_fraction: share of the samples to test on, in (0, 1); 0.2 by default.
         n_test: their number instead. Rounding goes by largest remainder, ties to the lowest label.
         kind: ``"random"``; ``"ordered"``: the last samples in time of each class test; or
             ``"grouped"``: no group has samples on both sides. Groups are visited in random order;
             one tests if that brings the test samples of the classes nearer to their proportions.
         seed: seed of the random choice, and of the order of the training indices.
         order: place in time of each sample [N], for ``"ordered"``.
-        groups: group of each sample [N], numbers or strings, for ``"grouped"``: the session, the
-            object, the position of the actuator.
+        groups: group of each sample [N], numbers or strings, for ``"grouped"``.
 
     Returns:
         train [N − n_test], test [n_test]. Of ``"grouped"``, n_test is as near as whole groups come.
@@ -50,20 +49,25 @@ def split(
     n = len(class_of)
     kinds = (*KINDS, "grouped")
     require(kind in kinds, "split.kind", kind, f"one of {', '.join(kinds)}")
-    for name, values, needed_by in (("order", order, "ordered"), ("groups", groups, "grouped")):
-        shape = None if values is None else np.asarray(values).shape
-        fits = kind != needed_by or shape == (n,)
-        require(fits, f"split.{name}", shape, f"shape ({n},) for split.kind={kind}")
-    target = _apportion(_n_test(n, test_fraction, n_test), counts)
+    if n_test is None:
+        fraction = 0.2 if test_fraction is None else test_fraction
+        inside = is_number(fraction) and 0 < fraction < 1
+        require(inside, "split.test_fraction", fraction, "a number in (0, 1)")
+        n_test = round(n * float(fraction))
+    # In proportion to the counts: largest remainders, in exact integers.
+    target, remainder = np.divmod(n_test * counts, n)
+    target[np.argsort(-remainder, kind="stable")[: n_test - target.sum()]] += 1
     for name, tested, count in zip(classes, target, counts, strict=True):
         expected = f"samples of class {name} on both sides of its {count}"
         require(0 < tested < count, "split", f"{tested} to test", expected)
 
     rng = _generator(seed)
     if kind == "grouped":
+        require(groups is not None, "split.groups", groups, "the group of each sample")
         test = _of_whole_groups(classes, class_of, target, np.asarray(groups), rng)
         train = rng.permutation(n)
         return train[~np.isin(train, test)], test
+    require(kind == "random" or order is not None, "split.order", order, "the place of each sample")
     rank = rng.permutation(n) if kind == "random" else np.asarray(order)
     members = _by_class(class_of, rank, len(classes))
     train = np.concatenate([m[: len(m) - t] for m, t in zip(members, target, strict=True)])
@@ -131,13 +135,10 @@ def learning_curve_subsets(
 def by_session(
     sessions: np.ndarray, train: object = 0, test: object = 1
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the samples of one session, and of those of another, given each sample's [N]."""
-    sessions = np.asarray(sessions)
+    """Indices of the samples of one session and of another one, from the session of each [N]."""
     present = np.unique(sessions).tolist()
     expected = f"a session other than {train!r} of the sessions {present}"
-    require(train != test, "split.test", test, expected)
-    for key, session in (("train", train), ("test", test)):
-        require(session in present, f"split.{key}", session, f"one of the sessions {present}")
+    require(train != test and test in present, "split.test", test, expected)
     return np.flatnonzero(sessions == train), np.flatnonzero(sessions == test)
 
 
@@ -149,24 +150,6 @@ def _classes(labels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.unique(labels, return_inverse=True, return_counts=True)
 
 
-def _n_test(n: int, test_fraction: float | None, n_test: int | None) -> int:
-    if n_test is None:
-        fraction = 0.2 if test_fraction is None else test_fraction
-        inside = is_number(fraction) and 0 < fraction < 1
-        require(inside, "split.test_fraction", fraction, "a number in (0, 1)")
-        return round(n * float(fraction))
-    require(test_fraction is None, "split.test_fraction", test_fraction, "null beside split.n_test")
-    require_integer("split.n_test", n_test, 1, n - 1)
-    return int(n_test)
-
-
-def _apportion(n: int, counts: np.ndarray) -> np.ndarray:
-    """n samples over classes in proportion to counts [L] (largest remainders, exact integers)."""
-    share, remainder = np.divmod(n * counts, counts.sum())
-    share[np.argsort(-remainder, kind="stable")[: n - share.sum()]] += 1
-    return share
-
-
 def _of_whole_groups(
     classes: np.ndarray,
     class_of: np.ndarray,
@@ -174,10 +157,7 @@ def _of_whole_groups(
     groups: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Test indices, increasing: whole groups, near ``target`` [L] samples of each class.
-
-    Every class keeps a group to train on and one to test on.
-    """
+    """Test indices: whole groups, near ``target`` [L]; each class keeps a group on both sides."""
     names, group_of = np.unique(groups, return_inverse=True)
     held = np.zeros((len(names), len(classes)), np.int64)  # samples of each class in each group
     np.add.at(held, (group_of, class_of), 1)

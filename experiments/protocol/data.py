@@ -7,13 +7,14 @@ import math
 import os
 import platform
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from filelock import FileLock
+from rich.console import Console
+from rich.progress import Progress
 from torch import Tensor
 
 from experiments.protocol.clock import Clock
@@ -48,12 +49,22 @@ class LazyFrames:
             frames = self.scene.frames(np.atleast_1d(chosen))
             return frames if np.ndim(chosen) else frames[0]
 
-    def clone(self) -> LazyFrames:
-        """The same: each batch is made anew."""
-        return self
+
+class DerivedScene:
+    """A scene with the samples of another one, whose frames a subclass gets in its own way."""
+
+    def __init__(self, scene: Scene):
+        self.classes, self.labels, self.shape = scene.classes, scene.labels, scene.shape
+        self.samples, self.origin, self._scene = scene.samples, scene.origin, scene
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def fingerprint(self) -> str:
+        return self._scene.fingerprint()
 
 
-class CachedScene:
+class CachedScene(DerivedScene):
     """A scene whose frames lie in one file on disk.
 
     Args:
@@ -65,36 +76,23 @@ class CachedScene:
     """
 
     def __init__(self, scene: Scene, path: Path):
-        self.classes, self.labels, self.shape = scene.classes, scene.labels, scene.shape
-        self.samples, self.origin, self._scene = scene.samples, scene.origin, scene
-        expected = f"{path}: expected {len(self)} frames {self.shape} (remove it to make it anew)"
-        try:
-            header = np.load(path, mmap_mode="r", allow_pickle=False)
-        except (ValueError, EOFError) as error:
-            raise ValueError(f"{expected}, found: {error}") from error
-        if header.shape != (len(self), *self.shape):
-            raise ValueError(f"{expected}, found shape {header.shape}")
-        self._path, self._dtype, self._start = path, header.dtype, header.offset
-
-    def __len__(self) -> int:
-        return len(self.labels)
-
-    def fingerprint(self) -> str:
-        return self._scene.fingerprint()
+        super().__init__(scene)
+        self._path = path
+        self.frames([])
 
     def frames(self, indices: Any) -> Tensor:
-        """Read, not mapped: the pages of a map count as memory of the process once seen."""
-        chosen = np.arange(len(self))[np.asarray(indices)]
-        frames = np.empty((len(chosen), *self.shape), self._dtype)
-        with self._path.open("rb") as file:
-            for frame, index in zip(frames, chosen.tolist(), strict=True):
-                file.seek(self._start + index * frame.nbytes)
-                if file.readinto(frame.data) != frame.nbytes:
-                    raise ValueError(f"{self._path}: expected {len(self)} frames, found it cut off")
-        return torch.from_numpy(frames)
+        """Read from a map that is closed again: its pages count as memory of the process."""
+        expected = f"{self._path}: expected {len(self)} frames {self.shape} (remove it to renew it)"
+        try:
+            mapped = np.load(self._path, mmap_mode="r", allow_pickle=False)
+        except (ValueError, EOFError) as error:
+            raise ValueError(f"{expected}, found: {error}") from error
+        if mapped.shape != (len(self), *self.shape):
+            raise ValueError(f"{expected}, found shape {mapped.shape}")
+        return torch.from_numpy(mapped[np.asarray(indices, dtype=np.int64)])
 
 
-def cached(scene: Scene, folder: Path, progress: Callable[[int, int], None]) -> Scene:
+def cached(scene: Scene, folder: Path, console: Console) -> Scene:
     """The scene with its frames on disk, made there first if need be, whole or not at all.
 
     Recorded and measured scenes stay as they are: their frames lie on disk already.
@@ -103,7 +101,7 @@ def cached(scene: Scene, folder: Path, progress: Callable[[int, int], None]) -> 
         scene: any scene.
         folder: folder of the cache; a file is named after the scene's fingerprint, the scene's
             code, the libraries and the kind of processor.
-        progress: called with (frames made, frames in all).
+        console: shows the progress.
 
     Raises:
         OSError: naming the file, if it cannot be written.
@@ -118,35 +116,36 @@ def cached(scene: Scene, folder: Path, progress: Callable[[int, int], None]) -> 
     with FileLock(path.with_suffix(".lock")):  # made by one process; others wait for it
         if not path.exists():
             try:
-                _make(scene, path, progress)
+                _make(scene, path, console)
             except OSError as error:
                 raise OSError(error.errno, error.strerror, str(path)) from error
     return CachedScene(scene, path)
 
 
-def _make(scene: Scene, path: Path, progress: Callable[[int, int], None]) -> None:
-    """Write all frames; the rest of a killed process is overwritten."""
+def _make(scene: Scene, path: Path, console: Console) -> None:
+    """Write all frames; what a killed process left is overwritten."""
     n, partial = len(scene.labels), path.with_suffix(".partial")
+    bars = Progress(console=console, transient=True, disable=not console.is_terminal)
     try:
         # Written, not mapped: a full disk is then an error and not a signal.
-        with partial.open("wb") as file:
-            for start in range(0, n, _BATCH):
-                stop = min(n, start + _BATCH)
-                frames = scene.frames(np.arange(start, stop)).numpy(force=True)
+        with partial.open("wb") as file, bars:
+            for start in bars.track(range(0, n, _BATCH), description=f"make {scene.origin} frames"):
+                indices = np.arange(start, min(n, start + _BATCH))
+                frames = scene.frames(indices).contiguous().numpy(force=True)
                 if start == 0:
                     header = np.lib.format.header_data_from_array_1_0(frames)
-                    header |= {"shape": (n, *scene.shape), "fortran_order": False}
-                    np.lib.format.write_array_header_1_0(file, header)
-                file.write(np.ascontiguousarray(frames).data)
-                progress(stop, n)
+                    np.lib.format.write_array_header_1_0(
+                        file, {**header, "shape": (n, *scene.shape)}
+                    )
+                file.write(frames.data)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(partial, path)
+        partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
 
 
-class PixelSubset:
+class PixelSubset(DerivedScene):
     """A scene of which D pixels are seen, in one row; a smaller D sees some of a larger one's.
 
     Args:
@@ -159,17 +158,14 @@ class PixelSubset:
     """
 
     def __init__(self, scene: Scene, pixels: int, seed: int):
+        super().__init__(scene)
         all_pixels = math.prod(scene.shape)
         if isinstance(pixels, bool) or not isinstance(pixels, int) or not 2 <= pixels <= all_pixels:
             raise ValueError(
                 f"data.pixels: expected an integer in [2, {all_pixels}], found {pixels!r}"
             )
-        self.classes, self.labels, self.samples = scene.classes, scene.labels, scene.samples
-        self.origin, self.shape, self._scene = scene.origin, (1, pixels), scene
+        self.shape = (1, pixels)
         self._chosen = np.sort(np.random.default_rng(seed).permutation(all_pixels)[:pixels])
-
-    def __len__(self) -> int:
-        return len(self.labels)
 
     def fingerprint(self) -> str:
         digest = hashlib.sha256(self._scene.fingerprint().encode() + self._chosen.tobytes())
@@ -195,19 +191,23 @@ def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
     kinds, kind = (*KINDS, "grouped", "session"), cfg["kind"]
     if kind not in kinds:
         raise ValueError(f"split.kind: expected one of {', '.join(kinds)}, found {kind!r}")
+    fraction, groups = cfg["test_fraction"], cfg.get("group")
+    if kind == "grouped" and groups not in scene.samples:
+        expected = ", ".join(scene.samples)
+        raise ValueError(f"split.group: expected one of {expected}, found {groups!r}")
     if kind == "session":
         first, test = by_session(session, *np.unique(session)[[0, -1]].tolist())
-        train, _ = split(scene.labels[first], test_fraction=cfg["test_fraction"], seed=seed)
+        train, _ = split(scene.labels[first], test_fraction=fraction, seed=seed)
         train = first[train]
     else:
         first = np.flatnonzero(session == session.min())
         parts = split(
             scene.labels[first],
-            test_fraction=cfg["test_fraction"],
+            test_fraction=fraction,
             kind=kind,
             seed=seed,
             order=scene.samples["order"][first],
-            groups=_groups(scene, cfg.get("group"))[first] if kind == "grouped" else None,
+            groups=scene.samples[groups][first] if kind == "grouped" else None,
         )
         train, test = (first[part] for part in parts)
     if scene.origin == "recorded" and kind == "random":
@@ -227,21 +227,14 @@ def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return train, test
 
 
-def _groups(scene: Scene, name: Any) -> np.ndarray:
-    if name not in scene.samples:
-        expected = ", ".join(scene.samples)
-        raise ValueError(f"split.group: expected one of {expected}, found {name!r}")
-    return scene.samples[name]
-
-
 def take(scene: Scene, indices: np.ndarray, clock: Clock) -> Tensor | LazyFrames:
     """The frames of these samples: in memory if they fit, else made when asked for."""
-    one = scene.frames(indices[:1])
-    if one.nbytes * len(indices) > IN_MEMORY_BYTES:
+    first = scene.frames(indices[:1])
+    if first.nbytes * len(indices) > IN_MEMORY_BYTES:
         return LazyFrames(scene, indices, clock)
-    frames = torch.empty(len(indices), *scene.shape, dtype=one.dtype)
+    frames = torch.empty(len(indices), *scene.shape, dtype=first.dtype)
     for start in range(0, len(indices), _BATCH):
-        frames[start : start + _BATCH] = scene.frames(indices[start : start + _BATCH]).cpu()
+        frames[start : start + _BATCH] = scene.frames(indices[start : start + _BATCH])
     return frames
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
@@ -14,7 +13,8 @@ from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 
 from experiments.protocol import machine
-from experiments.protocol.trial import instantiate, train_and_test
+from experiments.protocol.model import instantiate
+from experiments.protocol.trial import train_and_test
 from experiments.records import configs, locks
 from experiments.records import record as records
 from experiments.records.environment import command, environment
@@ -22,7 +22,6 @@ from experiments.records.files import results_dir
 from experiments.records.record import Finished
 from scenes.frames import Scene
 
-_SWITCHES = ("exclusive", "cache", "force")
 _ERROR_CHARACTERS = 2000
 
 
@@ -36,9 +35,9 @@ def check(cfg: DictConfig) -> None:
     if missing:
         raise ValueError(f"{missing}: expected a value, found none")
     for key, value in _leaves(OmegaConf.to_container(cfg, resolve=True)):
-        if isinstance(value, float) and math.isnan(value):
+        if value != value:  # only nan is unlike itself
             raise ValueError(f"{key}: expected a number, found nan")
-    for key in _SWITCHES:
+    for key in ("exclusive", "cache", "force"):
         if not isinstance(cfg[key], bool):
             raise ValueError(f"{key}: expected true or false, found {cfg[key]!r}")
     for key, seed in cfg.seed.items():
@@ -168,11 +167,6 @@ def exclusive(cfg: DictConfig, console: Console) -> AbstractContextManager[None]
     return machine.held(n, cfg.device, waiting) if cfg.exclusive else nullcontext()
 
 
-def cache_dir() -> Path:
-    """Folder of made frames."""
-    return results_dir() / "cache"
-
-
 def _carry_out(
     cfg: DictConfig, scene: Scene, entry: dict[str, Any], folder: Path, console: Console
 ) -> None:
@@ -180,7 +174,7 @@ def _carry_out(
     curve: records.Curve = []
     records.to_line(entry, curve)  # a record that cannot be written is found before the training
     try:
-        cache = cache_dir() if cfg.cache else None
+        cache = folder / "cache" if cfg.cache else None
         train_and_test(cfg, scene, entry["choices"], curve, entry, cache, console)
         entry["status"] = "finished"
         _check_predictions(entry)
@@ -195,7 +189,7 @@ def _carry_out(
 
 
 def _check_predictions(entry: Mapping[str, Any]) -> None:
-    classes, predicted = len(entry["scene"]["classes"]), entry["predicted"]
-    if len(predicted) and not 0 <= min(predicted) <= max(predicted) < classes:
-        wrong = next(label for label in predicted if not 0 <= label < classes)
-        raise ValueError(f"predicted: expected labels below {classes}, found {wrong}")
+    classes = len(entry["scene"]["classes"])
+    for label in entry["predicted"]:
+        if not 0 <= label < classes:
+            raise ValueError(f"predicted: expected labels below {classes}, found {label}")

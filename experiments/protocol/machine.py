@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -36,9 +36,7 @@ def keep_memory() -> bool:
     are allocated again: a third of the processor time of a network's training. The process keeps
     its peak of memory until it ends.
     """
-    try:
-        mallopt = ctypes.CDLL(None).mallopt
-    except (OSError, AttributeError, TypeError):
+    if sys.platform != "linux" or (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is None:
         return False
     results = [mallopt(option, value) for option, value in _MALLOPT.items()]
     return all(result == 1 for result in results)
@@ -83,12 +81,14 @@ def held(n: int, device: str, waiting: Callable[[], None]) -> Iterator[None]:
         device: as torch names it.
         waiting: called once if they are not free at once.
     """
-    cores = [f"core-{core}" for core in available()]
-    gpus = [_gpu(device)] if device.startswith("cuda") else []
+    folder = Path(tempfile.gettempdir()) / f"optical-hdc-cores-{os.getuid()}"
+    folder.mkdir(parents=True, exist_ok=True)
+    cores = [FileLock(folder / f"core-{core}", timeout=0) for core in available()]
+    gpus = [FileLock(folder / _gpu(device), timeout=0)] if device.startswith("cuda") else []
     called = False
     while True:
         with ExitStack() as stack:
-            if all(_locked(stack, gpu) for gpu in gpus) and _some(stack, cores, n):
+            if _locked(stack, gpus, 1) and _locked(stack, cores, n):
                 yield
                 return
         # All were given back, so that two runs that wait for each other's cores cannot lock up;
@@ -99,23 +99,16 @@ def held(n: int, device: str, waiting: Callable[[], None]) -> Iterator[None]:
         time.sleep(_POLL_S * random.uniform(0.5, 1.5))
 
 
-def _some(stack: ExitStack, names: list[str], n: int) -> bool:
-    """Lock n of these, or all if there are fewer."""
-    missing = min(n, len(names))
-    for name in names:
-        if missing and _locked(stack, name):
+def _locked(stack: ExitStack, locks: list[FileLock], n: int) -> bool:
+    """Whether n of these locks were free, or all if there are fewer; the stack holds them."""
+    missing = min(n, len(locks))
+    for lock in locks:
+        if not missing:
+            break
+        with suppress(Timeout):
+            stack.enter_context(lock)
             missing -= 1
     return not missing
-
-
-def _locked(stack: ExitStack, name: str) -> bool:
-    folder = Path(tempfile.gettempdir()) / f"optical-hdc-cores-{os.getuid()}"
-    folder.mkdir(parents=True, exist_ok=True)
-    try:
-        stack.enter_context(FileLock(folder / name, timeout=0))
-    except Timeout:
-        return False
-    return True
 
 
 def _gpu(device: str) -> str:
@@ -126,16 +119,10 @@ def _gpu(device: str) -> str:
 
 @contextmanager
 def libraries(model: Mapping[str, Any], threads: int) -> Iterator[list[dict[str, Any]]]:
-    """Limit the numerical libraries of a scikit-learn model to this many threads; yields a list of
-    them with their versions.
+    """Limit the numerical libraries of a scikit-learn model to this many threads; yields them.
 
     numpy, scipy and scikit-learn bring OpenBLAS and OpenMP libraries of their own, with a thread a
-    core each. Only scikit-learn's estimators compute with them, so no other run imports
-    threadpoolctl.
-
-    Args:
-        model: its resolved configuration.
-        threads: number of each library's threads.
+    core each. Only scikit-learn's estimators compute with them: no other run imports threadpoolctl.
     """
     estimators = [name for name in sources.targets(model) if name.startswith("sklearn.")]
     if not estimators:
@@ -156,10 +143,8 @@ def peak_bytes() -> int:
     On Linux it excludes the memory of the parent process, which ``getrusage`` includes, and starts
     anew when a 5 is written to ``/proc/self/clear_refs``.
     """
-    if (peak := _status("VmHWM")) is not None:
-        return peak
     unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    return _status("VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
 def resident_bytes() -> int | None:
@@ -170,7 +155,5 @@ def resident_bytes() -> int | None:
 def _status(key: str) -> int | None:
     """A number of kilobytes of Linux's ``/proc/self/status``, in bytes."""
     status = Path("/proc/self/status")
-    if not status.exists():
-        return None
-    lines = (line.split() for line in status.read_text().splitlines())
-    return next((1024 * int(words[1]) for words in lines if words[0] == f"{key}:"), None)
+    lines = status.read_text().splitlines() if status.exists() else []
+    return next((1024 * int(line.split()[1]) for line in lines if line.startswith(f"{key}:")), None)

@@ -1,11 +1,13 @@
-"""The interface of every model to the runner: HDC, baselines and scikit-learn alike."""
+"""The interface of every model to the runner, and the way from a config to a model."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import Any, Protocol, runtime_checkable
 
+import hydra
 import numpy as np
+from omegaconf import DictConfig, OmegaConf
 from torch import Tensor
 
 from baselines.base import FrameSource
@@ -57,3 +59,38 @@ def check_model(model: Any) -> None:
         f"model: expected an object with train and predict, found {kind} without "
         f"{' and '.join(missing)}{hint}"
     )
+
+
+def instantiate(node: DictConfig, key: str) -> Any:
+    """Build an object of the config; its own error gets the key in front of its message."""
+    try:
+        return hydra.utils.instantiate(node, _convert_="all")
+    except hydra.errors.InstantiationException as error:
+        cause = error.__cause__
+        if not isinstance(cause, ValueError | TypeError | OSError):
+            raise
+        text = str(cause)
+        raise ValueError(text if text.startswith(f"{key}.") else f"{key}: {text}") from error
+
+
+def models_of(configs: Mapping[str, Any]) -> dict[str, Any]:
+    """Models that can be trained on many subsets of the same frames, by name.
+
+    Args:
+        configs: what a file of ``configs/model`` holds, by name.
+
+    Raises:
+        ValueError: naming the key of one that is neither HDC with binary prototypes nor computed
+            from products of frames.
+    """
+    models = {}
+    for name, part in configs.items():
+        model = instantiate(OmegaConf.create(part["model"]), "model")
+        binary = getattr(model, "prototype", None) == "binary"
+        if not (binary or hasattr(model, "scores_from")):
+            raise ValueError(
+                f"task.models.{name}: expected HDC with binary prototypes or a model computed from "
+                f"products of frames (baselines.dual), found {type(model).__name__}"
+            )
+        models[name] = model
+    return models

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from omegaconf import OmegaConf
 from rich.console import Console
-from rich.progress import Progress
 
 from experiments.protocol import data
-from experiments.protocol.trial import instantiate
+from experiments.protocol.model import instantiate
 from experiments.records.configs import SEEDS
 from experiments.records.files import results_dir
 from scenes.frames import Scene
@@ -36,17 +35,4 @@ def scene_at(config: Mapping[str, Any], seed: int, cache: bool, console: Console
         ValueError: naming the key that is wrong.
     """
     scene: Scene = instantiate(OmegaConf.create(at_seed(dict(config), seed)), "scene")
-    if not cache:
-        return scene
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bars:
-        bar = bars.add_task("make frames", total=len(scene.labels))
-        return data.cached(
-            scene, results_dir() / "cache", lambda done, _: bars.update(bar, completed=done)
-        )
-
-
-def scenes(
-    config: Mapping[str, Any], seeds: Sequence[int], cache: bool, console: Console
-) -> Iterator[tuple[int, Scene]]:
-    """(seed, scene) for each seed; see :func:`scene_at`."""
-    return ((seed, scene_at(config, seed, cache, console)) for seed in seeds)
+    return data.cached(scene, results_dir() / "cache", console) if cache else scene

@@ -13,7 +13,7 @@ class StopRule:
     """Return why to stop at this report, or None.
 
     ============  ==================================================================================
-    ``finished``  the model returned (not decided here)
+    ``finished``  the model returned
     ``diverged``  its loss is not finite
     ``reached``   with `reached_after_s`: its training accuracy exceeds the target
     ``trained``   its loss, the mean over its last epoch, is at most `loss` after `least_steps`
@@ -48,8 +48,7 @@ class StopRule:
         for name, value in asdict(self).items():
             if not (isinstance(value, int | float) or (value is None and "after" in name)):
                 raise ValueError(f"stop.{name}: expected a number, found {value!r}")
-        least = max(1, self.least_steps)
-        after = self.reached_after_s
+        least, after = max(1, self.least_steps), self.reached_after_s
         for name, valid, expected in (
             ("target", 0 < self.target < 1, "a number in (0, 1)"),
             ("reached_after_s", after is None or after >= 0, "null or at least 0 s"),

@@ -9,36 +9,24 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import hydra
 import numpy as np
 import torch
 from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import Progress, TimeElapsedColumn
 from torch import Tensor
 
-from experiments.protocol import data, evaluate
+from experiments.protocol import data
 from experiments.protocol.clock import Clock, timed
-from experiments.protocol.model import Model, check_model
+from experiments.protocol.model import Model, check_model, instantiate
 from experiments.protocol.stop import StopRule
+from hdc.accuracy import accuracy
 from scenes.frames import Scene
 
 _WARM_UP_FRAMES = 40
 _SINGLE_FRAMES = 20
 _OWN_KEYS = {"training_s", "train_accuracy", "test_accuracy"}  # of a row, set by the runner
 _OFTEN = 10  # a model that learns by steps is tested after a tenth more of the samples seen
-
-
-def instantiate(node: DictConfig, key: str) -> Any:
-    """Build an object of the config; its own error gets the key in front of its message."""
-    try:
-        return hydra.utils.instantiate(node, _convert_="all")
-    except hydra.errors.InstantiationException as error:
-        cause = error.__cause__
-        if not isinstance(cause, ValueError | TypeError | OSError):
-            raise
-        text = str(cause)
-        raise ValueError(text if text.startswith(f"{key}.") else f"{key}: {text}") from error
 
 
 def stop_rule(node: DictConfig) -> StopRule:
@@ -66,7 +54,7 @@ class _Part:
         return np.asarray(model.predict(self.frames))
 
     def accuracy(self, model: Model) -> float:
-        return evaluate.accuracy(self.predicted_by(model), self.labels)
+        return accuracy(self.predicted_by(model), self.labels)
 
 
 def train_and_test(
@@ -100,23 +88,31 @@ def train_and_test(
     split = OmegaConf.to_container(cfg.split, resolve=True)
     chosen = data.choose(scene, split, cfg.seed.split)
     clock = Clock(cfg.device)
-    with _progress(console) as progress:
-        if cache:
-            scene = _cached(scene, cache, progress, names["scene"])
-        if cfg.data.pixels is not None:
-            scene = data.PixelSubset(scene, cfg.data.pixels, cfg.seed.pixels)
-        train, test = (
-            _Part(indices, scene.labels[indices], data.take(scene, indices, clock))
-            for indices in chosen
-        )
-        _warm_up(unused, scene, min(len(train.labels), _WARM_UP_FRAMES))
-        model: Model = instantiate(cfg.model, "model")
-        bar = progress.add_task(f"train {names['model']}", total=None)
+    if cache:
+        scene = data.cached(scene, cache, console)
+    if cfg.data.pixels is not None:
+        scene = data.PixelSubset(scene, cfg.data.pixels, cfg.seed.pixels)
+    train, test = (
+        _Part(indices, scene.labels[indices], data.take(scene, indices, clock))
+        for indices in chosen
+    )
+    _warm_up(unused, scene, min(len(train.labels), _WARM_UP_FRAMES))
+    model: Model = instantiate(cfg.model, "model")
+    digests = _digests(train, test)
+    with Progress(
+        "{task.description}",
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+        auto_refresh=False,  # no thread draws while the clock runs
+    ) as progress:
+        bar = progress.add_task("", total=None)
 
         def show(text: str) -> None:
             progress.update(bar, description=f"train {names['model']} {text}", refresh=True)
 
-        digests = _digests(train, test)
+        show("")
         reason = _train(model, names["model"], train, test, clock, stop, curve, show)
     if not curve:
         raise ValueError(f"model {names['model']}: expected at least one report, found none")
@@ -128,15 +124,22 @@ def train_and_test(
         "test_labels": test.labels,
         "data_sha256": digests,
     }
-    results |= _predictions(model, train, test)
+    predicted = test.predicted_by(model)
+    results |= {
+        "predicted": predicted,
+        "test_accuracy_final": accuracy(predicted, test.labels),
+        "train_accuracy_final": train.accuracy(model),
+    }
     results |= _prediction_times(model, test, cfg.device)
     if _digests(train, test) != digests:
         raise ValueError(f"model {names['model']}: expected it to leave its frames as they are")
     try:
-        results["model_bytes"] = model_bytes(model)
+        state = model.state_tensors()
+        sizes = None if state is None else [t.numel() * t.element_size() for t in state.values()]
     except Exception as error:  # of whatever model: it costs its size, and not its training
         console.print(f"model_bytes: not known, {error}", style="yellow", markup=False)
-        results["model_bytes"] = None
+        sizes = None
+    results["model_bytes"] = None if sizes is None else sum(sizes)
 
 
 def _digests(train: _Part, test: _Part) -> dict[str, str]:
@@ -174,10 +177,10 @@ def train_until(model: Model, stop: StopRule, scene: Scene, train: np.ndarray) -
     clock, labels = Clock(), scene.labels[train]
     frames = data.take(scene, train, clock)
     for row in reports(model, type(model).__name__, frames, labels, clock):
-        loss, accuracy = row.get("loss"), 0.0
+        loss, share = row.get("loss"), 0.0
         if loss is not None and stop.reached_after_s is not None:  # otherwise it has no say
-            accuracy = evaluate.accuracy(model.predict(frames), labels)
-        if stop.check(row["training_s"], row.get("steps", 0), loss, accuracy):
+            share = accuracy(model.predict(frames), labels)
+        if stop.check(row["training_s"], row.get("steps", 0), loss, share):
             return
 
 
@@ -246,16 +249,6 @@ def _of_curve(
     }
 
 
-def _predictions(model: Model, train: _Part, test: _Part) -> dict[str, Any]:
-    """The final model on the test samples, and its accuracy on the training samples."""
-    predicted = test.predicted_by(model)
-    return {
-        "predicted": predicted,
-        "test_accuracy_final": evaluate.accuracy(predicted, test.labels),
-        "train_accuracy_final": train.accuracy(model),
-    }
-
-
 def _prediction_times(model: Model, test: _Part, device: str) -> dict[str, float]:
     """Seconds a frame, single and in a batch, of frames in memory."""
     frames = test.frames[: data.fitting(test.frames)]
@@ -270,42 +263,9 @@ def _prediction_times(model: Model, test: _Part, device: str) -> dict[str, float
     }
 
 
-def model_bytes(model: Model) -> int | None:
-    """Bytes that a prediction needs of a model; None where it cannot tell."""
-    try:
-        state = model.state_tensors()
-    except TypeError:  # not arrays
-        return None
-    return None if state is None else sum(t.numel() * t.element_size() for t in state.values())
-
-
 def _warm_up(model: Model, scene: Scene, n: int) -> None:
     """Train and predict once on noise of the same shape: the first use of anything is slow."""
     generator = torch.Generator().manual_seed(0)
     frames = torch.randint(0, 256, (n, *scene.shape), generator=generator, dtype=torch.uint8)
     next(iter(model.train(frames, np.arange(n) % 2)), None)
     model.predict(frames[:2])
-
-
-def _cached(scene: Scene, folder: Path, progress: Progress, name: str) -> Scene:
-    bar: list[Any] = []
-
-    def show(done: int, total: int) -> None:
-        if not bar:
-            bar.append(progress.add_task(f"make {name} frames ({scene.origin})", total=total))
-        progress.update(bar[0], completed=done, refresh=True)
-
-    return data.cached(scene, folder, show)
-
-
-def _progress(console: Console) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=20),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-        auto_refresh=False,  # no thread draws while the clock runs
-    )

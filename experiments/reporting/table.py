@@ -8,8 +8,9 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.reporting.columns import COLUMNS, Column
-from experiments.reporting.text import markdown_text, number, printable, tex
+from experiments.records.configs import CONFIGS
+from experiments.reporting.columns import COLUMNS, Column, display_name
+from experiments.reporting.text import markdown_text, number, percent, printable, tex
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,11 @@ class Table:
         return [n for n in every if n.removesuffix("_low").removesuffix("_high") == n]
 
     def column(self, name: str) -> Column:
-        """How a column is shown."""
-        return self.columns.get(name) or COLUMNS.get(name) or Column(name.replace("_", " "))
+        """How a column is shown; one named after a model has shares of right samples."""
+        if known := self.columns.get(name) or COLUMNS.get(name):
+            return known
+        of_model = (CONFIGS / "model" / f"{name}.yaml").exists()
+        return Column(display_name(name), percent) if of_model else Column(name.replace("_", " "))
 
     @property
     def heads(self) -> list[str]:

@@ -27,7 +27,6 @@ from typing import Any
 
 EXTRAS = {
     "sklearn": "compare",
-    "matplotlib": "compare",
     "nicegui": "live",
     "fastapi": "live",
     "starlette": "live",

@@ -10,7 +10,6 @@ import json
 import os
 import stat
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ import click
 
 import hdc
 from hdc import readers
-from hdc.readers.files import file_size, shown
+from hdc.readers.files import check_file, shown
 from hdc.readers.listing import image_files, is_image
 
 RATE = 0.01
@@ -218,14 +217,12 @@ def compare(
 ) -> None:
     """Compare read-outs of bits and grey values on a RECORDING.
 
-    Accuracy for 1, 2, 5 … frames a class, held out at random and by time, training times, and
-    advice. Frames are held in memory.
+    Accuracy for 1, 2, 5 … frames a class, held out at random and by time, and advice. Frames are
+    held in memory.
     """
     window = _window(crop, subsample)
     if output:
         _check_output(output, _is_page, "a page of hdc compare")
-        if find_spec("matplotlib") is None:  # said before the work
-            raise ModuleNotFoundError("matplotlib", name="matplotlib")
     for path in filter(None, (recording, other)):
         readers.check_path(path, source["intervals"])
     from hdc.command import comparison, work
@@ -342,5 +339,5 @@ def _is_page(path: Path) -> bool:
 def _images(path: Path) -> list[Path]:
     if path.is_dir():
         return image_files(path)
-    file_size(path)  # raises: no such file
+    check_file(path)
     return [path]

@@ -1,91 +1,67 @@
 """``hdc compare``: read-outs of bits and of grey values on frames of one's own.
 
-Every method sees two matrices of the N frames: Hamming distances of their hypervectors, and inner
-products of their grey values. For an L2 penalty a linear model lies in the span of its training
-frames, so scikit-learn's estimators solve it exactly from coordinates in that span, and a fit of
-120,000 pixels costs no more than one of N coordinates.
+Every method sees inner products of the N frames: of their hypervectors, or of their grey values.
+For an L2 penalty a linear model lies in the span of its training frames, so scikit-learn's
+estimators solve it exactly from coordinates in that span, and a fit of 120,000 pixels costs no
+more than one of N coordinates.
 """
 
 from __future__ import annotations
 
 import html
-import io
-import os
-import sys
-import tempfile
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from sklearn.linear_model import LogisticRegression, RidgeClassifierCV
-from sklearn.neighbors import KNeighborsClassifier
+from sklearn.neighbors import NearestCentroid
 
-import hdc
-from hdc import bits
 from hdc.accuracy import wilson
+from hdc.bits import hamming
 from hdc.command.work import last_sessions, split
 from hdc.encode import encode
+from hdc.io import write_atomically
+from hdc.prototypes import Counters
 from hdc.readers import Recording
 from hdc.readers.files import shown
+from hdc.readers.recording import with_progress
+from hdc.readout import gram
 
 STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-COLUMNS = 2**13  # pixels made floats at a time
-BUSY = 0.5  # load a core, before anything is computed
-REPEATED_S = 3.0  # a training is timed again until it took this long, three times at most
+COLUMNS = 2**13
+"""Pixels that are made floats at a time."""
 
 
 class Frames:
-    """Frames of both recordings and their two N × N matrices.
+    """Packed hypervectors int64 [N, W], and inner products [N, N] by what they are of.
 
-    Attributes:
-        words: packed hypervectors int64 [N, W].
-        distances: Hamming distances [N, N].
-        bits: inner products of hypervectors in ±1 [N, N].
-        raw, standardised: inner products of grey values in 0 … 1, and of frames each of which is
-            scaled to mean 0 and deviation 1.
+    ``products`` has those of hypervectors in ±1 ("bits"), of grey values in 0 … 1 ("greys"), and of
+    frames each of which is scaled to mean 0 and deviation 1 ("standardised").
     """
 
-    def __init__(self, frames: np.ndarray, advance: Callable[[str, int], None]) -> None:
-        self.frames, (n, self.pixels) = frames, (len(frames), frames[0].size)
-        parts = []
-        for start in range(0, n, 32):
-            parts.append(encode(torch.from_numpy(frames[start : start + 32]), start))
-            advance("Encoding", len(parts[-1]))
-        self.words = torch.cat(parts)
-        self.distances = np.empty((n, n), np.int64)
-        for start in range(0, n, 32):
-            part = slice(start, start + 32)
-            self.distances[part] = bits.hamming(self.words[part], self.words).numpy()
-            advance("Comparing bits", len(self.distances[part]))
-        self.bits = (self.pixels - 2 * self.distances).astype(float)
-        self.raw, sums = gram(frames, advance)
-        deviation = np.sqrt(
-            np.maximum(np.diag(self.raw) / self.pixels - (sums / self.pixels) ** 2, 0)
+    def __init__(self, frames: np.ndarray) -> None:
+        flat, most = frames.reshape(len(frames), -1), np.float32(np.iinfo(frames.dtype).max)
+        n, self.pixels = flat.shape
+        self.words = torch.cat(
+            [encode(torch.from_numpy(frames[i : i + 32]), i) for i in range(0, n, 32)]
         )
+        greys, sums = np.zeros((n, n)), np.zeros(n)
+        for start in range(0, self.pixels, COLUMNS):
+            block = flat[:, start : start + COLUMNS].astype(np.float32) / most
+            greys += block @ block.T
+            sums += block.sum(1, dtype=float)
+        centred = greys - np.outer(sums, sums) / self.pixels
+        deviation = np.sqrt(np.maximum(np.diag(centred), 0) / self.pixels)
         deviation[deviation == 0] = 1
-        centred = self.raw - np.outer(sums, sums) / self.pixels
-        self.standardised = centred / np.outer(deviation, deviation)
-
-
-def gram(
-    frames: np.ndarray, advance: Callable[[str, int], None] = lambda *_: None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Inner products [N, N] of grey values in 0 … 1, and the sum [N] of those of each frame."""
-    flat, most = frames.reshape(len(frames), -1), np.float32(np.iinfo(frames.dtype).max)
-    products, sums = np.zeros((len(flat), len(flat))), np.zeros(len(flat))
-    for start in range(0, flat.shape[1], COLUMNS):
-        block = flat[:, start : start + COLUMNS].astype(np.float32) / most
-        products += block @ block.T
-        sums += block.sum(1, dtype=float)
-        advance("Comparing grey values", len(flat) * block.shape[1] / flat.shape[1])
-    return products, sums
+        self.products = {
+            "bits": gram(self.words, self.words, self.pixels).numpy(),
+            "greys": greys,
+            "standardised": centred / np.outer(deviation, deviation),
+        }
 
 
 def coordinates(
@@ -104,97 +80,55 @@ def coordinates(
     if not kept.any():
         raise ValueError("frames: expected some that differ, found all alike")
     scale = np.sqrt(squares[kept])
-    unit = 1 / np.sqrt(
-        np.trace(centred) / len(trained)
-    )  # so that penalties mean the same everywhere
+    # So that penalties mean the same everywhere.
+    unit = 1 / np.sqrt(np.trace(centred) / len(trained))
     return unit * basis[:, kept] * scale, unit * (queries @ basis[:, kept]) / scale
 
 
-def _prototypes(data: Frames, labels: np.ndarray, train: np.ndarray, test: np.ndarray) -> Any:
-    classes = range(labels.max() + 1)
-    majorities = [bits.majority(data.words[train[labels[train] == c]]) for c in classes]
-    prototypes = torch.stack([torch.atleast_1d(majority) for majority in majorities])
-    return bits.hamming(data.words[test], prototypes).argmin(1)
-
-
-def _neighbours(data: Frames, labels: np.ndarray, train: np.ndarray, test: np.ndarray) -> Any:
-    model = KNeighborsClassifier(1, metric="precomputed")
-    model.fit(data.distances[np.ix_(train, train)], labels[train])
-    return model.predict(data.distances[np.ix_(test, train)])
-
-
-def _nearest_mean(products: str) -> Callable[..., Any]:
-    def predict(data: Frames, labels: np.ndarray, train: np.ndarray, test: np.ndarray) -> Any:
-        """|x − m|² but for |x|², of the mean m of each class, by inner products alone."""
-        trained, queries = (getattr(data, products)[np.ix_(i, train)] for i in (train, test))
-        members = np.eye(labels.max() + 1)[labels[train]]
-        weights = members / members.sum(0)
-        return (np.sum(weights * (trained @ weights), 0) - 2 * queries @ weights).argmin(1)
-
-    return predict
-
-
-def _linear(products: str, estimator: Callable[[], Any]) -> Callable[..., Any]:
-    def predict(data: Frames, labels: np.ndarray, train: np.ndarray, test: np.ndarray) -> Any:
-        trained, queries = coordinates(getattr(data, products), train, test)
-        return estimator().fit(trained, labels[train]).predict(queries)
-
-    return predict
-
-
-def _encoded(frames: np.ndarray) -> torch.Tensor:
-    return encode(torch.from_numpy(frames))
-
-
-def _compared(frames: np.ndarray) -> torch.Tensor:
-    return bits.hamming(words := _encoded(frames), words)
-
-
-def _ridge() -> Any:
-    return RidgeClassifierCV(np.logspace(-4, 2, 7))
-
-
-def _softmax() -> Any:
-    return LogisticRegression(C=10, max_iter=1000)
-
-
 class Method(NamedTuple):
-    """How test frames are predicted from training frames, what must be computed of the latter
-    before, what the method sees, and how it is set."""
+    """What a method sees, its estimator on coordinates (None: counts bits), and its use."""
 
-    predict: Callable[[Frames, np.ndarray, np.ndarray, np.ndarray], Any]
-    prepare: Callable[[np.ndarray], Any]
     sees: str
-    settings: str
+    estimator: Callable[[], Any] | None
+    use: str
 
 
-def _mean(frames: np.ndarray) -> np.ndarray:
-    return frames.mean(0)
-
-
-_KEPT, _SCALED = "raw", "standardised"
 METHODS = {
-    "prototypes": Method(
-        _prototypes, _encoded, "bits", "bitwise majority, nearest in Hamming distance"
-    ),
+    "prototypes": Method("bits", None, "hdc train"),
     "ridge": Method(
-        _linear("bits", _ridge), _compared, "bits", "penalty by exact leave-one-out error"
+        "bits", lambda: RidgeClassifierCV(np.logspace(-4, 2, 7)), "hdc train --readout ridge"
     ),
-    "neighbours": Method(_neighbours, _encoded, "bits", "nearest training frame"),
-    "mean image": Method(_nearest_mean(_KEPT), _mean, "greys", "nearest class mean"),
+    "neighbours": Method("bits", None, "hdc train --readout neighbours"),
+    "mean image": Method("greys", NearestCentroid, "mean image on grey values"),
     "mean image, standardised": Method(
-        _nearest_mean(_SCALED), _mean, "greys", "each frame scaled to mean 0 and deviation 1"
+        "standardised", NearestCentroid, "mean image on standardised grey values"
     ),
-    "softmax": Method(_linear(_KEPT, _softmax), gram, "greys", "logistic regression, converged"),
+    "softmax": Method(
+        "greys", lambda: LogisticRegression(C=10, max_iter=1000), "softmax on grey values"
+    ),
     "softmax, standardised": Method(
-        _linear(_SCALED, _softmax), gram, "greys", "each frame scaled to mean 0 and deviation 1"
+        "standardised",
+        lambda: LogisticRegression(C=10, max_iter=1000),
+        "softmax on standardised grey values",
     ),
 }
-OPTIONS = {
-    "prototypes": "hdc train",
-    "ridge": "hdc train --readout ridge",
-    "neighbours": "hdc train --readout neighbours",
-}
+
+
+def predict(
+    name: str, data: Frames, labels: np.ndarray, train: np.ndarray, test: np.ndarray
+) -> np.ndarray:
+    """Labels [Q] of the test frames, learnt from the training frames by one of METHODS."""
+    method = METHODS[name]
+    if method.estimator is not None:
+        trained, queries = coordinates(data.products[method.sees], train, test)
+        with np.errstate(invalid="ignore"):  # a deviation that one frame a class does not have
+            return np.asarray(method.estimator().fit(trained, labels[train]).predict(queries))
+    if name == "neighbours":
+        return labels[train][data.products["bits"][np.ix_(test, train)].argmax(1)]
+    counters = Counters(labels.max() + 1, data.pixels)
+    counters.add(data.words[train], torch.from_numpy(labels[train]))
+    prototypes = counters.prototypes(size=int(counters.n.min()))  # balanced, as hdc train is
+    return hamming(data.words[test], prototypes).argmin(1).numpy()
 
 
 def compare(
@@ -212,39 +146,33 @@ def compare(
     Returns:
         Contents of the table and the page, as JSON has it: a curve for each split and method.
     """
-    load = os.getloadavg()[0] / (os.cpu_count() or 1)
-    names, n = recording.names, len(recording)
-    known = [name for name in recording.classes if name in set(names)]
-    names += other.names if other else []
+    parts = [recording, *([other] if other else [])]
+    names, n = [name for part in parts for name in part.names], len(recording)
+    known = [name for name in recording.classes if name in set(names[:n])]
     if unknown := sorted(set(names) - set(known)):
         raise ValueError(f"--test: expected classes among {', '.join(known)}, found {unknown[0]}")
     labels = np.array([known.index(name) for name in names])
-    first = [recording[0], *([other[0]] if other else [])]
-    if (first[0].shape, first[0].dtype) != (first[-1].shape, first[-1].dtype):
+    first, *rest = (part[0] for part in parts)
+    if rest and (first.shape, first.dtype) != (rest[0].shape, rest[0].dtype):
         raise ValueError(
-            f"--test: expected frames {first[0].shape} {first[0].dtype} as in the first "
-            f"recording, found {first[-1].shape} {first[-1].dtype}"
+            f"--test: expected frames {first.shape} {first.dtype} as in the first recording, "
+            f"found {rest[0].shape} {rest[0].dtype}"
         )
-    frames = np.empty((len(names), *recording.shape), first[0].dtype)
-    with _progress(len(names) * 4 + len(METHODS) * (draws + 1) * n) as advance:
-        for begin, part in ((0, recording), (n, other)):
-            for i, frame in enumerate(part.stream() if part else (), begin):
-                frames[i] = frame
-                advance("Reading", 1)
-        data, splits = Frames(frames, advance), {}
-        random = [split(labels[:n], fraction, seed, n) for seed in range(draws)]
-        splits["random"] = _curves(data, labels, random, n * draws, advance)
-        later = (np.arange(n), np.arange(n, len(names))) if other else _ordered(recording, fraction)
-        name = "other recording" if other else "ordered"
-        splits[name] = _curves(data, labels, [later] * draws, n, advance)
-    seconds = {name: _seconds(name, data, labels, random[0]) for name in METHODS}
-    result = {
-        "recording": shown(path), "frames": n, "classes": known,
-        "shape": list(recording.shape), "test_fraction": fraction, "draws": draws,
-        "threads": torch.get_num_threads(), "load": load, "version": hdc.__version__,
-        "splits": splits, "training_s": seconds,
+    frames = np.empty((len(names), *first.shape), first.dtype)
+    stream = (frame for part in parts for frame in part.stream())
+    for i, frame in enumerate(with_progress(stream, len(names), "Reading")):
+        frames[i] = frame
+    data = Frames(frames)
+    later = (np.arange(n), np.arange(n, len(names))) if other else _ordered(recording, fraction)
+    random = [split(labels[:n], fraction, seed, n) for seed in range(draws)]
+    splits = {
+        "random": _curves(data, labels, random),
+        "other recording" if other else "ordered": _curves(data, labels, [later] * draws),
+    }
+    return {
+        "recording": shown(path), "frames": n, "classes": known, "shape": list(first.shape),
+        "test_fraction": fraction, "draws": draws, "splits": splits, "advice": advice(splits),
     }  # fmt: skip
-    return result | {"advice": advice(result)}
 
 
 def _ordered(recording: Recording, fraction: float) -> tuple[np.ndarray, np.ndarray]:
@@ -263,183 +191,106 @@ def _ordered(recording: Recording, fraction: float) -> tuple[np.ndarray, np.ndar
 
 
 def _curves(
-    data: Frames,
-    labels: np.ndarray,
-    splits: list[tuple[np.ndarray, np.ndarray]],
-    work: int,
-    advance: Callable[[str, float], None],
+    data: Frames, labels: np.ndarray, splits: list[tuple[np.ndarray, np.ndarray]]
 ) -> dict[str, Any]:
     """Accuracy of each method at 1, 2, 5 … frames a class and at all, with its Wilson interval.
 
     A test frame that several draws tested counts once, with the mean of its right answers.
     """
-    train = splits[0][0]
-    smallest = min(np.bincount(labels[train])[np.unique(labels[train])])
-    sizes = [n for n in STEPS if n < smallest] + [0]  # 0: all training frames
+    classes, counts = np.unique(labels[splits[0][0]], return_counts=True)
     curves: dict[str, Any] = {name: [] for name in METHODS}
-    for size in sizes:
+    for size in [n for n in STEPS if n < counts.min()] + [0]:  # 0: all training frames
         chosen = []
         for seed, (train, test) in enumerate(splits):
             rng = np.random.default_rng([seed, size])
-            members = [rng.permutation(train[labels[train] == c]) for c in np.unique(labels[train])]
-            chosen.append((np.sort(np.concatenate([m[: size or None] for m in members])), test))
+            members = [rng.permutation(train[labels[train] == c])[: size or None] for c in classes]
+            chosen.append((np.sort(np.concatenate(members)), test))
         if size == 0 and all(np.array_equal(train, chosen[0][0]) for train, _ in chosen):
             chosen = chosen[:1]  # of an ordered split there is one choice of all frames
-        for name, method in METHODS.items():
+        for name, curve in curves.items():
             right, tested = np.zeros(len(labels)), np.zeros(len(labels))
             for train, test in chosen:
-                right[test] += np.asarray(method.predict(data, labels, train, test)) == labels[test]
+                right[test] += predict(name, data, labels, train, test) == labels[test]
                 tested[test] += 1
             shares = right[tested > 0] / tested[tested > 0]
             low, high = wilson(shares.sum(), len(shares))
-            curves[name].append(
-                {"frames_a_class": len(chosen[0][0]) / len(members), "accuracy": shares.mean(),
+            curve.append(
+                {"frames_a_class": len(chosen[0][0]) / len(classes), "accuracy": shares.mean(),
                  "low": low, "high": high, "tested": len(shares)}
             )  # fmt: skip
-            advance(name, work / len(METHODS) / len(sizes) * len(METHODS))
     return curves
 
 
-def _seconds(
-    name: str, data: Frames, labels: np.ndarray, chosen: tuple[np.ndarray, np.ndarray]
-) -> float:
-    """Seconds to train on frames in memory and predict one: the fastest of several times."""
-    train, test = chosen
-    method, frames, times = METHODS[name], data.frames[train], list[float]()
-    while len(times) < 3 and sum(times) < REPEATED_S:
-        begin = time.perf_counter()
-        method.prepare(frames)
-        method.predict(data, labels, train, test[:1])
-        times.append(time.perf_counter() - begin)
-    return min(times)
-
-
-def advice(result: dict[str, Any]) -> str:
+def advice(splits: dict[str, Any]) -> str:
     """One sentence: which read-out to use on such frames, and why."""
-    name, curves = list(result["splits"].items())[-1]
-    last = {method: curve[-1] for method, curve in curves.items()}
-    best = max(last, key=lambda method: last[method]["accuracy"])
-    on_bits = max(OPTIONS, key=lambda method: last[method]["accuracy"])
+    split_name, curves = list(splits.items())[-1]
+    last = {name: curve[-1] for name, curve in curves.items()}
 
-    def share(method: str) -> str:
-        return f"{method} {last[method]['accuracy']:.0%}"
+    def best_of(names: list[str]) -> str:
+        return max(names, key=lambda name: last[name]["accuracy"])
 
-    def behind(method: str, other: str) -> bool:
-        return last[method]["high"] < last[other]["accuracy"]
+    def share(name: str) -> str:
+        return f"{name} {last[name]['accuracy']:.0%}"
 
-    where = f"on the {name} test frames"
-    if behind(on_bits, best):
+    best, on_bits = (
+        best_of(list(METHODS)),
+        best_of([n for n in METHODS if METHODS[n].sees == "bits"]),
+    )
+    where = f"on the {split_name} test frames"
+    if last[on_bits]["high"] < last[best]["accuracy"]:
         return (
-            f"Use {best} on grey values: {where} {share(best)} against {share(on_bits)}, the best "
-            "on bits, so the bits lose what tells these classes apart."
+            f"Use {METHODS[best].use}: {where} {share(best)} against {share(on_bits)}, the best on "
+            "bits, so the bits lose what tells these classes apart."
         )
-    if behind("prototypes", on_bits):
+    if last["prototypes"]["high"] < last[on_bits]["accuracy"]:
         return (
-            f"Use {OPTIONS[on_bits]}: {where} {share(on_bits)} against {share('prototypes')} with "
-            "the same bits, so classes have structure that one prototype a class loses."
+            f"Use {METHODS[on_bits].use}: {where} {share(on_bits)} against {share('prototypes')} "
+            "with the same bits, so classes have structure that one prototype a class loses."
         )
-    if last["prototypes"]["accuracy"] > 0.99 and last[best]["accuracy"] > 0.99:
-        return f"Use {OPTIONS['prototypes']}: {where} all are right, so the smallest model will do."
     return (
-        f"Use {OPTIONS['prototypes']}: {where} {share('prototypes')} against {share(best)}, no "
-        "clear difference, so the smallest model will do."
+        f"Use hdc train: {where} {share('prototypes')} against {share(best)}, no clear "
+        "difference, so the smallest model will do."
     )
 
 
-@contextmanager
-def _progress(total: float) -> Iterator[Callable[[str, float], None]]:
-    """Called with what is done and how much of the total; a bar while there is a terminal."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    console = Console(stderr=True)
-    with Progress(
-        *columns, console=console, transient=True, disable=not sys.stderr.isatty()
-    ) as bar:
-        task = bar.add_task("Reading", total=total)
-        yield lambda what, n: bar.update(task, description=what, advance=n)
-
-
-# For people --------------------------------------------------------------------------------------
-
-
-def conditions(result: dict[str, Any]) -> str:
-    """Frames, split and threads, and whether the cores were busy."""
-    height, width = result["shape"]
-    text = (
-        f"{result['frames']} frames of {len(result['classes'])} classes, {width} × {height} "
-        f"pixels, {result['test_fraction']:.0%} held out, {result['draws']} draws, "
-        f"{result['threads']} threads"
-    )
-    if result["load"] > BUSY:
-        text += f"; the cores were busy (load {result['load']:.1f} a core): times are too long"
-    return text
-
-
-def text(result: dict[str, Any], width: int | None = 120) -> str:
+def text(result: dict[str, Any]) -> str:
     """Table, learning curves and advice."""
     splits = result["splits"]
-    heads = ["Method", "Sees", *(f"Accuracy, {name}" for name in splits), "Training, s"]
-    table = Table(*heads, box=None, pad_edge=False)
+    height, width = result["shape"]
+    table = Table("Method", "Sees", *(f"Accuracy, {name}" for name in splits), box=None)
     for name, method in METHODS.items():
         last = [curves[name][-1] for curves in splits.values()]
         cells = [f"{p['accuracy']:.1%} [{p['low']:.1%}, {p['high']:.1%}]" for p in last]
-        table.add_row(name, method.sees, *cells, f"{result['training_s'][name]:.3g}")
-    console = Console(width=width)
+        table.add_row(name, method.sees, *cells)
+    tables = [table]
+    for title, curves in splits.items():
+        counts = [f"{point['frames_a_class']:.3g}" for point in curves["prototypes"]]
+        tables.append(Table(f"{title}, frames a class", *counts, box=None))
+        for name, curve in curves.items():
+            tables[-1].add_row(name, *(f"{point['accuracy']:.0%}" for point in curve))
+    console = Console(width=120)
     with console.capture() as captured:
-        console.print(table)
-        for title, curves in splits.items():
-            counts = [f"{point['frames_a_class']:.3g}" for point in curves["prototypes"]]
-            learning = Table(f"{title}, frames a class", *counts, box=None, pad_edge=False)
-            for name, curve in curves.items():
-                learning.add_row(name, *(f"{point['accuracy']:.0%}" for point in curve))
-            console.print("", learning)
-    return f"{conditions(result)}\n\n{captured.get().rstrip()}\n\n{result['advice']}"
+        for table in tables:
+            console.print(table, "")
+    return (
+        f"{result['frames']} frames of {len(result['classes'])} classes, {width} × {height} "
+        f"pixels, {result['test_fraction']:.0%} held out, {result['draws']} draws\n\n"
+        f"{captured.get().rstrip()}\n\n{result['advice']}"
+    )
 
 
 PAGE = """<!doctype html>
 <html lang="en"><meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
 <title>hdc compare: {recording}</title>
-<style>body {{ margin: 0 auto; padding: 0 16px; max-width: 64rem; font: 16px/1.5 sans-serif; }}
-pre {{ overflow-x: auto; font-size: 13px; }} svg {{ max-width: 100%; height: auto; }}</style>
-<h1>{recording}</h1><p><b>{advice}</b></p>{curve}<pre>{text}</pre>
+<h1>{recording}</h1><p><b>{advice}</b></p><pre>{text}</pre>
 <p>Accuracy on frames that were not learnt, with Wilson's 95 % interval over the different frames
 tested. Frames held out at random lie between those trained on: if they were recorded in close
-succession they are alike, and the ordered split is the one to believe. Training: the fastest of
-three, frames in memory. Grey values are scaled to 0 … 1.</p><ul>{methods}</ul>
-<p>Made by hdc {version}.</p></html>
+succession they are alike, and the ordered split is the one to believe. Grey values are scaled to
+0 … 1; standardised: each frame to mean 0 and deviation 1.</p></html>
 """
 
 
 def write_page(path: Path, result: dict[str, Any]) -> None:
     """Write a page of HTML that refers to no other file."""
-    methods = (f"<li>{name}, on {m.sees}: {m.settings}</li>" for name, m in METHODS.items())
-    texts = {key: html.escape(result[key]) for key in ("recording", "advice", "version")}
-    page = PAGE.format(
-        **texts, text=html.escape(text(result)), curve=_figure(result), methods="".join(methods)
-    )
-    path.write_text(page, encoding="utf-8")
-
-
-def _figure(result: dict[str, Any]) -> str:
-    """Learning curves of each split as an SVG."""
-    with tempfile.TemporaryDirectory() as folder:  # matplotlib would write to the home folder
-        os.environ.setdefault("MPLCONFIGDIR", folder)
-        from matplotlib import rc_context
-        from matplotlib.figure import Figure
-
-        with rc_context({"svg.hashsalt": "hdc compare", "font.size": 8}):
-            figure = Figure(figsize=(8, 3.4), layout="constrained")
-            panels = figure.subplots(1, len(result["splits"]), sharey=True, squeeze=False)[0]
-            for axes, (title, curves) in zip(panels, result["splits"].items(), strict=True):
-                for (name, curve), marker in zip(curves.items(), "osD^vPX", strict=True):
-                    x = [point["frames_a_class"] for point in curve]
-                    y = [100 * point["accuracy"] for point in curve]
-                    axes.plot(x, y, marker=marker, markersize=4, linewidth=1.2, label=name)
-                axes.set(xscale="log", xlabel="frames a class", title=title)
-            panels[0].set_ylabel("test accuracy (%)")
-            figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper")
-            stream = io.StringIO()
-            figure.savefig(stream, format="svg", metadata={"Date": None})
-        if os.environ["MPLCONFIGDIR"] == folder:
-            del os.environ["MPLCONFIGDIR"]
-    return stream.getvalue()[stream.getvalue().index("<svg") :]
+    texts = {key: html.escape(result[key]) for key in ("recording", "advice")}
+    write_atomically(path, PAGE.format(**texts, text=html.escape(text(result))))

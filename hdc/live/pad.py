@@ -9,7 +9,7 @@ from typing import Any
 
 from nicegui import ui
 
-from hdc.live.session import HAS_VALUES, Session, within
+from hdc.live.session import Session, within
 from hdc.live.sources import Pressable, Touch
 
 NEAR = 2e-3
@@ -70,7 +70,7 @@ class Pad:
         ui.label(
             f"The silicone from above, {source.length * 1e3:.0f} × {source.width * 1e3:.0f} mm: "
             "press it. Near the ring of a class the robot returns to where it was taught."
-            + (" Cross: the predicted place, by frames of taught places." if HAS_VALUES else "")
+            " Cross: the predicted place, by frames of taught places."
         ).classes("small")
         self._depth = slider("depth", 0.1, source.deepest * 1e3, 0.1, 1.8, "{:.1f} mm")
         self._depth.on("update:model-value", self._deeper, throttle=0.1)

@@ -179,8 +179,7 @@ class Page:
             ui.button("New class", on_click=self._new_class).props("no-caps")
         self._classes = _div("flex flex-col gap-3")
         self._axis = _small()
-        with _div("row") as row:
-            row.set_visibility(len(READOUTS) > 1)
+        with _div("row"):
             _small("read-out")
             self._readout = ui.toggle(list(READOUTS), value=self._session.readout)
             self._readout.props("no-caps dense padding='4px 10px'")
@@ -330,9 +329,7 @@ def _in_words(answer: Answer | None, unit: str) -> tuple[str, str]:
     """The predicted class, and the rest of the answer."""
     if answer is None:
         return "", ""
-    lines = []
-    if answer.likely is not None:
-        lines.append(f"{1 - ALPHA:.0%} prediction set: {', '.join(answer.likely) or 'none'}.")
+    lines = [f"{1 - ALPHA:.0%} prediction set: {', '.join(answer.likely) or 'none'}."]
     if answer.values:
         each = (f"{value:.1f}{unit} [{low:.1f}, {high:.1f}]" for value, low, high in answer.values)
         lines.append(f"Value: {', '.join(each)}.")

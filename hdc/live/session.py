@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import hdc
-from hdc import HDCClassifier, bits
+from hdc import HDCClassifier, HDCRegressor, bits
+from hdc.classifier import READOUTS
 from hdc.encode import encode
 from hdc.inputs import tensor
 from hdc.live.sources import Pressable, Source, Touch
@@ -31,19 +31,13 @@ ALPHA = 0.1
 """Error rate of prediction sets: they miss the true class in one of ten frames."""
 _NUMBER = re.compile(r"([-+]?\d+(?:\.\d+)?)\s*[^\d\s]*")  # "1.5" or "1.5 mm"
 
-# Parts of the library that the page shows where they are there.
-HAS_SETS = hasattr(HDCClassifier, "predict_set")
-HAS_VALUES = hasattr(hdc, "HDCRegressor")
-HAS_READOUTS = "readout" in HDCClassifier().get_params()
-READOUTS = ("prototype", "ridge", "neighbours") if HAS_READOUTS else ("prototype",)
-
 
 @dataclass(frozen=True)
 class Answer:
     """The model's prediction for a frame."""
 
     label: str | None  # None: none of these
-    likely: tuple[str, ...] | None  # prediction set; None where the library has none
+    likely: tuple[str, ...]  # prediction set
     distances: dict[str, float]  # Hamming, to each prototype, as a share of the bits
     values: tuple[tuple[float, float, float], ...] = ()  # value, low, high, where taught
 
@@ -80,14 +74,14 @@ class Session:
 
     def __init__(self, source: Source) -> None:
         self.source, self.readout = source, READOUTS[0]
-        self.model: Any = None
+        self.model: HDCClassifier | None = None
         self.counts: dict[str, int] = {}
         self.places: dict[str, tuple[Touch, ...]] = {}
         self.tests: deque[bool] = deque(maxlen=RECENT)
         self.version = 0
         self._samples: list[Sample] = []
         self._file: bytes | None = None  # of a loaded model, which training starts from
-        self._regressor: Any = None
+        self._regressor: HDCRegressor | None = None
         self._tested = 0
 
     # Prediction ----------------------------------------------------------------------------------
@@ -104,7 +98,7 @@ class Session:
 
     def ask(self, frame: np.ndarray) -> Answer | None:
         """The model's answer for a frame [H, W]; None with fewer than two classes."""
-        if len(self.counts) < 2:
+        if self.model is None or len(self.counts) < 2:
             return None
         answer = _answer(self.model, frame)
         if self._regressor is None:
@@ -228,19 +222,16 @@ class Session:
     def _train(self, samples: list[Sample], readout: str | None = None) -> None:
         """Train on these samples and keep them; where that raises, nothing changes."""
         readout = readout or self.readout
-        parameters: dict[str, Any] = {"readout": readout} if HAS_READOUTS else {}
-        model: Any = None if self._file is None else _read(self._file)
+        model = None if self._file is None else _read(self._file)
         counts = Counter({} if model is None else _counts(model))
         counts.update(sample.label for sample in samples)
         for lesson in sorted({sample.lesson for sample in samples}):
             chosen = [sample for sample in samples if sample.lesson == lesson]
             frames, labels = np.stack([s.frame for s in chosen]), [s.label for s in chosen]
-            if lesson.number and len(counts) > 1:
-                model.recalibrate(
-                    frames, labels, lesson.p, seed=lesson.number, method=lesson.method
-                )
+            if model and lesson.number and len(counts) > 1:
+                model.recalibrate(frames, labels, lesson.p, lesson.number, lesson.method)
             elif model is None and len(counts) > 1:
-                model = HDCClassifier(**parameters).fit(frames, labels)
+                model = HDCClassifier(readout=readout).fit(frames, labels)
             else:  # a single class has no read-out yet, but a prototype to show
                 model = (model or HDCClassifier()).partial_fit(frames, labels)
         self._regressor = _regressor(samples, readout)
@@ -252,7 +243,7 @@ class Session:
 
     def saved(self) -> bytes:
         """The model as a file of :meth:`hdc.HDCClassifier.save`, with the places as metadata."""
-        if len(self.counts) < 2:
+        if self.model is None or len(self.counts) < 2:
             raise ValueError("There is nothing to save yet: teach two classes first.")
         places = {n: [[t.x, t.y, t.depth] for t in place] for n, place in self.places.items()}
         with tempfile.TemporaryDirectory() as folder:
@@ -277,31 +268,26 @@ class Session:
             wanted = f"up to {MOST_CLASSES} classes with names of 1 to {MOST_LETTERS} letters"
             raise ValueError(f"The page shows {wanted}; this model has {len(names)}: {names}"[:200])
         self._file, self.places = content, _places(model.metadata_.get("places"), names)
-        self._train([], model.get_params().get("readout", "prototype"))
+        self._train([], model.readout)
         self.tests.clear()
 
 
-def _regressor(samples: list[Sample], readout: str) -> Any:
+def _regressor(samples: list[Sample], readout: str) -> HDCRegressor | None:
     """A regressor of the values of samples that have one; None with fewer than two values."""
     known = [sample for sample in samples if sample.value]
-    if not HAS_VALUES or len({sample.value for sample in known}) < 2:
+    if len({sample.value for sample in known}) < 2:
         return None
-    library: Any = hdc
     frames, values = np.stack([s.frame for s in known]), np.array([s.value for s in known])
     # Few places are far apart: the nearest frame tells them, where a line between them does not.
-    regressor = library.HDCRegressor(readout="ridge" if readout == "ridge" else "neighbours")
+    regressor = HDCRegressor(readout="ridge" if readout == "ridge" else "neighbours")
     return regressor.fit(frames, values)
 
 
-def _answer(model: Any, frame: np.ndarray) -> Answer:
-    frames, likely = frame[None], None
+def _answer(model: HDCClassifier, frame: np.ndarray) -> Answer:
+    frames = frame[None]
     distances = (model.distances(frames)[0] / model.dimension_).tolist()
-    try:
-        label = model.predict(frames, reject=True)[0]
-        if HAS_SETS:
-            likely = tuple(map(str, model.predict_set(frames, ALPHA)[0]))
-    except ValueError:  # too few samples to tell an outlier
-        label = model.predict(frames)[0]
+    label = model.predict(frames, reject=True)[0]
+    likely = tuple(map(str, model.predict_set(frames, ALPHA)[0]))
     return Answer(label, likely, dict(zip(model.classes_.tolist(), distances, strict=True)))
 
 

@@ -118,7 +118,7 @@ class Recorded:
         self.metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
         self.shape, self.classes = recording.shape, recording.classes
         self._order = np.argsort(recording.samples["order"], kind="stable")
-        self._labels = recording.labels[self._order]
+        self._labels = np.asarray(recording.labels)[self._order]
         self._place, self._due, self.playing = -1, time.monotonic(), True
 
     @property

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from hdc.readers.files import BadFrame, SettingError, file_size, natural_key, require, shown
+from hdc.readers.files import BadFrame, SettingError, check_file, natural_key, require, shown
 from hdc.readers.live import camera
 from hdc.readers.recording import Recording, Window, is_integer
 
@@ -120,7 +120,7 @@ def open_recording(
         return open_array(path, window, axes, value_columns, fewest_classes, max_pixels)
     from hdc.readers.video import open_video
 
-    return open_video(path, where, window, skip, fewest_classes, memory_bytes, max_pixels)
+    return open_video(path, where, window, skip, fewest_classes, max_pixels)
 
 
 def check_path(path: str | Path, intervals: str | Path | None = None) -> None:
@@ -148,7 +148,7 @@ def _resolved(path: str | Path, intervals: str | Path | None) -> tuple[Path, Pat
         raise SettingError(
             f"path: expected a folder, an .npz or a video, found nothing: {shown(path)}"
         )
-    file_size(path)  # raises: to open a pipe would wait for ever
+    check_file(path)
     if suffix not in (*ARRAY_SUFFIXES, *VIDEO_SUFFIXES):
         raise SettingError(
             f"path: expected a folder, an array ({', '.join(ARRAY_SUFFIXES)}) or a video "

@@ -1,9 +1,8 @@
-"""Images: decoded by OpenCV to grey frames, after Pillow has looked at their header.
+"""Images: PNG, JPEG, BMP or TIFF of 8 or 16 bits, decoded to grey frames of as many bits.
 
-PNG, JPEG, BMP or TIFF of 8 or 16 bits, which are kept. Colour becomes luminance (ITU-R BT.601,
-0.299 R + 0.587 G + 0.114 B, as OpenCV and Pillow have it) and an alpha channel is left out. Pixels
-are as they are stored: no orientation tag is applied. A TIFF with another orientation or with
-alpha is refused, because OpenCV would turn it or multiply by alpha.
+Colour becomes luminance (ITU-R BT.601, 0.299 R + 0.587 G + 0.114 B) and an alpha channel is left
+out. Pixels are as they are stored: no orientation tag is applied. OpenCV decodes, but a TIFF is
+decoded by Pillow, as OpenCV leaves damaged strips as they come.
 """
 
 from __future__ import annotations
@@ -11,9 +10,8 @@ from __future__ import annotations
 import hashlib
 import io
 import warnings
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -21,9 +19,9 @@ from typing import Any, TypeVar
 
 import cv2
 import numpy as np
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
-from hdc.readers.files import BadFrame, SettingError, file_size, natural_key, shown, usable_cores
+from hdc.readers.files import BadFrame, SettingError, check_file, natural_key, shown
 from hdc.readers.listing import Listing
 from hdc.readers.recording import Recording, Window, class_indices, with_progress
 
@@ -31,45 +29,36 @@ S = TypeVar("S")
 T = TypeVar("T")
 
 FORMATS = ("PNG", "JPEG", "BMP", "TIFF")
-MODES = {
-    "PNG": ("1", "L", "LA", "P", "RGB", "RGBA", "I;16", "I"),
-    "JPEG": ("L", "RGB"),
-    "MPO": ("L", "RGB"),  # a JPEG with a preview beside it
-    "BMP": ("1", "L", "P", "RGB"),
-    "TIFF": ("1", "L", "P", "RGB", "I;16", "I;16B"),
-}
-_TOGETHER = 4
-"""Files that a thread reads one after the other: to hand over each costs time, too."""
-MOST_THREADS = 16
+TIFF_MODES = {"1": "L", "L": "L", "P": "RGB", "RGB": "RGB", "I;16": "I;16", "I;16B": "I;16B"}
+"""Pillow's modes of a TIFF → what they are converted to."""
+AHEAD = 16
+"""Images decoded ahead of the caller, at least."""
 
 
-def decode(file: Path, max_pixels: int = 2**24) -> tuple[bytes, np.ndarray]:
-    """Bytes of a file and its image [H, W] or [H, W, channels], uint8 or uint16 (blue first).
+def decode(file: Path, max_pixels: int = 2**24) -> np.ndarray:
+    """The image [H, W] or [H, W, channels] of a file, uint8 or uint16 (blue first).
 
     Raises:
         BadFrame: it is no single, whole image of a kind that is read here; the file is named.
     """
-    file_size(file)  # raises: to open a pipe would wait for ever
+    check_file(file)
     try:
         data = file.read_bytes()
         with Image.open(io.BytesIO(data), formats=FORMATS) as header:
             _check_header(header, data, max_pixels)
+            if header.format == "TIFF":
+                return _tiff(header)
             image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
             if image is None or image.shape[1::-1] != header.size:
                 raise ValueError("expected a whole image, found one that is damaged or truncated")
-            if image.dtype not in (np.uint8, np.uint16):
-                raise ValueError(f"expected 8 or 16 bits a pixel, found {image.dtype}")
-            if header.format == "TIFF":
-                _check_alike(image, header)
+            return image
     except Exception as error:  # broken bytes make Pillow raise a dozen different types
-        text = str(error)
-        if isinstance(error, OSError) or not text.startswith("expected"):
-            found = getattr(error, "strerror", None) or text or type(error).__name__
-            text = f"expected a whole image ({', '.join(FORMATS)}), found: {found}"
-            if "cannot identify" in found:
-                text = f"expected an image ({', '.join(FORMATS)}), found other data"
+        text, kinds = str(error), ", ".join(FORMATS)
+        if isinstance(error, UnidentifiedImageError):
+            text = f"expected an image ({kinds}), found other data"
+        elif isinstance(error, OSError) or not text.startswith("expected"):
+            text = f"expected a whole image ({kinds}), found: {text or repr(error)}"
         raise BadFrame(f"{shown(file)}: {shown(text)}") from error
-    return data, image
 
 
 def _check_header(header: Any, data: bytes, max_pixels: int) -> None:
@@ -80,24 +69,20 @@ def _check_header(header: Any, data: bytes, max_pixels: int) -> None:
         )
     if header.format != "MPO" and (n := getattr(header, "n_frames", 1)) > 1:
         raise ValueError(f"expected a single image, found {n}")
-    if header.mode not in MODES[header.format]:
-        raise ValueError(f"expected a grey or colour {header.format}, found {header.mode}")
-    if header.format == "TIFF" and (turned := header.tag_v2.get(274, 1)) != 1:
-        raise ValueError(f"expected pixels as they are seen, found a TIFF of orientation {turned}")
     # A file that was never finished ends in zeros; decoders make up what is missing.
     if header.format == "JPEG" and data.endswith(b"\0") and data.rstrip(b"\0")[-2:] != b"\xff\xd9":
         raise ValueError("expected a whole image, found one that ends in zeros")
 
 
-def _check_alike(image: np.ndarray, header: Any) -> None:
-    """Compare a TIFF with what Pillow decodes: OpenCV leaves damaged strips as they come."""
-    plain = header.convert({"1": "L", "P": "RGB"}.get(header.mode, header.mode))
-    other = np.asarray(plain).astype(np.uint16 if plain.mode.startswith("I") else np.uint8)
-    if other.ndim == 3:
-        other = other[..., ::-1]
-    shift = 8 * (image.dtype.itemsize - other.dtype.itemsize)  # Pillow has 8 bits of colour
-    if not np.array_equal(grey(image >> max(shift, 0)), grey(other)):
-        raise ValueError("expected a plain TIFF, found one that OpenCV and Pillow read differently")
+def _tiff(header: Any) -> np.ndarray:
+    if header.mode not in TIFF_MODES or header.tag_v2.get(258, (8,))[1:2] == (16,):
+        raise ValueError(
+            f"expected a grey TIFF, or colour of 8 bits without alpha, found {header.mode}"
+        )
+    if (turned := header.tag_v2.get(274, 1)) != 1:
+        raise ValueError(f"expected pixels as they are seen, found a TIFF of orientation {turned}")
+    image = np.asarray(header.convert(TIFF_MODES[header.mode]))
+    return image[..., ::-1] if image.ndim == 3 else image.astype(image.dtype.newbyteorder("="))
 
 
 def grey(image: np.ndarray) -> np.ndarray:
@@ -113,42 +98,34 @@ def ahead(
     function: Callable[[S], T], items: Sequence[S], threads: int | None = None
 ) -> Iterator[T]:
     """map() over threads, some items ahead of the caller."""
-    threads = threads or min(usable_cores(), MOST_THREADS)
-    groups = [items[i : i + _TOGETHER] for i in range(0, len(items), _TOGETHER)]
-    waiting: deque[Future[list[T]]] = deque()
-    with warnings.catch_warnings(), quiet_opencv(), ThreadPoolExecutor(threads) as executor:
-        warnings.filterwarnings("ignore", module="PIL")  # of tags that no pixel depends on
-        try:
-            for group in groups:
-                waiting.append(executor.submit(lambda some: list(map(function, some)), group))
-                if len(waiting) > 2 * threads:
-                    yield from waiting.popleft().result()
-            while waiting:
-                yield from waiting.popleft().result()
-        finally:
-            executor.shutdown(cancel_futures=True)
+    step = max(AHEAD, 2 * (threads or 0))
+    with quiet(), ThreadPoolExecutor(threads) as executor:
+        waiting = executor.map(function, items[:step])
+        for start in range(step, len(items) + step, step):
+            ready, waiting = waiting, executor.map(function, items[start : start + step])
+            yield from ready
 
 
 @contextmanager
-def quiet_opencv() -> Iterator[None]:
-    """OpenCV logs what it cannot decode; here that is reported as an error, once."""
+def quiet() -> Iterator[None]:
+    """Errors are raised, not logged as well; Pillow warns of tags that no pixel depends on."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module="PIL")
+            yield
     finally:
         cv2.utils.logging.setLogLevel(level)
 
 
-def stream_files(
-    files: Sequence[Path], window: Window, max_pixels: int = 2**24
-) -> Iterator[np.ndarray]:
+def stream_files(files: Sequence[Path], window: Window) -> Iterator[np.ndarray]:
     """Grey frames [H, W] of image files, one after the other, whatever their sizes.
 
     Raises:
         BadFrame: a file is no usable image, or the crop does not lie inside it.
     """
-    return ahead(lambda file: _frame(file, decode(file, max_pixels)[1], window), files)
+    return ahead(lambda file: _frame(file, decode(file), window), files)
 
 
 def _frame(file: Path, image: np.ndarray, window: Window) -> np.ndarray:
@@ -169,52 +146,52 @@ def open_listing(
     memory_bytes: int,
     max_pixels: int,
 ) -> Recording:
-    """Open the images of a folder; with ``check`` every one is decoded at once.
+    """Open the images of a folder; with ``check`` or ``skip`` every one is decoded at once.
 
     Raises:
         BadFrame: a file is no usable image, or its size or depth is not that of the first.
         ValueError: a class is left without a frame.
     """
-    files, first, digests = listing.files, list[tuple[Any, ...]](), dict[Path, bytes]()
+    files, problems = listing.files, dict[int, BadFrame]()
+    for i, file in enumerate(files):
+        try:
+            with quiet():
+                first = decode(file, max_pixels)
+            break
+        except BadFrame as error:
+            problems[i] = error
+            if not skip or i + 1 == len(files):
+                raise problems[0] from error
+    (height, width), dtype = first.shape[:2], first.dtype
 
     def load(file: Path) -> np.ndarray:
-        data, image = decode(file, max_pixels)
-        kind = (image.shape[:2], image.dtype)
-        first[:] = first or [kind]
-        if kind != first[0]:
-            ((height, width), dtype), ((h, w), other) = first[0], kind
+        image = decode(file, max_pixels)
+        if image.shape[:2] != (height, width) or image.dtype != dtype:
             raise BadFrame(
                 f"{shown(file)}: expected {width} × {height} pixels {dtype} as in the other "
-                f"frames, found {w} × {h} {other}"
+                f"frames, found {image.shape[1]} × {image.shape[0]} {image.dtype}"
             )
-        if check and digests.setdefault(file, digest := hashlib.sha256(data).digest()) != digest:
-            raise BadFrame(f"{shown(file)}: expected the file that was opened, found it changed")
         return _frame(file, image, window)
 
     def attempt(file: Path) -> np.ndarray | BadFrame:
         try:
             return load(file)
         except BadFrame as error:
-            if not skip:
-                raise
             return error
 
-    good, problems, kept = list(range(len(files))), [], list[np.ndarray]()
-    if check:
-        good, in_memory = [], True
-        frames = _decoded(attempt, files, first, threads)
-        for i, frame in enumerate(with_progress(frames, len(files), "Reading images")):
+    size = _frame(files[len(problems)], first, window).shape
+    kept: list[np.ndarray] = []
+    if check or skip:
+        in_memory = len(files) * size[0] * size[1] * dtype.itemsize <= memory_bytes
+        frames = with_progress(ahead(attempt, files, threads), len(files), "Reading images")
+        for i, frame in enumerate(frames):
             if isinstance(frame, BadFrame):
-                problems.append(str(frame))
-                continue
-            good.append(i)
-            in_memory = in_memory and (len(kept) + 1) * frame.nbytes <= memory_bytes
-            if in_memory:
+                problems[i] = frame
+                if not skip:
+                    raise frame
+            elif in_memory:
                 kept.append(frame)
-            else:
-                kept.clear()
-        if not good:
-            raise BadFrame(problems[0])
+    good = [i for i in range(len(files)) if i not in problems]
     relative = np.array([shown(_relative(file, root)) for file in files])
     left_out = np.delete(relative, good).tolist()
     usable = [files[i] for i in good]
@@ -228,19 +205,22 @@ def open_listing(
     stack = np.stack(kept) if kept else None
 
     def digest() -> str:
-        hashes = (digests.get(f) or hashlib.sha256(f.read_bytes()).digest() for f in usable)
-        whole = hashlib.sha256(b"".join(hashes))
+        contents = (hashlib.sha256(file.read_bytes()).digest() for file in usable)
+        whole = hashlib.sha256(b"".join(contents))
         whole.update(repr(left_out).encode() if left_out else b"")
         return whole.hexdigest()
 
     def each(index: np.ndarray) -> Iterator[np.ndarray]:
-        if stack is not None:
-            return iter(stack[index])
-        return _decoded(load, [usable[i] for i in index], first, threads)
+        return (
+            iter(stack[index])
+            if stack is not None
+            else ahead(load, [usable[i] for i in index], threads)
+        )
 
     return Recording(
         classes=classes,
         labels=labels,
+        shape=(size[0], size[1]),
         samples={
             "order": np.arange(len(good)),
             **{name: values[good] for name, values in listing.samples.items()},
@@ -252,21 +232,9 @@ def open_listing(
         window=window,
         values=None if listing.values is None else listing.values[good],
         value_names=listing.value_names,
-        skipped=tuple(problems),
+        skipped=tuple(str(problems[i]) for i in sorted(problems)),
         other_files=tuple(map(shown, listing.other_files)),
-        size=window.shape(*first[0][0]) if first else None,
     )
-
-
-def _decoded(
-    load: Callable[[Path], T], files: Sequence[Path], first: list[Any], threads: int | None
-) -> Iterator[T]:
-    """Frames of files, ahead of the caller; the first one says what the others must be like."""
-    start = 0
-    while not first and start < len(files):
-        yield load(files[start])
-        start += 1
-    yield from ahead(load, files[start:], threads)
 
 
 def _relative(file: Path, root: Path) -> str:

@@ -25,11 +25,11 @@ def camera(
         ValueError: there is no such camera, or a setting is out of range.
         BadFrame: the camera stops giving frames.
     """
-    from hdc.readers.images import cv2, quiet_opencv
+    from hdc.readers.images import cv2, quiet
 
     require(is_integer(index) and index >= 0, "camera", index, "an integer ≥ 0")
     window = Window(crop, subsample)
-    with quiet_opencv():
+    with quiet():
         capture = cv2.VideoCapture(index)
     if not capture.isOpened():
         raise ValueError(

@@ -73,6 +73,7 @@ class Recording:
     Attributes:
         classes: names of the L classes in their order; none where the recording has values only.
         labels: index into them of each frame, int64 [N]; None without classes.
+        shape: (H, W) of a frame.
         samples: all that is known of the frames beside labels and values, [N] each: ``order``
             (place in time), ``session`` and ``group`` where known, other columns of a table.
         values: float64 [N, k], the numbers to learn; None where there are none.
@@ -83,11 +84,11 @@ class Recording:
         place: file of a frame, or its place in one, for messages.
         digest: gives that of the recorded bytes, in their order, and of the skipped frames.
         window: pixels that are kept.
-        size: (H, W) of a frame, None until the first one is decoded.
     """
 
     classes: tuple[str, ...]
     labels: np.ndarray | None
+    shape: tuple[int, int]
     samples: Mapping[str, np.ndarray]
     each: Callable[[np.ndarray], Iterator[np.ndarray]]
     place: Callable[[int], str]
@@ -97,7 +98,6 @@ class Recording:
     value_names: tuple[str, ...] = ()
     skipped: tuple[str, ...] = ()
     other_files: tuple[str, ...] = ()
-    size: tuple[int, int] | None = None
 
     def __len__(self) -> int:
         return len(self.samples["order"])
@@ -107,14 +107,6 @@ class Recording:
         if isinstance(index, slice):
             return self.frames(range(len(self))[index])
         return self.frames([index])[0]
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(H, W) of a frame."""
-        if self.size is None:
-            object.__setattr__(self, "size", next(self.stream([0])).shape)
-        assert self.size is not None
-        return self.size
 
     @property
     def names(self) -> list[str]:
@@ -143,30 +135,20 @@ class Recording:
 
         Raises:
             IndexError: an index is outside [0, N).
-            BadFrame: a frame cannot be used, or changed since it was checked.
+            BadFrame: a frame cannot be used.
         """
-        frames = self.stream(indices)
-        if (first := next(frames, None)) is None:
-            return np.empty((0, *self.shape), np.uint8)
-        out = np.empty((np.size(indices), *first.shape), first.dtype)
-        out[0] = first
-        for i, frame in enumerate(frames, 1):
-            out[i] = frame
-        return out
+        frames = list(self.stream(indices))
+        return np.stack(frames) if frames else np.empty((0, *self.shape), np.uint8)
 
     def stream(self, indices: Sequence[int] | np.ndarray | None = None) -> Iterator[np.ndarray]:
-        """Frames [H, W] of the given indices (default: all), decoded ahead by threads.
-
-        Raises:
-            IndexError, BadFrame: see :meth:`frames`.
+        """Frames [H, W] of the given indices (default: all), one after the other; see
+        :meth:`frames`.
         """
-        return self.each(self._checked(range(len(self)) if indices is None else indices))
-
-    def _checked(self, indices: Sequence[int] | np.ndarray) -> np.ndarray:
-        index = np.asarray(indices, dtype=np.int64).reshape(-1)
+        chosen = range(len(self)) if indices is None else indices
+        index = np.asarray(chosen, dtype=np.int64).reshape(-1)
         if len(index) and not 0 <= index.min() <= index.max() < len(self):
             raise IndexError(f"indices: expected values in [0, {len(self)}), found {index}")
-        return index
+        return self.each(index)
 
     def left_out(self, most: int = 3) -> str:
         """One line on frames and files that were left out, with the first names; or nothing."""

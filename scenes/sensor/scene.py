@@ -101,9 +101,7 @@ class SpeckleScene:
         """SHA-256 over parameters and seeds; not over the code that draws from them."""
         parts = {
             "sensor": asdict(self.sensor),
-            "contacts": [
-                None if c is None else [type(c).__name__, asdict(c)] for c in self.contacts
-            ],
+            "contacts": [c and [type(c).__name__, asdict(c)] for c in self.contacts],
             "classes": self.classes,
             "counts": self._counts,
             # "creep" was a setting once; without it the digests of all scenes would change.
@@ -127,8 +125,7 @@ class SpeckleScene:
                 "session": np.full(per_session, session),
                 "temperature": temperature,
                 "depth": np.zeros(per_session),
-                "x": np.full(per_session, np.nan),
-                "y": np.full(per_session, np.nan),
+                **{axis: np.full(per_session, np.nan) for axis in "xy"},
             }
             for c, contact in enumerate(self.contacts):
                 if contact is not None:

@@ -80,9 +80,9 @@ class Sensor:
 def _part(key: str, kind: type[Part], value: Part | Mapping[str, Any]) -> Part:
     if isinstance(value, kind):
         return value
-    require(isinstance(value, Mapping), key, value, f"a mapping or a {kind.__name__}")
-    assert isinstance(value, Mapping)
     known = [f.name for f in fields(kind)]  # type: ignore[arg-type]
-    for name in value:
+    require(isinstance(value, Mapping), key, value, f"a mapping of some of {', '.join(known)}")
+    given: dict[str, Any] = dict(value)  # type: ignore[call-overload, arg-type]
+    for name in given:
         require(name in known, f"{key}.{name}", name, f"one of {', '.join(known)}")
-    return kind(**value)
+    return kind(**given)

@@ -49,11 +49,3 @@ def test_no_two_models_look_alike():
     shown = [composed(f"model={name}").display for name in NAMES]
     assert len({(look.colour, look.marker, look.line) for look in shown}) == len(NAMES)
     assert len({look.name for look in shown}) == len(NAMES)
-
-
-@pytest.mark.parametrize("name", ["softmax", "cnn1"])
-def test_the_published_recipe_is_what_the_class_does_by_itself(name):
-    """So that a record from before a field was named is a record of the same recipe."""
-    model = instantiate(composed(f"model={name}").model, _convert_="all")
-    for field in ("pixels", "optimizer", "lr", "batch_size", "init", "init_std"):
-        assert getattr(model, field) == getattr(type(model)(), field)

@@ -175,7 +175,6 @@ def test_online_prototypes_are_those_of_the_rule_in_floats(weights):
     ("given", "message"),
     [
         ({"bundle": -1}, "bundle: expected an integer from 0, found -1"),
-        ({"correction": 0.5}, "correction: expected int, found 0.5"),
         ({"bundle": 0, "correction": 0}, "expected one above 0"),
         ({"ties": "heads"}, "ties: expected one of zero, one, found 'heads'"),
     ],

@@ -61,7 +61,9 @@ def test_commands_of_hdc_run_in_the_order_shown(page, tmp_path, monkeypatch, cap
         with pytest.raises(SystemExit) as caught:
             main(shlex.split(command)[1:])
         out, err = capsys.readouterr()
-        assert (caught.value.code, err) == (0, ""), command
+        # A model of a few frames warns that it can refuse none.
+        errors = [line for line in err.splitlines() if not line.startswith("warning: ")]
+        assert (caught.value.code, errors) == (0, []), command
         assert out, command
 
 

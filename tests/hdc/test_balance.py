@@ -83,7 +83,9 @@ def test_both_ways_of_recalibration_are_balanced() -> None:
 def test_thinned_counts_are_those_of_random_subsets() -> None:
     n, size = 12, 5
     ones = torch.arange(13).repeat(4000)[None]  # each count 4000 times
-    counters = Counters.from_counts(torch.cat((ones, ones.clamp(max=4))), torch.tensor([n, 4]))
+    rows = torch.arange(n)[:, None] < ones  # row i has a one where more than i do
+    counters = Counters(2, 52_000)
+    counters.add(bits.pack(torch.cat((rows, rows[:4]))), torch.tensor([0] * n + [1] * 4))
     thinned = counters.thinned(size, seed=3)
     assert thinned.n.tolist() == [size, 4]
     assert torch.equal(thinned.counts()[1], ones[0].clamp(max=4))

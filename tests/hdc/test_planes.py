@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -32,14 +31,6 @@ def test_both_routes_count_every_column(n: int, d: int, share: float) -> None:
     assert torch.equal(words, bits.pack(mask))  # the samples are not written to
 
 
-@pytest.mark.parametrize("n", [255, 256, 65_537])
-def test_counters_at_a_power_of_two(n: int) -> None:
-    """All ones: the largest count there is, with the longest carries."""
-    words = bits.pack(torch.ones(1, 65, dtype=torch.bool)).expand(n, 2).contiguous()
-    for route in (planes.vertical_sum, planes.vertical_sum_torch):
-        assert integers(route(words), 65).tolist() == [n] * 65
-
-
 @given(
     st.lists(st.integers(0, 40), min_size=70, max_size=70),
     st.lists(st.integers(0, 69), max_size=60),
@@ -51,13 +42,6 @@ def test_counting_into_what_was_counted_before(start: list[int], rows: list[int]
     counts = counters(before, 7)
     planes.count_into(counts, bits.pack(mask), rows)
     assert torch.equal(integers(counts, 70).long(), before + mask[rows].sum(0))
-
-
-def test_counting_crosses_blocks(monkeypatch) -> None:
-    words = bits.pack(torch.from_numpy(np.random.default_rng(0).random((50, 700)) < 0.5))
-    whole = planes.vertical_sum(words)
-    monkeypatch.setattr(planes, "_BLOCK", 3)
-    assert torch.equal(planes.vertical_sum(words), whole)
 
 
 numbers = st.lists(st.integers(0, 1000), min_size=70, max_size=70)

@@ -39,17 +39,6 @@ def test_any_split_order_and_merge_count_alike(labels: list[int], random) -> Non
     assert torch.equal(merged.planes, whole.planes)
 
 
-@pytest.mark.parametrize("n_classes", [1, 2, 5, 51])
-def test_prototypes_of_many_unequal_classes(n_classes: int) -> None:
-    labels = torch.cat([torch.full((c % 7 + 1,), c) for c in range(n_classes)])
-    mask = vectors(len(labels), 127)
-    counters = Counters(n_classes, 127)
-    counters.add(bits.pack(mask), labels)
-    for c, prototype in enumerate(bits.unpack(counters.majority(), 127)):
-        members = mask[labels == c]
-        assert torch.equal(prototype, 2 * members.sum(0) > len(members))
-
-
 def test_more_than_two_to_the_sixteen_samples() -> None:
     mask = vectors(65_537, 65)
     words, labels = bits.pack(mask), torch.zeros(65_537, dtype=torch.int64)
@@ -77,14 +66,6 @@ def test_random_ties_are_an_added_hypervector_from_the_seed() -> None:
     counters.majority("random", seed=-5)
 
 
-def test_zero_and_one_differ_exactly_in_the_ties() -> None:
-    mask = vectors(10, 500)
-    counters = Counters(1, 500)
-    counters.add(bits.pack(mask), torch.zeros(10).long())
-    differ = counters.majority("zero") ^ counters.majority("one")
-    assert torch.equal(bits.unpack(differ, 500)[0], mask.sum(0) == 5)
-
-
 @pytest.mark.parametrize("label", [-1, 2])
 def test_class_indices_outside_are_named_and_not_counted(label: int) -> None:
     counters = Counters(2, 64)
@@ -103,13 +84,6 @@ def test_disagreeing_sizes_are_named() -> None:
         counters.merge(Counters(2, 65))
     with pytest.raises(ValueError, match="dimension: expected at least 1, found 0"):
         Counters(2, 0)
-
-
-@pytest.mark.parametrize("p", [-0.01, 1.01, float("nan")])
-def test_a_share_outside_zero_to_one_is_refused(p: float) -> None:
-    words = torch.zeros(2, 1).long()
-    with pytest.raises(ValueError, match="p: expected a probability"):
-        recalibrate(words, words, 64, p)
 
 
 def test_recalibrated_bits_come_from_either_side() -> None:
@@ -133,17 +107,6 @@ def test_a_class_without_samples_is_named() -> None:
         counters.majority()
 
 
-@pytest.mark.parametrize("p", [0.0, 0.25, 1.0])
-def test_recalibration_replaces_a_share_p_of_the_bits(p: float) -> None:
-    d = 100_000
-    stored = bits.pack(torch.zeros(2, d, dtype=torch.bool))
-    new = bits.pack(torch.ones(2, d, dtype=torch.bool))
-    replaced = bits.unpack(recalibrate(stored, new, d, p, seed=3), d).double().mean().item()
-    assert abs(replaced - p) <= 5 * (p * (1 - p) / (2 * d)) ** 0.5
-    again = recalibrate(stored, new, d, p, seed=3)
-    assert torch.equal(again, recalibrate(stored, new, d, p, seed=3))
-
-
 @given(st.lists(st.integers(0, 9), min_size=1, max_size=4), st.integers(1, 40))
 @settings(max_examples=30, deadline=None)
 def test_scaled_counters_are_repeated_samples(weights: list[int], n: int) -> None:
@@ -156,26 +119,6 @@ def test_scaled_counters_are_repeated_samples(weights: list[int], n: int) -> Non
     scaled = counters.scaled(weights)
     assert torch.equal(scaled.n, repeated.n)
     assert torch.equal(scaled.counts(), repeated.counts())
-    for dtype in (torch.int64, torch.int32, torch.uint8)[: 2 + (int(repeated.n.max()) < 256)]:
-        again = Counters.from_counts(repeated.counts(dtype), repeated.n)
-        assert torch.equal(again.planes, repeated.planes)
-
-
-def test_counts_outside_their_samples_are_named() -> None:
-    for counts in ([[1, 4], [0, 0]], [[0, 0], [0, -1]]):
-        with pytest.raises(ValueError, match=r"class [01]: expected counts from 0 to 3, found"):
-            Counters.from_counts(torch.tensor(counts), torch.tensor([3, 3]))
-
-
-def test_counters_of_some_classes_are_merged_into_their_rows() -> None:
-    words = bits.pack(vectors(12, 100))
-    whole, part = Counters(4, 100), Counters(2, 100)
-    whole.add(words[:6], torch.arange(6) % 4)
-    part.add(words[6:], torch.arange(6) % 2)
-    before = whole.counts()
-    whole.merge(part, [3, 1])
-    before[[3, 1]] += part.counts()
-    assert torch.equal(whole.counts(), before)
 
 
 def test_what_is_drawn_from_one_seed_is_drawn_apart() -> None:

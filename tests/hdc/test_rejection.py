@@ -103,14 +103,6 @@ def test_predictions_that_are_none() -> None:
             model.is_known(mixed, share)
 
 
-def test_a_share_below_the_resolution_refuses_nothing() -> None:
-    frames, labels = Speckle(0).frames(10)
-    model = HDCClassifier().fit(frames, labels)
-    with pytest.warns(UserWarning, match=r"0\.05 of known frames: expected at least 0\.091, as 10"):
-        assert model.is_known(junk()[:50], 0.05).all()
-    assert not model.is_known(junk()[:50], 0.2).any()
-
-
 # Exact distances ----------------------------------------------------------------------------------
 
 
@@ -175,32 +167,6 @@ def test_what_is_kept_does_not_depend_on_batches_and_has_a_share_of_each_time() 
     assert len(samples[0]) == len(set(samples[0].flatten().tolist())) == 2 * KEPT
     thirds = np.bincount(samples[0].flatten() // 1000, minlength=3)
     assert thirds.min() >= 5  # of 38
-
-
-def test_merged_samples_have_the_share_of_each() -> None:
-    large, small, few = Sample(), Sample(), Sample()
-    large.add(torch.zeros(3000, 1).long(), ["a"] * 3000)
-    small.add(torch.ones(1000, 1).long(), ["a"] * 1000)
-    few.add(torch.ones(4, 1).long(), ["b"] * 4)
-    large.merge(small)
-    large.merge(few)
-    few.merge(few)
-    assert large.seen == {"a": 4000, "b": 4}
-    assert int(large.of("a").sum()) == 5  # a quarter of 19
-    assert few.of("b").tolist() == [[1]] * 8
-
-
-def test_models_without_kept_frames_refuse_to_reject() -> None:
-    frames, labels = Speckle(0).frames(50)
-    counters = HDCClassifier().fit(frames, labels).counters_
-    counted = HDCClassifier.from_counters(counters, range(5), (D,))
-    merged = HDCClassifier().fit(frames, labels)
-    merged.is_known(frames)
-    merged.merge(counted)
-    for model in (counted, merged):
-        for ask in (model.is_known, model.predict_set, model.limits):
-            with pytest.raises(ValueError, match="found one of counters alone"):
-                ask() if ask == model.limits else ask(frames)
 
 
 def test_merging_compares_with_frames_of_both_whoever_asked_before() -> None:

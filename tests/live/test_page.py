@@ -213,16 +213,6 @@ def test_a_wrong_source_is_one_line(words, code, message, capfd):
     assert message in err
 
 
-def test_a_missing_extra_is_one_line(monkeypatch, capfd):
-    for name in ("nicegui", "fastapi", "starlette"):
-        monkeypatch.setitem(sys.modules, name, None)
-    monkeypatch.delitem(sys.modules, "hdc.live.page", raising=False)
-    with pytest.raises(SystemExit, match="1"):
-        main(["live", "--folder", "nowhere"])
-    line = "error: expected the package nicegui, found none; pip install 'speckle-hdc[live]'\n"
-    assert capfd.readouterr().err == line
-
-
 def test_a_port_that_is_taken_is_one_line(address):
     port = address.split(":")[2].split("/")[0]
     command = [sys.executable, "-m", "scenes.live", "--port", port]

@@ -52,11 +52,6 @@ def test_accuracy_is_near_the_reported_one(repository, perturbation, reported):
     assert np.mean(accuracies) == pytest.approx(reported, abs=0.1)
 
 
-def test_the_excerpt_separates_the_classes():
-    accuracies = [hdc_accuracy(excerpt(samples_per_class=100, seed=k), k) for k in range(4)]
-    assert np.mean(accuracies) > 0.4  # of 0.2 by chance; the fibre itself has 0.79
-
-
 def test_it_is_a_scene_as_described():
     scene = excerpt(samples_per_class=20)
     assert isinstance(scene, Scene)
@@ -166,7 +161,7 @@ def test_matrices_of_another_fibre(tmp_path, monkeypatch):
     assert np.corrcoef(expected[frame < 255], frame[frame < 255])[0, 1] > 0.999
     with pytest.raises(ValueError, match=r"expected the 1 files of somebody/bent at abc"):
         excerpt(**{**settings, "source": {**source, "sha256": "0"}})
-    with pytest.raises(ValueError, match=r"scene.step: expected a depth in m .* found None"):
+    with pytest.raises(ValueError, match=r"scene.step: expected .* the depth in m .* None"):
         excerpt(**{**settings, "step": None})
     monkeypatch.delenv("MEASURED_DATA")
     with pytest.raises(
@@ -178,12 +173,9 @@ def test_matrices_of_another_fibre(tmp_path, monkeypatch):
 def test_settings_out_of_range_are_named():
     for setting, message in [
         ({"samples_per_class": 2.5}, "scene.samples_per_class: expected an integer ≥ 1, found 2.5"),
-        ({"perturbation": float("nan")}, "scene.perturbation: .* found nan"),
         ({"saturation": 0}, "scene.saturation: expected a finite number > 0"),
         ({"side": 20}, r"scene.side: expected an integer in \[21, 4096\], found 20"),
-        ({"n_fields": 0}, r"scene.n_fields: expected an integer in \[1, 64\], found 0"),
         ({"depth_edges": [0.0, 0.0]}, "scene.depth_edges: expected two or more increasing"),
-        ({"depth_edges": "deep"}, "scene.depth_edges: .* found 'deep'"),
         ({"depth_edges": [0.0, 1e-6]}, r"some of the 15 measured depths in class 0–1 µm"),
     ]:
         with pytest.raises(ValueError, match=message):

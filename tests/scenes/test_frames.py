@@ -44,9 +44,9 @@ def test_arrays_that_do_not_fit_together_are_named():
     for changed, message in [
         ({"images": torch.zeros(4, 6, dtype=torch.uint8)}, r"images: .* of shape \[N, H, W\]"),
         ({"images": torch.zeros(4, 2, 3)}, "images: expected uint8 or uint16 .*torch.float32"),
-        ({"labels": np.array([0, 1])}, r"labels: expected 4 integers, found 'int64 \(2,\)"),
-        ({"labels": np.array([0, 1, 2, 1])}, r"values in \[0, 2\), found array\(\[2\]\)"),
-        ({"samples": {"session": np.zeros(3)}}, "samples.'session'.: expected 4 values, found 3"),
+        ({"labels": np.array([0, 1])}, r"labels: expected 4 values, found 2"),
+        ({"labels": np.array([0, 1, 2, 1])}, r"values in \[0, 2\), found array"),
+        ({"samples": {"session": np.zeros(3)}}, "session: expected 4 values, found 3"),
     ]:
         with pytest.raises(ValueError, match=message):
             frames(**changed)

@@ -123,22 +123,13 @@ def test_learning_curve_subsets_are_nested_and_stratified(labels, seed, data):
         assert (np.abs(got - share) <= 1 + (len(names) - 1) * max(0.5, (share < 1).any())).all()
 
 
-def test_training_samples_of_the_paper_come_in_random_order():
-    labels = np.arange(500) % 5
-    train, test = split(labels, n_test=100)
-    assert np.bincount(labels[test]).tolist() == [20] * 5
-    assert not np.array_equal(train, np.sort(train))
-    assert not np.array_equal(split(labels, n_test=100, seed=1)[1], test)
-
-
 def test_sessions():
     sessions = np.array([0, 0, 1, 2, 1])
     train, test = by_session(sessions)
     assert (train.tolist(), test.tolist()) == ([0, 1], [2, 4])
-    with pytest.raises(ValueError, match=r"split.test: expected one of the sessions \[0, 1, 2\]"):
-        by_session(sessions, 0, 5)
-    with pytest.raises(ValueError, match="expected a session other than 1"):
-        by_session(sessions, 1, 1)
+    for test in (0, 5):
+        with pytest.raises(ValueError, match=r"other than 0 of the sessions \[0, 1, 2\], found"):
+            by_session(sessions, 0, test)
 
 
 LABELS = np.arange(20) % 2
@@ -149,11 +140,10 @@ LABELS = np.arange(20) % 2
     [
         ({"test_fraction": 1.0}, r"test_fraction: expected a number in \(0, 1\), found 1"),
         ({"test_fraction": float("nan")}, "test_fraction: expected a number"),
-        ({"n_test": 20}, r"n_test: expected an integer in \[1, 19\], found 20"),
-        ({"n_test": 4, "test_fraction": 0.2}, r"null beside split.n_test, found 0.2"),
+        ({"n_test": 20}, r"split: expected samples of class 0 on both sides of its 10"),
         ({"kind": "time"}, r"kind: expected one of random, .*, found 'time'"),
-        ({"kind": "ordered"}, r"order: expected shape \(20,\) .* found None"),
-        ({"kind": "ordered", "order": np.arange(3)}, r"order: expected shape \(20,\) .*\(3,\)"),
+        ({"kind": "ordered"}, r"split.order: expected the place of each sample, found None"),
+        ({"kind": "grouped"}, r"split.groups: expected the group of each sample, found None"),
         ({"kind": "grouped", "groups": LABELS}, r"groups of class 0 of which some .* found 1"),
         ({"seed": -1}, "seed: expected an integer ≥ 0, found -1"),
         ({"labels": LABELS.astype(float)}, "labels: expected integers"),

@@ -6,56 +6,61 @@ The template escapes every text that is put into it.
 from __future__ import annotations
 
 import base64
+import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from urllib.parse import quote
 
 import jinja2
 from markupsafe import Markup
+from PIL import Image
 
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Table
 
 TEMPLATES = Path(__file__).parent / "templates"
-# A number, its unit of size if it has one, and what stands in brackets behind it.
+COLUMNS = 8  # of a table that are shown at first
+ROWS = 30  # of a table that is not folded away
 _NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?( k?M?B)?( [\[(].*)?", re.IGNORECASE)
-_LONG = 30  # rows of a table that is folded away until asked for
-_PLAIN = " !$'()*+,-./:;<=>?@[]_~\n"  # what a data URI takes as it is
+_PLAIN = " !$'()*+,-./:;<=>?@[]_~\n"  # characters that a data URI takes as they are
+_TONES = {
+    "yes": "good", "no": "bad", "partly": "plain", "fitted": "plain",
+    "agrees": "good", "same": "good", "holds": "good", "differs": "bad", "fails": "bad",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure as drawn.
-
-    Attributes:
-        plot: what it is.
-        data: the file.
-    """
+    """A figure as drawn: what it is, and its file."""
 
     plot: Plot
     data: bytes
 
     @property
     def source(self) -> Markup:
-        """A data URI that may stand in an attribute in double quotes."""
-        if self.plot.kind == "svg":  # a third shorter than base64, which would escape every byte
-            # Quotes of the other kind around attributes need no escape here.
-            text = re.sub(r'="([^"\'<>]*)"(?=[^<>]*>)', r"='\1'", self.data.decode())
-            return Markup(f"data:image/svg+xml,{quote(text, safe=_PLAIN)}")
-        return Markup(f"data:image/webp;base64,{base64.b64encode(self.data).decode()}")
+        """A data URI for an attribute in double quotes."""
+        if self.plot.kind != "svg":
+            return Markup(f"data:image/webp;base64,{base64.b64encode(self.data).decode()}")
+        # Single quotes around attributes: escaped double ones would take a third more.
+        text = re.sub(r'="([^"\'<>]*)"(?=[^<>]*>)', r"='\1'", self.data.decode())
+        return Markup(f"data:image/svg+xml,{quote(text, safe=_PLAIN)}")
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, px: known before it is drawn, so that links land where they should."""
+        if self.plot.kind != "svg":
+            return Image.open(io.BytesIO(self.data)).size
+        points = re.findall(rb'\b(?:width|height)="([\d.]+)pt"', self.data[:1000])[:2]
+        width, height = (round(float(text) * 4 / 3) for text in points)
+        return width, height
 
 
 @dataclass(frozen=True)
 class Block:
-    """What one set of results says to a question.
-
-    Attributes:
-        name: ``mine``, ``reference``, or nothing where there is one set only.
-    """
+    """The answer of one set of results: ``mine``, ``reference``, or nameless where it is alone."""
 
     name: str = ""
     tables: Sequence[Table] = ()
@@ -83,9 +88,9 @@ def render(
 
     Args:
         sections: in their order.
-        problems: what was left out, and why.
+        problems: records that were left out, and why.
         about: name of a set of results → where it comes from.
-        minutes: name of an experiment → what it takes on 2 cores, shown beside its command.
+        minutes: name of an experiment → minutes on 2 cores, shown beside its command.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
@@ -94,32 +99,26 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["tone"] = _tone
-    environment.filters["kinds"] = _kinds
-    environment.filters["minutes"] = partial(_minutes, minutes)
+
+    def duration(command: str) -> str:
+        name = re.search(r"\bexperiment=(\w+)", command)
+        taken = minutes.get(name[1]) if name else None
+        return f"  # about {max(1, round(taken))} min on 2 cores" if taken else ""
+
+    environment.filters |= {"tone": _tone, "kinds": _kinds, "duration": duration}
     return environment.get_template("report.html").render(
-        sections=sections,
-        problems=problems,
-        about=about,
-        long=_LONG,
+        sections=sections, problems=problems, about=about, most_rows=ROWS, most_columns=COLUMNS
     )
 
 
-def _minutes(known: Mapping[str, float], command: str) -> str:
-    """How long a command takes, where it is known: `` about 3 min on 2 cores``."""
-    found = re.search(r"\bexperiment=(\w+)", command)
-    taken = known.get(found[1]) if found else None
-    return f" about {max(1, round(taken))} min on 2 cores" if taken else ""
-
-
 def _kinds(table: Table) -> list[str]:
-    """What each column holds: number, code, long text or text."""
+    """How each column is set: number, code, long text or text."""
     cells = table.cells()
-    columns = zip(*cells, strict=True) if cells else ([] for _ in table.heads)
-    return [_kind([text for text in column if text not in ("", "–")]) for column in columns]
+    return [_kind([row[k] for row in cells]) for k in range(len(table.heads))]
 
 
 def _kind(texts: Sequence[str]) -> str:
+    texts = [text for text in texts if text not in ("", "–")]
     if texts and all(map(_NUMBER.fullmatch, texts)):
         return "number"
     if any(text.startswith("python ") for text in texts):
@@ -128,9 +127,5 @@ def _kind(texts: Sequence[str]) -> str:
 
 
 def _tone(verdict: str) -> str:
-    """How a verdict is coloured: good, bad, plain or none."""
-    if "differs" in verdict or verdict in ("no", "fails"):
-        return "bad"
-    if "agrees" in verdict or verdict in ("holds", "setting, same"):
-        return "good"
-    return "plain" if verdict == "fitted" else "none"
+    """Colour of a verdict, by its last word before a colon."""
+    return _TONES.get(re.split(r"\W+", verdict.partition(":")[0].lower())[-1], "none")

@@ -27,17 +27,9 @@ import numpy as np
 from experiments.protocol.clock import timed
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.machine import peak_bytes, resident_bytes
+from experiments.studies.benchmark import routes
 from experiments.studies.benchmark.cases import Case
-from experiments.studies.benchmark.routes import (
-    DECODED,
-    LIMITS,
-    OPERATIONS,
-    OURS,
-    OURS_COMPILED,
-    READ,
-    Route,
-    common_form,
-)
+from experiments.studies.benchmark.routes import OPERATIONS, OURS, OURS_COMPILED, READ, Route
 
 SIZE = ("operation", "n", "d", "l", "frames")
 _SAMPLE_S = 20e-3  # shorter calls are repeated, so that each finds its own data in the caches
@@ -53,13 +45,8 @@ def benchmark(
     ``operation``, ``frames`` (their kind), ``route``, ``package``; ``n`` frames (of ``hamming``,
     queries), ``d``, ``l``; ``median_s`` and ``min_s`` of ``samples`` turns; ``ratio_to_ours``;
     ``peak_bytes`` that a call takes beyond its inputs; ``equal_result``; ``status``.
-
-    Args:
-        steps: sizes, each a mapping of lists: ``operation``, ``n`` frames, ``d`` pixels, ``l``
-            classes and ``frames`` (default: speckle), measured in every combination; with
-            ``peers: false`` ours and one read of the bytes alone.
-        budget_s: time a route at one size; it gets three turns at least.
-        seed: seed of the frames.
+    Arguments: configs/experiment/benchmark.yaml; with ``peers: false`` a size is measured of ours
+    and of one read of the bytes alone.
 
     Raises:
         RuntimeError: at the end, if a route failed or gave another result.
@@ -115,12 +102,12 @@ def check(route: Route, case: Case) -> Row:
     if importlib.util.find_spec(route.module) is None:
         return {"status": "not installed", "equal_result": ""}
     try:
-        if route.name in LIMITS:
+        if route.name in routes.LIMITS:
             result = route.call()
-            if route.name == DECODED and result != case.n:
+            if route.name == routes.DECODED and result != case.n:
                 raise ValueError(f"expected {case.n} frames, found {result}")
             return {"status": "ok", "equal_result": ""}
-        verdict = case.verdict(common_form(case, route.call))
+        verdict = case.verdict(routes.common_form(case, route.call))
     except Exception as error:
         message = " ".join(str(error).split())
         return {"status": f"failed: {type(error).__name__}: {message}"[:200], "equal_result": ""}

@@ -87,22 +87,14 @@ class Products:
     """Inner products of raw frames among themselves and with initial weights.
 
     All scalings x ↦ a·(x − c) share them.
-
-    Attributes:
-        gram: float64 [n, n] of the frames, exact for 8-bit pixels.
-        sums: float64 [n], sum of the pixels of each frame.
-        pixels: D.
-        logits: by family, float64 [draws, n, L].
-        weight_sums: by family, float64 [draws, L], sum of the weights of a class.
-        intercepts: float64 [draws, L], in ±1.
     """
 
-    gram: Tensor
-    sums: Tensor
+    gram: Tensor  # float64 [n, n] of the frames, exact for 8-bit pixels
+    sums: Tensor  # float64 [n], of the pixels of each frame
     pixels: int
-    logits: Mapping[str, Tensor]
-    weight_sums: Mapping[str, Tensor]
-    intercepts: Tensor
+    logits: Mapping[str, Tensor]  # by family, float64 [draws, n, L]
+    weight_sums: Mapping[str, Tensor]  # by family, of a class, float64 [draws, L]
+    intercepts: Tensor  # float64 [draws, L], in ±1
 
 
 def products(frames: Tensor, seed: int, draws: int, classes: int) -> Products:
@@ -133,14 +125,11 @@ def products(frames: Tensor, seed: int, draws: int, classes: int) -> Products:
 class Problem:
     """Scaled frames of one split as softmax regression sees them, training frames first.
 
-    Attributes:
-        kernel: K = X·X_trainᵀ, float64 [N + M, N].
-        targets: class indices, int64 [N + M].
-        across: mean length of the part of a test frame that is orthogonal to all training frames.
+    ``across`` is the mean length of the part of a test frame orthogonal to all training frames.
     """
 
-    kernel: Tensor
-    targets: Tensor
+    kernel: Tensor  # K = X·X_trainᵀ, float64 [N + M, N]
+    targets: Tensor  # class indices, int64 [N + M]
     across: float
     _scaling: tuple[float, float]
     _products: Products

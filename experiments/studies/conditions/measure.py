@@ -46,18 +46,7 @@ def table1_conditions(
     ``steps_NAME``, ``train_NAME``, ``test_NAME`` and ``projected_NAME`` (test accuracy had the
     start been projected on the span of the training frames), None if not reached; ``across`` of
     :class:`~experiments.studies.conditions.linear.Problem`; ``hdc``, test accuracy of HDC.
-
-    Args:
-        scene, split: as in the configuration of a run.
-        seeds: of the sensors.
-        draws: of initial weights, each sensor.
-        pixels: scalings, of ``linear.SCALINGS``.
-        starts: rules of ``linear.Start`` other than normal.
-        normal: standard deviations of normal weights.
-        methods: ``GD`` and ``SGD``: ``batch`` (null: all frames), ``reports_per_epoch`` and the
-            most ``steps``.
-        rate: learning rate.
-        levels: training accuracies: ``90`` is exceeded, ``end`` is reached and ends a training.
+    Arguments: configs/experiment/table1_conditions.yaml.
 
     Raises:
         ValueError: naming the key that is wrong.
@@ -86,17 +75,10 @@ def table1_conditions(
                 readings = train_all(problem, trainings, rate, levels, seed, **how)
                 for (start, number), reading in zip(trainings, readings, strict=True):
                     yield {
-                        "origin": made.origin,
-                        "seed": seed,
-                        "pixels": scaling,
-                        "method": method,
-                        "start": start.rule,
-                        "sigma": start.sigma(dimension, classes),
-                        "draw": number,
-                        **reading,
-                        "across": problem.across,
-                        "hdc": right,
-                    }
+                        "origin": made.origin, "seed": seed, "pixels": scaling, "method": method,
+                        "start": start.rule, "sigma": start.sigma(dimension, classes),
+                        "draw": number, **reading, "across": problem.across, "hdc": right,
+                    }  # fmt: skip
 
     for seed in seeds:
         yield from run.part({"seed": seed}, partial(sensor, seed))
@@ -118,12 +100,8 @@ def train_all(
     Args:
         problem: the frames.
         trainings: start and number of the draw.
-        rate: learning rate.
-        levels: training accuracies, the last of which ends a training.
+        rate, levels, batch, reports_per_epoch, steps: as the YAML has them.
         seed: of the minibatches.
-        batch: frames in a step; None for all.
-        reports_per_epoch: how often in an epoch accuracies are read.
-        steps: most steps.
     """
     n = problem.n_train
     every = max(1, -(-n // (batch or n)) // reports_per_epoch)

@@ -21,21 +21,13 @@ from experiments.reporting.text import number, percent
 NAME = "table1_conditions"
 SHARE = 0.8  # of the trials in which a condition must give the published accuracies
 KEY = ["method", "pixels", "start", "sigma"]
-PIXELS = {
-    "unit": "0…1",
-    "raw": "0…255",
-    "standard_global": "standardised",
-}
+PIXELS = {"unit": "0…1", "raw": "0…255", "standard_global": "standardised"}
 METHODS = {"GD": "GD, all frames", "SGD": "SGD, batches of 20", "published": "published"}
 # Who uses these initial weights by default.
 USED_BY = {
-    "zeros": "scikit-learn",
-    "linear": "PyTorch nn.Linear",
-    "glorot": "Keras Dense",
-    "normal 0.01": "AlexNet",
-    "normal 0.02": "BERT, GPT-2",
-    "normal 0.05": "Keras RandomNormal",
-}
+    "zeros": "scikit-learn", "linear": "PyTorch nn.Linear", "glorot": "Keras Dense",
+    "normal 0.01": "AlexNet", "normal 0.02": "BERT, GPT-2", "normal 0.05": "Keras RandomNormal",
+}  # fmt: skip
 STUDY = Study(
     "conditions",
     "What would have to be true for Table I",
@@ -49,19 +41,19 @@ COLUMNS = {
     "method": Column("Optimiser, batch", lambda name: METHODS[name]),
     "pixels": Column("Pixels", lambda name: PIXELS[name]),
     "start": Column("Initial weights"),
-    "sigma": Column("σ", number),
-    "trials": Column("Trials", str),
-    "steps_90": Column("Steps to 90 % in training", number),
+    "sigma": Column("σ"),
+    "trials": Column("Trials"),
+    "steps_90": Column("Steps to 90 % in training"),
     "test_90": Column("Test accuracy at 90 %, %", percent),
-    "steps_end": Column("Steps to 99.2 %", number),
+    "steps_end": Column("Steps to 99.2 %"),
     "train_end": Column("Training accuracy at 99.2 %, %", percent),
     "test_end": Column("Test accuracy at 99.2 %, %", percent),
     "projected_end": Column("Test accuracy at 99.2 %, start projected, %", percent),
     "hdc": Column("HDC, %", percent),
     "inside": Column("Trials as published, %", percent),
-    "step_s": Column("Seconds a step", number),
-    "time_90_s": Column("Seconds to 90 %", number),
-    "time_over_hdc": Column("× HDC", number),
+    "step_s": Column("Seconds a step"),
+    "time_90_s": Column("Seconds to 90 %"),
+    "time_over_hdc": Column("× HDC"),
 }
 
 

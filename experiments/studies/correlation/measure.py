@@ -46,9 +46,6 @@ def correlation(
     ``class_i`` is that of the prototype in Eq. 6; ``n`` counts the samples of a class,
     ``undefined`` the constant ones among those of both.
     Arguments: configs/experiment/correlation.yaml.
-
-    Raises:
-        ValueError: naming the key that is wrong.
     """
     for key, values, known in (("kinds", kinds, KINDS), ("samples", samples, SAMPLES)):
         if unknown := [value for value in values if value not in known]:
@@ -68,9 +65,6 @@ def correlation_images(
     ``picture`` is ``speckle`` or ``hypervector`` of a sample, or the ``prototype``, all cropped, or
     the ``whole`` prototype, reduced by :data:`REDUCED`.
     Arguments: configs/experiment/correlation_images.yaml.
-
-    Raises:
-        ValueError: if the square is not within a frame.
     """
     sensor = run.scene(scene, seed)
     height, width = sensor.shape
@@ -89,12 +83,12 @@ def correlation_images(
     for k, name in enumerate(sensor.classes):
         whole = white[1][k]
         small = (width // REDUCED, height // REDUCED)
-        for picture, image in (
-            ("speckle", frames.numpy()[k][window]),
-            ("hypervector", white[0][k][window]),
-            ("prototype", whole[window]),
-            ("whole", cv2.resize(whole, small, interpolation=cv2.INTER_AREA)),
-        ):
+        for picture, image in {
+            "speckle": frames.numpy()[k][window],
+            "hypervector": white[0][k][window],
+            "prototype": whole[window],
+            "whole": cv2.resize(whole, small, interpolation=cv2.INTER_AREA),
+        }.items():
             _, png = cv2.imencode(".png", np.ascontiguousarray(image))
             text = base64.b64encode(png.tobytes()).decode()
             yield {"origin": sensor.origin, "class": name, "picture": picture, "png": text}

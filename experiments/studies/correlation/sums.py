@@ -14,17 +14,10 @@ belongs to; such frames are counted.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
-
-
-class MeanCorrelation(NamedTuple):
-    """Mean over pairs of samples (NaN if a sample has no variance), and how many have none."""
-
-    value: float
-    undefined: int
 
 
 class CorrelationSums:
@@ -82,39 +75,31 @@ class CorrelationSums:
         return standardise(prototypes, self.dtype) @ self.sums.T / self.n
 
 
-def mean_pair_correlations(a: Any, b: Any, dtype: DTypeLike = np.float64) -> MeanCorrelation:
+def mean_pair_correlations(a: Any, b: Any, dtype: DTypeLike = np.float64) -> float:
     """C_ll′ of Eqs. 4 and 5 for two classes in O(N_s·D) operations and O(D) memory.
 
     Args:
         a, b: samples [N_s, D] of class l and l′, of any real or integer type; the same array twice
-            for the diagonal element C_ll.
+            for the diagonal element C_ll. NaN if one has no variance.
         dtype: see :class:`CorrelationSums`.
-
-    Raises:
-        ValueError: for fewer than two samples, shapes that differ, or a value that is not finite.
     """
-    a, b = _pair(a, b)
-    sums = CorrelationSums(2, a.shape[1], dtype)
+    sums = CorrelationSums(2, np.shape(a)[1], dtype)
     for pair in zip(a, b, strict=True):
         sums.add(np.stack(pair))
-    undefined = sums.undefined[0] if a is b else sums.undefined.sum()
-    return MeanCorrelation(float(sums.pair_means()[0, 1]), int(undefined))
+    return float(sums.pair_means()[0, 1])
 
 
-def pair_correlations_double_sum(a: Any, b: Any, dtype: DTypeLike = np.float64) -> MeanCorrelation:
+def pair_correlations_double_sum(a: Any, b: Any, dtype: DTypeLike = np.float64) -> float:
     """:func:`mean_pair_correlations` pair by pair as Eq. 4 is written, in `dtype`: O(N_s²·D)."""
-    a, b = _pair(a, b)
-    constant = [_constant(samples) for samples in (a, b)]
-    undefined = int(constant[0].sum() if a is b else sum(c.sum() for c in constant))
-    if undefined:
-        return MeanCorrelation(np.nan, undefined)
+    if _constant(a).any() or _constant(b).any():
+        return np.nan
     x, y = a.astype(dtype), b.astype(dtype)
     n, total = len(x), 0.0
     for k in range(n):
         for other in (*range(k), *range(k + 1, n)):
             product = (x[k] - x[k].mean()) * (y[other] - y[other].mean())
             total += float(product.mean() / (x[k].std() * y[other].std()))
-    return MeanCorrelation(total / (n * (n - 1)), 0)
+    return total / (n * (n - 1))
 
 
 def standardise(samples: Any, dtype: DTypeLike = np.float64) -> NDArray[Any]:
@@ -146,15 +131,3 @@ def contrast(correlation: NDArray[np.float64]) -> float:
 
 def _constant(samples: NDArray[Any]) -> NDArray[np.bool_]:
     return samples.max(1) == samples.min(1)
-
-
-def _pair(a: Any, b: Any) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Both as arrays, checked; one array where both are the same."""
-    first = np.asarray(a)
-    second = first if b is a else np.asarray(b)
-    if first.ndim != 2 or first.shape != second.shape or len(first) < 2:
-        raise ValueError(
-            f"samples: expected two arrays [N_s, D] of one shape with N_s ≥ 2, "
-            f"found {first.shape} and {second.shape}"
-        )
-    return first, second

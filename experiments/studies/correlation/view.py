@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 
 from experiments.reporting import published
 from experiments.reporting.estimates import ONE_SENSOR, Estimate, mean_interval, one_sensor
-from experiments.reporting.plot import PAPER, errors, head, matrix, panel, seeds_of, star
+from experiments.reporting.plot import PAPER, errors, matrix, panel, star
 from experiments.reporting.study import Quantity, Study
-from experiments.reporting.text import frames_of
-from experiments.studies.correlation.measure import REDUCED
 from experiments.studies.correlation.sums import contrast
 
 STUDY = Study(
@@ -80,7 +78,8 @@ def quantities(rows: pd.DataFrame, config: Mapping[str, Any]) -> Iterator[Quanti
 
 @STUDY.figure(
     "fig4_images", of="correlation_images", size=(3.4, 3.2), kind="webp",
-    caption="Speckle, hypervector and prototype of each class, on {frames} (Fig. 4(a)).",
+    caption="Speckle, hypervector and prototype of each class, on {frames} (Fig. 4(a)): the same "
+    "part of a frame in each row, white 1, black 0; last row: the whole frame, pixels averaged.",
 )  # fmt: skip
 def images(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     """Parts of a frame, its hypervector and the prototype; below, the whole prototype."""
@@ -105,19 +104,12 @@ def images(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> Non
             place.set_title(row["class"], fontsize=7, pad=2)
         if column == 0:
             place.set_ylabel(labels.get(row["picture"], row["picture"]), fontsize=6)
-    edge = config["crop"][2]
-    head(
-        figure,
-        "Speckle, hypervector and prototype of each class (Fig. 4(a))",
-        [f"{_frames(rows)}, seed {config['seed']}; {edge} × {edge} pixels of a frame, the same "
-         f"place in each row; last row: averaged over {REDUCED} × {REDUCED} pixels; white: 1, "
-         "black: 0"],
-    )  # fmt: skip
 
 
 @STUDY.figure(
     "fig4_correlations", of="correlation", size=(3.4, 3.9),
-    caption="Correlations within and between classes, on {frames} (Fig. 4(b) to (e)).",
+    caption="Correlations within and between classes, on {frames}, mean over seeds (Fig. 4(b) to "
+    "(e)); (d) prototypes (rows) with held-out samples (columns); (e) 95 % intervals over seeds.",
 )  # fmt: skip
 def fig4(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     """The three correlation matrices, and their contrasts with the paper's."""
@@ -133,18 +125,6 @@ def fig4(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
         matrix(axes, mean, classes, cells)
         panel(axes, letter, f"{SYMBOLS[kind]}: {title}")
     _contrasts(panels[1, 1], rows)
-    _, values, n = matrices(rows, "speckle", "all")
-    held_out = matrices(rows, "prototype", "held-out")[2]
-    largest = np.mean([np.diag(c).max() for c in values])
-    known = published.value("correlation/max_same_class_speckle")
-    head(
-        figure,
-        "Mean correlations within and between classes (Fig. 4(b–e))",
-        [f"{_frames(rows)}, mean over {seeds_of(len(values))}; (b, c) {n} samples a class, (d) "
-         f"prototypes of {n - held_out} (rows) with the other {held_out} (columns); (e) 95 % "
-         "intervals over seeds",
-         f"largest $C^s_{{ll}}$ {largest:.3f}, paper {known:g}"],
-    )  # fmt: skip
 
 
 def _contrasts(axes: Axes, rows: pd.DataFrame) -> None:
@@ -166,7 +146,3 @@ def _contrasts(axes: Axes, rows: pd.DataFrame) -> None:
     axes.set_ylim(0, 1.3 * axes.get_ylim()[1])
     axes.legend(handles=[star("paper")], loc="upper left", handlelength=1)
     panel(axes, "e", "contrast $ΔC$")
-
-
-def _frames(rows: pd.DataFrame) -> str:
-    return frames_of(rows[["origin"]].to_dict("records"))

@@ -15,8 +15,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from baselines.dual import Products
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.protocol.subsets import Products, models_of
+from experiments.protocol.model import models_of
 from experiments.studies.crossing import theory
 from hdc import HDCClassifier, bits
 from hdc.encode import encode
@@ -38,9 +39,6 @@ def crossing(
 
     ``n`` and ``right`` are lists; ``rows.explode(["n", "right"])`` makes them tidy.
     Arguments: configs/experiment/crossing.yaml.
-
-    Raises:
-        ValueError: naming the key that is wrong.
     """
     sizes, built = _sizes(n_train), models_of(models)
     for seed, sensor in run.scenes(scene, seeds):

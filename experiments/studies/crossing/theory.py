@@ -36,16 +36,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import (
-    bdtrc,
-    eval_hermitenorm,
-    gammainc,
-    gammaincinv,
-    gammaln,
-    ndtr,
-    roots_hermitenorm,
-    roots_sh_legendre,
-)
+from scipy import special
+from scipy.special import gammainc, gammaincinv, gammaln, ndtr
 
 Floats = NDArray[np.float64]
 Shares = NDArray[np.int64]  # N_s of each class [L]
@@ -101,11 +93,8 @@ def correlations(pairs: Floats, labels: NDArray[np.int64]) -> Correlations:
 def hdc_accuracy(moments: Correlations, n: int, dimension: float) -> float:
     """Probability that HDC is right about a sample of any class, in equal shares.
 
-    Args:
-        moments: correlations of hypervectors.
-        n: training samples of all classes together, at least L; where they are no multiple of L,
-            each class in turn is among those that have one more.
-        dimension: D.
+    Where the n ≥ L training samples of all classes together are no multiple of L, each class in
+    turn is among those that have one more.
     """
 
     def scores(shares: Shares) -> tuple[Floats, Floats, Floats]:
@@ -134,7 +123,7 @@ def _accuracy(
     n_classes = len(moments.mean)
     base = np.full(n_classes, n // n_classes)
     base[: n % n_classes] += 1
-    u, weight = roots_sh_legendre(_NODES)
+    u, weight = special.roots_sh_legendre(_NODES)
     right = []
     for turn in range(n_classes if n % n_classes else 1):
         shares = np.roll(base, turn)
@@ -179,7 +168,9 @@ def _alike(mean: Floats, shares: Shares) -> Floats:
     rho = _gaussian(np.diag(mean))
     between = np.clip(_gaussian(mean) / np.sqrt(np.outer(rho, rho)), 0, 1)  # of z_q and z_l
     order = np.arange(_NODES)
-    polynomials = eval_hermitenorm(order[:, None], z) / np.exp(gammaln(order + 1) / 2)[:, None]
+    polynomials = (
+        special.eval_hermitenorm(order[:, None], z) / np.exp(gammaln(order + 1) / 2)[:, None]
+    )
     parts = (_votes(z, rho, shares) * weight) @ polynomials.T
     alike = np.einsum("qk,lk,qlk->ql", parts, parts, between[..., None] ** order)
     rest = alike.sum(1) - np.diag(alike)
@@ -190,7 +181,7 @@ def _alike(mean: Floats, shares: Shares) -> Floats:
 def _votes(z: Floats, rho: Floats, shares: Shares) -> Floats:
     """2M(z) − 1 for each class [L, len(z)]."""
     p = ndtr(np.sqrt(rho / (1 - rho))[:, None] * z)
-    above = [bdtrc(k[:, None].astype(float), shares[:, None], p)
+    above = [special.bdtrc(k[:, None].astype(float), shares[:, None], p)
              for k in ((shares - 1) // 2, shares // 2)]  # fmt: skip
     return above[0] + above[1] - 1
 
@@ -202,5 +193,5 @@ def _gaussian(correlation: Floats) -> Floats:
 
 def _normal() -> tuple[Floats, Floats]:
     """Nodes and weights of the mean over a standard normal number."""
-    z, weight = roots_hermitenorm(_NODES)
+    z, weight = special.roots_hermitenorm(_NODES)
     return z, weight / weight.sum()

@@ -10,13 +10,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.records import configs
 from experiments.reporting import published
-from experiments.reporting.columns import Column, display_name
+from experiments.reporting.columns import Column
 from experiments.reporting.estimates import Estimate, crossing, mean_share
-from experiments.reporting.plot import handle, head, line_plot, panel, seeds_of, style_of
+from experiments.reporting.plot import handle, line_plot, panel, style_of
 from experiments.reporting.study import Study
-from experiments.reporting.text import frames_of, number, percent
+from experiments.reporting.text import number, percent
 
 STUDY = Study(
     "crossing",
@@ -101,11 +100,7 @@ def first(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
 @STUDY.table(
     "crossing_accuracy", of="crossing",
     title="Mean test accuracy, %, where every class has as many samples, on {frames}",
-    columns={
-        "n": Column("N"),
-        **{m.stem: Column(display_name(m.stem), percent)
-           for m in (configs.CONFIGS / "model").glob("*.yaml")},
-    },
+    columns={"n": Column("N")},
     note="Student, 95 %, over sensors, each the mean of its experiments.",
 )  # fmt: skip
 def curves(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
@@ -154,26 +149,24 @@ def theory(rows: pd.DataFrame, expected: pd.DataFrame, config: Mapping[str, Any]
 
 
 @STUDY.figure(
-    "crossing", of=("crossing", "crossing_theory"), size=(3.4, 6.9),
-    caption="Test accuracy against every N, with theory, and the share of experiments that have "
-    "exceeded 90 % by then, on {frames} (Fig. 5(b)).",
+    "crossing", of=("crossing", "crossing_theory"), size=(3.4, 4.9),
+    caption="Test accuracy against N, with theory, and the share of experiments that have "
+    "exceeded 90 % by then, on {frames} (Fig. 5(b)); bars: 95 % over sensors, each the mean of its "
+    "experiments; theory is from correlations alone.",
 )  # fmt: skip
 def figure(
     figure: Figure, rows: pd.DataFrame, expected: pd.DataFrame, config: Mapping[str, Any]
 ) -> None:
-    """(a) equal classes, with theory; (b) every N; (c) cumulative distribution of the first N."""
+    """(a) accuracy, with theory; (b) cumulative distribution of the first N."""
     every = tidy(rows).assign(percent=lambda frame: 100 * frame.accuracy)
-    equal, unequal, share = figure.subplots(3, 1, sharex=True)
-    few = every[every.model.isin(["hdc", "ridge", "correlation"])]
-    shown = _expected(expected)
-    for axes, frame in ((equal, every[every.equal]), (unequal, few)):
-        line_plot(axes, frame, "n", "percent", ms=2.2)
-        for name in shown:
-            mean = 100 * expected[expected.n.isin(frame.n)].groupby("n")[name].mean()
-            axes.plot(mean.index, mean, color="black", ls=THEORY[name][2], lw=0.9, zorder=4)
-        axes.axhline(100 * LEVEL, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
-        axes.set_ylabel("test accuracy (%)")
-    n = np.unique(every.n[every.equal])
+    accuracy, share = figure.subplots(2, 1, sharex=True)
+    shown, n = _expected(expected), np.unique(every.n[every.equal])
+    line_plot(accuracy, every[every.equal], "n", "percent", ms=2.2)
+    for name in shown:
+        mean = 100 * expected[expected.n.isin(n)].groupby("n")[name].mean()
+        accuracy.plot(mean.index, mean, color="black", ls=THEORY[name][2], lw=0.9, zorder=4)
+    accuracy.axhline(100 * LEVEL, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
+    accuracy.set_ylabel("test accuracy (%)")
     firsts = first_crossings(rows)
     for model, of_model in firsts.groupby("model", sort=False):
         colour, marker, line = style_of(str(model))
@@ -186,9 +179,8 @@ def figure(
     )
     share.text(_LIMIT + 0.7, 3, f"paper: > 90 % only for N > {_LIMIT:g}", fontsize=6, color="0.3")
     for axes, letter, title in (
-        (equal, "a", "as many samples of every class"),
-        (unequal, "b", "every N: some classes have one more"),
-        (share, "c", "first N above 90 %, as many samples of every class"),
+        (accuracy, "a", "as many samples of every class"),
+        (share, "b", "first N above 90 %, as many samples of every class"),
     ):
         panel(axes, letter, title)
         axes.axvline(_LIMIT, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
@@ -198,11 +190,3 @@ def figure(
     ]
     handles = [*map(handle, firsts.model.unique()), *lines]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
-    frames = frames_of(rows[["origin"]].to_dict("records"))
-    head(
-        figure,
-        "Where one experiment's accuracy crosses 90 % (Fig. 5(b))",
-        [f"{frames}, {seeds_of(rows.seed.nunique())} with {rows.draw.nunique()} experiments each, "
-         f"{rows.n_test.iloc[0]} test samples; bars: 95 % over sensors; theory is from "
-         "correlations alone"],
-    )  # fmt: skip

@@ -26,10 +26,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.dual import PenalisedClassifier
+from baselines.dual import PenalisedClassifier, Products
 from experiments.protocol import data
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.protocol.subsets import Products, models_of
+from experiments.protocol.model import models_of
 from hdc import HDCClassifier, bits
 from hdc.encode import encode
 from hdc.prototypes import Counters, merged, recalibrate
@@ -39,8 +39,6 @@ from scenes.split import by_session, learning_curve_subsets, split
 ORDERS = ("time", "random")
 _BATCH = 50
 _EQUAL = 0.5  # share of the new in all votes
-
-Update = tuple[str, float | None, np.ndarray]  # method, its p, predictions
 
 
 @experiment
@@ -60,11 +58,7 @@ def drift(
 
     ``right_new`` of ``n_test_new`` test samples are of the second session, ``right_old`` of
     ``n_test_old`` of the first; ``draw`` is the choice of the ``n_new`` samples.
-
     Arguments: configs/experiment/drift.yaml.
-
-    Raises:
-        ValueError: naming the key that is wrong.
     """
     if unknown := [value for value in order if value not in ORDERS]:
         raise ValueError(f"task.order: expected among {', '.join(ORDERS)}, found {unknown[0]!r}")
@@ -95,11 +89,7 @@ def drift_size(
 
     ``offset`` of the room is in K; ``method`` stored is trained on ``n_old`` samples of the first
     session, two_sessions on half as many and on ``n_new`` of the second.
-
     Arguments: configs/experiment/drift_size.yaml.
-
-    Raises:
-        ValueError: for a scene without two rooms.
     """
     if len(scene.get("sessions", ())) != 2:
         raise ValueError("task.scene.sessions: expected two rooms")
@@ -145,11 +135,7 @@ class Choice(NamedTuple):
 def choose(
     scene: Scene, old_split: Mapping[str, Any], n_test: int, order: str, seed: int
 ) -> Choice:
-    """The samples of a scene with sessions 0 and 1.
-
-    Raises:
-        ValueError: naming the key that does not fit.
-    """
+    """The samples of a scene with sessions 0 and 1."""
     only = np.zeros(len(scene.labels), np.int64)
     _, second = by_session(scene.samples.get("session", only))
     if not 0 < n_test < len(second):
@@ -184,10 +170,6 @@ class Sessions:
     Args:
         scene: with sessions 0 and 1, in which models are trained.
         more: frames that only test, [n, H, W] each.
-
-    Attributes:
-        labels: int64 [N], of the scene's own samples.
-        words: hypervectors int64 [N + more, W].
     """
 
     def __init__(self, scene: Scene, more: Sequence[Tensor] = ()):
@@ -249,42 +231,38 @@ def updates(
         drawn = int(np.random.default_rng((seed, draw)).integers(2**31))
         for n, new in subsets(choice, sessions.labels, n_new, order, drawn).items():
             if isinstance(model, HDCClassifier):
-                of_model = of_hdc(sessions, choice.old, model, new, p, drawn + n, asked)
-            else:
-                of_model = of_linear(sessions, choice.old, model, new, asked)
-            for method, parameter, predicted in of_model:
-                yield row(predicted, n, draw, method, parameter)
+                counters = sessions.count(choice.old), sessions.count(new)
+                mixtures = of_hdc(model, *counters, sessions.dimension, p, drawn + n)
+                for method, parameter, prototypes in mixtures:
+                    predicted = sessions.nearest(prototypes, asked)
+                    yield row(predicted, n, draw, method, parameter)
+                continue
+            for method, predicted in of_linear(sessions, choice.old, model, new, asked):
+                yield row(predicted, n, draw, method, None)
 
 
 def of_hdc(
-    sessions: Sessions,
-    old: np.ndarray,
     model: HDCClassifier,
-    new: np.ndarray,
+    before: Counters,
+    after: Counters,
+    dimension: int,
     p: Sequence[float],
     seed: int,
-    asked: np.ndarray,
-) -> Iterator[Update]:
-    """Updates of prototypes; seed: of the bits that are replaced."""
-
-    def majority(counters: Counters) -> Tensor:
-        return counters.majority(model.ties, model.seed)
-
-    before, after = sessions.count(old), sessions.count(new)
-    stored, fresh = majority(before), majority(after)
-    yield "new", None, sessions.nearest(fresh, asked)
+) -> Iterator[tuple[str, float | None, Tensor]]:
+    """Updated prototypes by method, from counters of the old and of the new samples."""
+    stored, fresh = (c.majority(model.ties, model.seed) for c in (before, after))
+    yield "new", None, fresh
     for value in p:
-        mixed = recalibrate(stored, fresh, sessions.dimension, value, seed)
-        yield "replace", float(value), sessions.nearest(mixed, asked)
+        yield "replace", float(value), recalibrate(stored, fresh, dimension, value, seed)
     equal, _ = merged(before, after, _EQUAL)
-    yield "balanced", None, sessions.nearest(majority(equal), asked)
+    yield "balanced", None, equal.majority(model.ties, model.seed)
     before.merge(after)
-    yield "pooled", None, sessions.nearest(majority(before), asked)
+    yield "pooled", None, before.majority(model.ties, model.seed)
 
 
 def of_linear(
     sessions: Sessions, old: np.ndarray, model: Any, new: np.ndarray, asked: np.ndarray
-) -> Iterator[Update]:
+) -> Iterator[tuple[str, np.ndarray]]:
     """Updates of a model that is trained again."""
     repeated = np.tile(new, max(1, round(len(old) / len(new))))
     for method, train in (
@@ -292,7 +270,7 @@ def of_linear(
         ("balanced", np.concatenate([old, repeated])),
         ("pooled", np.concatenate([old, new])),
     ):
-        yield method, None, sessions.trained(model, train, asked)
+        yield method, sessions.trained(model, train, asked)
     if isinstance(model, PenalisedClassifier):
         scores = model.scores_from_old(sessions.products, old, new, asked)
-        yield "from_old", None, scores.argmax(1).numpy()
+        yield "from_old", scores.argmax(1).numpy()

@@ -17,9 +17,9 @@ from experiments.reporting.estimates import (
     mean_share,
     one_sensor,
 )
-from experiments.reporting.plot import PAPER, head, line_plot, panel, seeds_of, star
+from experiments.reporting.plot import PAPER, line_plot, panel, star
 from experiments.reporting.study import Quantity, Study
-from experiments.reporting.text import frames_of, percent, points
+from experiments.reporting.text import percent, points
 
 STUDY = Study(
     "drift",
@@ -113,7 +113,7 @@ _WAYS = {
 @STUDY.figure(
     "fig8_drift", of="drift", size=(3.4, 5.6),
     caption="Accuracy in the new and in the old room after an update with N_new samples, "
-    "on {frames} (Fig. 8(b)).",
+    "on {frames} (Fig. 8(b)); dashed grey: HDC, not updated; 95 % intervals over seeds.",
 )  # fmt: skip
 def fig8(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     """(a) the new room, (b) the old one, both against N_new."""
@@ -144,22 +144,13 @@ def fig8(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     axes.set_xticks(sizes, map(str, sizes))
     axes.set_xticks([], minor=True)
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
-    head(
-        figure,
-        "Recalibration after drift (Fig. 8(b))",
-        [f"{_frames(rows)}, {ORDERS[order]}; {rows.n_old.iloc[0]} old samples; dashed grey: HDC, "
-         "not updated; 95 % intervals over seeds"],
-    )  # fmt: skip
-
-
-def _frames(rows: pd.DataFrame) -> str:
-    return f"{frames_of(rows[['origin']].to_dict('records'))}, {seeds_of(rows.seed.nunique())}"
 
 
 @STUDY.figure(
     "drift_size", of="drift_size", size=(3.4, 4.6),
     caption="Accuracy without recalibration against the change of the room temperature, of models "
-    "trained in one session and in two, on {frames}.",
+    "trained in one session and in two, on {frames}; dashed: the change of Fig. 8, fitted; 95 % "
+    "intervals over seeds.",
 )  # fmt: skip
 def size(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     """Models that are not recalibrated, (a) of one session, (b) of two."""
@@ -183,12 +174,6 @@ def size(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     axes.set_xticks([], minor=True)
     axes.set(xlabel="room warmer than in the first session by (K)", ylim=(10, 103))
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
-    head(
-        figure,
-        "How far the room may change without recalibration",
-        [f"{_frames(rows)}, {first.n_test} test samples each; dashed: the change of Fig. 8, "
-         "fitted; 95 % intervals over seeds"],
-    )  # fmt: skip
 
 
 @STUDY.quantities(of="drift")

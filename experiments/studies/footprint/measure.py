@@ -21,11 +21,7 @@ def footprint(run: Run, scenes: Sequence[str], models: Sequence[str], frames: in
 
     ``first_prediction_s`` since the import of torch, which took ``torch_s`` of it; ``frame_s``;
     ``peak_bytes`` and ``torch_bytes``, the peak after that import; ``modules``; those ``loaded`` of
-    the ones watched; ``parts`` of the scene.
-
-    Args:
-        scenes, models: names of files of ``configs/scene`` and ``configs/model``.
-        frames: number of frames made and learnt.
+    the ones watched. Arguments: configs/experiment/footprint.yaml.
     """
     for scene in scenes:
         for model in models:

@@ -58,22 +58,9 @@ def main(scene_name: str, model_name: str, frames: str) -> None:
         "frame_s": min(seconds),
         "modules": len(sys.modules),
         "loaded": " ".join(name for name in WATCHED if name in sys.modules),
-        "parts": " ".join(sorted(parts(scene))),
         "origin": scene.origin,
     }
     print(json.dumps(row))
-
-
-def parts(item: Any, seen: set[int] | None = None) -> set[str]:
-    """Classes of the project's objects that are reachable from this one."""
-    seen = set() if seen is None else seen
-    if id(item) in seen:
-        return set()
-    seen.add(id(item))
-    ours = type(item).__module__.startswith("scenes.")
-    held = vars(item).values() if ours else item.values() if isinstance(item, dict) else ()
-    held = item if isinstance(item, list | tuple) else held
-    return {type(item).__name__ for _ in range(ours)}.union(*(parts(x, seen) for x in held))
 
 
 if __name__ == "__main__":

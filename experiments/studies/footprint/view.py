@@ -28,7 +28,6 @@ COLUMNS = {
     "above_torch_bytes": Column("above torch's", lambda value: size(int(value))),
     "modules": Column("Modules"),
     "loaded": Column("Loaded of those watched", note=f"Watched: {', '.join(WATCHED)}."),
-    "parts": Column("Parts built"),
     "status": Column("Status"),
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import timeit
 from collections.abc import Callable, Iterator
 from decimal import Decimal, localcontext
 from functools import partial
@@ -30,10 +31,7 @@ Samples = NDArray[Any]
 def numerics(run: Run, samples: int = 100, pixels: int = 25_000, repeats: int = 3) -> Iterator[Row]:
     """One row: a method on one input. Columns: ``input``, ``method``, ``number`` (its precision),
     ``error`` against an exact reference, ``time_s``, and ``tolerance``, the error that it may have.
-
-    Args:
-        samples, pixels: N_s and D of the mean correlations.
-        repeats: of each time, of which the least counts.
+    Arguments: configs/experiment/numerics.yaml.
     """
     before = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -48,12 +46,7 @@ def numerics(run: Run, samples: int = 100, pixels: int = 25_000, repeats: int = 
 def cpu_time(call: Callable[[], object], repeats: int) -> float:
     """Least CPU seconds of one call; other load on the machine does not show in them."""
     call()
-    spent = []
-    for _ in range(repeats):
-        start = time.process_time()
-        call()
-        spent.append(time.process_time() - start)
-    return min(spent)
+    return min(timeit.repeat(call, timer=time.process_time, number=1, repeat=repeats))
 
 
 def phases(repeats: int) -> Iterator[Row]:
@@ -70,13 +63,11 @@ def phases(repeats: int) -> Iterator[Row]:
             value = form(phase).numpy()
             square = (value.real - np.cos(long)) ** 2 + (value.imag - np.sin(long)) ** 2
             yield {
-                "input": "phases",
-                "method": f"to {largest:.0e} rad",
-                "number": number,
+                "input": "phases", "method": f"to {largest:.0e} rad", "number": number,
                 "error": float(np.sqrt(square.mean())),
                 "time_s": cpu_time(partial(form, phase), repeats),
                 "tolerance": camera.read_noise / camera.grey / math.sqrt(2),
-            }
+            }  # fmt: skip
 
 
 def field(phase: Tensor) -> Tensor:
@@ -103,13 +94,10 @@ def correlations(n: int, d: int, repeats: int) -> Iterator[Row]:
         exact = exact_mean(frames)
         for method, number, form in FORMS:
             yield {
-                "input": name,
-                "method": method,
-                "number": number,
+                "input": name, "method": method, "number": number, "tolerance": 5e-4,
                 "error": abs(form(frames) - exact),
                 "time_s": cpu_time(partial(form, frames), repeats),
-                "tolerance": 5e-4,
-            }
+            }  # fmt: skip
 
 
 def speckle(n: int, d: int) -> Samples:
@@ -147,10 +135,10 @@ def gram(frames: Samples, dtype: DTypeLike) -> float:
 
 
 FORMS: tuple[tuple[str, str, Callable[[Samples], float]], ...] = (
-    ("double sum", "float32", lambda x: pair_correlations_double_sum(x, x, np.float32).value),
-    ("double sum", "float64", lambda x: pair_correlations_double_sum(x, x).value),
+    ("double sum", "float32", lambda x: pair_correlations_double_sum(x, x, np.float32)),
+    ("double sum", "float64", lambda x: pair_correlations_double_sum(x, x)),
     ("Gram matrix", "float32", lambda x: gram(x, np.float32)),
     ("Gram matrix", "float64", lambda x: gram(x, np.float64)),
-    ("class sum", "float32", lambda x: mean_pair_correlations(x, x, np.float32).value),
-    ("class sum", "float64", lambda x: mean_pair_correlations(x, x).value),
+    ("class sum", "float32", lambda x: mean_pair_correlations(x, x, np.float32)),
+    ("class sum", "float64", lambda x: mean_pair_correlations(x, x)),
 )

@@ -16,13 +16,12 @@ import torch
 from omegaconf import OmegaConf
 from torch import Tensor
 
-from experiments.protocol import data, evaluate
+from experiments.protocol import data
 from experiments.protocol.clock import Clock
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model
 from experiments.protocol.scenes import at_seed
-from experiments.protocol.stop import StopRule
-from experiments.protocol.trial import instantiate, stop_rule
+from experiments.protocol.trial import instantiate, stop_rule, train_until
 from experiments.studies.robustness.disturbances import (
     OF_FRAMES,
     flipped_bits,
@@ -44,12 +43,11 @@ def robustness(
     seeds: Sequence[int],
     disturbances: Mapping[str, Sequence[float]],
     bit_error_rates: Sequence[float],
-    draws: int = 1,
     spared: Mapping[str, Sequence[str]] | None = None,
 ) -> Iterator[Row]:
     """One row: a trained model under one disturbance, ``right`` of ``n_test`` samples.
 
-    ``level`` is that of the ``disturbance``, a fraction or pixels, ``draw`` that of its bits.
+    ``level`` is that of the ``disturbance``, a fraction or pixels.
     Arguments: configs/experiment/robustness.yaml.
 
     Raises:
@@ -70,28 +68,9 @@ def robustness(
                     f"found {type(model).__name__} with state_tensors() None"
                 )
             keep = (spared or {}).get(name, ())
-            for row in rows_of(
-                model, sensor, test, disturbances, bit_error_rates, draws, keep, seed
-            ):
+            for row in rows_of(model, sensor, test, disturbances, bit_error_rates, keep, seed):
                 yield {"origin": sensor.origin, "model": name, "seed": seed, **row}
             run.note(f"seed {seed}, {name}")
-
-
-def train_until(model: Model, stop: StopRule, scene: Scene, train: np.ndarray) -> None:
-    """Train on these samples until the rule ends it; test samples have no say."""
-    clock, labels = Clock(), scene.labels[train]
-    frames = data.take(scene, train, clock)
-    reports = iter(model.train(frames, labels))
-    while True:
-        with clock.running():
-            report = next(reports, None)
-        if report is None:
-            return
-        loss, accuracy = report.get("loss"), 0.0
-        if loss is not None and stop.reached_after_s is not None:  # otherwise it has no say
-            accuracy = evaluate.accuracy(model.predict(frames), labels)
-        if stop.check(clock.seconds, report.get("steps", 0), loss, accuracy):
-            return
 
 
 def rows_of(
@@ -100,7 +79,6 @@ def rows_of(
     test: np.ndarray,
     disturbances: Mapping[str, Sequence[float]],
     bit_error_rates: Sequence[float],
-    draws: int,
     spared: Sequence[str] = (),
     seed: int = 0,
 ) -> Iterator[Row]:
@@ -110,9 +88,9 @@ def rows_of(
     state = model.state_tensors() or {}
     size = sum(tensor.nbytes for tensor in state.values())
 
-    def row(disturbance: str, level: float, predicted: np.ndarray, draw: int = 0) -> Row:
+    def row(disturbance: str, level: float, predicted: np.ndarray) -> Row:
         return {
-            "disturbance": disturbance, "level": float(level), "draw": draw,
+            "disturbance": disturbance, "level": float(level),
             "n_test": len(labels), "right": int((predicted == labels).sum()),
             "n_classes": len(scene.classes), "model_bytes": size,
         }  # fmt: skip
@@ -130,10 +108,8 @@ def rows_of(
     for name, flipped, first in kinds:
         for rate in (*first, *bit_error_rates):
             # The same rate flips the same bits whatever other rates there are.
-            stream = round(1e9 * rate)
-            for draw in range(draws if rate else 1):
-                with flipped(damaged, rate, (seed, stream, draw)):
-                    yield row(name, rate, _answers(model, frames), draw)
+            with flipped(damaged, rate, (seed, round(1e9 * rate), 0)):
+                yield row(name, rate, _answers(model, frames))
 
 
 def _answers(model: Model, frames: Tensor) -> np.ndarray:

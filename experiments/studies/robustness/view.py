@@ -9,12 +9,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.records import configs
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.estimates import Estimate, mean_share
-from experiments.reporting.plot import bars, errors, handle, head, seeds_of
+from experiments.reporting.plot import bars, errors, handle
 from experiments.reporting.study import Study
-from experiments.reporting.text import frames_of, percent, size
+from experiments.reporting.text import size
 
 STUDY = Study(
     "robustness",
@@ -36,12 +35,10 @@ LEVELS = {
 
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
-    """Accuracy by ``disturbance``, ``level`` and ``model``, mean over seeds and draws.
+    """Accuracy by ``disturbance``, ``level`` and ``model``, mean over seeds.
 
-    Returns:
-        DataFrame: ``accuracy`` with ``accuracy_low`` and ``accuracy_high``: Student's interval over
-        seeds. A flipped bit can ruin all predictions of a draw at once, so of flips they are the
-        lowest and the highest draw.
+    Bounds are Student's interval over seeds. A flipped bit can ruin all predictions of a seed at
+    once, so of flips they are the lowest and the highest seed.
     """
     table = []
     keys = ["disturbance", "level", "model"]
@@ -51,21 +48,6 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
         if key[0] not in FLIPS:
             estimate = mean_share(shares.groupby(same.seed).mean().tolist(), same.n_test.iloc[0])
         table.append({**dict(zip(keys, key, strict=True)), **estimate.columns("accuracy")})
-    return pd.DataFrame(table)
-
-
-def tolerated(rows: pd.DataFrame, loss: float = 0.01) -> pd.DataFrame:
-    """Largest bit error rate up to which a model loses at most `loss` of its accuracy: ``model``,
-    ``disturbance`` (of :data:`FLIPS`), ``rate`` (0 where the smallest one costs more)."""
-    means = accuracies(rows)
-    clean = means[means.disturbance == "none"].set_index("model").accuracy
-    table = []
-    for (kind, model), of_model in means.groupby(["disturbance", "model"], sort=False):
-        if kind in FLIPS:
-            by_rate = of_model.sort_values("level")
-            held = (clean[model] - by_rate.accuracy <= loss).cummin()
-            rate = by_rate.level[held].max() if held.any() else 0.0
-            table.append({"model": model, "disturbance": kind, "rate": rate})
     return pd.DataFrame(table)
 
 
@@ -89,8 +71,6 @@ def _level(row: Mapping[str, Any]) -> str:
     columns={
         "disturbance": Column("Disturbance", lambda name: LEVELS[name][0]),
         "level": Column("Level", cell=_level),
-        **{m.stem: Column(display_name(m.stem), percent)
-           for m in (configs.CONFIGS / "model").glob("*.yaml")},
     },
 )  # fmt: skip
 def disturbed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
@@ -115,8 +95,8 @@ def disturbed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
 
 @STUDY.figure(
     "robustness", of="robustness", size=(3.4, 6.4),
-    caption="Test accuracy against the bit error rate of the stored model, and with disturbed "
-    "frames, on {frames}.",
+    caption="Test accuracy against the bit error rate of the stored model (bars: lowest to highest "
+    "draw), and with disturbed frames (95 % intervals over seeds), on {frames}; dashed: chance.",
 )  # fmt: skip
 def figure(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     """Accuracy against bit error rate and against the disturbances of frames."""
@@ -132,7 +112,7 @@ def figure(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> Non
         _flips(axes, means, models, name)
         axes.text(0.01, 3, text, transform=axes.get_yaxis_transform(), fontsize=6)
     top.tick_params(labelbottom=False)
-    middle.set_xlabel("bit error rate of the stored model\n(bars: lowest to highest draw)")
+    middle.set_xlabel("bit error rate of the stored model")
     for k, name in enumerate(of_frames):
         axes = figure.add_subplot(grid[2, k])
         _disturbed(axes, means, models, name)
@@ -144,13 +124,6 @@ def figure(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> Non
         axes.axhline(100 / classes, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
         axes.set_ylim(0, 104)
     figure.legend(handles=list(map(handle, models)), loc="outside lower center", ncols=2)
-    frames = frames_of(rows[["origin"]].to_dict("records"))
-    head(
-        figure,
-        "Test accuracy when something goes wrong after training",
-        [f"{frames}, {classes} classes, {seeds_of(rows.seed.nunique())}; disturbed frames: 95 % "
-         "intervals; dashed: chance"],
-    )  # fmt: skip
 
 
 def _points(axes: Axes, rows: pd.DataFrame, model: str, x: Sequence[float], **look: Any) -> None:

@@ -25,9 +25,11 @@ def error(value: float) -> str:
 
 
 COLUMNS = {
+    "part": Column("Part"),
     "case": Column("Case"),
     "extreme": Column("Why it is extreme"),
     "naive": Column("Obvious computation"),
+    "ours": Column("Ours"),
     "unit": Column("Error in"),
     "error_naive": Column("Error, obvious", error, note="A dash: no number came out."),
     "error_ours": Column("Error, ours", error),

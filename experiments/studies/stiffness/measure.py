@@ -41,19 +41,7 @@ def stiffness(
     """One row: descent of softmax regression at one learning rate.
 
     Columns: ``pixels``, ``method``, ``start``, ``lambda_max`` at the start, ``predicted`` limit,
-    ``rate``, those of :func:`verdict`, and ``lambda_end``, λ_max at the end of gradient descent
-    from zero weights (None elsewhere).
-
-    Args:
-        scene, split: as in the configuration of a run.
-        seed: of scene, split, minibatches and perturbation.
-        pixels: scalings of ``baselines.pixels``.
-        batch: frames in a minibatch of SGD.
-        steps: of gradient descent at each rate.
-        epochs: of SGD at each rate.
-        exponents: k of the rates 2^(k/2 + 1/4) times the predicted limit, which lies between two.
-        penalty: of the loss whose optimum is the second start, in mean eigenvalues of the Hessian
-            at the first.
+    ``rate`` and those of :func:`verdict`. Arguments: configs/experiment/stiffness.yaml.
     """
     made = run.scene(scene, seed)
     train, _ = data.choose(made, split, seed)
@@ -72,7 +60,7 @@ def stiffness(
         near |= {"intercepts": b[:, None], "decay": strength}
         minibatches = {"steps": epochs, "each": -(-len(targets) // batch), "batch": batch}
         best = near | {"coefficients": a[:, :, None], "steps": 0}
-        (floor,), _ = descend(gram, targets, 0.0, **best)
+        (floor,) = descend(gram, targets, 0.0, **best)
         for method, start, lambda_max, how in (
             ("GD", "zero", at_start[0], zero),
             ("GD", "optimum", at_optimum[0], near),
@@ -81,24 +69,17 @@ def stiffness(
             least = floor if start == "optimum" else 0.0
             for k in sorted(exponents):
                 rate = 2 / float(lambda_max) * 2 ** (k / 2 + 0.25)
-                losses, descent = descend(gram, targets, rate, seed=seed, **how)
-                end = descent.logits[:, :, 0]
+                losses = descend(gram, targets, rate, seed=seed, **how)
                 yield {
-                    "origin": made.origin,
-                    "pixels": name,
-                    "method": method,
-                    "start": start,
-                    "lambda_max": float(lambda_max),
-                    "predicted": 2 / float(lambda_max),
-                    "rate": rate,
-                    **verdict([loss - least for loss in losses], least),
-                    "lambda_end": float(softmax.spectrum(gram, end, 1)[0]) if how is zero else None,
-                }
+                    "origin": made.origin, "pixels": name, "method": method, "start": start,
+                    "lambda_max": float(lambda_max), "predicted": 2 / float(lambda_max),
+                    "rate": rate, **verdict([loss - least for loss in losses], least),
+                }  # fmt: skip
 
 
 def descend(
     gram: torch.Tensor, targets: torch.Tensor, rate: float, *, steps: int, each: int, **how: Any
-) -> tuple[list[float], Descent]:
+) -> list[float]:
     """Losses at the start and after every so many (`each`) of ``steps`` times as many steps."""
     descent = Descent(gram, targets, int(targets.max()) + 1, rate, **how)
     penalised = "decay" in how
@@ -107,16 +88,11 @@ def descend(
         for _ in range(each):
             descent.step()
         losses.append(descent.losses(penalised).item())
-    return losses, descent
+    return losses
 
 
 def verdict(losses: Sequence[float], floor: float = 0.0) -> Row:
-    """Whether the loss rises, exceeds the one at the start, and ends above it.
-
-    Args:
-        losses: at the start and at every report, less the floor.
-        floor: loss of the optimum, where it is known, else zero.
-    """
+    """Whether the loss (less the floor) rises, exceeds the one at the start, and ends above it."""
     slack = _ROUNDING * max(losses[0], floor)
     highest = math.inf if any(map(math.isnan, losses)) else max(losses)
     return {

@@ -55,18 +55,7 @@ def softmax_methods(
 ) -> Iterator[Row]:
     """One row: an evaluation of a method. Columns: ``method``, ``pixels``, ``rate``, ``epochs`` or
     ``steps``, ``seconds`` of training, ``loss``, ``loss_gap`` (F − F*), ``train_error``,
-    ``test_error``.
-
-    Args:
-        scene, split: as in the configuration of a run.
-        seed: of scene, split and minibatches.
-        C: inverse strength of the penalty.
-        budget_s: seconds of training of each iterative method.
-        pixels: scalings for gradient descent and L-BFGS, of one optimum: unit, unit_centred.
-        adam_rates: learning rates of Adam, on unit pixels.
-        batch: frames in a minibatch of Adam.
-        dual_steps: numbers of steps of gradient descent in sample space, each a run of its own.
-        newton_steps: most steps of the dual Newton method, one run each.
+    ``test_error``. Arguments: configs/experiment/softmax_methods.yaml.
     """
     made = run.scene(scene, seed)
     train, test = (
@@ -88,16 +77,11 @@ def softmax_methods(
         run.note(f"{method}, {model.pixels} pixels")
         for seconds, epochs in timed_epochs(model, train, budget_s):
             yield {
-                "origin": made.origin,
-                "method": method,
-                "pixels": model.pixels,
-                "steps": None,
-                "rate": None if method == "L-BFGS" else model.lr,
-                "epochs": epochs,
-                "seconds": seconds,
-                **objective(model),
-            }
-    counts = [*(("GD dual", n) for n in dual_steps)]
+                "origin": made.origin, "method": method, "pixels": model.pixels, "steps": None,
+                "rate": None if method == "L-BFGS" else model.lr, "epochs": epochs,
+                "seconds": seconds, **objective(model),
+            }  # fmt: skip
+    counts = [("GD dual", n) for n in dual_steps]
     counts += [("Newton dual", n) for n in range(1, newton_steps + 1)]
     for method, steps in counts:
         solver: DualLinearClassifier = DualDescent(C=C, steps=steps)
@@ -107,15 +91,10 @@ def softmax_methods(
         with clock.running():
             solver.fit(*train)
         yield {
-            "origin": made.origin,
-            "method": method,
-            "pixels": "centred",
-            "steps": steps,
-            "rate": getattr(solver, "rate_", None),
-            "epochs": None,
-            "seconds": clock.seconds,
+            "origin": made.origin, "method": method, "pixels": "centred", "steps": steps,
+            "rate": getattr(solver, "rate_", None), "epochs": None, "seconds": clock.seconds,
             **objective(solver),
-        }
+        }  # fmt: skip
 
 
 def timed_epochs(
@@ -142,15 +121,7 @@ def timed_epochs(
 
 @dataclass(kw_only=True, eq=False)
 class DualDescent(DualLinearClassifier):
-    """Gradient descent on F in sample space, at :data:`SAFETY` of its stability limit.
-
-    Args:
-        C: inverse strength of the penalty.
-        steps: of the full batch.
-
-    Attributes:
-        rate_: the learning rate.
-    """
+    """Gradient descent on F in sample space, `steps` at :data:`SAFETY` of its stability limit."""
 
     C: float = 1.0
     steps: int = 1000
@@ -167,16 +138,7 @@ class DualDescent(DualLinearClassifier):
 
 
 class Objective:
-    """F − F* and the errors of a softmax regression on unit pixels.
-
-    Args:
-        train, test: frames uint8 [N, H, W] and labels [N].
-        C: inverse strength of the penalty.
-
-    Attributes:
-        penalty: 1/(CN).
-        optimum: F*.
-    """
+    """F − F* and the errors of a softmax regression on unit pixels; ``penalty`` is 1/(CN)."""
 
     def __init__(self, train: Part, test: Part, C: float):
         self._parts = train, test

@@ -43,8 +43,8 @@ CURVES = {
 }
 COLUMNS = {
     "pixels": Column("Pixels", lambda name: SCALINGS[name][0] if name in SCALINGS else name),
-    "method": Column("Method", str),
-    "start": Column("Start", str),
+    "method": Column("Method"),
+    "start": Column("Start"),
     "lambda_max": Column("λ_max"),
     "predicted": Column("Predicted limit"),
     "rises": Column("Loss rises above"),

@@ -36,10 +36,12 @@ def values(
     most_test: int = 1000,
     bins: int = 10,
     alphas: Sequence[float] = (0.2, 0.1, 0.05),
+    at_least: float | None = None,
 ) -> Iterator[Row]:
     """One row: mean absolute ``error`` of one model's answers to ``n_test`` frames, in ``unit`` of
     the first value of the scene; of the library's regressor also the share of the values inside its
-    intervals and their mean width, lists over ``alpha``.
+    intervals and their mean width, lists over ``alpha``. Frames of values below ``at_least`` are
+    left out: above its surface, a fibre's actuator presses nothing.
 
     Arguments: configs/experiment/values.yaml.
     """
@@ -50,7 +52,10 @@ def values(
         numbers, about = known.values[:, 0], (known.value_names[0], known.units[0])
         for split, key in splits.items():
             for draw in range(draws):
-                pool, test = draw_split(recording, key, (seed, draw), most_test)
+                parts = draw_split(recording, key, (seed, draw), most_test)
+                if at_least is not None:
+                    parts = tuple(part[numbers[part] >= at_least] for part in parts)
+                pool, test = parts
                 order = np.random.default_rng((seed, draw, 1)).permutation(pool)
                 train = order[: max(n for n in n_train if n <= len(order))]
                 images = recording.frames(np.concatenate([train, test])).cpu()

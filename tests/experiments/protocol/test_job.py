@@ -4,7 +4,6 @@ import msgspec
 import numpy as np
 import pytest
 import torch
-from omegaconf import OmegaConf
 
 import hdc
 from experiments.protocol import job
@@ -37,13 +36,6 @@ def test_a_run_says_what_it_was_and_what_came_out(carry_out, results, frames_and
     assert entry.model_bytes == sum(t.nbytes for t in model.state_tensors().values())
     assert 0 < entry.predict_single_s < 1
     assert 0 < entry.training_s < 10
-
-
-def test_the_config_in_a_record_is_the_whole_config(carry_out, composed_run):
-    config = OmegaConf.to_container(composed_run(), resolve=True)
-    for key in record.NOT_IDENTITY:
-        config.pop(key, None)
-    assert carry_out().config == config
 
 
 IDENTITY = [
@@ -80,13 +72,7 @@ def test_the_id_is_a_function_of_config_and_data(carry_out, recording):
     assert carry_out(scene=path).id not in {first, *ids}
 
 
-def test_the_same_run_gives_the_same_predictions(carry_out):
-    first, again = carry_out(), carry_out("force=true")
-    assert first.predicted == again.predicted
-    assert first.data_sha256 == again.data_sha256
-
-
-def test_a_finished_run_is_not_repeated_unless_forced(carry_out, monkeypatch):
+def test_a_finished_run_is_not_repeated_unless_forced(carry_out, results, monkeypatch):
     first = carry_out()
     monkeypatch.setattr(job, "train_and_test", lambda *_: pytest.fail("run again"))
     assert carry_out() == first
@@ -94,6 +80,7 @@ def test_a_finished_run_is_not_repeated_unless_forced(carry_out, monkeypatch):
     monkeypatch.setattr(job, "train_and_test", lambda *_: (_ for _ in ()).throw(ZeroDivisionError))
     with pytest.raises(ZeroDivisionError):
         carry_out("force=true")
+    assert the_record(results) == first  # the failed repetition leaves it
 
 
 @pytest.mark.parametrize(
@@ -120,14 +107,6 @@ def test_a_run_that_breaks_off_is_kept_and_run_again(
     again = carry_out()
     assert again == the_record(results)
     assert (again.id, again.status, again.error) == (entry.id, "finished", None)
-
-
-def test_a_failed_repetition_leaves_the_finished_record(carry_out, results, monkeypatch):
-    first = carry_out()
-    monkeypatch.setattr(job, "train_and_test", lambda *_: (_ for _ in ()).throw(OSError("disk")))
-    with pytest.raises(OSError, match="disk"):
-        carry_out("force=true")
-    assert the_record(results) == first
 
 
 def test_a_run_that_another_process_is_at_is_left_to_it(carry_out, results):
@@ -192,27 +171,18 @@ def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(carry_ou
     ("overrides", "message"),
     [
         (["scene.path=???"], r"^scene\.path: expected a value, found none"),
-        (["scene.path=/nowhere"], r"^scene\.path: expected a folder"),
-        (["scene.subsample=0"], r"^scene\.subsample: expected"),
         (["+scene.colour=1"], r"^scene: .*unexpected keyword argument 'colour'"),
         (["+model.colour=1"], r"^model: .*unexpected keyword argument 'colour'"),
         (["stop.loss=-1"], r"^stop\.loss: expected at least 0, found -1"),
         (["+stop.colour=0"], r"^stop\.colour: expected one of target, reached_after_s, loss"),
         (["split.test_fraction=nan"], r"^split\.test_fraction: expected a number, found nan"),
         (["model.device=cuda:99"], r"^model\.device: expected one of cpu"),
-        (["split.kind=sorted"], r"^split\.kind: expected one of"),
-        (["data.pixels=1"], r"^data\.pixels: expected"),
         (["exclusive=no"], r"^exclusive: expected true or false, found 'no'"),
-        (["exclusive=none"], r"^exclusive: expected true or false, found 'none'"),
-        (["force=no"], r"^force: expected true or false, found 'no'"),
         (["cache=7"], r"^cache: expected true or false, found 7"),
         (["seed.run=99999999999999999999999"], r"^seed\.run: expected an integer of at most 2"),
         (["seed.init=1.5", "model=softmax"], r"^seed\.init: expected an integer .*found 1\.5"),
-        (["seed.run=abc"], r"^seed\.run: expected an integer .*found 'abc'"),
-        *(
-            ([f"device={name}"], r"^device: expected one of cpu.*, found")
-            for name in ("gpu", "mps", "meta", "1", "null", "true", "cuda:99")
-        ),
+        (["device=gpu"], r"^device: expected one of cpu.*, found 'gpu'"),
+        (["device=null"], r"^device: expected one of cpu.*, found None"),
     ],
     ids=lambda given: given[-1] if isinstance(given, list) else None,
 )
@@ -238,16 +208,13 @@ def test_a_run_stops_at_a_bad_frame_or_lists_what_it_skipped(carry_out, tmp_path
     folder = tmp_path / "frames"
     for k in range(12):
         (folder / "ab"[k % 2]).mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(
-            str(folder / "ab"[k % 2] / f"{k}.png"),
-            np.add.outer(np.arange(8), np.arange(8) * k).astype(np.uint8),
-        )
-    whole = carry_out("scene.on_bad_frame=skip", scene=folder)
+        frame = np.add.outer(np.arange(8), np.arange(8) * k).astype(np.uint8)
+        cv2.imwrite(str(folder / "ab"[k % 2] / f"{k}.png"), frame)
     bad = folder / "b" / "[bold]7.png"
     bad.write_bytes(b"")
-    with pytest.raises(ValueError, match=r"b/\[bold\]7.png: expected an image, found an empty"):
+    with pytest.raises(ValueError, match=r"b/\[bold\]7.png: expected an image"):
         carry_out(scene=folder)
-    without = carry_out("scene.on_bad_frame=skip", scene=folder)
-    assert whole.scene.skipped == []
-    assert without.scene.skipped == [f"{bad}: expected an image, found an empty file"]
-    assert (without.scene.n, without.id == whole.id) == (12, False)
+    entry = carry_out("scene.on_bad_frame=skip", scene=folder)
+    assert entry.scene.n == 12
+    (skipped,) = entry.scene.skipped
+    assert skipped.startswith(f"{bad}: expected an image")

@@ -17,7 +17,10 @@ from experiments.reporting.study import Plot
 from experiments.reporting.table import Table, frame
 
 HOSTILE = '</script><script>alert("1")</script>&<img src=x onerror=alert(2)>\\ `|` \x1b[31m'
-SVG = b'<svg xmlns="http://www.w3.org/2000/svg"><text font="\'a\' &amp; b">100 % #1</text></svg>'
+SVG = (
+    b'<svg xmlns="http://www.w3.org/2000/svg" width="30pt" height="15pt">'
+    b"<text font=\"'a' &amp; b\">100 % #1</text></svg>"
+)
 
 
 class Page(HTMLParser):
@@ -104,6 +107,8 @@ def test_it_needs_no_network_and_every_picture_is_whole():
             assert data == shown.data
             assert Image.open(io.BytesIO(data)).size == (3, 2)
         assert attrs["alt"] == shown.plot.caption
+        assert (attrs["width"], attrs["height"]) == (("40", "20") if shown.plot.kind == "svg"
+                                                     else ("3", "2"))  # fmt: skip
 
 
 def test_anchors_exist_and_none_is_twice():
@@ -141,5 +146,15 @@ def test_what_comes_from_outside_is_escaped():
 @pytest.mark.parametrize(("rows", "asked", "folded"), [(30, 0, 0), (31, 0, 1), (2, 1, 1)])
 def test_long_tables_are_folded_away_whole(rows, asked, folded):
     found = built(Block("", [replace(a_table(rows=rows), folded=bool(asked))]))
-    assert sum(tag == "details" for tag, _ in found.elements) == 1 + folded  # the section, too
+    parts = [tag == "details" and "class" not in attrs for tag, attrs in found.elements]
+    assert sum(parts) == 2 + folded  # contents and the section, too
     assert len(found.tables["table-some"]) == 1 + rows
+
+
+@pytest.mark.parametrize(("columns", "hidden"), [(8, 0), (9, 1)])
+def test_of_a_wide_table_eight_columns_are_shown_first(columns, hidden):
+    rows = [{f"column {k}": k for k in range(columns)}] * 2
+    found = built(Block("", [Table("some", "T", frame(rows))]))
+    cells = [attrs for tag, attrs in found.elements if tag in ("td", "th")]
+    assert sum("more" in attrs["class"].split() for attrs in cells) == 3 * hidden
+    assert sum(tag == "input" for tag, _ in found.elements) == hidden

@@ -73,21 +73,6 @@ def test_every_kind_of_frames_is_encoded(kind):
     assert {OURS, "numpy.median, compare"} <= {route.name for route in compared(case)}
 
 
-def test_medians_move_where_they_are_said_to():
-    def medians(kind):
-        return np.median(Case("encode", 60, 1000, 3, kind).pixels, axis=1)
-
-    assert np.abs(np.diff(medians("speckle"))).mean() < 3
-    by_class, shuffled = medians(SORTED), medians(SHUFFLED)
-    assert 95 < by_class.max() - by_class.min() < 130
-    assert np.abs(np.diff(by_class)).mean() < 10 < 30 < np.abs(np.diff(shuffled)).mean()
-
-
-def test_an_unknown_kind_is_refused():
-    with pytest.raises(ValueError, match=r"task\.frames: expected among speckle, .* found 'x'"):
-        Case("encode", 1, 2, 3, "x")
-
-
 def rows_of(monkeypatch, *routes):
     """Rows of these routes and ours of encode."""
     case = Case("encode", 6, 640, 3)
@@ -206,16 +191,3 @@ def test_goals_are_judged(tmp_path, write_measurement):
         f"folder: {DECODED}, × {OURS}": ["≥ 0.9", "0.850", "no"],
         f"encode {SHUFFLED}, × {SORTED}: {OURS}": ["≤ 1.3", "1.67", "no"],
     }
-
-
-def test_the_headline_is_of_one_size(tmp_path, write_measurement):
-    rows = [row("bundle", OURS, 1e-3 * n, n=n, l=classes) for n in (40, 400) for classes in (5, 51)]
-    rows += [row("predict", OURS, 1e-3, n=1, d=d) for d in (10_000, 250_000)]
-    rows += [row("encode", OURS, 1e-3, frames=kind) for kind in ("speckle", "constant")]
-    write_measurement("benchmark", rows)
-    tables = {table.name: table for table in STUDY.tables_of(Results(tmp_path))}
-    assert [cells[:4] for cells in tables["benchmark"].cells()] == [
-        ["encode", OURS, "400", "1.00"],
-        ["bundle", OURS, "400", "400"],
-        ["predict, one frame", OURS, "1", "1.00"],
-    ]

@@ -15,7 +15,6 @@ from baselines.dual import Descent
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.records.results import Results
-from experiments.reporting import published
 from experiments.studies.conditions import linear, measure
 from experiments.studies.conditions.linear import Start
 from experiments.studies.conditions.view import STUDY
@@ -153,12 +152,6 @@ def test_a_wrong_key_is_named(run, config, change, message):
         list(measure.table1_conditions.rows(run, **config | change))
 
 
-def test_levels_are_the_published_ones():
-    levels = configs.task("table1_conditions")["levels"]
-    training = published.value("table1/softmax_training_accuracy")
-    assert levels == {"90": 0.9, "end": pytest.approx(training)}
-
-
 def trial(test=0.9, train=0.9925, hdc=1.0, steps=100, method="GD", **more):
     row = {"origin": "simulated", "pixels": "unit", "method": method, "start": "normal"}
     row |= {"sigma": 0.01, "draw": 0, "seed": 0, "across": 10.0, "hdc": hdc, "test_90": 0.8}
@@ -167,7 +160,7 @@ def trial(test=0.9, train=0.9925, hdc=1.0, steps=100, method="GD", **more):
 
 
 def test_a_condition_is_told_by_the_share_of_trials_within_the_published_intervals(
-    tmp_path, write_measurement, write_run, drawn
+    tmp_path, write_measurement, write_run
 ):
     inside = [trial()] * 4
     outside = [trial(0.97), trial(train=1.0), trial(hdc=0.95), trial(None)]
@@ -179,7 +172,6 @@ def test_a_condition_is_told_by_the_share_of_trials_within_the_published_interva
     assert conditions.data.set_index("method")["inside"].to_dict() == {"GD": 0.8, "SGD": 0.5}
     assert times.data["method"].tolist() == ["GD", "published"]
     assert math.isnan(times.data["step_s"].iloc[0])  # there is no run of gradient descent
-    assert "table1_conditions" in drawn(STUDY)
     write_run("softmax_sgd", change={"model.batch_size": None})
     _, times = STUDY.tables_of(Results(tmp_path))
     seconds, ratio = times.data[["step_s", "time_over_hdc"]].iloc[0]

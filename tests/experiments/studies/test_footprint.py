@@ -1,4 +1,4 @@
-"""The footprint: what is loaded and built is what the scene needs, in a process of its own."""
+"""The footprint: what is loaded is what the scene needs, in a process of its own."""
 
 import subprocess
 
@@ -6,7 +6,7 @@ import pytest
 
 from experiments.protocol.experiment import Run
 from experiments.records.results import Results
-from experiments.studies.footprint import measure, probe
+from experiments.studies.footprint import measure
 from experiments.studies.footprint.view import STUDY
 
 
@@ -14,9 +14,6 @@ def test_a_scene_has_what_it_needs_and_no_more(tmp_path, write_measurement):
     (row,) = measure.footprint.rows(Run(), scenes=["touch"], models=["hdc"], frames=3)
     assert row["status"] == "ok"
     assert row["loaded"] == "scipy"
-    built = set(row["parts"].split())
-    assert {"Camera", "Room", "Layer"} <= built
-    assert not {"GrainyPress", "Patch"} & built
     assert 0 < row["torch_s"] < row["first_prediction_s"]
     assert row["peak_bytes"] > row["torch_bytes"] > 1e7
     write_measurement("footprint", [row])
@@ -29,7 +26,7 @@ def test_a_scene_has_what_it_needs_and_no_more(tmp_path, write_measurement):
 
 def test_a_scene_without_data_is_a_row_that_says_so(tmp_path, write_measurement):
     full = dict.fromkeys(("torch_s", "first_prediction_s", "frame_s"), 1.0)
-    full |= {"peak_bytes": 3 * 10**6, "torch_bytes": 10**6, "modules": 9, "loaded": "", "parts": ""}
+    full |= {"peak_bytes": 3 * 10**6, "torch_bytes": 10**6, "modules": 9, "loaded": ""}
     names = {"scene": "fibre", "model": "hdc"}
     write_measurement(
         "footprint", [names | full | {"status": "ok"}, names | {"status": "skipped: no data"}]
@@ -44,16 +41,3 @@ def test_a_process_that_fails_says_why(monkeypatch):
     monkeypatch.setattr(measure.subprocess, "run", lambda *_, **__: failed)
     with pytest.raises(RuntimeError, match="footprint of nowhere, hdc: no such scene"):
         measure.probed("nowhere", "hdc", 5)
-
-
-def test_parts_are_found_however_deep_they_lie():
-    class Inner:
-        __module__ = "scenes.somewhere"
-
-    class Outer:
-        __module__ = "scenes.somewhere"
-
-        def __init__(self):
-            self.held = {"a": [(Inner(),)], "itself": self}
-
-    assert probe.parts(Outer()) == {"Inner", "Outer"}

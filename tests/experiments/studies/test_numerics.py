@@ -7,7 +7,6 @@ import pytest
 
 from experiments.protocol.experiment import Run
 from experiments.studies.numerics import measure
-from experiments.studies.numerics.view import STUDY
 
 
 def test_the_exact_mean_is_that_of_rational_correlations():
@@ -34,11 +33,3 @@ def test_float64_is_within_tolerance_everywhere_and_float32_is_not(rows):
     phases = {(r["method"], r["number"]): r["error"] for r in rows if r["input"] == "phases"}
     assert phases["to 1e+07 rad", "float32"] > 0.1 > 1e-6 > phases["to 1e+07 rad", "mixed"]
     assert all(row["time_s"] >= 0 for row in rows)
-
-
-def test_the_figure_shows_every_method_and_precision(rows, write_measurement, drawn):
-    write_measurement("numerics", rows)
-    words = drawn(STUDY)["numerics"]
-    for row in rows:
-        assert row["method"] in words
-        assert row["number"] in words

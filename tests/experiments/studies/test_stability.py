@@ -4,10 +4,8 @@ import math
 
 import pytest
 
-from experiments.records.results import Results
 from experiments.studies.stability.case import Case, largest
 from experiments.studies.stability.measure import CASES, PARTS
-from experiments.studies.stability.view import STUDY
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -24,7 +22,7 @@ def row_of(naive, ours, *exact, error=largest):
 def test_ours_is_right_where_the_obvious_computation_is_extreme(case):
     row = case.row(**QUICK.get(case.name, {}))
     assert row["verdict"] == "holds", row
-    if case.name not in QUICK and case.name != "many pairs" and "ties of" not in case.name:
+    if case.name not in QUICK and "ties of" not in case.name:
         assert row["error_naive"] is None or row["error_naive"] > row["tolerance"]
 
 
@@ -51,12 +49,3 @@ def test_a_mistake_in_a_case_is_not_hidden():
 def test_names_tell_cases_apart_and_every_part_has_some():
     assert len({case.name for case in CASES}) == len(CASES)
     assert {case.part for case in CASES} == set(PARTS)
-
-
-def test_rows_become_a_table(tmp_path, write_measurement):
-    rows = [case.row() for case in CASES if case.name in ("negative words", "tail bits")]
-    write_measurement("stability", [*rows, {**rows[0], "verdict": "fails", "error_ours": 125000.0}])
-    (table,) = STUDY.tables_of(Results(tmp_path))
-    assert table.title == "Numbers at their limits: 2 of 3 cases hold"
-    shown = [dict(zip(table.heads, cells, strict=True)) for cells in table.cells()]
-    assert [line["Error, ours"] for line in shown][1:] == ["0", "125,000"]

@@ -90,7 +90,7 @@ def test_verdicts(losses, rises, exceeds, ends_above):
 
 
 def test_descent_from_the_optimum_loses_its_hold_at_two_over_lambda(
-    run, tmp_path, write_measurement, drawn
+    run, tmp_path, write_measurement
 ):
     config = config_of("stiffness", steps=60, epochs=3, exponents=[-2, -1, 0, 2], penalty=0.1)
     rows = list(measure.stiffness.rows(run, **config))
@@ -101,7 +101,6 @@ def test_descent_from_the_optimum_loses_its_hold_at_two_over_lambda(
     limits = table.data[table.data["start"] == "optimum"]
     # Between 2^-1/4 and 2^1/4 of the prediction, the two rates next to it.
     assert limits["exceeds_over_predicted"].tolist() == pytest.approx([1, 1, 1])
-    assert set(drawn(STUDY)) == {"stiffness_limit"}
 
 
 @pytest.mark.parametrize(
@@ -135,7 +134,7 @@ def test_the_objective_is_that_of_the_models():
         objective(wrong)
 
 
-def test_every_method_goes_down_and_none_below_the_optimum(run, tmp_path, write_measurement, drawn):
+def test_every_method_goes_down_and_none_below_the_optimum(run):
     rates = {"adam_rates": [1e-4], "dual_steps": [3, 300], "newton_steps": 4}
     config = config_of("softmax_methods", C=0.1, budget_s=0.05, batch=10, **rates)
     rows = pd.DataFrame(methods.softmax_methods.rows(run, **config))
@@ -147,7 +146,3 @@ def test_every_method_goes_down_and_none_below_the_optimum(run, tmp_path, write_
     assert newton[-1] < 1e-3 * newton[0]
     rate = rows[rows["method"] == "GD"].groupby("pixels")["rate"].first()
     assert rate["unit_centred"] > 2 * rate["unit"]  # less stiff
-    write_measurement("softmax_methods", rows.to_dict("records"), config=config)
-    (table,) = STUDY.tables_of(Results(tmp_path))
-    assert len(table.data) == len(curves)
-    assert "Newton, dual" in drawn(STUDY)["softmax_methods"]

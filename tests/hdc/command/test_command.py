@@ -414,7 +414,6 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
         ("nicegui", ["live", "--folder", "FOLDER"], "live"),
         ("fastapi", ["live", "--folder", "FOLDER"], "live"),
         ("sklearn", ["compare", "FOLDER"], "compare"),
-        ("matplotlib", ["compare", "FOLDER", "-o", "c.html"], "compare"),
     ],
 )
 def test_a_missing_package_names_its_extra(folder, tmp_path, name, words, extra):

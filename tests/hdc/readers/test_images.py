@@ -43,14 +43,6 @@ def test_a_folder_is_a_recording(folder, pixels, settings):
     assert part.fingerprint() != recording.fingerprint()
 
 
-def test_images_that_changed_since_they_were_checked_are_refused(folder, pixels):
-    recording = open_recording(folder, memory_bytes=0)
-    write(folder / "b" / "2.png", pixels[0])
-    with pytest.raises(BadFrame, match=r"b/2.png: expected the file that was opened, found it cha"):
-        recording.frames([5])
-    assert np.array_equal(recording.frames([4]), pixels[[4]])
-
-
 @pytest.mark.parametrize("suffix", [".png", ".bmp", ".tif", ".TIFF", ".PNG", ".jpg"])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_every_kind_of_image_comes_back_as_it_was(tmp_path, suffix, dtype):
@@ -65,9 +57,10 @@ def test_every_kind_of_image_comes_back_as_it_was(tmp_path, suffix, dtype):
     assert np.abs(frames.astype(int) - expected).max() <= (3 if suffix == ".jpg" else 0)
 
 
-@pytest.mark.parametrize("suffix", [".png", ".tif"])
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_colour_becomes_luminance(tmp_path, dtype, suffix):
+@pytest.mark.parametrize(
+    ("suffix", "dtype"), [(".png", np.uint8), (".png", np.uint16), (".tif", np.uint8)]
+)
+def test_colour_becomes_luminance(tmp_path, suffix, dtype):
     rng = np.random.default_rng(0)
     image = rng.integers(0, np.iinfo(dtype).max, (9, 8, 3)).astype(dtype)
     for name in "ab":
@@ -80,7 +73,7 @@ def test_colour_becomes_luminance(tmp_path, dtype, suffix):
     for name in "ab":
         write(tmp_path / "alpha" / name / f"x{suffix}", alpha)
     if suffix == ".tif":
-        with pytest.raises(BadFrame, match="expected a grey or colour TIFF, found RGBA"):
+        with pytest.raises(BadFrame, match="without alpha, found RGBA"):
             open_recording(tmp_path / "alpha")
     else:
         assert np.array_equal(all_of(open_recording(tmp_path / "alpha")), frames)
@@ -146,11 +139,8 @@ NOISE = np.random.default_rng(0).integers(0, 256, (20, 30), dtype=np.uint8)
         (saved("PNG", NOISE, NOISE), ".png", "expected a single image, found 2"),
         (saved("TIFF", NOISE, NOISE), ".tif", "expected a single image, found 2"),
         (saved("GIF", NOISE), ".png", "found other data"),
-        (
-            saved("TIFF", NOISE.astype(np.float32)),
-            ".tif",
-            "expected a grey or colour TIFF, found F",
-        ),
+        (saved("TIFF", NOISE.astype(np.float32)), ".tif", "expected a grey TIFF, .* found F"),
+        (encoded(np.zeros((9, 9, 3), np.uint16), ".tif"), ".tif", "colour of 8 bits"),
         (saved("TIFF", NOISE, tiffinfo={274: 6}), ".tif", "found a TIFF of orientation 6"),
         (encoded(np.zeros((5000, 5000), np.uint8)), ".png", r"at most 16777216 pixels"),
     ],

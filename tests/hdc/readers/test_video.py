@@ -37,9 +37,8 @@ def film(request, tmp_path):
     return path
 
 
-@pytest.mark.parametrize("memory_bytes", [2**31, 0])
-def test_a_video_is_a_scene(film, memory_bytes):
-    scene = open_recording(film, memory_bytes=memory_bytes, crop=[8, 4, 16, 8], subsample=2)
+def test_a_video_is_a_scene(film):
+    scene = open_recording(film, crop=[8, 4, 16, 8], subsample=2)
     assert scene.classes == ("free", "press")
     assert scene.shape == (4, 8)
     assert scene.samples["frame"].tolist() == NUMBERS
@@ -108,7 +107,7 @@ def test_times_are_those_of_the_container(tmp_path):
     greys = scene.frames(np.arange(len(scene))).mean((1, 2))
     assert np.abs(greys - [grey_of(k) for k in numbers]).max() <= 5
     with_table(tmp_path, "variable_rate.mp4", "0,0.8,a", "0.85,0.9,b")
-    with pytest.raises(ValueError, match=r"at least one frame in each .* found none in 0.85–0.9 s"):
+    with pytest.raises(ValueError, match=r"at least one frame, .* found none in 0.85–0.9 s"):
         open_recording(path)
 
 
@@ -165,16 +164,16 @@ def test_a_video_that_ends_early_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ("start_s,end_s,label\n0,1,a\n5,6.2,b\n", r"within the 6 s of .*, found 5–6.2 s"),
+        ("start_s,end_s,label\n0,1,a\n5,6.2,b\n", r"within the 6 s of .*, found one until 6.2 s"),
         ("start_s,end_s,label\n0,1,a\n1e30,2e30,b\n", "within the 6 s"),
         ("start_s,end_s,label\n0,1,a\n0.9,2,b\n", "do not overlap, found 0–1 s and 0.9–2 s"),
-        ("start_s,end_s,label\n0,1,a\n1.01,1.02,b\n", "at least one frame in each interval"),
+        ("start_s,end_s,label\n0,1,a\n1.01,1.02,b\n", "at least one frame, within the 6 s"),
         ("start_s,end_s,label\n0,1,a\n2,1,b\n", "line 3: expected 0 ≤ start_s < end_s"),
         ("start_s,end_s,label\n0,1,a\n1,inf,b\n", "line 3: expected 0 ≤ start_s < end_s"),
         ("start_s,end_s,label\n0,one,a\n", "line 2: expected seconds"),
         ("start_s,end_s,label\n0,1,\n", "line 2: expected a label"),
         ("start_s,end_s,label\n0,1,a\n2,3,a\n", "expected two classes or more, found only 'a'"),
-        ("start,end,label\n0,1,a\n", "expected columns start_s, end_s, label"),
+        ("start,end,label\n0,1,a\n", "expected different columns, with start_s, end_s, label"),
     ],
 )
 def test_a_table_that_does_not_fit_is_named(film, table, message):

@@ -8,10 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.studies.correlation.sums import (
-    mean_pair_correlations,
-    pair_correlations_double_sum,
-)
+from experiments.studies.correlation.sums import mean_pair_correlations
 from experiments.studies.numerics.measure import exact_mean
 from experiments.studies.stability.case import case
 
@@ -44,7 +41,7 @@ def compared(
     samples = given if ours is None else ours
     return (
         lambda: naive(*given),
-        lambda: mean_pair_correlations(samples, samples).value,
+        lambda: mean_pair_correlations(samples, samples),
         exact_mean(frames),
     )
 
@@ -67,8 +64,7 @@ def mean_far_above_the_deviation_in_float64(d: int = D) -> Any:
 
 
 @correlation_case(
-    "16-bit frames up to 65,535: products in uint16 wrap",
-    "⟨xy⟩ − ⟨x⟩⟨y⟩ of the camera's integers",
+    "16-bit frames up to 65,535: products in uint16 wrap", "⟨xy⟩ − ⟨x⟩⟨y⟩ of the camera's integers"
 )
 def sixteen_bit_frames(d: int = D) -> Any:
     frames = correlated(d, 65_536)
@@ -91,17 +87,3 @@ def squares_that_underflow(d: int = D) -> Any:
 def two_samples_a_class(d: int = D) -> Any:
     frames = correlated(d, 256)
     return compared(lambda *both: np.corrcoef(both).mean(), frames, frames.astype(np.uint8))
-
-
-@correlation_case(
-    "30 samples: 870 ordered pairs for the double sum, one product a sample for ours",
-    "double sum of Eq. 4 in float64", 1e-12,
-)  # fmt: skip
-def many_pairs(n: int = 30, d: int = 25_000) -> Any:
-    rng = np.random.default_rng(0)
-    frames = rng.integers(0, 200, (n, d)) + rng.integers(0, 56, d)
-
-    def double_sum(*samples: NDArray[Any]) -> float:
-        return pair_correlations_double_sum(np.array(samples), np.array(samples)).value
-
-    return compared(double_sum, frames, frames.astype(np.uint8))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 from sklearn.metrics import confusion_matrix
 
-from experiments.protocol import evaluate
+from hdc import accuracy
 
 counts = st.integers(1, 5000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
 
@@ -17,7 +17,7 @@ counts = st.integers(1, 5000).flatmap(lambda n: st.tuples(st.integers(0, n), st.
 @given(counts)
 def test_wilson_bounds_are_where_the_score_statistic_is_critical(drawn):
     n_right, n = drawn
-    low, high = evaluate.wilson(n_right, n)
+    low, high = accuracy.wilson(n_right, n)
     assert 0 <= low <= n_right / n <= high <= 1
     for bound in (low, high):
         if 0 < bound < 1:  # |p̂ − p| = z·√(p(1 − p)/n) defines the interval
@@ -28,12 +28,12 @@ def test_wilson_bounds_are_where_the_score_statistic_is_critical(drawn):
 @given(counts)
 def test_wilson_agrees_with_scipy(drawn):
     expected = binomtest(*drawn).proportion_ci(0.95, method="wilson")
-    assert evaluate.wilson(*drawn) == pytest.approx((expected.low, expected.high), abs=1e-12)
+    assert accuracy.wilson(*drawn) == pytest.approx((expected.low, expected.high), abs=1e-12)
 
 
 def test_confusion_agrees_with_scikit_learn():
     rng = np.random.default_rng(0)
     labels, predicted = rng.integers(0, 4, 300), rng.integers(0, 5, 300)  # nothing is of class 4
-    ours = evaluate.confusion(predicted, labels, 5)
+    ours = accuracy.confusion(predicted, labels, 5)
     np.testing.assert_array_equal(ours, confusion_matrix(labels, predicted, labels=range(5)))
-    assert evaluate.accuracy(predicted, labels) == np.trace(ours) / 300
+    assert accuracy.accuracy(predicted, labels) == np.trace(ours) / 300

@@ -1,0 +1,117 @@
+"""Errors of predicted values, and coverage of intervals, label sets and rejection."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pandas as pd
+
+from experiments.records.results import Results
+from experiments.reporting.columns import Column
+from experiments.reporting.study import RUN, Study
+from experiments.reporting.text import number, percent
+from experiments.studies.recordings.view import estimate
+
+STUDY = Study(
+    "values",
+    "Values and guarantees",
+    "How near do the same hypervectors come in mm, µm or refractive index, and how often do the "
+    "library's intervals, label sets and rejection hold what they promise?",
+    2.8,
+)
+COLUMNS = {
+    "recording": Column("Frames"),
+    "answer": Column("Answer"),
+    "split": Column("Split", lambda split: "as recorded" if split == "counts" else split),
+    "n": Column("Training frames"),
+    "mean": Column("Mean guess", number),
+    "bins": Column("10 prototypes of bins", number),
+    "nearest_neighbour": Column("Nearest on bits", number),
+    "ridge_bits": Column("Ridge on bits", number),
+    "ridge_greys": Column("Ridge on greys", number),
+    "regressor": Column("HDCRegressor", number),
+    "promised": Column("Promised, %", percent),
+    "covered": Column("Covered, %", percent),
+    "size": Column("Labels of a set, or width", number),
+    "refused": Column("Known frames refused, %", percent),
+    "unknown_refused": Column("Unknown frames refused, %", percent),
+}
+SHARES = ("covered", "refused", "unknown_refused")
+NOTE = (
+    "As recorded: split by time, session or position. Brackets: Student over sensors or input "
+    "fields; of one camera, the central 95 % of draws. A saturated recording ranks nothing."
+)
+
+
+def measured(results: Results, name: str) -> Iterator[tuple[dict[str, str], pd.DataFrame]]:
+    """Scene and answer of each measurement, and its rows."""
+    every = [m for m in results.measurements if m.record.name == name]
+    for measurement in sorted(every, key=lambda m: m.record.scene):
+        rows = measurement.frame
+        answer = "labels" if name == "coverage" else f"{rows.value[0]}, {rows.unit[0]}"
+        saturated = ", saturated" * bool(measurement.record.config["scene"].get("saturated"))
+        yield {"recording": f"{measurement.record.scene}{saturated}", "answer": answer}, rows
+
+
+def means(rows: pd.DataFrame, column: str, name: str) -> dict[str, float]:
+    """Mean of a column with its interval: over seeds where there are several, else over draws."""
+    several = rows.seed.nunique() > 1
+    of = rows.groupby("seed" if several else "draw")[column].mean()
+    value = estimate(of.astype(float).round(9).tolist(), several)  # 9: no rounding errors as errors
+    return (value.within(0, 1) if column in SHARES else value).columns(name)
+
+
+def shown(lines: list[dict], results: Results, *names: str) -> pd.DataFrame | None:
+    """Rows of a table, and the commands that make them; None without any."""
+    data = pd.DataFrame(lines)
+    data.attrs["shown"] = [name for name in COLUMNS if name in data]
+    every = [m for m in results.measurements if m.record.name in names]
+    data.attrs["commands"] = sorted(f"{RUN}{m.record.name} scene={m.record.scene}" for m in every)
+    return data if lines else None
+
+
+@STUDY.table(
+    "values",
+    title="Mean absolute error of predicted values",
+    columns=COLUMNS,
+    note="A prototype of a bin stands for the mean of the bin's training frames; ridge regression "
+    f"has the penalty of the least leave-one-out error. {NOTE}",
+)
+def errors(results: Results) -> pd.DataFrame | None:
+    """A row for each scene, split and number of training frames."""
+    lines = []
+    for about, rows in measured(results, "values"):
+        for (split, n), part in rows.groupby(["split", "n"], sort=False):
+            line = {**about, "split": split, "n": n}
+            for model, of in part.groupby("model"):
+                line |= means(of, "error", str(model))
+            lines.append(line)
+    return shown(lines, results, "values")
+
+
+@STUDY.table(
+    "coverage",
+    title="How often intervals, label sets and rejection hold",
+    columns=COLUMNS | {"n": Column("Training frames, of a class for labels")},
+    note="Labels: HDCClassifier.predict_set; a frame whose set is empty is refused. Values: the "
+    "intervals of HDCRegressor, which are certain to cover 1 − 2·alpha, and 1 − alpha in practice, "
+    "the column. Both are promised for frames that come as the training frames did, so for the "
+    f"random split. {NOTE}",
+)
+def coverage(results: Results) -> pd.DataFrame | None:
+    """A row for each scene, answer, split and promise."""
+    lines = []
+    for name in ("coverage", "values"):
+        for about, rows in measured(results, name):
+            if name == "values":
+                rows = rows[(rows.model == "regressor") & (rows.n == rows.n.max())]
+                rows = rows.rename(columns={"width": "size"})
+            columns = [c for c in list(COLUMNS)[-4:] if c in rows]
+            rows = rows.explode(["alpha", *columns])
+            for (split, alpha), part in rows.groupby(["split", "alpha"], sort=False):
+                line = {**about, "split": split, "n": part.n.iloc[0], "promised": 1 - alpha}
+                for column in columns:
+                    if part[column].notna().all():
+                        line |= means(part, column, column)
+                lines.append(line)
+    return shown(lines, results, "coverage", "values")

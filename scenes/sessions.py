@@ -1,0 +1,104 @@
+"""Scenes of two sessions made of others: the halves in time of one, or several side by side.
+
+They turn public recordings into questions of drift: train on the first cycles and recalibrate with
+later ones; train on one fibre and use another.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from scenes.frames import Scene
+from scenes.validate import require
+
+
+class Halves:
+    """One recording as two sessions: of each class, its frames before and after a share in time.
+
+    Args:
+        scene: the recording; its ``samples["order"]`` is the time.
+        share: of the frames of each class that are session 0.
+
+    Attributes:
+        samples: those of the recording with ``session`` 0 or 1; others: see
+            :class:`scenes.frames.Scene`.
+
+    Raises:
+        ValueError: for a share outside (0, 1).
+    """
+
+    cacheable = False
+
+    def __init__(self, scene: Scene, share: float = 0.5):
+        require(0 < share < 1, "scene.share", share, "a number in (0, 1)")
+        self._scene, self._share = scene, share
+        self.classes, self.labels, self.shape = scene.classes, scene.labels, scene.shape
+        self.origin = scene.origin
+        session = np.zeros(len(self.labels), np.int64)
+        for c in range(len(self.classes)):
+            members = np.flatnonzero(self.labels == c)
+            in_time = members[np.argsort(scene.samples["order"][members], kind="stable")]
+            session[in_time[round(share * len(members)) :]] = 1
+        self.samples: Mapping[str, np.ndarray] = {**scene.samples, "session": session}
+
+    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+        """Frames of the recording."""
+        return self._scene.frames(indices)
+
+    def fingerprint(self) -> str:
+        """SHA-256 of the recording's digest and the share."""
+        return hashlib.sha256(f"{self._scene.fingerprint()} {self._share}".encode()).hexdigest()
+
+
+class Joined:
+    """Scenes of as many classes and pixels, each a session; classes are matched by their order.
+
+    Args:
+        scenes: two or more scenes, or a mapping of them; the first is session 0.
+
+    Attributes:
+        classes: names of the first scene's; others: see :class:`scenes.frames.Scene`.
+
+    Raises:
+        ValueError: if the scenes differ in the number of classes or the shape of frames.
+    """
+
+    cacheable = False
+
+    def __init__(self, scenes: Sequence[Scene] | Mapping[str, Scene]):
+        scenes = list(scenes.values()) if isinstance(scenes, Mapping) else list(scenes)
+        first = scenes[0]
+        for other in scenes[1:]:
+            alike = other.shape == first.shape and len(other.classes) == len(first.classes)
+            wanted = f"{len(first.classes)} classes of frames {first.shape}"
+            require(alike, "scene.scenes", (len(other.classes), other.shape), wanted)
+        self._scenes = scenes
+        self.classes, self.shape, self.origin = first.classes, first.shape, first.origin
+        sizes = [len(scene.labels) for scene in scenes]
+        self._starts = np.cumsum([0, *sizes])
+        self.labels = np.concatenate([scene.labels for scene in scenes])
+        order = [s.samples["order"] + a for s, a in zip(scenes, self._starts, strict=False)]
+        self.samples: Mapping[str, np.ndarray] = {
+            "order": np.concatenate(order),
+            "session": np.repeat(np.arange(len(sizes)), sizes),
+        }
+
+    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+        """Frames of the scenes that the indices fall into."""
+        index = np.asarray(indices, np.int64).reshape(-1)
+        parts = np.searchsorted(self._starts, index, side="right") - 1
+        frames = torch.empty((len(index), *self.shape), dtype=self._scenes[0].frames([0]).dtype)
+        for k in np.unique(parts):
+            chosen = np.flatnonzero(parts == k)
+            frames[chosen] = self._scenes[k].frames(index[chosen] - self._starts[k]).cpu()
+        return frames
+
+    def fingerprint(self) -> str:
+        """SHA-256 of the scenes' digests."""
+        digests = " ".join(scene.fingerprint() for scene in self._scenes)
+        return hashlib.sha256(digests.encode()).hexdigest()

@@ -1,0 +1,54 @@
+"""docs/verdicts.md: intervals hold as often as it says, and its numbers are those of the tables."""
+
+import re
+
+import numpy as np
+import pytest
+
+from experiments.records.files import REFERENCE, ROOT
+from experiments.reporting.estimates import mean_interval, mean_share
+
+REPEATS = 3000
+PAGE = (ROOT / "docs" / "verdicts.md").read_text(encoding="utf-8")
+ROWS = [[c.strip() for c in x.strip("|").split("|")] for x in PAGE.splitlines() if x[:1] == "|"]
+
+
+def shares(rng, seeds, truth, spread):
+    """Mean share of seeds whose true shares have this standard deviation."""
+    size = truth * (1 - truth) / spread**2 - 1 if spread else None
+    each = rng.beta(truth * size, (1 - truth) * size, seeds) if size else np.full(seeds, truth)
+    return mean_share((rng.binomial(100, each) / 100).tolist(), 100), truth
+
+
+def draws(rng, n):
+    """Central 95 % of n draws, and one more draw."""
+    return (0, *np.quantile(rng.normal(size=n), (0.025, 0.975))), rng.normal()
+
+
+@pytest.mark.parametrize(
+    ("of", "once"),
+    [
+        ("mean of 5 normal numbers", lambda rng: (mean_interval(rng.normal(size=5).tolist()), 0)),
+        ("5 seeds of 100 frames, all with a truth of 90 %", lambda rng: shares(rng, 5, 0.9, 0)),
+        ("5 seeds that spread by 5 points about 90 %", lambda rng: shares(rng, 5, 0.9, 0.05)),
+        ("5 seeds that spread by 5 points about 95 %", lambda rng: shares(rng, 5, 0.95, 0.05)),
+        ("20 seeds that spread by 5 points about 95 %", lambda rng: shares(rng, 20, 0.95, 0.05)),
+        ("5 seeds that spread by 3 points about 98 %", lambda rng: shares(rng, 5, 0.98, 0.03)),
+        ("one more draw, after 20", lambda rng: draws(rng, 20)),
+        ("one more draw, after 50", lambda rng: draws(rng, 50)),
+    ],
+)
+def test_an_interval_holds_as_often_as_the_page_says(of, once):
+    (stated,) = (float(row[2]) for row in ROWS if len(row) == 3 and row[1] == of)
+    rng = np.random.default_rng(0)
+    held = [low <= truth <= high for (_, low, high), truth in (once(rng) for _ in range(REPEATS))]
+    assert 100 * np.mean(held) == pytest.approx(stated, abs=1.5)
+
+
+@pytest.mark.parametrize(
+    "row", [row for row in ROWS if row[-1].endswith(".md")], ids=lambda r: r[-1]
+)
+def test_numbers_of_objections_are_in_the_table_named(row):
+    text = (REFERENCE / "tables" / row[3]).read_text(encoding="utf-8")
+    for number in re.findall(r"\d[\d.]*", row[2]):
+        assert re.search(rf"(?<![\d.]){re.escape(number)}(?![\d.])", text), number

@@ -1,0 +1,35 @@
+"""Committed tables are those of the committed rows, and every figure of a study can be drawn."""
+
+import importlib
+
+import pytest
+from matplotlib import pyplot as plt
+
+from experiments.records.files import REFERENCE
+from experiments.records.results import Results
+
+STUDIES = (
+    "stability", "benchmark", "robustness", "correlation", "crossing", "drift", "stiffness",
+    "conditions", "numerics", "footprint",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def results():
+    return Results(REFERENCE)
+
+
+@pytest.mark.parametrize("study", STUDIES)
+@pytest.mark.filterwarnings("error")
+def test_committed_tables_and_figures_follow_from_the_committed_rows(study, results):
+    module = importlib.import_module(f"experiments.studies.{study}.view")
+    for table in module.STUDY.tables_of(results):
+        committed = (REFERENCE / "tables" / f"{table.name}.csv").read_text(encoding="utf-8")
+        assert table.csv() == committed
+    for plot in module.STUDY.plots_of(results):
+        figure = plot.draw()
+        figure.draw_without_rendering()
+        box = figure.get_tightbbox(figure.canvas.get_renderer())
+        assert figure.get_figwidth() == 3.4
+        assert 0 <= box.x0 < box.x1 <= 3.42  # a hair of a label may stand over
+    plt.close("all")
