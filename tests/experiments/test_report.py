@@ -72,7 +72,7 @@ def test_own_numbers_stand_beside_the_reference(tmp_path, write_run):
     write_run("hdc", wrong=range(9))
     text, files = written(tmp_path)
     (line,) = (line for line in text.splitlines() if line.strip().startswith("HDC"))
-    assert "91 [" in line  # mine
+    assert " 91 " in line  # mine
     assert [row["model"] for row in rows_of(files["runs.csv"])] == ["hdc"]
     assert max(map(len, text.splitlines()[:8])) <= report.WIDTH
 
