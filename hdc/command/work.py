@@ -6,7 +6,6 @@ import json
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
@@ -34,16 +33,9 @@ def open_frames(
     recording: Path, window: Window, fewest_classes: int = 2, **source: Any
 ) -> Recording:
     """Open a recording as the options of the command line say; images are decoded when needed."""
+    source["value_columns"] = source.pop("columns", ())
     return readers.open_recording(
-        recording,
-        source.get("intervals"),
-        template=source.get("template"),
-        table=source.get("table"),
-        image_column=source.get("image_column", "image"),
-        value_columns=source.get("columns", ()),
-        window=window,
-        check=False,
-        fewest_classes=fewest_classes,
+        recording, window=window, check=False, fewest_classes=fewest_classes, **source
     )
 
 
@@ -67,9 +59,7 @@ def train(
     frames = Passing(recording, training, recording.shape)
     model: Any
     if recording.values is not None:
-        from hdc import HDCRegressor
-
-        model = HDCRegressor(readout=readout or "ridge")
+        model = hdc.HDCRegressor(readout=readout or "ridge")
         model.fit(frames, recording.values[training])
         learnt = f"values of {', '.join(recording.value_names)}"
     else:
@@ -323,14 +313,6 @@ def info(path: Path, as_json: bool) -> str:
     }
     if not hasattr(model, "classes_"):
         return _rows(rows | {"values": ", ".join(_value_names(model))}, as_json)
-    if rows["read-out"] == "prototype":
-        rows["ties"] = f"{model.ties}, the bit of a prototype that half of the frames have"
-    rows["refused"] = "nothing: too few frames to know how far known ones lie"
-    with suppress(ValueError):  # of a model that was never calibrated
-        limits = np.asarray(model.limits()) / model.dimension_
-        if np.isfinite(limits).all():
-            low, high = limits.min(), limits.max()
-            rows["refused"] = f"beyond a distance of {low:.4f} to {high:.4f}, by class (--reject)"
     counts = zip(model.classes_, model.counts_, strict=True)
     rows["classes"] = {shown(c): int(n) for c, n in counts}
     return _rows(rows, as_json)
@@ -357,9 +339,7 @@ def load(path: Path) -> tuple[Any, Window]:
     except ValueError as error:
         if "HDCRegressor" not in str(error):
             raise
-        from hdc import HDCRegressor
-
-        model = HDCRegressor.load(path)
+        model = hdc.HDCRegressor.load(path)
     try:
         crop, subsample = (model.metadata_.get(key) for key in ("crop", "subsample"))
         return model, Window(crop, 1 if subsample is None else subsample)
