@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -56,7 +57,7 @@ def train(
     begin = time.perf_counter()
     training, test, how = hold_out(recording, test_fraction, seed)
     options: dict[str, Any] = {} if balance is None else {"balance": balance}
-    frames = Passing(recording, training, recording.shape)
+    frames = Passing(recording, training)
     model: Any
     if recording.values is not None:
         model = hdc.HDCRegressor(readout=readout or "ridge")
@@ -166,7 +167,9 @@ def _answers(
 ) -> Iterator[dict[str, Any]]:
     """File and values of each frame, or its label with margin and distances of prototypes."""
     for some in _batched(frames):
-        batch = np.stack([_fitting(model, frame, shown(place)) for place, frame in some])
+        for place, frame in some:
+            _check_size(model, frame.shape, shown(place))
+        batch = np.stack([frame for _, frame in some])
         files = [{"file": str(place)} for place, _ in some]
         if not hasattr(model, "classes_"):
             for file, values in zip(
@@ -208,8 +211,8 @@ def _score(
     places = [recording.place(i) for i in index]
     frames = with_progress(recording.stream(index), len(index), "Evaluating")
     answers, known = [], []
-    for some in _batched(zip(places, frames, strict=True)):
-        batch = np.stack([_fitting(model, frame, place) for place, frame in some])
+    for some in _batched(frames):
+        batch = np.stack(some)
         answers += model.predict(batch).tolist()
         if reject:
             known += model.is_known(batch, reject).tolist()
@@ -284,7 +287,7 @@ def recalibrate(
         raise ValueError(f"{shown(path)}: expected a classifier, found {type(model).__name__}")
     frames = _frames_for(model, window, recording, source)
     by_name = {str(c): c for c in model.classes_.tolist()}
-    passing = Passing(frames, np.arange(len(frames)), model.frame_shape_, model)
+    passing = Passing(frames, np.arange(len(frames)))
     model.recalibrate(passing, [by_name[name] for name in frames.names], p, seed, method)
     model.save(output)
     counts = Counter(frames.names)
@@ -348,27 +351,12 @@ def load(path: Path) -> tuple[Any, Window]:
 
 
 class Passing:
-    """Frames [N, H, W] that are decoded as a model takes one batch after the other.
+    """Frames [N, H, W] of a recording, decoded as a model takes one batch after the other."""
 
-    Args:
-        recording: the frames.
-        index: which of them [N].
-        frame_shape: (H, W) or (D,) of a frame.
-        model: a model that knows its frames' shape.
-    """
-
-    def __init__(
-        self,
-        recording: Recording,
-        index: np.ndarray,
-        frame_shape: tuple[int, ...],
-        model: Any = None,
-    ) -> None:
-        self._recording, self._index, self._model = recording, index, model
-        frames = recording.stream(index)
-        self._frames = with_progress(frames, len(index), "Training")
+    def __init__(self, recording: Recording, index: np.ndarray) -> None:
+        self._frames = with_progress(recording.stream(index), len(index), "Training")
         self._next = 0
-        self.shape = (len(index), *frame_shape)
+        self.shape = (len(index), *recording.shape)
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -378,12 +366,7 @@ class Passing:
         if start != self._next:
             raise IndexError(f"expected a batch from frame {self._next}, found {start}")
         self._next = stop
-        batch_of = islice(self._frames, stop - start)
-        if self._model is None:
-            return np.stack(list(batch_of))
-        places = (self._recording.place(i) for i in self._index[start:stop])
-        fitting = (_fitting(self._model, f, p) for f, p in zip(batch_of, places, strict=True))
-        return np.stack(list(fitting))
+        return np.stack(list(islice(self._frames, stop - start)))
 
 
 def _frames_for(model: Any, window: Window, recording: Path, source: dict[str, Any]) -> Recording:
@@ -391,6 +374,7 @@ def _frames_for(model: Any, window: Window, recording: Path, source: dict[str, A
     if source["table"] and not source["columns"] and (names := _value_names(model)):
         source = source | {"columns": names}
     frames = open_frames(recording, window, 1, **source)
+    _check_size(model, frames.shape, frames.place(0))
     if not hasattr(model, "classes_"):
         return frames
     known = [str(c) for c in model.classes_]
@@ -406,14 +390,11 @@ def _value_names(model: Any) -> tuple[str, ...]:
     return () if hasattr(model, "classes_") else tuple(model.metadata_.get("values", ()))
 
 
-def _fitting(model: Any, frame: np.ndarray, place: str) -> np.ndarray:
-    """A frame in the shape that the model knows; raises a BadFrame if it is of another size."""
+def _check_size(model: Any, shape: tuple[int, ...], place: str) -> None:
+    """Raise a BadFrame for a frame of another size than those in training; flat ones have none."""
     expected = model.frame_shape_
-    if frame.shape != expected and (len(expected) == 2 or frame.size != expected[0]):
-        raise BadFrame(
-            f"{place}: expected {_size(expected)} as in training, found {_size(frame.shape)}"
-        )
-    return frame.reshape(expected)
+    if shape != expected and (len(expected) == 2 or math.prod(shape) != expected[0]):
+        raise BadFrame(f"{place}: expected {_size(expected)} as in training, found {_size(shape)}")
 
 
 def _size(shape: Sequence[int]) -> str:
