@@ -20,7 +20,7 @@ from hdc import readers
 from hdc.readers.files import check_file, shown
 from hdc.readers.listing import image_files, is_image
 
-RATE = 0.01
+RATE = 0.05
 """Share of frames of known classes that ``--reject`` alone may refuse."""
 
 
