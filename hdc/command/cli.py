@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import json
 import os
-import stat
 from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from hdc import readers
 from hdc.readers.files import check_file, shown
 from hdc.readers.listing import image_files, is_image
 
-RATE = 0.01
+RATE = 0.05
 """Share of frames of known classes that ``--reject`` alone may refuse."""
 
 
@@ -69,12 +69,26 @@ _recording = _options(
     click.option("--intervals", type=_File(), metavar="CSV",
                  help="Table of a video. [default: beside it]"),
 )  # fmt: skip
-_pixels = _options(
-    click.option("--crop", type=click.IntRange(0), nargs=4, metavar="X Y WIDTH HEIGHT",
-                 help="Pixels to keep, from the top left corner. [default: all]"),
-    click.option("--subsample", type=click.IntRange(1), default=1, metavar="N",
-                 help="Keep every N-th pixel on both axes."),
-)  # fmt: skip
+
+
+def _pixels(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options --crop and --subsample; the command gets them as one `window`."""
+
+    @click.option("--crop", type=click.IntRange(0), nargs=4, metavar="X Y WIDTH HEIGHT",
+                  help="Pixels to keep, from the top left corner. [default: all]")  # fmt: skip
+    @click.option("--subsample", type=click.IntRange(1), default=1, metavar="N",
+                  help="Keep every N-th pixel on both axes.")  # fmt: skip
+    @wraps(command)
+    def with_window(crop: tuple[int, ...] | None, subsample: int, **options: Any) -> Any:
+        try:
+            window = readers.Window(crop, subsample)
+        except readers.SettingError as error:
+            raise click.UsageError(f"--{error}") from error
+        return command(window=window, **options)
+
+    return with_window
+
+
 _SHARE = _Share(0, 1, min_open=True, max_open=True)
 _output = click.option(
     "-o", "--output", type=_File(), required=True, help="File to write the model to."
@@ -114,8 +128,7 @@ def cli() -> None:
 def train(
     recording: Path,
     output: Path,
-    crop: tuple[int, ...] | None,
-    subsample: int,
+    window: readers.Window,
     test_fraction: float | None,
     seed: int,
     readout: str | None,
@@ -123,9 +136,8 @@ def train(
     **source: Any,
 ) -> None:
     """Learn the classes of a RECORDING, or its numbers with --values."""
-    window = _window(crop, subsample)
-    _check_output(output, _is_model, "a saved model")
     readers.check_path(recording, source["intervals"])
+    _check_output(output)
     from hdc.command import work
 
     frames = work.open_frames(recording, window, **source)
@@ -186,9 +198,9 @@ def recalibrate(
 
     The new RECORDING is of some or all of the classes of the model.
     """
-    _check_output(output, _is_model, "a saved model")
     _check_model(model)
     readers.check_path(recording, source["intervals"])
+    _check_output(output)
     from hdc.command import work
 
     click.echo(work.recalibrate(model, recording, source, output, p, method, seed))
@@ -208,8 +220,7 @@ def compare(
     recording: Path,
     other: Path | None,
     output: Path | None,
-    crop: tuple[int, ...] | None,
-    subsample: int,
+    window: readers.Window,
     test_fraction: float,
     draws: int,
     as_json: bool,
@@ -220,9 +231,8 @@ def compare(
     Accuracy for 1, 2, 5 … frames a class, held out at random and by time, and advice. Frames are
     held in memory.
     """
-    window = _window(crop, subsample)
     if output:
-        _check_output(output, _is_page, "a page of hdc compare")
+        _check_page(output)
     for path in filter(None, (recording, other)):
         readers.check_path(path, source["intervals"])
     from hdc.command import comparison, work
@@ -245,8 +255,7 @@ def compare(
 def live(
     camera: int | None,
     folder: Path | None,
-    crop: tuple[int, ...] | None,
-    subsample: int,
+    window: readers.Window,
     host: str | None,
     port: int,
 ) -> None:
@@ -256,7 +265,6 @@ def live(
     """
     if (camera is None) == (folder is None):
         raise click.UsageError("expected one of --camera and --folder")
-    window = _window(crop, subsample)
     from hdc.live import Camera, Recorded, Source
     from hdc.live.page import serve
 
@@ -286,13 +294,6 @@ def info(model: Path, as_json: bool) -> None:
 # Checks before anything is read -----------------------------------------------------------------
 
 
-def _window(crop: tuple[int, ...] | None, subsample: int) -> readers.Window:
-    try:
-        return readers.Window(crop, subsample)
-    except readers.SettingError as error:
-        raise click.UsageError(f"--{error}") from error
-
-
 def _check_model(path: Path) -> None:
     if not path.exists():
         raise ValueError(f"{shown(path)}: expected a saved model, found no such file")
@@ -302,38 +303,23 @@ def _check_model(path: Path) -> None:
         )
 
 
-def _check_output(path: Path, ours: Callable[[Path], bool], kind: str) -> None:
-    """Refuse a name that cannot be written, or that is taken by anything but a file of ours."""
+def _check_output(path: Path) -> None:
+    """Refuse a name that cannot be written, or that is taken by anything but a saved model."""
     if not path.parent.is_dir():
         raise ValueError(f"{shown(path)}: expected a folder to write into, found none")
-    if path.is_dir():
-        raise ValueError(f"{shown(path)}: expected a file name, found a folder")
-    if os.path.lexists(path):
-        if not stat.S_ISREG(path.lstat().st_mode):
-            raise ValueError(f"{shown(path)}: expected {kind} or no file, found a link or a device")
-        if not ours(path):
-            raise ValueError(
-                f"{shown(path)}: expected {kind} or no file, found another file; not replaced"
-            )
-    if not os.access(path.parent, os.W_OK):
-        raise ValueError(f"{shown(path)}: expected a folder that can be written, found none")
+    from hdc.io import check_replaceable
+
+    check_replaceable(path)
 
 
-def _is_model(path: Path) -> bool:
-    """Whether a file has the header of a saved model, a safetensors file with JSON at its start."""
-    with path.open("rb") as file:
-        length = int.from_bytes(file.read(8), "little")
-        if length > path.stat().st_size:
-            return False
-        try:
-            return "model" in json.loads(file.read(length))["__metadata__"]
-        except (ValueError, KeyError, TypeError):
-            return False
-
-
-def _is_page(path: Path) -> bool:
-    with path.open("rb") as file:
-        return b"<title>hdc compare" in file.read(500)
+def _check_page(path: Path) -> None:
+    """As :func:`_check_output`, for a page of ``hdc compare``."""
+    if not os.path.lexists(path):
+        return _check_output(path)
+    if path.is_symlink() or not path.is_file() or b"<title>hdc compare" not in path.read_bytes():
+        raise ValueError(
+            f"{shown(path)}: expected a page of hdc compare or no file, found another; not replaced"
+        )
 
 
 def _images(path: Path) -> list[Path]:

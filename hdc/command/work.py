@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
@@ -34,16 +34,9 @@ def open_frames(
     recording: Path, window: Window, fewest_classes: int = 2, **source: Any
 ) -> Recording:
     """Open a recording as the options of the command line say; images are decoded when needed."""
+    source["value_columns"] = source.pop("columns", ())
     return readers.open_recording(
-        recording,
-        source.get("intervals"),
-        template=source.get("template"),
-        table=source.get("table"),
-        image_column=source.get("image_column", "image"),
-        value_columns=source.get("columns", ()),
-        window=window,
-        check=False,
-        fewest_classes=fewest_classes,
+        recording, window=window, check=False, fewest_classes=fewest_classes, **source
     )
 
 
@@ -64,12 +57,10 @@ def train(
     begin = time.perf_counter()
     training, test, how = hold_out(recording, test_fraction, seed)
     options: dict[str, Any] = {} if balance is None else {"balance": balance}
-    frames = Passing(recording, training, recording.shape)
+    frames = Passing(recording, training)
     model: Any
     if recording.values is not None:
-        from hdc import HDCRegressor
-
-        model = HDCRegressor(readout=readout or "ridge")
+        model = hdc.HDCRegressor(readout=readout or "ridge")
         model.fit(frames, recording.values[training])
         learnt = f"values of {', '.join(recording.value_names)}"
     else:
@@ -176,7 +167,9 @@ def _answers(
 ) -> Iterator[dict[str, Any]]:
     """File and values of each frame, or its label with margin and distances of prototypes."""
     for some in _batched(frames):
-        batch = np.stack([_fitting(model, frame, shown(place)) for place, frame in some])
+        for place, frame in some:
+            _check_size(model, frame.shape, shown(place))
+        batch = np.stack([frame for _, frame in some])
         files = [{"file": str(place)} for place, _ in some]
         if not hasattr(model, "classes_"):
             for file, values in zip(
@@ -218,8 +211,8 @@ def _score(
     places = [recording.place(i) for i in index]
     frames = with_progress(recording.stream(index), len(index), "Evaluating")
     answers, known = [], []
-    for some in _batched(zip(places, frames, strict=True)):
-        batch = np.stack([_fitting(model, frame, place) for place, frame in some])
+    for some in _batched(frames):
+        batch = np.stack(some)
         answers += model.predict(batch).tolist()
         if reject:
             known += model.is_known(batch, reject).tolist()
@@ -294,7 +287,7 @@ def recalibrate(
         raise ValueError(f"{shown(path)}: expected a classifier, found {type(model).__name__}")
     frames = _frames_for(model, window, recording, source)
     by_name = {str(c): c for c in model.classes_.tolist()}
-    passing = Passing(frames, np.arange(len(frames)), model.frame_shape_, model)
+    passing = Passing(frames, np.arange(len(frames)))
     model.recalibrate(passing, [by_name[name] for name in frames.names], p, seed, method)
     model.save(output)
     counts = Counter(frames.names)
@@ -323,14 +316,6 @@ def info(path: Path, as_json: bool) -> str:
     }
     if not hasattr(model, "classes_"):
         return _rows(rows | {"values": ", ".join(_value_names(model))}, as_json)
-    if rows["read-out"] == "prototype":
-        rows["ties"] = f"{model.ties}, the bit of a prototype that half of the frames have"
-    rows["refused"] = "nothing: too few frames to know how far known ones lie"
-    with suppress(ValueError):  # of a model that was never calibrated
-        limits = np.asarray(model.limits()) / model.dimension_
-        if np.isfinite(limits).all():
-            low, high = limits.min(), limits.max()
-            rows["refused"] = f"beyond a distance of {low:.4f} to {high:.4f}, by class (--reject)"
     counts = zip(model.classes_, model.counts_, strict=True)
     rows["classes"] = {shown(c): int(n) for c, n in counts}
     return _rows(rows, as_json)
@@ -357,9 +342,7 @@ def load(path: Path) -> tuple[Any, Window]:
     except ValueError as error:
         if "HDCRegressor" not in str(error):
             raise
-        from hdc import HDCRegressor
-
-        model = HDCRegressor.load(path)
+        model = hdc.HDCRegressor.load(path)
     try:
         crop, subsample = (model.metadata_.get(key) for key in ("crop", "subsample"))
         return model, Window(crop, 1 if subsample is None else subsample)
@@ -368,27 +351,12 @@ def load(path: Path) -> tuple[Any, Window]:
 
 
 class Passing:
-    """Frames [N, H, W] that are decoded as a model takes one batch after the other.
+    """Frames [N, H, W] of a recording, decoded as a model takes one batch after the other."""
 
-    Args:
-        recording: the frames.
-        index: which of them [N].
-        frame_shape: (H, W) or (D,) of a frame.
-        model: a model that knows its frames' shape.
-    """
-
-    def __init__(
-        self,
-        recording: Recording,
-        index: np.ndarray,
-        frame_shape: tuple[int, ...],
-        model: Any = None,
-    ) -> None:
-        self._recording, self._index, self._model = recording, index, model
-        frames = recording.stream(index)
-        self._frames = with_progress(frames, len(index), "Training")
+    def __init__(self, recording: Recording, index: np.ndarray) -> None:
+        self._frames = with_progress(recording.stream(index), len(index), "Training")
         self._next = 0
-        self.shape = (len(index), *frame_shape)
+        self.shape = (len(index), *recording.shape)
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -398,12 +366,7 @@ class Passing:
         if start != self._next:
             raise IndexError(f"expected a batch from frame {self._next}, found {start}")
         self._next = stop
-        batch_of = islice(self._frames, stop - start)
-        if self._model is None:
-            return np.stack(list(batch_of))
-        places = (self._recording.place(i) for i in self._index[start:stop])
-        fitting = (_fitting(self._model, f, p) for f, p in zip(batch_of, places, strict=True))
-        return np.stack(list(fitting))
+        return np.stack(list(islice(self._frames, stop - start)))
 
 
 def _frames_for(model: Any, window: Window, recording: Path, source: dict[str, Any]) -> Recording:
@@ -411,6 +374,7 @@ def _frames_for(model: Any, window: Window, recording: Path, source: dict[str, A
     if source["table"] and not source["columns"] and (names := _value_names(model)):
         source = source | {"columns": names}
     frames = open_frames(recording, window, 1, **source)
+    _check_size(model, frames.shape, frames.place(0))
     if not hasattr(model, "classes_"):
         return frames
     known = [str(c) for c in model.classes_]
@@ -426,14 +390,11 @@ def _value_names(model: Any) -> tuple[str, ...]:
     return () if hasattr(model, "classes_") else tuple(model.metadata_.get("values", ()))
 
 
-def _fitting(model: Any, frame: np.ndarray, place: str) -> np.ndarray:
-    """A frame in the shape that the model knows; raises a BadFrame if it is of another size."""
+def _check_size(model: Any, shape: tuple[int, ...], place: str) -> None:
+    """Raise a BadFrame for a frame of another size than those in training; flat ones have none."""
     expected = model.frame_shape_
-    if frame.shape != expected and (len(expected) == 2 or frame.size != expected[0]):
-        raise BadFrame(
-            f"{place}: expected {_size(expected)} as in training, found {_size(frame.shape)}"
-        )
-    return frame.reshape(expected)
+    if shape != expected and (len(expected) == 2 or math.prod(shape) != expected[0]):
+        raise BadFrame(f"{place}: expected {_size(expected)} as in training, found {_size(shape)}")
 
 
 def _size(shape: Sequence[int]) -> str:

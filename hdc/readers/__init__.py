@@ -65,9 +65,8 @@ def open_recording(
             would lower the contrast of a speckle).
         on_bad_frame: ``"stop"`` at the first frame that cannot be used, or ``"skip"`` it: then
             ``recording.skipped`` lists each with the reason.
-        threads: number of threads that decode images; default: one a usable core.
-        memory_bytes: frames are kept in memory up to this size; above it, images are decoded again
-            when asked for, and a video is kept in a temporary file.
+        threads: number of threads that decode images.
+        memory_bytes: images are kept in memory up to this size, else decoded again when asked for.
         max_pixels: larger images are refused before they are decoded.
         template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``.
         table: CSV with a row an image, in or relative to the folder; other columns are values.
@@ -105,8 +104,7 @@ def open_recording(
         require(setting is None or folder, name, setting, f"null unless path is a folder ({path})")
     is_array = path.suffix.lower() in ARRAY_SUFFIXES and not folder
     require(axes is None or is_array, "axes", axes, f"null unless path is an array ({path})")
-    # OpenCV is imported where images or videos are read, and not for an array.
-    if folder:
+    if folder:  # OpenCV is imported where images or videos are read, and not for an array
         from hdc.readers.images import open_listing
         from hdc.readers.listing import list_folder
 
@@ -124,41 +122,33 @@ def open_recording(
 
 
 def check_path(path: str | Path, intervals: str | Path | None = None) -> None:
-    """Check that there may be a recording, before anything is read.
-
-    Raises:
-        SettingError: the path leads to no folder, array or video.
-        BadFrame: it leads to a pipe or a device.
-    """
+    """Raise a ValueError unless there is a folder, array or video; nothing is read."""
     _resolved(path, intervals)
 
 
 def _resolved(path: str | Path, intervals: str | Path | None) -> tuple[Path, Path]:
     """A folder, array or video that exists, and where the table of a video would be."""
-    path = _expanded("path", path, "the path of a folder or a file")
+    path = _expanded("path", path)
     suffix = path.suffix.lower()
-    table = path.with_suffix(".csv") if suffix in VIDEO_SUFFIXES else path
-    if intervals is not None:
-        table = _expanded("intervals", intervals, "null or the path of a table")
-        if suffix not in VIDEO_SUFFIXES:
-            raise SettingError(f"intervals: expected null unless path is a video ({shown(path)})")
-    if path.is_dir():
-        return path, table
+    is_video = suffix in VIDEO_SUFFIXES and not path.is_dir()
+    require(intervals is None or is_video, "intervals", intervals, "null unless path is a video")
     if not path.exists():
         raise SettingError(
             f"path: expected a folder, an .npz or a video, found nothing: {shown(path)}"
         )
-    check_file(path)
-    if suffix not in (*ARRAY_SUFFIXES, *VIDEO_SUFFIXES):
-        raise SettingError(
-            f"path: expected a folder, an array ({', '.join(ARRAY_SUFFIXES)}) or a video "
-            f"({', '.join(VIDEO_SUFFIXES)}), found {shown(path)}"
-        )
-    return path, table
+    if not path.is_dir():
+        check_file(path)
+        if suffix not in (*ARRAY_SUFFIXES, *VIDEO_SUFFIXES):
+            raise SettingError(
+                f"path: expected a folder, an array ({', '.join(ARRAY_SUFFIXES)}) or a video "
+                f"({', '.join(VIDEO_SUFFIXES)}), found {shown(path)}"
+            )
+    beside = path.parent / f"{path.stem}.csv"
+    return path, beside if intervals is None else _expanded("intervals", intervals)
 
 
-def _expanded(key: str, path: Any, expected: str) -> Path:
-    require(isinstance(path, str | Path) and path != "", key, path, expected)
+def _expanded(key: str, path: Any) -> Path:
+    require(isinstance(path, str | Path) and path != "", key, path, "a path")
     try:
         return Path(path).expanduser()
     except RuntimeError as error:  # ~somebody

@@ -158,13 +158,9 @@ def _from_template(root: Path, pattern: re.Pattern[str]) -> Listing:
     if not {"label", "value"} & set(pattern.groupindex):
         raise SettingError("template: expected a field {label} or {value}, or a table, found none")
     if not files:
-        first = (
-            f"none in {len(other_files)} files, such as {shown(other_files[0])}"
-            if other_files
-            else "no files"
-        )
         raise ValueError(
-            f"{shown(root)}: expected images whose path is as the template says, found {first}"
+            f"{shown(root)}: expected images whose path is as the template says, found none in "
+            f"{len(other_files)} files, such as {shown((*other_files, 'none')[0])}"
         )
     columns = _transposed(fields)
     labels, values = columns.pop("label", None), columns.pop("value", None)
@@ -240,9 +236,8 @@ def _from_table(
         known = ("order", "session", "group")
         value_columns = [n for n, c in columns.items() if c.dtype.kind != "U" and n not in known]
     for name in value_columns:
-        if columns[name].dtype.kind == "U":
-            text = next(row[name] for row in rows if not _is_number(row[name]))
-            raise ValueError(f"{shown(table)}: expected numbers in {name}, found {text!r}")
+        if (column := columns[name]).dtype.kind == "U":
+            raise ValueError(f"{shown(table)}: expected numbers in {name}, found {column[:9]}")
     if labels is None and not value_columns:
         raise ValueError(f"{shown(table)}: expected a column label or one of numbers, found none")
     check_times(table, columns, len(rows))
@@ -256,13 +251,6 @@ def _from_table(
         tuple(value_columns),
         other_files,
     )
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return bool(np.isfinite(float(text)))
-    except ValueError:
-        return False
 
 
 def _column(texts: list[str]) -> np.ndarray:
