@@ -121,9 +121,7 @@ class Case:
     def verdict(self, result: np.ndarray) -> str:
         """Compare a result in common form with the reference, which is computed in numpy alone.
 
-        Returns:
-            str: ``yes``; ``yes, ties aside`` (other bits only where the median or the majority
-            leaves them open); ``same labels``; or ``no``.
+        ``yes, ties aside``: other bits only where the median or the majority leaves them open.
         """
         if self.operation == "hamming":
             return "yes" if np.array_equal(result, self._distances()) else "no"

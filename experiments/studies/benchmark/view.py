@@ -144,12 +144,8 @@ def by_kind(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def ordinary_training_s(results: Results, group: Group) -> float | None:
-    """Seconds in which ordinary routines make prototypes of as many frames as a group's.
-
-    Returns:
-        float | None: of the faster route, on the group's processor and as many threads; None where
-        that was not measured.
-    """
+    """Seconds in which the faster of the ordinary routes makes prototypes of as many frames as a
+    group's, on its processor and as many threads; None where that was not measured."""
     measured = results.measured("benchmark")
     if measured is None or not group.runs:
         return None

@@ -67,12 +67,8 @@ class Start:
 
 
 def draw(seed: int, number: int, classes: int, pixels: int) -> dict[str, Tensor]:
-    """Initial weights of unit size, different for each number at a seed.
-
-    Returns:
-        dict: ``uniform`` (in ±1) and ``normal`` weights float32 [L, D], ``intercepts`` in ±1,
-        float64 [L].
-    """
+    """Initial weights of unit size, different for each number at a seed: ``uniform`` (in ±1) and
+    ``normal`` weights float32 [L, D], ``intercepts`` in ±1, float64 [L]."""
     state = np.random.SeedSequence([seed, number]).generate_state(1)[0]
     random = torch.Generator().manual_seed(int(state))
     return {

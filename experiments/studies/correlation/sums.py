@@ -24,31 +24,19 @@ class CorrelationSums:
     """Sums behind the mean correlations of L classes.
 
     Args:
-        n_classes: L.
-        dimension: D.
+        n_classes, dimension: L and D.
         dtype: of the standardised samples: float64, or float32, which rounds each once.
-
-    Attributes:
-        n: N_s, samples a class so far.
-        sums: S float64 [L, D].
-        same: Σ_k z_lk·z_l′k, float64 [L, L].
-        undefined: samples without variance, int64 [L].
     """
 
     def __init__(self, n_classes: int, dimension: int, dtype: DTypeLike = np.float64):
         self.dtype = dtype
-        self.n = 0
-        self.sums = np.zeros((n_classes, dimension))
-        self.same = np.zeros((n_classes, n_classes))
-        self.undefined = np.zeros(n_classes, np.int64)
+        self.n = 0  # N_s, samples a class so far
+        self.sums = np.zeros((n_classes, dimension))  # S
+        self.same = np.zeros((n_classes, n_classes))  # Σ_k z_lk·z_l′k
+        self.undefined = np.zeros(n_classes, np.int64)  # samples without variance
 
     def add(self, samples: Any) -> None:
         """Count one sample of each class: [L, D]."""
-        if np.shape(samples) != self.sums.shape:
-            raise ValueError(
-                f"samples: expected shape {self.sums.shape}, one of each class, "
-                f"found {np.shape(samples)}"
-            )
         z = standardise(samples, self.dtype)
         self.n += 1
         self.sums += z

@@ -110,13 +110,8 @@ def hdc_right(
     """Test samples that HDC has right after the first n of `order`, for each n of `sizes`.
 
     A further sample changes one class, or all where prototypes are balanced and the smallest class
-    grew: its counters, its prototype, its distances.
-
-    Args:
-        words, labels: hypervectors int64 [N, W] of D = `dimension`, and classes int64 [N].
-        order, test: indices; the first sizes[0] of `order` have every class.
-        sizes: increasing by one.
-        model: its ties and its balance count.
+    grew: its counters, its prototype, its distances. The first sizes[0] of `order` have every
+    class; `words` are hypervectors int64 [N, W]; of the model ties and balance count.
     """
     counters = Counters(int(labels.max()) + 1, dimension)
     distances = np.empty((len(test), len(counters.n)), np.int64)

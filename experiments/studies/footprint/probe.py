@@ -9,6 +9,7 @@ import importlib
 import json
 import sys
 import time
+import timeit
 from typing import Any
 
 # Loaded by some part of the project, needed by few.
@@ -48,14 +49,10 @@ def main(scene_name: str, model_name: str, frames: str) -> None:
     next(iter(model.train(images, scene.labels[indices])))
     model.predict(images[:1])
     row |= {"first_prediction_s": time.perf_counter() - begin, "peak_bytes": peak_bytes()}
-    seconds = []
-    for _ in range(3):
-        start = time.perf_counter()
-        scene.frames(indices)
-        seconds.append((time.perf_counter() - start) / len(indices))
+    seconds = timeit.repeat(lambda: scene.frames(indices), number=1, repeat=3)
     row |= {
         "status": "ok",
-        "frame_s": min(seconds),
+        "frame_s": min(seconds) / len(indices),
         "modules": len(sys.modules),
         "loaded": " ".join(name for name in WATCHED if name in sys.modules),
         "origin": scene.origin,

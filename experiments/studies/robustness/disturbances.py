@@ -51,10 +51,8 @@ OF_FRAMES: dict[str, Callable[[np.ndarray, float, np.random.Generator], np.ndarr
 def flipped_bits(tensors: Iterable[Tensor], rate: float, seed: Sequence[int]) -> Iterator[None]:
     """Every stored bit of these tensors flipped with probability `rate`, and back at the end.
 
-    Args:
-        tensors: contiguous, on the CPU, of any type; changed in place.
-        rate: bit error rate in [0, 1].
-        seed: seed of the choice of bits; the same one flips the same bits, which undoes it.
+    The tensors are contiguous, on the CPU, of any type, and changed in place. The same seed flips
+    the same bits, which undoes it.
     """
     _check("bit_flips", rate)
     memory = [tensor.detach().view(-1).view(torch.uint8).numpy() for tensor in tensors]
