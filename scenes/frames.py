@@ -111,8 +111,7 @@ def level_classes(
 
     Args:
         values: float [N].
-        edges: upper ends of the L classes, increasing: the first has values ≤ edges[0], the next
-            edges[0] < value ≤ edges[1], ...; values above all get the index L.
+        edges: upper ends of the L classes, increasing; values above all get the index L.
         unit: of the names, in which an edge is shown after multiplication by ``scale``.
         key: of the edges in the configuration, for errors.
     """

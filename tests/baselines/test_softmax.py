@@ -205,19 +205,5 @@ def test_initial_weights_are_those_named(speckle):
     assert not torch.equal(weight, other)
 
 
-def test_gradient_descent_changes_nothing_outside_the_span_of_the_frames(speckle):
-    """Why the initial weights decide the accuracy of a training that ends early."""
-    frames, labels = speckle(12, (10, 10), 3)
-    model = SoftmaxRegression(init="normal", init_std=0.02, optimizer="SGD", max_epochs=50)
-    first, _ = starting_weights(model, (frames, labels))
-    model.set_params(lr=1e-2, max_epochs=50).fit(frames, labels)
-    last = model.state_tensors()["1.weight"]
-    x = features(frames)
-    outside = np.eye(100) - np.linalg.pinv(x) @ x
-    change = (last - first).double().numpy()
-    assert np.abs(change).max() > 1e-3
-    assert np.abs(change @ outside).max() < 1e-6
-
-
 def test_the_example_in_the_docstring():
     assert doctest.testmod(softmax).failed == 0

@@ -97,15 +97,6 @@ def test_the_frame_is_the_measured_matrix_times_the_fields(n_fields):
         assert frame.max() < 255
 
 
-def test_more_fields_begin_with_the_first_and_are_perturbed_apart():
-    one, three = (excerpt(n_fields=k, photons=0) for k in (1, 3))
-    assert three.shape == (21, 126)
-    left = three.frames(range(40)).numpy()[:, :, :42].reshape(40, -1)
-    alone = one.frames(range(40)).numpy().reshape(40, -1)
-    assert min(np.corrcoef(a, b)[0, 1] for a, b in zip(left, alone, strict=True)) > 0.99
-    assert one.fingerprint() == excerpt(photons=0).fingerprint() != three.fingerprint()
-
-
 def test_the_exposure_is_fixed_and_photons_are_counted():
     clean, noisy = (excerpt(samples_per_class=40, photons=n, saturation=60) for n in (0, 50))
     a, b = (s.frames(np.arange(200)).numpy().astype(float) for s in (clean, noisy))

@@ -179,14 +179,6 @@ def split(kind="random", n_train=None, test_fraction=0.2):
     return {"kind": kind, "test_fraction": test_fraction, "n_train": n_train}
 
 
-@pytest.mark.parametrize("kind", ["random", "ordered"])
-def test_training_and_test_samples_share_none_and_leave_none(kind):
-    scene = make_scene()
-    train, test = data.choose(scene, split(kind), 0)
-    assert sorted([*train, *test]) == list(range(60))
-    assert np.bincount(scene.labels[test]).tolist() == [4, 4, 4]
-
-
 def test_two_sessions():
     scene = make_scene(sessions=2)
     for kind in ("random", "ordered"):
@@ -197,19 +189,6 @@ def test_two_sessions():
     assert test.tolist() == list(range(30, 60))
     # The same training samples as without the second session: the two accuracies compare.
     np.testing.assert_array_equal(train, data.choose(scene, split("random"), 0)[0])
-
-
-def test_learning_curve_subsets_are_nested_and_balanced():
-    scene = make_scene()
-    whole, test = data.choose(scene, split(), 0)
-    larger = whole
-    for n in (48, 24, 9, 3):
-        train, same_test = data.choose(scene, split(n_train=n), 0)
-        assert len(train) == n
-        assert set(train) <= set(larger)
-        assert np.ptp(np.bincount(scene.labels[train], minlength=3)) <= 1
-        np.testing.assert_array_equal(same_test, test)
-        larger = train
 
 
 @pytest.mark.parametrize(

@@ -191,14 +191,6 @@ def test_a_wrong_value_is_named_by_its_key(carry_out, results, overrides, messag
         carry_out(*overrides)
 
 
-@pytest.mark.parametrize("wrong", ["+model.colour=1", "stop.loss=-1", "split.kind=sorted"])
-def test_what_is_wrong_is_found_before_frames_are_made(carry_out, monkeypatch, wrong):
-    monkeypatch.setattr("experiments.protocol.data.cached", lambda *_: pytest.fail("too late"))
-    monkeypatch.setattr("experiments.protocol.data.take", lambda *_: pytest.fail("too late"))
-    with pytest.raises(ValueError, match=wrong.lstrip("+")[:5]):
-        carry_out(wrong)
-
-
 # Frames that cannot be read -----------------------------------------------------------------------
 
 
