@@ -53,6 +53,21 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
         temporary.unlink(missing_ok=True)
 
 
+def check_replaceable(path: Path) -> None:
+    """Refuse a name that is taken by anything but a saved model.
+
+    Raises:
+        FileExistsError: naming it.
+    """
+    if path.exists() or path.is_symlink():
+        try:
+            read_model(path, tensors=False)
+        except (ValueError, FileNotFoundError) as error:
+            raise FileExistsError(
+                f"{path}: expected a saved model or no file, found another file; not replaced"
+            ) from error
+
+
 def write_model(path: Path, header: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> None:
     """Save the header (values that JSON has) and the tensors of a model.
 
@@ -63,13 +78,7 @@ def write_model(path: Path, header: Mapping[str, Any], tensors: Mapping[str, Ten
     """
     from safetensors.torch import save
 
-    if path.exists() or path.is_symlink():
-        try:
-            read_model(path, tensors=False)
-        except (ValueError, FileNotFoundError) as error:
-            raise FileExistsError(
-                f"{path}: expected a saved model or no file, found another file; not replaced"
-            ) from error
+    check_replaceable(path)
     try:
         text = json.dumps({"format": FORMAT, **header})
         json.dumps(header.get("metadata"), allow_nan=False)

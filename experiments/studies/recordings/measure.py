@@ -14,7 +14,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -57,27 +57,42 @@ def recordings(
         ValueError: naming the key that is wrong.
     """
     direct = {name: _build(part, 0) for name, part in models.items()}
+    stepwise = StepModels(by_steps or {}, stop, steps_draws, steps_n)
     for seed, recording in run.scenes(scene, seeds):
         subsets = Subsets(recording)
-        for split, key in splits.items():
-            for draw in range(draws):
-                pool, test = draw_split(recording, key, (seed, draw), most_test)
-                order, sizes = nested(pool, recording.labels, n_per_class, (seed, draw))
-                row = {
-                    "origin": recording.origin, "seed": seed, "split": split, "draw": draw,
-                    "n_test": len(test), "n": sizes,
-                }  # fmt: skip
-                trained = {n: np.concatenate([o[:n] for o in order]) for n in sizes}
-                for name, model in direct.items():
-                    answers = (subsets.predict(model, trained[n], test) for n in sizes)
-                    yield row | {"model": name, "right": [subsets.right(a, test) for a in answers]}
-                few = [n for n in sizes if n in steps_n]
-                for name, part in (by_steps or {}).items() if draw < steps_draws else ():
-                    model = {"seed": seed, "split": split, "draw": draw, "model": name}
-                    compute = partial(_by_steps, part, stop, recording, trained, test, few)
-                    for kept in run.part(model, compute):
-                        yield {**row, "model": name, "n": few, **kept}
-            run.note(f"seed {seed}, {split}")
+        for split, config in splits.items():
+            draw = partial(
+                _draw, subsets, recording, config, direct, stepwise, n_per_class, most_test
+            )
+            for k in range(draws):
+                place = {"seed": seed, "split": split, "draw": k}
+                for row in run.part(place, partial(draw, (seed, k))):
+                    yield {"origin": recording.origin, **place, **row}
+
+
+def _draw(
+    subsets: Subsets,
+    recording: Scene,
+    split: Mapping[str, Any],
+    direct: Mapping[str, Any],
+    stepwise: StepModels,
+    n_per_class: Sequence[int],
+    most_test: int,
+    seed: tuple[int, int],
+) -> Iterator[Row]:
+    """The rows of one draw, a row a model."""
+    pool, test = draw_split(recording, split, seed, most_test)
+    order, sizes = nested(pool, recording.labels, n_per_class, seed)
+    trained = {n: np.concatenate([of_class[:n] for of_class in order]) for n in sizes}
+    for name, model in direct.items():
+        answers = (subsets.predict(model, trained[n], test) for n in sizes)
+        right = [subsets.right(answer, test) for answer in answers]
+        yield {"model": name, "n_test": len(test), "n": sizes, "right": right}
+    if seed[1] < stepwise.draws:
+        few = [n for n in sizes if n in stepwise.sizes]
+        for name, part in stepwise.models.items():
+            right = [stepwise.right(part, recording, trained[n], test) for n in few]
+            yield {"model": name, "n_test": len(test), "n": few, "right": right}
 
 
 @experiment
@@ -179,26 +194,20 @@ def nested(
     return order, [n for n in sizes if n <= least]
 
 
-def _by_steps(
-    part: Any,
-    stop: Mapping[str, Any] | None,
-    scene: Scene,
-    train: Mapping[int, np.ndarray],
-    test: np.ndarray,
-    sizes: Sequence[int],
-) -> Iterator[Row]:
-    """Test samples that a model has right after training by steps until the stopping rule ends it,
-    for each number of frames a class."""
-    rule, frames, right = (
-        trial.stop_rule(OmegaConf.create(dict(stop or {}))),
-        scene.frames(test),
-        [],
-    )
-    for n in sizes:
+class StepModels(NamedTuple):
+    """Models that only learn by steps, asked in fewer draws and at fewer sizes."""
+
+    models: Mapping[str, Any]
+    stop: Mapping[str, Any] | None
+    draws: int
+    sizes: Sequence[int]
+
+    def right(self, part: Any, scene: Scene, train: np.ndarray, test: np.ndarray) -> int:
+        """Test samples that a model has right after training until the stopping rule ends it."""
         model = _build(part, 0)
-        trial.train_until(model, rule, scene, train[n])
-        right.append(int((model.predict(frames) == scene.labels[test]).sum()))
-    yield {"right": right}
+        rule = trial.stop_rule(OmegaConf.create(dict(self.stop or {})))
+        trial.train_until(model, rule, scene, train)
+        return int((model.predict(scene.frames(test)) == scene.labels[test]).sum())
 
 
 def _build(part: Any, seed: int) -> Any:
