@@ -29,7 +29,7 @@ from experiments.records.environment import cpu_model
 from experiments.records.measurement import Measured, Row
 from experiments.records.results import Results, Run
 
-_TIMED = tuple(f"experiments.protocol.{name}" for name in ("trial", "clock", "stop", "evaluate"))
+_TIMED = tuple(f"experiments.protocol.{name}" for name in ("trial", "clock", "stop"))
 
 
 def prove(folder: Path, console: Console, chosen: Callable[[str], bool] = lambda _: True) -> int:

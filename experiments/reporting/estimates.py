@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from experiments.protocol import evaluate
 from experiments.records.results import Group, Run
+from hdc.accuracy import wilson
 
 ONE_SENSOR = "of one sensor, Student over seeds"
 
@@ -88,7 +88,7 @@ def mean_share(shares: Sequence[float], n: float) -> Estimate:
         n: samples of each.
     """
     if len(shares) < 2:
-        return Estimate(shares[0], *evaluate.wilson(round(shares[0] * n), round(n)))
+        return Estimate(shares[0], *wilson(round(shares[0] * n), round(n)))
     return mean_interval(shares, least_variance(shares, n)).within(0, 1)
 
 

@@ -20,8 +20,8 @@ import csv
 import functools
 from dataclasses import dataclass
 
-from experiments.protocol import evaluate
 from experiments.records.files import ROOT
+from hdc.accuracy import wilson
 
 PATH = ROOT / "results" / "published.csv"
 TOUCH_TEST_SAMPLES = 100  # Fig. 5(a)
@@ -104,7 +104,7 @@ def _of(line: dict[str, str], above: dict[str, Published]) -> Published:
         number = float(text)
     low = high = None
     if (n := _SAMPLES.get(name)) is not None:
-        low, high = (100 * p for p in evaluate.wilson(round(number / 100 * n), n))
+        low, high = (100 * p for p in wilson(round(number / 100 * n), n))
     window = (line["expected_low"], line["expected_high"])
     return Published(
         name,

@@ -10,9 +10,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from experiments.protocol import evaluate
 from experiments.records.record import Finished
 from experiments.records.sources import outdated
+from hdc.accuracy import confusion, wilson
 
 _NAMED = 12  # classes up to which the confusion matrix is shown
 
@@ -28,7 +28,7 @@ def summarise(console: Console, record: Finished, repeated: bool = False) -> Non
     """A few lines: accuracy with its interval, confusion, times; one line for a run that was
     finished before."""
     scene = record.scene
-    low, high = evaluate.wilson(int(record.right.sum()), record.n_test)
+    low, high = wilson(int(record.right.sum()), record.n_test)
     accuracy = f"test accuracy {record.test_accuracy_final:.1%} [{low:.1%}, {high:.1%}]"
     # Names go out as Text: no markup and no emoji codes are read in them.
     if repeated:
@@ -64,9 +64,7 @@ def summarise(console: Console, record: Finished, repeated: bool = False) -> Non
 
 def _print_confusion(console: Console, record: Finished) -> None:
     classes = record.scene.classes
-    counts = evaluate.confusion(
-        np.array(record.predicted), np.array(record.test_labels), len(classes)
-    )
+    counts = confusion(np.array(record.predicted), np.array(record.test_labels), len(classes))
     table = Table(title="confusion (rows: true class)", title_justify="left")
     table.add_column("", no_wrap=True)
     for name in classes:

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from baselines.dual import Descent
-from experiments.protocol import data, evaluate
+from experiments.protocol import data
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.studies.conditions import linear
 from experiments.studies.conditions.linear import Problem, Start
@@ -66,7 +66,7 @@ def table1_conditions(
             raise ValueError(f"scene: expected frames of 8 bits a pixel, found {frames.dtype}")
         train, test = data.choose(made, split, seed)
         hdc = HDCClassifier().fit(frames[train], made.labels[train])
-        right = evaluate.accuracy(hdc.predict(frames[test]), made.labels[test])
+        right = float(np.mean(hdc.predict(frames[test]) == made.labels[test]))
         classes, dimension = len(made.classes), frames[0].numel()
         products = linear.products(frames, seed, draws, classes)
         for scaling in pixels:
