@@ -66,7 +66,7 @@ def table1_conditions(
             raise ValueError(f"scene: expected frames of 8 bits a pixel, found {frames.dtype}")
         train, test = data.choose(made, split, seed)
         hdc = HDCClassifier().fit(frames[train], made.labels[train])
-        right = float(np.mean(hdc.predict(frames[test]) == made.labels[test]))
+        right = float((hdc.predict(frames[test]) == made.labels[test]).mean())
         classes, dimension = len(made.classes), frames[0].numel()
         products = linear.products(frames, seed, draws, classes)
         for scaling in pixels:
