@@ -28,8 +28,9 @@ class HDCClassifier(Estimator):
     A frame becomes a hypervector by thresholding at its own median (:func:`hdc.encode.encode`), a
     class prototype is the bitwise majority of its hypervectors (Eq. 1), and a query belongs to the
     class whose prototype is nearest in Hamming distance (Eqs. 2, 3); among equally near ones, to
-    the first in ``classes_``. Memory: one chunk of packed hypervectors, the counters, and up to 19
-    hypervectors a class for :meth:`is_known`, however many frames are given.
+    the first in ``classes_``. Memory of :meth:`fit`: a chunk of packed hypervectors, counters, and
+    up to 19 hypervectors a class for :meth:`is_known`, however many frames are given; other calls
+    that learn hold the hypervectors of their batch.
 
     Frames are [N, H, W] or [N, D]; a model of images takes a single one, [H, W], as a batch of one,
     images of no other shape, and flattened ones. Several threads may ask a model at once; while one

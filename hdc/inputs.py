@@ -34,9 +34,11 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
         frames = np.asarray(frames)
     elif not hasattr(frames, "shape"):
         frames = list(frames)
-        sizes = {tuple(np.shape(frame)) for frame in frames}
-        if len(sizes) > 1:
-            raise ValueError(f"frames: expected frames of one shape, found {sorted(sizes)}")
+        shapes = [tuple(np.shape(frame)) for frame in frames]
+        for i, other in enumerate(shapes):
+            if other != shapes[0]:
+                expected = f"expected shape {shapes[0]} as of frames[0]"
+                raise ValueError(f"frames[{i}]: {expected}, found {other}")
         of_tensors = bool(frames) and isinstance(frames[0], Tensor)
         frames = torch.stack(frames) if of_tensors else np.asarray(frames)
     if len(frames.shape) == 1 and frames.shape[0]:
@@ -109,10 +111,10 @@ def label_array(labels: Any, n: int) -> np.ndarray:
         items = [x.item() if isinstance(x, np.generic | Tensor) else x for x in labels]
     for i, label in enumerate(items):
         if not isinstance(label, Label) or label != label:
-            why = "; Complex data not supported" if isinstance(label, complex) else ""
-            raise ValueError(
-                f"labels[{i}]: expected a str, int, float or bool, found {label!r}{why}"
-            )
+            found = "NaN" if isinstance(label, float) else repr(label)
+            if isinstance(label, complex):
+                found += "; Complex data not supported"
+            raise ValueError(f"labels[{i}]: expected a str, int, float or bool, found {found}")
     array = np.array(items) if len(set(map(type, items))) == 1 else np.array(items, object)
     # numpy drops null characters at the end of a string.
     return array if array.tolist() == items else np.array(items, object)

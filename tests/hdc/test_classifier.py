@@ -163,6 +163,8 @@ def test_same_bits_on_an_accelerator() -> None:
         (lambda f, y, _: HDCClassifier().fit(f[:0], y[:0]), "expected at least one frame"),
         (lambda f, y, _: HDCClassifier("x").fit(f, y), "ties: expected one of zero, one, random"),
         (lambda f, y, _: HDCClassifier(prototype="x").fit(f, y), "prototype: expected one of bin"),
+        (lambda f, y, _: HDCClassifier(readout="x").fit(f, y), "readout: expected one of proto"),
+        (lambda f, y, _: HDCClassifier(n_neighbours=0).fit(f, y), "n_neighbours: expected an int"),
         (lambda f, y, _: HDCClassifier().partial_fit([], []), "expected at least one frame"),
         (
             lambda f, y, _: HDCClassifier().partial_fit(f, None),

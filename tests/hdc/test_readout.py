@@ -151,16 +151,6 @@ def test_read_outs_come_back_from_files(tmp_path: Path, name: str) -> None:
     assert np.array_equal(loaded.decision_function(queries), model.decision_function(queries))
 
 
-def test_read_outs_and_numbers_of_neighbours_are_checked() -> None:
-    frames, labels = hard(8, 0)
-    for model in (HDCClassifier(readout="x"), HDCRegressor("prototype")):
-        with pytest.raises(ValueError, match="readout: expected one of"):
-            model.fit(frames, labels)
-    for k in (0, 1.5, True):
-        with pytest.raises(ValueError, match="n_neighbours: expected an integer from 1, found"):
-            HDCClassifier(n_neighbours=k).fit(frames, labels)
-
-
 # Regressor ----------------------------------------------------------------------------------------
 
 
