@@ -6,25 +6,16 @@ import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import inputs
+from hdc.inputs import FrameSource
 
 FRAME_TYPES = {torch.uint8: 255, torch.uint16: 65535}  # and their largest value
-
-
-class FrameSource(Protocol):
-    """Frames uint8 or uint16 [N, H, W] or [N, D]: an array, a tensor, or an object that gives a
-    batch of either when indexed by a slice or an index tensor."""
-
-    @property
-    def shape(self) -> Any: ...
-    def __len__(self) -> int: ...
-    def __getitem__(self, index: Any) -> Any: ...
 
 
 @dataclass(kw_only=True, eq=False)

@@ -7,13 +7,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
 
 Label = str | int | float | bool
+
+
+class FrameSource(Protocol):
+    """Frames uint8 or uint16 [N, H, W] or [N, D]: an array, a tensor, or an object that gives a
+    batch of either when indexed by a slice or an index tensor."""
+
+    @property
+    def shape(self) -> Any: ...
+    def __len__(self) -> int: ...
+    def __getitem__(self, index: Any) -> Any: ...
 
 
 def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:

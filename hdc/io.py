@@ -59,10 +59,14 @@ def check_replaceable(path: Path) -> None:
     Raises:
         FileExistsError: naming it.
     """
-    if path.exists() or path.is_symlink():
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        raise FileExistsError(
+            f"{path}: expected a regular file or none, found another kind; not replaced"
+        )
+    if path.exists():
         try:
             read_model(path, tensors=False)
-        except (ValueError, FileNotFoundError) as error:
+        except ValueError as error:
             raise FileExistsError(
                 f"{path}: expected a saved model or no file, found another file; not replaced"
             ) from error

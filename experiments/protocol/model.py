@@ -10,7 +10,7 @@ import numpy as np
 from omegaconf import DictConfig, OmegaConf
 from torch import Tensor
 
-from baselines.base import FrameSource
+from hdc.inputs import FrameSource
 
 
 @runtime_checkable

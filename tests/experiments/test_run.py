@@ -101,7 +101,7 @@ def test_an_hdc_run_on_the_fibre_loads_nothing_heavy(results, shared_data, comma
     )
     assert done.stdout.splitlines()[-1] == "exit 0 loaded []", done.stdout + done.stderr
     (entry,) = entries(results)
-    assert (entry.scene.origin, entry.n_train) == ("measured", 40)
+    assert (entry.scene.origin, entry.n_train) == ("computed", 40)
 
 
 def test_an_hdc_run_on_the_simulated_sensor_loads_nothing_heavy(results, command_line):

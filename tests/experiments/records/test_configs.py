@@ -19,7 +19,7 @@ def test_parts_of_configs_are_resolved_or_none():
 
 
 def test_an_experiment_has_a_task_or_a_sweep():
-    assert configs.task("drift")["_target_"] == "experiments.studies.drift.measure.run"
+    assert configs.task("drift")["_target_"] == "experiments.studies.drift.measure.drift"
     assert configs.task("table1") == configs.task("nowhere") == {}
     assert "hdc" in configs.sweep("table1")["model"]
     assert configs.numbers(["5", "null"]) == [5, None]

@@ -19,10 +19,6 @@ def test_student_intervals_of_the_mean_and_of_one_more_sensor():
     half = T2 * math.sqrt(4 / 3)
     assert estimates.one_sensor([1.0, 2.0, 3.0]) == pytest.approx((2, 2 - half, 2 + half))
     assert np.isnan(mean_interval([1.0])[1:]).all()
-    # The interval of a ratio is that of its logarithm.
-    ratio = estimates.one_ratio(2.0, [0.0, math.log(2), math.log(4)])
-    assert math.log(ratio.high / ratio.value) == pytest.approx(half * math.log(2))
-    assert np.isnan(estimates.one_ratio(3.0, [1.0, 1.1, math.inf])[1:]).all()
 
 
 def coverage(interval, seeds, accuracy, spread):

@@ -62,10 +62,6 @@ def test_simulated_frames_only_refute(measured, simulated, expected):
     assert rules.judge(measured, simulated) == expected
 
 
-def test_the_least_of_n_runs_bounds_their_median():
-    assert [rules.confidence(n) for n in (1, 3, 5)] == [0.5, 0.875, 0.96875]
-
-
 # Of records ---------------------------------------------------------------------------------------
 
 
