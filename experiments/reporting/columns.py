@@ -106,11 +106,13 @@ def _training_time(place: int) -> Callable[[Group, Group], float | str]:
 
 
 def _over_hdc(group: Group, hdc: Group) -> float | None:
-    """Median training time over that of HDC, on one processor with as many threads."""
-    times, reference = ([estimates.training_time(run) for run in g.runs] for g in (group, hdc))
-    if not reference or group.machines != hdc.machines or len(group.machines) != 1:
+    """Training time over that of HDC with the same seeds, median over runs; on one processor."""
+    if group.machines != hdc.machines or len(group.machines) != 1:
         return None
-    ratio = estimates.quartiles(times)[1] / estimates.quartiles(reference)[1]
+    reference = {run.seeds: estimates.training_time(run) for run in hdc.runs}
+    times = {run.seeds: estimates.training_time(run) for run in group.runs}
+    ratios = [time / reference[seeds] for seeds, time in times.items() if seeds in reference]
+    ratio = estimates.quartiles(ratios)[1] if ratios else math.inf
     return ratio if math.isfinite(ratio) else None
 
 

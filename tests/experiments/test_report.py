@@ -42,7 +42,6 @@ def test_no_committed_record_is_left_out():
     assert len(set(names)) == len(names)
 
 
-@pytest.mark.xfail(reason="to be made again with the next reproduction", strict=True)
 def test_the_committed_tables_are_those_of_the_committed_records():
     answers = Answers("reference", Results(REFERENCE), all_studies())
     made = {t.name: t.csv() for same in answers.tables.values() for t in same if t.name != "runs"}
@@ -51,10 +50,12 @@ def test_the_committed_tables_are_those_of_the_committed_records():
     assert [name for name in made if made[name] != committed[name]] == []
 
 
-@pytest.mark.parametrize("model", ["hdc", "softmax", "softmax_dual", *(
-    pytest.param(name, marks=pytest.mark.xfail(
-        reason="the networks' recipe changed; the next reproduction trains them", strict=True))
-    for name in ("cnn1", "cnn3"))])  # fmt: skip
+ONE_SEED = pytest.param(
+    "cnn3", marks=pytest.mark.xfail(reason="until the next reproduction: one seed", strict=True)
+)
+
+
+@pytest.mark.parametrize("model", ["hdc", "softmax", "softmax_dual", "cnn1", ONE_SEED])
 def test_rows_of_the_committed_table_1_have_three_seeds(model):
     assert len(Results(REFERENCE).group("touch", model).runs) >= 3
 
