@@ -30,7 +30,8 @@ from experiments.records.results import Results, Run
 from experiments.reporting.study import with_places
 from experiments.reporting.text import markdown_text, number
 
-PUBLIC = ("scenes.fibre.", "scenes.measured.")  # scenes of published data; others are one's own
+# Scenes of published data; other recordings are one's own.
+PUBLIC = ("scenes.fibre.", "scenes.measured.", "scenes.sessions.")
 README = ROOT / "README.md"
 _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 

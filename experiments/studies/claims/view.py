@@ -24,15 +24,13 @@ from experiments.studies.claims.rules import NO, UNDECIDABLE, YES
 from experiments.studies.correlation.view import mean_contrast
 from experiments.studies.crossing.view import first_crossings, tidy
 from experiments.studies.drift.view import accuracies as updated
-from experiments.studies.recordings.view import RIVAL, over_rival, recordings
+from experiments.studies.recordings.view import RIVAL, SATURATED, over_rival, recordings
 from experiments.studies.table1.view import scene as scene_of_table1
 from experiments.studies.table1.view import time_ratios
 
 Evidence = dict[str, Any]
 MEASURED, SIMULATED, TIMED = "measured", "simulated", "timed"
-FIBRES = ("fibre", "fibre_grouped")
 HARD = ("finger", "spatial")  # simulated scenes on which not every model is right
-SATURATED = 0.995
 FLIPPED = 0.01  # share of flipped bits
 
 STUDY = Study(
@@ -139,17 +137,16 @@ def accuracy(results: Results) -> Iterator[Evidence]:
             n=f"{n} frames a class", rule="more_accurate",
             command=f"{RUN}recordings scene={scene}",
         )  # fmt: skip
-    for scene in (*FIBRES, scene_of_table1(), *HARD, "tactile"):
+    for scene in (scene_of_table1(), *HARD, "tactile"):
         groups = [results.group(scene, model) for model in ("hdc", RIVAL)]
         if any(not group.runs for group in groups):
             continue
         paired = difference(groups[0].runs, groups[1].runs)
         if paired is None:
             continue
-        simulated = scene not in FIBRES
         ceiling = all(group.right.mean() >= SATURATED for group in groups)
         yield _row(
-            f"{scene}{', saturated' * ceiling}", SIMULATED if simulated else MEASURED, quantity,
+            f"{scene}{', saturated' * ceiling}", SIMULATED, quantity,
             _points(paired.share), UNDECIDABLE if ceiling else rules.more_accurate(paired.share),
             n=f"{len(groups[0].runs)} seeds", rule="more_accurate",
             command=f"{RUN}all_scenes scene={scene}",
