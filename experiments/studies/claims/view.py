@@ -84,7 +84,11 @@ CLAIMS = {
     ),
     "recalibration": (
         "Recalibration restores accuracy (32 to 95 %)",
-        {YES: "linear models from old weights restore more", NO: "below 90 % of it is restored"},
+        {
+            YES: "linear models from old weights restore more",
+            NO: "new samples do not raise the accuracy of HDC",
+            "partly": "not on every recording; linear models from old weights restore more",
+        },
     ),
     "faults": (
         "No error-prone bits: flipped bits are tolerated",
@@ -236,33 +240,27 @@ def contrast(results: Results) -> Iterator[Evidence]:
 
 @_claim
 def recalibration(results: Results) -> Iterator[Evidence]:
-    """Accuracy in the new room after an update with 50 new samples, first in time."""
-    measured = results.measured("drift")
-    if measured is None:
-        return
-    every = updated(measured.frame).query("order == 'time'")
-    stored = every.query("model == 'hdc' and method == 'stored'").set_index("seed")["new"]
-    for model, method, share, name in (
-        ("hdc", "replace", 0.75, "HDC, p = 0.75"),
-        ("hdc", "new", None, "HDC, new samples alone"),
-        ("ridge", "from_old", None, "ridge from old weights"),
-        ("softmax_dual", "from_old", None, "softmax from old weights"),
-    ):
-        part = every[(every.model == model) & (every.method == method) & (every.n_new == 50)]
-        part = part if share is None else part[part.p == share]
-        if len(part) and len(stored):
+    """Accuracy in the new session after an update with 50 new samples, first in time."""
+    for suffix, measured in with_places(results, "drift"):
+        every = updated(measured.frame).query("order == 'time'")
+        stored = every.query("model == 'hdc' and method == 'stored'").set_index("seed")["new"]
+        for model, method, share, name in (
+            ("hdc", "replace", 0.75, "HDC, p = 0.75"),
+            ("hdc", "new", None, "HDC, new samples alone"),
+            ("ridge", "from_old", None, "ridge from old weights"),
+        ):
+            part = every[(every.model == model) & (every.method == method) & (every.n_new == 50)]
+            part = part if share is None else part[part.p == share]
             gained = (part.set_index("seed")["new"] - stored).dropna()
+            if not len(gained):
+                continue
             value = mean_interval(gained.tolist())
             yield _row(
-                name,
-                SIMULATED,
-                f"gained by 50 samples, to {100 * part['new'].mean():.3g} %",
-                _points(value),
-                rules.more_accurate(value) if model == "hdc" else UNDECIDABLE,
-                n=f"{len(gained)} seeds",
-                rule="more_accurate",
-                command=f"{RUN}drift",
-            )
+                f"{suffix.lstrip('_') or 'drift'}, {name}", MEASURED if suffix else SIMULATED,
+                f"above HDC not updated, to {100 * part['new'].mean():.3g} %", _points(value),
+                rules.more_accurate(value) if share else UNDECIDABLE, n=f"{len(gained)} seeds",
+                rule="more_accurate", command=measured.record.command,
+            )  # fmt: skip
 
 
 @_claim
@@ -300,17 +298,15 @@ def objects(results: Results) -> Iterator[Evidence]:
 
 
 def verdicts(rows: pd.DataFrame) -> dict[str, str]:
-    """The word for each claim. Times are judged as they are; of a yes on simulated frames, that
-    the claim holds for recalibration and faults, which no recording contradicts."""
+    """The word for each claim. Times are judged as they are; contrast and recalibration by all
+    evidence, others by the measured one first."""
     words = {}
     for claim, part in rows.groupby("claim", sort=False):
         of = {kind: part[part.kind == kind].verdict.tolist() for kind in (MEASURED, SIMULATED)}
         timed = part[part.kind == TIMED].verdict.tolist()
         if timed:
             words[str(claim)] = UNDECIDABLE if UNDECIDABLE in timed else rules.combine(timed)
-        elif claim == "recalibration":
-            words[str(claim)] = rules.combine(of[SIMULATED])
-        elif claim == "contrast":
+        elif claim in ("contrast", "recalibration"):
             words[str(claim)] = rules.combine(of[MEASURED] + of[SIMULATED])
         else:
             words[str(claim)] = rules.judge(of[MEASURED], of[SIMULATED])

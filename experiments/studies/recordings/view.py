@@ -26,16 +26,18 @@ STUDY = Study(
 )
 SATURATED = 0.995  # accuracy from which a recording cannot tell models apart
 RIVAL = "softmax_dual"  # the primary rival, named beforehand: the paper's own, at its optimum
-# From pixels to prototypes: each step keeps less of a frame.
-STEPS = (
-    "ridge",
-    "ridge_standardised",
-    "mean_image",
-    "mean_image_standardised",
-    "hdc_integer",
-    "hdc",
-)
-BESIDE = ("knn_greys_standardised", "nearest_neighbour", "linear_bits", RIVAL)
+# By what a model keeps of the frames: grey values, bits, one template a class.
+STEPS = {
+    "ridge": "ridge, greys",
+    "ridge_standardised": "ridge, standardised",
+    RIVAL: "softmax optimum",
+    "linear_bits": "ridge, bits",
+    "nearest_neighbour": "1-NN, bits",
+    "mean_image": "mean image",
+    "mean_image_standardised": "mean, standardised",
+    "hdc_integer": "counts of bits",
+    "hdc": "majority: HDC",
+}
 SHOWN_N = (1, 5, 20, 50)
 KINDS = {
     "diffuser": "laser speckle behind ground glass",
@@ -174,28 +176,28 @@ def everything(results: Results) -> pd.DataFrame | None:
 
 @STUDY.figure(
     "recordings",
-    caption="Where information is lost: accuracy along grey values, standardised grey values, mean "
-    "images, bits, counts and majority, beside models that keep all frames, on each recording.",
-    size=(7.0, 4.6),
+    caption="Where information is lost: accuracy by what a model keeps of the frames, on each "
+    "measured recording that is not saturated. Left of the line models that weigh pixels or keep "
+    "all frames, right of it one template a class. Split by time, group or position; bars: 95 %.",
+    size=(7.0, 2.9),
     needs=lambda results: bool(recordings(results)),
 )
 def lost(figure: Figure, results: Results) -> None:
-    """Accuracy along the steps from pixels to prototypes, a panel a recording, a line an n."""
-    shown = recordings(results)
-    columns = min(4, len(shown))
-    panels = figure.subplots(-(-len(shown) // columns), columns, sharey=True, squeeze=False)
-    order = ["ridge", "ridge_standardised", RIVAL, "linear_bits", "nearest_neighbour"]
-    order += ["mean_image", "mean_image_standardised", "hdc_integer", "hdc"]
-    names = ["ridge, greys", "ridge, standardised", "softmax optimum", "ridge, bits"]
-    names += ["1-NN, bits", "mean image", "mean, standardised", "counts", "majority: HDC"]
-    for k, (axes, (scene, measured)) in enumerate(zip(panels.flat, shown.items(), strict=False)):
+    """Accuracy by what a model keeps of the frames, a panel a recording, a line an n."""
+    shown = {
+        scene: measured
+        for scene, measured in recordings(results).items()
+        if not measured.record.config["scene"].get("saturated")
+    }
+    panels = figure.subplots(1, max(1, len(shown)), sharey=True, squeeze=False)[0]
+    colours, markers = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00"), "osD^"
+    looks = dict(zip(SHOWN_N, zip(colours, markers, strict=True), strict=True))
+    for k, (axes, (scene, measured)) in enumerate(zip(panels, shown.items(), strict=False)):
         lines = summary(measured).query("split == 'counts'")
-        sizes = [n for n in SHOWN_N if n in set(lines.n)]
-        for n, colour, marker in zip(sizes, ("#56B4E9", "#0072B2", "#E69F00", "#D55E00"), "osD^",
-                                     strict=False):  # fmt: skip
+        for n, (colour, marker) in looks.items():
             at = lines[lines.n == n].set_index("model")
-            places = [i for i, model in enumerate(order) if model in at.index]
-            values = at.loc[[order[i] for i in places]]
+            places = [i for i, model in enumerate(STEPS) if model in at.index]
+            values = at.loc[[list(STEPS)[i] for i in places]]
             low = values.accuracy - values.accuracy_low
             high = values.accuracy_high - values.accuracy
             axes.errorbar(
@@ -203,20 +205,14 @@ def lost(figure: Figure, results: Results) -> None:
                 color=colour, marker=marker, ls=":", lw=0.6, ms=3, elinewidth=0.5, label=f"{n}",
             )  # fmt: skip
         axes.axvline(4.5, color="0.7", lw=0.6)
-        axes.set_xticks(range(len(order)), names, rotation=90, fontsize=5.5)
-        panel(axes, "abcdefgh"[k], scene)
+        axes.set_xticks(range(len(STEPS)), STEPS.values(), rotation=90, fontsize=5.5)
         axes.set_ylim(0, 103)
-    for axes in panels.flat[len(shown) :]:
-        axes.set_axis_off()
-    for axes in panels[:, 0]:
-        axes.set_ylabel("accuracy (%)")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
+        panel(axes, "abcdefgh"[k], scene.removesuffix("_grouped"))
+    panels[0].set_ylabel("accuracy (%)")
+    handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(
         handles, labels, title="frames a class", loc="outside lower center", ncols=len(labels)
     )
-    head(figure, "Accuracy on measured recordings, by what a model keeps of the frames", [
-        "right of the line: one template a class; split by time, group or position"
-    ])  # fmt: skip
 
 
 @STUDY.figure(
