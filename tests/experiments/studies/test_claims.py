@@ -157,7 +157,7 @@ def test_recalibration_is_what_an_update_gains(write_measurement, judged, update
     write_measurement("drift", rows)
     verdict, values = judged("recalibration")
     assert verdict == expected
-    assert values["HDC, p = 0.75"] == pytest.approx(updated - 30)
+    assert values["drift, HDC, p = 0.75"] == pytest.approx(updated - 30)
 
 
 @pytest.mark.parametrize(("prototype", "expected"), [(0.3, YES), (0.02, NO)])
