@@ -27,14 +27,15 @@ from experiments.records.files import REFERENCE, results_dir, write_atomically
 from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
 from experiments.reporting import comparison
+from experiments.reporting.columns import display_name
 from experiments.reporting.page import page
 from experiments.reporting.page.page import Block, Picture, Section
 from experiments.reporting.runs import runs_table
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.study import studies as studies_of
-from experiments.reporting.table import Table, beside
+from experiments.reporting.table import Table, beside, records
 from experiments.reporting.terminal import in_any_encoding
-from experiments.reporting.text import printable
+from experiments.reporting.text import number, percent, printable
 
 WIDTH = 100  # columns of the terminal that Table I needs
 _NAMED = 3  # files of changed code that are named
@@ -202,20 +203,24 @@ def _drawn(plot: Plot) -> bytes:
 
 
 def terminal_table(sets: Sequence[Answers]) -> TerminalTable:
-    """Table I for the terminal: the paper's numbers beside each set of results."""
-    tables = [table for a in sets for table in a.tables["table1"] if table.name == "table1"]
+    """Table I for the terminal: times and accuracies of the paper and of each set of results."""
+    tables = {a.name: table for a in sets for table in a.tables["table1"] if table.name == "table1"}
+    rows = {name: {r["model"]: r for r in records(t.data)} for name, t in tables.items()}
     shown = TerminalTable(
-        title=Text(printable(tables[0].title)),
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        pad_edge=False,
+        title="Table I", title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0)
     )
-    whole = beside(*tables) if len(tables) > 1 else tables[0]
-    for k, head in enumerate(whole.heads):
-        shown.add_column(head, justify="right" if k else "left")
-    for cells in whole.cells():
-        shown.add_row(*(Text(printable(cell)) for cell in cells))
+    shown.add_column("model")
+    for head in ("training, s", "test, %"):
+        for k, name in enumerate(("paper", *rows)):
+            shown.add_column(f"{head if not k else ''}\n{name}", justify="right", no_wrap=True)
+    for model in dict.fromkeys(model for of_set in rows.values() for model in of_set):
+        lines = [of_set.get(model, {}) for of_set in rows.values()]
+        known = next(line for line in lines if line)
+        cells = [number(known["published_training_time_s"])]
+        cells += [number(line.get("training_time_s")) for line in lines]
+        cells += [percent(known["published_test_accuracy"])]
+        cells += [percent(line.get("test_accuracy_final")) for line in lines]
+        shown.add_row(*(Text(printable(cell)) for cell in (display_name(model), *cells)))
     return shown
 
 
