@@ -357,8 +357,8 @@ def claims(results: Results) -> pd.DataFrame | None:
         table.append({
             "claim": claim, "paper": paper, "word": word,
             "verdict": f"{word}: {phrase}" if phrase else word,
-            "measured": _best(part, MEASURED) or _best(part, TIMED),
-            "simulated": _best(part, SIMULATED),
+            "measured": _best(part, MEASURED),
+            "simulated": _best(part, SIMULATED) or _best(part, TIMED),
         })  # fmt: skip
     data = pd.DataFrame(table)
     data.attrs["shown"] = ["paper", "verdict", "measured", "simulated"]
