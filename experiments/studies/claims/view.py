@@ -161,11 +161,12 @@ def _slower(results: Results, model: str, name: str) -> Iterator[Evidence]:
     group = results.group(scene_of_table1(), model)
     for way, runs in time_ratios(results, group).items():
         middle = float(np.median(runs)) if runs else math.nan  # a way that was not measured
-        value = Estimate(middle, min(runs, default=math.nan), max(runs, default=math.nan))
+        several = len(runs) > 1  # one run has no range
+        value = Estimate(middle, min(runs), max(runs)) if several else Estimate(middle)
         yield _row(
             f"{name}, over {way}", TIMED, "training time over HDC's, lowest to highest run", value,
-            rules.slower({way: runs}), unit="×", n=f"{len(runs)} runs", rule="slower",
-            command=f"{RUN}table1",
+            rules.slower({way: runs}), unit="×", n=f"{len(runs)} run{'s' * (len(runs) != 1)}",
+            rule="slower", command=f"{RUN}table1",
         )  # fmt: skip
 
 
