@@ -13,13 +13,13 @@ the file, what was expected and what was found. Nothing is ever unpickled.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
-from hdc.readers.files import BadFrame, SettingError, check_file, natural_key, require, shown
-from hdc.readers.live import camera
-from hdc.readers.recording import Recording, Window, is_integer
+import numpy as np
+
+from hdc.readers.files import BadFrame, SettingError, check_file, natural_key, require
+from hdc.readers.recording import Recording, Window
 
 __all__ = [
     "BadFrame",
@@ -27,7 +27,6 @@ __all__ = [
     "SettingError",
     "Window",
     "camera",
-    "check_path",
     "natural_key",
     "open_recording",
 ]
@@ -42,9 +41,7 @@ def open_recording(
     crop: Sequence[int] | None = None,
     subsample: int = 1,
     on_bad_frame: str = "stop",
-    threads: int | None = None,
     memory_bytes: int = 2**28,
-    max_pixels: int = 2**24,
     *,
     template: str | None = None,
     table: str | Path | None = None,
@@ -65,9 +62,7 @@ def open_recording(
             would lower the contrast of a speckle).
         on_bad_frame: ``"stop"`` at the first frame that cannot be used, or ``"skip"`` it: then
             ``recording.skipped`` lists each with the reason.
-        threads: number of threads that decode images.
         memory_bytes: images are kept in memory up to this size, else decoded again when asked for.
-        max_pixels: larger images are refused before they are decoded.
         template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``.
         table: CSV with a row an image, in or relative to the folder; other columns are values.
         image_column: column of the table that names the image.
@@ -93,63 +88,54 @@ def open_recording(
     """
     window = window or Window(crop, subsample)
     require(on_bad_frame in ("stop", "skip"), "on_bad_frame", on_bad_frame, "stop or skip")
-    fits = threads is None or (is_integer(threads) and 1 <= threads <= 256)
-    require(fits, "threads", threads, "null or an integer in [1, 256]")
-    for name, value, low in (("memory_bytes", memory_bytes, 0), ("max_pixels", max_pixels, 1)):
-        require(is_integer(value) and value >= low, name, value, f"an integer ≥ {low}")
-    path, where = _resolved(path, intervals)
+    path = Path(path).expanduser()
+    folder, suffix = path.is_dir(), path.suffix.lower()
+    is_array = suffix in ARRAY_SUFFIXES and not folder
+    is_video = suffix in VIDEO_SUFFIXES and not folder
+    for name, setting, fits, kind in (
+        ("template", template, folder, "a folder"),
+        ("table", table, folder, "a folder"),
+        ("axes", axes, is_array, "an array"),
+        ("intervals", intervals, is_video, "a video"),
+    ):
+        require(setting is None or fits, name, setting, f"null unless path is {kind} ({path})")
+    if not path.exists():
+        raise SettingError(f"path: expected a folder, an .npz or a video, found nothing: {path}")
     skip = on_bad_frame == "skip"
-    folder = path.is_dir()
-    for name, setting in (("template", template), ("table", table)):
-        require(setting is None or folder, name, setting, f"null unless path is a folder ({path})")
-    is_array = path.suffix.lower() in ARRAY_SUFFIXES and not folder
-    require(axes is None or is_array, "axes", axes, f"null unless path is an array ({path})")
     if folder:  # OpenCV is imported where images or videos are read, and not for an array
         from hdc.readers.images import open_listing
         from hdc.readers.listing import list_folder
 
         listing = list_folder(path, template, table, image_column, value_columns)
-        return open_listing(
-            path, listing, window, skip, check, fewest_classes, threads, memory_bytes, max_pixels
-        )
+        return open_listing(path, listing, window, skip, check, fewest_classes, memory_bytes)
+    check_file(path)
     if is_array:
         from hdc.readers.archive import open_array
 
-        return open_array(path, window, axes, value_columns, fewest_classes, max_pixels)
+        return open_array(path, window, axes, value_columns, fewest_classes)
+    if not is_video:
+        kinds = ", ".join((*ARRAY_SUFFIXES, *VIDEO_SUFFIXES))
+        raise SettingError(f"path: expected a folder or a file ({kinds}), found {path}")
     from hdc.readers.video import open_video
 
-    return open_video(path, where, window, skip, fewest_classes, max_pixels)
+    where = Path(intervals).expanduser() if intervals else path.with_suffix(".csv")
+    return open_video(path, where, window, fewest_classes)
 
 
-def check_path(path: str | Path, intervals: str | Path | None = None) -> None:
-    """Raise a ValueError unless there is a folder, array or video; nothing is read."""
-    _resolved(path, intervals)
+def camera(
+    index: int = 0, crop: Sequence[int] | None = None, subsample: int = 1
+) -> Iterator[np.ndarray]:
+    """Grey frames [H, W], uint8 or uint16, of a camera until the iterator is closed.
 
+    Args:
+        index: number of the camera among those that the system has, as OpenCV counts.
+        crop, subsample: see :func:`open_recording`; a model that learnt from a recording needs the
+            same here.
 
-def _resolved(path: str | Path, intervals: str | Path | None) -> tuple[Path, Path]:
-    """A folder, array or video that exists, and where the table of a video would be."""
-    path = _expanded("path", path)
-    suffix = path.suffix.lower()
-    is_video = suffix in VIDEO_SUFFIXES and not path.is_dir()
-    require(intervals is None or is_video, "intervals", intervals, "null unless path is a video")
-    if not path.exists():
-        raise SettingError(
-            f"path: expected a folder, an .npz or a video, found nothing: {shown(path)}"
-        )
-    if not path.is_dir():
-        check_file(path)
-        if suffix not in (*ARRAY_SUFFIXES, *VIDEO_SUFFIXES):
-            raise SettingError(
-                f"path: expected a folder, an array ({', '.join(ARRAY_SUFFIXES)}) or a video "
-                f"({', '.join(VIDEO_SUFFIXES)}), found {shown(path)}"
-            )
-    beside = path.parent / f"{path.stem}.csv"
-    return path, beside if intervals is None else _expanded("intervals", intervals)
+    Raises:
+        ValueError: there is no such camera, or a setting is out of range.
+        BadFrame: the camera stops giving frames.
+    """
+    from hdc.readers.video import camera_frames
 
-
-def _expanded(key: str, path: Any) -> Path:
-    require(isinstance(path, str | Path) and path != "", key, path, "a path")
-    try:
-        return Path(path).expanduser()
-    except RuntimeError as error:  # ~somebody
-        raise SettingError(f"{key}: expected a path, found {shown(path)}: {error}") from error
+    return camera_frames(index, Window(crop, subsample))

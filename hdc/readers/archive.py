@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import hashlib
 import math
-import zipfile
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from hdc.readers.files import SettingError, check_memory, label, require, shown
+from hdc.readers.files import SettingError, require
 from hdc.readers.recording import Recording, Window, check_times, class_indices
 
 IMAGE_AXES = ("height", "width")
@@ -28,7 +26,6 @@ def open_array(
     axes: Sequence[str] | None,
     value_columns: Sequence[str],
     fewest_classes: int,
-    max_pixels: int,
 ) -> Recording:
     """Open an .npz or .npy.
 
@@ -40,26 +37,21 @@ def open_array(
         value_columns: arrays [N] of the .npz that are values to learn.
 
     Raises:
-        ValueError: the file or one of its arrays is not as described, or is too large.
+        ValueError: the file or one of its arrays is not as described.
     """
     arrays = _load(path)
     if "frames" not in arrays:
-        raise ValueError(f"{shown(path)}: expected arrays frames and labels, found no frames")
+        raise ValueError(f"{path}: expected arrays frames and labels, found no frames")
     frames, names = arrays.pop("frames"), tuple(axes) if axes is not None else ("", *IMAGE_AXES)
     fits = names[-2:] == IMAGE_AXES and len(set(names)) == len(names)
     fits = fits and (axes is None or set(names[:-2]) <= set(AXES))
     require(fits, "axes", axes, f"different names among {', '.join(AXES)}, then height and width")
     if frames.ndim != len(names) or 0 in frames.shape:
         wanted = ", ".join(axes or ("N", "H", "W"))
-        raise ValueError(f"{shown(path)}[frames]: expected shape [{wanted}], found {frames.shape}")
+        raise ValueError(f"{path}[frames]: expected shape [{wanted}], found {frames.shape}")
     if frames.dtype.kind != "u" or frames.dtype.itemsize > 2:
-        raise ValueError(f"{shown(path)}[frames]: expected uint8 or uint16, found {frames.dtype}")
-    (height, width), sides = frames.shape[-2:], frames.shape[:-2]
-    if height * width > max_pixels:
-        raise ValueError(
-            f"{shown(path)}[frames]: expected at most {max_pixels} pixels (max_pixels), "
-            f"found {width} × {height}"
-        )
+        raise ValueError(f"{path}[frames]: expected uint8 or uint16, found {frames.dtype}")
+    sides = frames.shape[:-2]
     n, places = math.prod(sides), np.indices(sides).reshape(len(sides), -1)
     if axes is not None:
         arrays = {"labels": places[names.index("label")]} if "label" in names else {}
@@ -75,7 +67,7 @@ def open_array(
     if wrong := [c for c in columns if c not in arrays or arrays[c].shape != (n,)]:
         raise SettingError(f"value_columns: expected arrays [{n}], found no {', '.join(wrong)}")
     if "labels" not in arrays and not columns:
-        raise ValueError(f"{shown(path)}: expected arrays frames and labels, found no labels")
+        raise ValueError(f"{path}: expected arrays frames and labels, found no labels")
     classes: tuple[str, ...] = ()
     labels = None
     if "labels" in arrays:
@@ -94,10 +86,10 @@ def open_array(
     return Recording(
         classes=classes,
         labels=labels,
-        shape=window.shape(height, width),
+        shape=window.shape(*frames.shape[-2:]),
         samples={"order": np.arange(n), **samples},
         each=each,
-        place=lambda i: f"{shown(path)}, frame {i}",
+        place=lambda i: f"{path}, frame {i}",
         digest=cache(digest),
         window=window,
         values=np.stack([arrays[c].astype(float) for c in columns], 1) if columns else None,
@@ -105,50 +97,33 @@ def open_array(
     )
 
 
-def _load(path: Path) -> dict[str, Any]:
-    """All arrays but those of objects, which would have to be unpickled."""
-    arrays: dict[str, Any] = {}
+def _load(path: Path) -> dict[str, np.ndarray]:
     try:
         if path.suffix.lower() == ".npy":
             return {"frames": np.load(path, mmap_mode="r", allow_pickle=False)}
-        with zipfile.ZipFile(path) as archive:
-            nbytes = sum(member.file_size for member in archive.infolist())
-        check_memory(nbytes, path, "use a folder of images or an .npy")
         with np.load(path, allow_pickle=False) as archive:
-            for key in archive:
-                try:
-                    arrays[key] = archive[key]
-                except ValueError as error:
-                    if "pickle" not in str(error) or key in ("frames", "labels", "classes"):
-                        raise
+            return dict(archive)
     except Exception as error:  # a damaged archive makes zipfile and numpy raise a dozen types
-        found = shown(error) or type(error).__name__
-        if found.startswith(shown(path)):
-            raise
-        raise ValueError(
-            f"{shown(path)}: expected an intact .npz or .npy, found: {found}"
-        ) from error
-    return arrays
+        found = str(error) or type(error).__name__
+        raise ValueError(f"{path}: expected an intact .npz or .npy, found: {found}") from error
 
 
 def _labels(
     path: Path, labels: np.ndarray, names: np.ndarray | None, n: int, fewest_classes: int
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Class names, and the index of each frame's [N]."""
-    where = f"{shown(path)}[labels]"
+    where = f"{path}[labels]"
     if labels.shape != (n,) or labels.dtype.kind not in "iuU":
         raise ValueError(
             f"{where}: expected integers or strings ({n},), found {labels.dtype} {labels.shape}"
         )
     if names is None:
-        texts = [label(str(value), where) for value in labels.tolist()]
-        return class_indices(texts, where, fewest_classes)
-    place = f"{shown(path)}[classes]"
-    if names.dtype.kind != "U" or names.ndim != 1 or len(set(names.tolist())) < len(names):
+        return class_indices([str(value) for value in labels.tolist()], where, fewest_classes)
+    classes = names.tolist()
+    if names.dtype.kind != "U" or names.ndim != 1 or len(set(classes)) < len(classes):
         raise ValueError(
-            f"{place}: expected different strings [L], found {names.dtype} {names.shape}"
+            f"{path}[classes]: expected different strings [L], found {names.dtype} {names.shape}"
         )
-    classes = [label(name, place) for name in names.tolist()]
     known = classes if labels.dtype.kind == "U" else range(len(classes))
     if unknown := sorted(set(labels.tolist()) - set(known)):
         raise ValueError(

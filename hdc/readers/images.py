@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -21,7 +22,7 @@ import cv2
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from hdc.readers.files import BadFrame, SettingError, check_file, natural_key, shown
+from hdc.readers.files import BadFrame, SettingError, check_file, natural_key
 from hdc.readers.listing import Listing
 from hdc.readers.recording import Recording, Window, class_indices, with_progress
 
@@ -32,10 +33,10 @@ FORMATS = ("PNG", "JPEG", "BMP", "TIFF")
 TIFF_MODES = {"1": "L", "L": "L", "P": "RGB", "RGB": "RGB", "I;16": "I;16", "I;16B": "I;16B"}
 """Pillow's modes of a TIFF → what they are converted to."""
 AHEAD = 16
-"""Images decoded ahead of the caller, at least."""
+"""Images decoded ahead of the caller."""
 
 
-def decode(file: Path, max_pixels: int = 2**24) -> np.ndarray:
+def decode(file: Path) -> np.ndarray:
     """The image [H, W] or [H, W, channels] of a file, uint8 or uint16 (blue first).
 
     Raises:
@@ -45,28 +46,24 @@ def decode(file: Path, max_pixels: int = 2**24) -> np.ndarray:
     try:
         data = file.read_bytes()
         with Image.open(io.BytesIO(data), formats=FORMATS) as header:
-            _check_header(header, data, max_pixels)
+            _check_header(header, data)
             if header.format == "TIFF":
                 return _tiff(header)
             image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
             if image is None or image.shape[1::-1] != header.size:
                 raise ValueError("expected a whole image, found one that is damaged or truncated")
             return image
+    except UnidentifiedImageError as error:
+        kinds = ", ".join(FORMATS)
+        raise BadFrame(f"{file}: expected an image ({kinds}), found other data") from error
     except Exception as error:  # broken bytes make Pillow raise a dozen different types
-        text, kinds = str(error), ", ".join(FORMATS)
-        if isinstance(error, UnidentifiedImageError):
-            text = f"expected an image ({kinds}), found other data"
-        elif isinstance(error, OSError) or not text.startswith("expected"):
-            text = f"expected a whole image ({kinds}), found: {text or repr(error)}"
-        raise BadFrame(f"{shown(file)}: {shown(text)}") from error
+        text = str(error)
+        if not text.startswith("expected"):
+            text = f"expected a whole image, found: {text or repr(error)}"
+        raise BadFrame(f"{file}: {text}") from error
 
 
-def _check_header(header: Any, data: bytes, max_pixels: int) -> None:
-    width, height = header.size
-    if height * width > max_pixels:
-        raise ValueError(
-            f"expected at most {max_pixels} pixels (max_pixels), found {width} × {height}"
-        )
+def _check_header(header: Any, data: bytes) -> None:
     if header.format != "MPO" and (n := getattr(header, "n_frames", 1)) > 1:
         raise ValueError(f"expected a single image, found {n}")
     # A file that was never finished ends in zeros; decoders make up what is missing.
@@ -94,15 +91,12 @@ def grey(image: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(np.ascontiguousarray(image), code)
 
 
-def ahead(
-    function: Callable[[S], T], items: Sequence[S], threads: int | None = None
-) -> Iterator[T]:
+def ahead(function: Callable[[S], T], items: Sequence[S]) -> Iterator[T]:
     """map() over threads, some items ahead of the caller."""
-    step = max(AHEAD, 2 * (threads or 0))
-    with quiet(), ThreadPoolExecutor(threads) as executor:
-        waiting = executor.map(function, items[:step])
-        for start in range(step, len(items) + step, step):
-            ready, waiting = waiting, executor.map(function, items[start : start + step])
+    with quiet(), ThreadPoolExecutor() as executor:
+        waiting = executor.map(function, items[:AHEAD])
+        for start in range(AHEAD, len(items) + AHEAD, AHEAD):
+            ready, waiting = waiting, executor.map(function, items[start : start + AHEAD])
             yield from ready
 
 
@@ -132,7 +126,7 @@ def _frame(file: Path, image: np.ndarray, window: Window) -> np.ndarray:
     try:
         return grey(window.of(image))
     except SettingError as error:
-        raise BadFrame(f"{shown(file)}: {error}") from error
+        raise BadFrame(f"{file}: {error}") from error
 
 
 def open_listing(
@@ -142,9 +136,7 @@ def open_listing(
     skip: bool,
     check: bool,
     fewest_classes: int,
-    threads: int | None,
     memory_bytes: int,
-    max_pixels: int,
 ) -> Recording:
     """Open the images of a folder; with ``check`` or ``skip`` every one is decoded at once.
 
@@ -152,23 +144,17 @@ def open_listing(
         BadFrame: a file is no usable image, or its size or depth is not that of the first.
         ValueError: a class is left without a frame.
     """
-    files, problems = listing.files, dict[int, BadFrame]()
-    for i, file in enumerate(files):
-        try:
-            with quiet():
-                first = decode(file, max_pixels)
-            break
-        except BadFrame as error:
-            problems[i] = error
-            if not skip or i + 1 == len(files):
-                raise problems[0] from error
+    files = listing.files
+    with quiet():
+        first_file, first = _first(files, skip)
     (height, width), dtype = first.shape[:2], first.dtype
+    shape = _frame(first_file, first, window).shape
 
     def load(file: Path) -> np.ndarray:
-        image = decode(file, max_pixels)
+        image = decode(file)
         if image.shape[:2] != (height, width) or image.dtype != dtype:
             raise BadFrame(
-                f"{shown(file)}: expected {width} × {height} pixels {dtype} as in the other "
+                f"{file}: expected {width} × {height} pixels {dtype} as in the other "
                 f"frames, found {image.shape[1]} × {image.shape[0]} {image.dtype}"
             )
         return _frame(file, image, window)
@@ -179,11 +165,11 @@ def open_listing(
         except BadFrame as error:
             return error
 
-    size = _frame(files[len(problems)], first, window).shape
     kept: list[np.ndarray] = []
+    problems: dict[int, BadFrame] = {}
     if check or skip:
-        in_memory = len(files) * size[0] * size[1] * dtype.itemsize <= memory_bytes
-        frames = with_progress(ahead(attempt, files, threads), len(files), "Reading images")
+        in_memory = len(files) * math.prod(shape) * dtype.itemsize <= memory_bytes
+        frames = with_progress(ahead(attempt, files), len(files), "Reading images")
         for i, frame in enumerate(frames):
             if isinstance(frame, BadFrame):
                 problems[i] = frame
@@ -192,7 +178,7 @@ def open_listing(
             elif in_memory:
                 kept.append(frame)
     good = [i for i in range(len(files)) if i not in problems]
-    relative = np.array([shown(_relative(file, root)) for file in files])
+    relative = np.array([_relative(file, root) for file in files])
     left_out = np.delete(relative, good).tolist()
     usable = [files[i] for i in good]
     classes: tuple[str, ...] = ()
@@ -200,7 +186,7 @@ def open_listing(
     if listing.labels is not None:
         names = [listing.labels[i] for i in good]
         if lost := sorted(set(listing.labels) - set(names), key=natural_key):
-            raise ValueError(f"{shown(root)}: class {lost[0]!r}: none of its frames can be used")
+            raise ValueError(f"{root}: class {lost[0]!r}: none of its frames can be used")
         classes, labels = class_indices(names, root, fewest_classes, listing.classes)
     stack = np.stack(kept) if kept else None
 
@@ -211,30 +197,37 @@ def open_listing(
         return whole.hexdigest()
 
     def each(index: np.ndarray) -> Iterator[np.ndarray]:
-        return (
-            iter(stack[index])
-            if stack is not None
-            else ahead(load, [usable[i] for i in index], threads)
-        )
+        return ahead(load, [usable[i] for i in index]) if stack is None else iter(stack[index])
 
     return Recording(
         classes=classes,
         labels=labels,
-        shape=(size[0], size[1]),
+        shape=(shape[0], shape[1]),
         samples={
             "order": np.arange(len(good)),
             **{name: values[good] for name, values in listing.samples.items()},
             "file": relative[good],
         },
         each=each,
-        place=lambda i: shown(usable[i]),
+        place=lambda i: str(usable[i]),
         digest=cache(digest),
         window=window,
         values=None if listing.values is None else listing.values[good],
         value_names=listing.value_names,
         skipped=tuple(str(problems[i]) for i in sorted(problems)),
-        other_files=tuple(map(shown, listing.other_files)),
+        other_files=tuple(listing.other_files),
     )
+
+
+def _first(files: Sequence[Path], skip: bool) -> tuple[Path, np.ndarray]:
+    """The first file that can be decoded, with its image; without ``skip`` the first of all."""
+    problems = []
+    for file in files if skip else files[:1]:
+        try:
+            return file, decode(file)
+        except BadFrame as error:
+            problems.append(error)
+    raise problems[0]
 
 
 def _relative(file: Path, root: Path) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from hdc.readers.files import SettingError, label, natural_key, read_csv, require, shown
+from hdc.readers.files import SettingError, natural_key, read_csv, require
 from hdc.readers.recording import check_times
 
 MANIFEST = "manifest.csv"
@@ -23,6 +23,8 @@ FIELDS = {
     "value": r"[-+]?\d+(?:\.\d+)?",
 }
 """Fields of a template, and what each may be in a file's path."""
+FOLDERS = re.compile(r"(?P<label>[^/]+)/.+")
+"""Paths where the first folder is the class."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def list_folder(
         raise SettingError(
             f"table: expected a table with the columns {', '.join(value_columns)}, found none"
         )
-    return _from_template(root, pattern) if pattern else _from_folders(root)
+    return _from_paths(root, pattern)
 
 
 def all_files(root: Path) -> list[str]:
@@ -71,9 +73,7 @@ def all_files(root: Path) -> list[str]:
     seen: set[str] = set()
 
     def refuse(error: OSError) -> None:
-        raise ValueError(
-            f"{shown(error.filename)}: expected a readable folder, found: {error.strerror}"
-        ) from error
+        raise error
 
     for folder, folders, names in os.walk(root, onerror=refuse, followlinks=True):
         if (real := os.path.realpath(folder)) in seen:  # a link back to a folder above
@@ -94,32 +94,16 @@ def image_files(root: Path) -> list[Path]:
     """Every image of a folder and its sub-folders, in natural order.
 
     Raises:
-        ValueError: there is none, or a folder cannot be read.
+        ValueError: there is none.
     """
     files = [root / file for file in all_files(root) if is_image(file)]
     if not files:
-        raise ValueError(f"{shown(root)}: expected images ({', '.join(SUFFIXES)}), found none")
+        raise ValueError(f"{root}: expected images ({', '.join(SUFFIXES)}), found none")
     return files
 
 
 def is_image(file: str) -> bool:
     return file.lower().endswith(SUFFIXES)
-
-
-def _from_folders(root: Path) -> Listing:
-    files = all_files(root)
-    inside = [file for file in files if is_image(file) and "/" in file]
-    if not inside:
-        raise ValueError(
-            f"{shown(root)}: expected images in one sub-folder a class, a {MANIFEST}, or a "
-            f"template, found {'images in no sub-folder' if any(map(is_image, files)) else 'none'}"
-        )
-    labels = [label(file.split("/")[0], shown(root / file)) for file in inside]
-    other_files = sorted(set(files) - set(inside), key=natural_key)
-    return Listing([root / file for file in inside], labels, {}, other_files=other_files)
-
-
-# Templates ---------------------------------------------------------------------------------------
 
 
 def template_pattern(template: str) -> re.Pattern[str]:
@@ -133,41 +117,40 @@ def template_pattern(template: str) -> re.Pattern[str]:
     """
     known = ", ".join(f"{{{name}}}" for name in FIELDS)
     pattern, seen = "", []
-    for part in re.split(r"(\{[^{}]*\}|\*)", template):
-        if part.startswith("{"):
+    for part in re.split(r"(\{[^{}]*\}|\*)", template.removeprefix("./")):
+        if part.startswith("{") and part.endswith("}"):
             name = part[1:-1]
             unknown = name not in FIELDS or name in seen
             require(not unknown, "template", template, f"fields among {known}, each once")
             pattern += f"(?P<{name}>{FIELDS[name]})"
             seen.append(name)
         else:
-            require("{" not in part and "}" not in part, "template", template, "whole fields")
             pattern += "[^/]*" if part == "*" else re.escape(part)
-    return re.compile(pattern.removeprefix(re.escape("./")))
+    return re.compile(pattern)
 
 
-def _from_template(root: Path, pattern: re.Pattern[str]) -> Listing:
-    files, fields, other_files = [], [], []
+def _from_paths(root: Path, pattern: re.Pattern[str] | None) -> Listing:
+    """Images whose path matches; without a pattern, in one sub-folder a class."""
+    files, rows, other_files = [], [], []
     for file in all_files(root):
-        match = pattern.fullmatch(file) if is_image(file) else None
+        match = (pattern or FOLDERS).fullmatch(file) if is_image(file) else None
         if match is None:
             other_files.append(file)
         else:
-            files.append(file)
-            fields.append(match.groupdict())
-    if not {"label", "value"} & set(pattern.groupindex):
+            files.append(root / file)
+            rows.append(match.groupdict())
+    if pattern and not {"label", "value"} & set(pattern.groupindex):
         raise SettingError("template: expected a field {label} or {value}, or a table, found none")
     if not files:
-        raise ValueError(
-            f"{shown(root)}: expected images whose path is as the template says, found none in "
-            f"{len(other_files)} files, such as {shown((*other_files, 'none')[0])}"
-        )
-    columns = _transposed(fields)
+        expected = "images whose path is as the template says"
+        if not pattern:
+            expected = f"images in one sub-folder a class, a {MANIFEST}, or a template"
+        found = f"{len(other_files)} other files, {', '.join(other_files[:3])}"
+        raise ValueError(f"{root}: expected {expected}, found {found if other_files else 'none'}")
+    columns = _transposed(rows)
     labels, values = columns.pop("label", None), columns.pop("value", None)
-    for text, file in zip(labels or [], files, strict=labels is not None):
-        label(text, shown(root / file))
     return Listing(
-        [root / file for file in files],
+        files,
         labels,
         _samples(columns),
         values=np.array(values, dtype=float)[:, None] if values else None,
@@ -192,9 +175,6 @@ def _transposed(rows: list[dict[str, str]]) -> dict[str, list[str]]:
     return {name: [row[name] for row in rows] for name in rows[0]}
 
 
-# Tables ------------------------------------------------------------------------------------------
-
-
 def _from_table(
     root: Path,
     table: Path,
@@ -204,29 +184,20 @@ def _from_table(
 ) -> Listing:
     manifest = image_column == "file" and table == root / MANIFEST
     required = (image_column, *["label"] * manifest, *value_columns)
-    names: list[str] = []
-    seen: set[str] = set()
-    rows, other_files = [], []
-    for where, row in read_csv(table, required=required):
-        name = row.pop(image_column)
-        path = PurePosixPath(name)
-        if not name or path.is_absolute() or ".." in path.parts:
-            raise ValueError(f"{where}: expected a path inside the folder, found {name!r}")
-        match = pattern.fullmatch(str(path)) if pattern else None
+    rows: dict[str, dict[str, str]] = {}
+    other_files = []
+    for where, row in read_csv(table, required):
+        name = str(PurePosixPath(row.pop(image_column)))
+        match = pattern.fullmatch(name) if pattern else None
         if pattern and match is None:
             other_files.append(name)
             continue
-        row |= match.groupdict() if match else {}
-        if "label" in row:
-            label(row["label"], where)
-        if str(path) in seen:
+        if name in rows:
             raise ValueError(f"{where}: expected each file once, found {name!r} again")
-        seen.add(str(path))
-        names.append(str(path))
-        rows.append(row)
-    if not names:
-        raise ValueError(f"{shown(table)}: expected an image as the template says, found none")
-    texts = _transposed(rows)
+        rows[name] = row | (match.groupdict() if match else {})
+    if not rows:
+        raise ValueError(f"{table}: expected an image as the template says, found none")
+    texts = _transposed(list(rows.values()))
     labels = texts.pop("label", None)
     columns = _samples(texts)
     classes = None
@@ -237,13 +208,13 @@ def _from_table(
         value_columns = [n for n, c in columns.items() if c.dtype.kind != "U" and n not in known]
     for name in value_columns:
         if (column := columns[name]).dtype.kind == "U":
-            raise ValueError(f"{shown(table)}: expected numbers in {name}, found {column[:9]}")
+            raise ValueError(f"{table}: expected numbers in {name}, found {column[:9]}")
     if labels is None and not value_columns:
-        raise ValueError(f"{shown(table)}: expected a column label or one of numbers, found none")
+        raise ValueError(f"{table}: expected a column label or one of numbers, found none")
     check_times(table, columns, len(rows))
-    beside = table.parent if (table.parent / names[0]).exists() else root
+    beside = table.parent if (table.parent / next(iter(rows))).exists() else root
     return Listing(
-        [beside / path for path in names],
+        [beside / path for path in rows],
         labels,
         columns,
         classes,
@@ -262,14 +233,14 @@ def _column(texts: list[str]) -> np.ndarray:
             continue
         if np.isfinite(numbers).all():
             return numbers
-    return np.array([shown(text) for text in texts])
+    return np.array(texts)
 
 
 def _class_order(table: Path, labels: list[str], index: np.ndarray) -> list[str]:
     pairs = set(zip(index.tolist(), labels, strict=True))
-    if index.dtype.kind != "i" or sorted(i for i, _ in pairs) != list(range(len(set(labels)))):
+    if sorted(i for i, _ in pairs) != list(range(len(set(labels)))):
         raise ValueError(
-            f"{shown(table)}: expected one class_index a label, 0 … {len(set(labels)) - 1}, "
-            f"found {shown(sorted(pairs)[:8])}"
+            f"{table}: expected one class_index a label, 0 … {len(set(labels)) - 1}, "
+            f"found {sorted(pairs)[:8]}"
         )
     return [text for _, text in sorted(pairs)]

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from hdc.readers.files import SettingError, natural_key, require, shown
+from hdc.readers.files import SettingError, natural_key, require
 
 T = TypeVar("T")
 
@@ -24,22 +24,24 @@ class Window:
 
     def __post_init__(self) -> None:
         if self.crop is not None:
-            crop = tuple(self.crop) if isinstance(self.crop, Iterable) else ()
+            crop = tuple(self.crop)
             require(
-                len(crop) == 4 and all(map(is_integer, crop)) and min(crop) >= 0 < min(crop[2:]),
+                len(crop) == 4
+                and all(isinstance(n, int | np.integer) for n in crop)
+                and min(crop) >= 0 < min(crop[2:]),
                 "crop",
                 self.crop,
                 "null or [x, y, width, height], integers ≥ 0 and sizes ≥ 1",
             )
             object.__setattr__(self, "crop", crop)
-        whole = is_integer(self.subsample) and self.subsample >= 1
+        whole = isinstance(self.subsample, int | np.integer) and self.subsample >= 1
         require(whole, "subsample", self.subsample, "an integer ≥ 1")
 
     def shape(self, height: int, width: int) -> tuple[int, int]:
         """(H, W) that is kept of an image of that size.
 
         Raises:
-            SettingError: the crop does not lie inside it, or leaves a single pixel.
+            SettingError: the crop does not lie inside it.
         """
         x, y, w, h = self.crop or (0, 0, width, height)
         if x + w > width or y + h > height:
@@ -47,23 +49,13 @@ class Window:
                 f"crop: expected a window inside frames {width} px wide and {height} px high, "
                 f"found {list(self.crop or ())}"
             )
-        kept = (-(-h // self.subsample), -(-w // self.subsample))
-        if kept == (1, 1) != (height, width):
-            raise SettingError(
-                f"crop, subsample: expected two pixels or more of frames {width} × {height}, "
-                "found one, which says nothing"
-            )
-        return kept
+        return -(-h // self.subsample), -(-w // self.subsample)
 
     def of(self, image: np.ndarray) -> np.ndarray:
         """A view [H, W] or [H, W, channels] of the pixels that are kept."""
         self.shape(*image.shape[:2])
         x, y, w, h = self.crop or (0, 0, image.shape[1], image.shape[0])
         return image[y : y + h : self.subsample, x : x + w : self.subsample]
-
-
-def is_integer(value: object) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)
@@ -155,7 +147,7 @@ class Recording:
         parts = []
         for kind, items in (("bad frame", self.skipped), ("other file", self.other_files)):
             if items:
-                names = ", ".join(map(shown, items[:most])) + ", …" * (len(items) > most)
+                names = ", ".join(items[:most]) + ", …" * (len(items) > most)
                 parts.append(f"left out {len(items)} {kind}{'s' * (len(items) > 1)}: {names}")
         return "; ".join(parts)
 
@@ -181,8 +173,8 @@ def class_indices(
     """
     classes = tuple(order) if order is not None else tuple(sorted(set(names), key=natural_key))
     if len(classes) < fewest:
-        found = f"only {shown(classes[0])!r}" if classes else "none"
-        raise ValueError(f"{shown(where)}: expected two classes or more, found {found}")
+        found = f"only {classes[0]!r}" if classes else "none"
+        raise ValueError(f"{where}: expected two classes or more, found {found}")
     index = {name: c for c, name in enumerate(classes)}
     return classes, np.array([index[name] for name in names], dtype=np.int64)
 
@@ -193,7 +185,7 @@ def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> Non
         values = samples.get(key, np.zeros(n))
         if values.shape != (n,) or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
             raise ValueError(
-                f"{shown(where)}: expected {n} numbers in the column {key}, found "
+                f"{where}: expected {n} numbers in the column {key}, found "
                 f"{values.dtype} {values.shape}"
             )
 

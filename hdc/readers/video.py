@@ -1,4 +1,4 @@
-"""A video with a table of labelled intervals, or frame by frame.
+"""A video with a table of labelled intervals, or frame by frame, and a camera.
 
 A frame belongs to the interval with start ≤ time < end; frames outside all intervals are left out.
 Times are those of the container, in seconds from its first frame, evenly spaced or not. OpenCV
@@ -14,22 +14,24 @@ import hashlib
 import math
 import zlib
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
-from itertools import pairwise
+from itertools import count, groupby, pairwise
+from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from hdc.readers.files import BadFrame, check_memory, label, read_csv, shown
+from hdc.readers.files import BadFrame, read_csv
 from hdc.readers.images import grey, quiet
 from hdc.readers.recording import Recording, Window, class_indices, with_progress
 
-_ATOMS = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")  # first in an mp4 or mov
 _ROUNDED_S = 1e-3
 """Some containers round their times to this."""
+_EARLY_S = 1e-5
+"""Frames so much before an interval belong to it: 3 × 0.1 s is after 0.3 s, in floats."""
 
 
 class _Interval(NamedTuple):
@@ -38,44 +40,28 @@ class _Interval(NamedTuple):
     label: str
 
 
-def open_video(
-    path: Path, table: Path, window: Window, skip: bool, fewest_classes: int, max_pixels: int
-) -> Recording:
+def open_video(path: Path, table: Path, window: Window, fewest_classes: int) -> Recording:
     """Open a video and its table of intervals; see the module's description.
 
     Raises:
-        BadFrame: the video ends before the last interval does.
-        ValueError: the video or its table is not as described, or the frames are too many.
+        BadFrame: the video is damaged, or ends before its header says.
+        ValueError: the video or its table is not as described, or a crop does not fit.
     """
     intervals = _intervals(table)
-    frames, numbers, times, members = [], [], [], []
-    with quiet():
-        video = _Video(path, window, max_pixels)
-        early = 1e-3 / video.rate  # 0.3 s × 10 Hz must be frame 3, and is 3.0000000000000004
-        starts = [interval.start - early for interval in intervals]
-        end = intervals[-1].end - early
-        total = math.ceil(min(video.count, end * video.rate))
-        for number, time in enumerate(with_progress(video.times(), total, "Reading video")):
-            if time >= end:
-                break
-            member = bisect_right(starts, time) - 1
-            if member >= 0 and time < intervals[member].end - early:
-                if (image := video.retrieve(number)) is None:
-                    break
-                frames.append(grey(window.of(image)))
-                numbers.append(number)
-                times.append(time)
-                members.append(member)
-                check_memory(len(frames) * frames[0].nbytes, path, "crop or subsample the frames")
-        video.check_progressive()
-    skipped = video.cut_off(end)
-    if skipped and not (skip and numbers):
-        raise BadFrame(skipped[0])
-    for m, (start, stop, _) in enumerate(intervals):
-        if not skipped and (m not in members or stop - early > video.end):
+    starts = [interval.start - _EARLY_S for interval in intervals]
+
+    def member(time: float) -> int | None:
+        m = bisect_right(starts, time) - 1
+        return m if m >= 0 and time < intervals[m].end - _EARLY_S else None
+
+    decoded = list(_frames(path, window, lambda t: member(t) is not None, intervals[-1].end))
+    numbers, times = [n for n, _, _ in decoded], [t for _, t, _ in decoded]
+    members = [m for m in map(member, times) if m is not None]
+    for m, (start, end, _) in enumerate(intervals):
+        if m not in members:
             raise ValueError(
-                f"{shown(table)}: expected intervals of at least one frame, within the "
-                f"{video.count / video.rate:g} s of {shown(path.name)}, found {start:g}–{stop:g} s"
+                f"{table}: expected intervals of at least one frame of {path.name}, found "
+                f"{start:g}–{end:g} s"
             )
     classes, labels = class_indices(
         [intervals[m].label for m in members], f"{path} with {table}", fewest_classes
@@ -85,23 +71,22 @@ def open_video(
         with path.open("rb") as file:
             content = hashlib.file_digest(file, "sha256").hexdigest()
         labelled = np.array(numbers, dtype="<i8").tobytes()
-        return repr((content, len(skipped), hashlib.sha256(labelled).hexdigest()))
+        return repr((content, hashlib.sha256(labelled).hexdigest()))
 
     return Recording(
         classes=classes,
         labels=labels,
-        shape=window.shape(*video.size),
+        shape=decoded[0][2].shape,
         samples={
             "order": np.arange(len(numbers)),
             "frame": np.array(numbers),
             "time": np.array(times),  # seconds
             "interval": np.array(members),
         },
-        each=lambda index: (frames[i] for i in index),
-        place=lambda i: f"{shown(path)}, frame {numbers[i]}",
+        each=lambda index: (decoded[i][2] for i in index),
+        place=lambda i: f"{path}, frame {numbers[i]}",
         digest=cache(digest),
         window=window,
-        skipped=skipped,
     )
 
 
@@ -111,13 +96,7 @@ def stream_video(path: Path, window: Window) -> Iterator[tuple[float, np.ndarray
     Raises:
         ValueError: it is no video that is read here.
     """
-    with quiet():
-        video = _Video(path, window, 2**24)
-        for number, time in enumerate(video.times()):
-            if (image := video.retrieve(number)) is None:
-                raise BadFrame(f"{shown(path)}: expected a frame at {time:g} s, found none")
-            yield time, grey(window.of(image))
-        video.check_progressive()
+    return ((time, frame) for _, time, frame in _frames(path, window))
 
 
 def _intervals(table: Path) -> list[_Interval]:
@@ -129,129 +108,118 @@ def _intervals(table: Path) -> list[_Interval]:
             raise ValueError(f"{where}: expected seconds, found: {error}") from error
         if not 0 <= start < end < math.inf:
             raise ValueError(f"{where}: expected 0 ≤ start_s < end_s, found {start}, {end}")
-        intervals.append(_Interval(start, end, label(row["label"], where)))
+        intervals.append(_Interval(start, end, row["label"]))
     intervals.sort()
     for before, after in pairwise(intervals):
         if after.start < before.end:
             raise ValueError(
-                f"{shown(table)}: expected intervals that do not overlap, found "
+                f"{table}: expected intervals that do not overlap, found "
                 f"{before.start:g}–{before.end:g} s and {after.start:g}–{after.end:g} s"
             )
     return intervals
 
 
-class _Video:
-    """An opened video.
-
-    Attributes:
-        rate, count, size: frames a second, how many by the header, (H, W).
-        seen, end: frames that were decoded, and when the next one is due, in s.
-    """
-
-    def __init__(self, path: Path, window: Window, max_pixels: int) -> None:
-        with path.open("rb") as file:
-            head = file.read(12)
-        # FFmpeg would follow a playlist to other files.
-        if not (head[4:8] in _ATOMS or head[:4] in (b"\x1aE\xdf\xa3", b"RIFF")):
+def _frames(
+    path: Path,
+    window: Window,
+    wanted: Callable[[float], bool] = lambda time: True,
+    end: float = math.inf,
+) -> Iterator[tuple[int, float, np.ndarray]]:
+    """Number, time in s and grey frame [H, W] of each frame before `end` whose time is wanted."""
+    # One thread: several conceal what is damaged in a different way each time.
+    one_thread = [cv2.CAP_PROP_N_THREADS, 1]
+    with quiet():
+        capture = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG, one_thread)
+        rate, length = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
+        if not (capture.isOpened() and 0 < rate < 1e6 and 0 < length < 2**40):
             raise ValueError(
-                f"{shown(path)}: expected an mp4, mov, avi, mkv or webm video, found other"
+                f"{path}: expected a video of known length, found {length:g} frames at {rate:g} Hz"
             )
-        # One thread: several conceal what is damaged in a different way each time.
-        one_thread = [cv2.CAP_PROP_N_THREADS, 1]
-        self.path = path
-        self._capture = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG, one_thread)
-        self.rate = self._capture.get(cv2.CAP_PROP_FPS)
-        self.count = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
-        width = int(self._capture.get(cv2.CAP_PROP_FRAME_WIDTH))
-        height = int(self._capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
-        if not (self._capture.isOpened() and 0 < self.rate < 1e6 and 0 < self.count < 2**40):
-            raise ValueError(
-                f"{shown(path)}: expected a video of known length, found {self.count:g} frames "
-                f"at {self.rate:g} Hz"
-            )
-        if not 0 < width * height <= max_pixels:
-            raise ValueError(
-                f"{shown(path)}: expected at most {max_pixels} pixels a frame (max_pixels), "
-                f"found {width} × {height}"
-            )
-        window.shape(height, width)
-        self.size, self.seen, self.end, self._gap = (height, width), 0, 0.0, 1 / self.rate
-        self._retrieved: list[tuple[int, int]] = []  # number and checksum of a frame
-
-    def times(self) -> Iterator[float]:
-        """Grab one frame after the other; the time of each in seconds, increasing."""
-        first, before = 0.0, -math.inf
-        while self._capture.grab():
-            stated, even = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3, self.seen / self.rate
-            first = first if self.seen else stated
+        checksums: list[tuple[int, int]] = []
+        first, before, gap = 0.0, -math.inf, 1 / rate
+        total = math.ceil(min(length, end * rate))
+        for number in with_progress(count(), total, "Reading video"):
+            if not capture.grab():
+                if before + gap < end < math.inf and number < length - 1:
+                    raise BadFrame(
+                        f"{path}: expected {length:g} frames as its header says, found {number}"
+                    )
+                break
+            stated, even = capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3, number / rate
+            first = first if number else stated
             # OpenCV says 0 where an AVI states no time: for the last frames, as it is decoded.
-            time = stated - first if stated or not self.seen else even
+            time = stated - first if stated or not number else even
             time = even if abs(time - even) <= _ROUNDED_S else time
             if not before < time < math.inf:
                 raise ValueError(
-                    f"{shown(self.path)}: expected frames one after the other, found frame "
-                    f"{self.seen} at {time:g} s after one at {before:g} s"
+                    f"{path}: expected frames one after the other, found frame {number} at "
+                    f"{time:g} s after one at {before:g} s"
                 )
-            self._gap = max(self._gap, time - before) if self.seen else self._gap
-            self.end = time + self._gap
-            yield time
-            self.seen, before = self.seen + 1, time
+            if time >= end - _EARLY_S:
+                break
+            if wanted(time):
+                ok, image = capture.retrieve()
+                if not ok or image.dtype != np.uint8:
+                    raise BadFrame(f"{path}: expected a frame at {time:g} s, found none")
+                checksums.append((number, zlib.crc32(image.data)))
+                yield number, time, grey(window.of(image))
+            gap, before = max(gap, time - before) if number else gap, time
+        _check_progressive(path, capture, checksums)
 
-    def retrieve(self, number: int) -> np.ndarray | None:
-        """The frame that was grabbed; None where it cannot be decoded at the size of the video."""
-        ok, image = self._capture.retrieve()
-        if not ok or image.shape[:2] != self.size or image.dtype != np.uint8:
-            return None
-        self._retrieved.append((number, zlib.crc32(image.data)))
-        return image
 
-    def cut_off(self, end: float) -> tuple[str, ...]:
-        """A line where the video ends before `end` and has fewer frames than its header says."""
-        if self.end >= end or self.seen >= self.count - 1:
-            return ()
-        return (
-            f"{shown(self.path)}: expected {self.count:g} frames as its header says, found it "
-            f"ending at {self.end:g} s",
+def _check_progressive(
+    path: Path, capture: cv2.VideoCapture, checksums: list[tuple[int, int]]
+) -> None:
+    """Refuse interlaced frames.
+
+    OpenCV 5 says it retrieved an interlaced frame and leaves its buffer as it was: garbage, or a
+    copy of another frame. So the last of the longest run of equal frames is retrieved again, after
+    another image: if it comes out different, it is interlaced.
+
+    Raises:
+        ValueError: a frame is interlaced, or all frames are alike, which looks the same.
+    """
+    if not checksums:
+        return
+
+    def again(number: int) -> int:
+        capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
+        for _ in range(number + 1):
+            capture.grab()
+        ok, image = capture.retrieve()
+        return zlib.crc32(image.data) if ok else -1
+
+    runs = [list(run) for _, run in groupby(checksums, key=itemgetter(1))]
+    last, checksum = max(runs, key=len)[-1]
+    other = next((number for number, found in checksums if found != checksum), None)
+    if other is not None:
+        again(other)
+    if other is None or again(last) != checksum:
+        raise ValueError(
+            f"{path}: expected progressive frames, found what OpenCV {cv2.__version__} makes of "
+            f"interlaced ones, the same image again and again (ffmpeg -i {path.name} -vf yadif … "
+            "deinterlaces)"
         )
 
-    def check_progressive(self) -> None:
-        """Refuse interlaced frames.
 
-        OpenCV 5 says it retrieved an interlaced frame and leaves its buffer as it was. Such a
-        frame is garbage if it is the first one, else a copy of the one before. So the first frame,
-        and the last of each run of equal ones, are retrieved again, each after another image: if
-        the frame comes out different, it is interlaced.
+def camera_frames(index: int, window: Window) -> Iterator[np.ndarray]:
+    """See :func:`hdc.readers.camera`."""
+    with quiet():
+        capture = cv2.VideoCapture(index)
+    if not capture.isOpened():
+        raise ValueError(
+            f"camera: expected a camera that can be opened at index {index}, found none (is it "
+            "connected, in use by another program, or not permitted?)"
+        )
 
-        Raises:
-            ValueError: a frame is interlaced, or all frames are alike, which looks the same.
-        """
-        numbers, prints = zip(*self._retrieved, strict=True) if self._retrieved else ((), ())
-        starts = [i for i, p in enumerate(prints) if i == 0 or p != prints[i - 1]]
-        runs = list(pairwise([*starts, len(prints)]))
-        again = [(a, b - 1) for a, b in runs if a == 0 or b - a > 1]
-        progressive = len(runs) != 1
-        if len(runs) > 1:
-            self._rewind()
-            self._retrieve_again(numbers[runs[1][0]])  # its image is not that of the first run
-            self._rewind()
-            for start, last in again:
-                if start:
-                    self._retrieve_again(numbers[start - 1])
-                progressive &= self._retrieve_again(numbers[last]) == prints[last]
-        if not progressive:
-            raise ValueError(
-                f"{shown(self.path)}: expected progressive frames, found what OpenCV "
-                f"{cv2.__version__} makes of interlaced ones, the same image again and again "
-                f"(ffmpeg -i {shown(self.path.name)} -vf yadif … deinterlaces)"
-            )
+    def frames() -> Iterator[np.ndarray]:
+        try:
+            while True:
+                ok, image = capture.read()
+                if not ok:
+                    raise BadFrame(f"camera {index}: expected a frame, found none (disconnected?)")
+                yield grey(window.of(image))
+        finally:
+            capture.release()
 
-    def _rewind(self) -> None:
-        self._capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
-        self._place = -1
-
-    def _retrieve_again(self, number: int) -> int:
-        while self._place < number:
-            self._capture.grab()
-            self._place += 1
-        ok, image = self._capture.retrieve()
-        return zlib.crc32(image.data) if ok else -1
+    return frames()
