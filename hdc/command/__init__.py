@@ -25,14 +25,9 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
-EXTRAS = {
-    "sklearn": "compare",
-    "nicegui": "live",
-    "fastapi": "live",
-    "starlette": "live",
-    "socketio": "live",
-    "uvicorn": "live",
-}
+EXTRAS = {"sklearn": "compare"} | dict.fromkeys(
+    ("nicegui", "fastapi", "starlette", "socketio", "uvicorn"), "live"
+)
 """Packages and the extra of this distribution that brings them; ``command`` brings the others."""
 
 
@@ -69,11 +64,8 @@ def _status(arguments: Sequence[str] | None) -> int:
         package = (error.name or "").partition(".")[0]
         if package == "hdc":
             raise
-        extra = EXTRAS.get(package, "command")
-        return _say(
-            f"error: expected the package {package}, found none; "
-            f"pip install 'speckle-hdc[{extra}]'", 1
-        )  # fmt: skip
+        install = f"pip install 'speckle-hdc[{EXTRAS.get(package, 'command')}]'"
+        return _say(f"error: expected the package {package}, found none; {install}", 1)
     except BrokenPipeError:  # the reader of the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1

@@ -1,48 +1,31 @@
-"""Options of the command ``hdc``; :mod:`hdc.command.work` does the work.
+"""The commands of ``hdc``, a function each; :mod:`hdc.command.work` has what they share.
 
-torch takes seconds to import, so it is not imported before the words, and the files that they name,
-were checked.
+torch takes seconds to import, so it is imported when the first frame is learnt or asked about.
 """
 
 from __future__ import annotations
 
 import json
-import os
+import time
+from collections import Counter
 from collections.abc import Callable
-from functools import wraps
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 import hdc
 from hdc import readers
-from hdc.readers.files import check_file, shown
-from hdc.readers.listing import image_files, is_image
+from hdc.command import work
+from hdc.readers import Window
+from hdc.readers.listing import image_files
 
 RATE = 0.05
 """Share of frames of known classes that ``--reject`` alone may refuse."""
-
-
-class _File(click.ParamType[Path]):
-    """A path as it is, blanks and brackets included; ``~`` is the home folder."""
-
-    name = "path"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        if value == "":
-            self.fail("expected a path, found nothing", param, ctx)
-        return Path(os.path.expanduser(value))
-
-
-class _Share(click.FloatRange):
-    """A range of numbers that NaN is not in."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        number = super().convert(value, param, ctx)
-        if number != number:
-            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
-        return number
+_FILE = click.Path(path_type=Path)
+_SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
 
 
 def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
@@ -57,46 +40,31 @@ def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
 
 
 _recording = _options(
-    click.argument("recording", type=_File()),
+    click.argument("recording", type=_FILE),
     click.option("--template", metavar="PATTERN",
                  help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'."),
-    click.option("--values", "table", type=_File(), metavar="CSV",
+    click.option("--values", "table", type=_FILE, metavar="CSV",
                  help="Table of numbers to learn or compare with, a row an image."),
-    click.option("--column", "columns", multiple=True, metavar="NAME",
+    click.option("--column", "value_columns", multiple=True, metavar="NAME",
                  help="Column of numbers; may be repeated. [default: all numeric ones]"),
     click.option("--image-column", default="image", metavar="NAME",
                  help="Column of the table that names the image."),
-    click.option("--intervals", type=_File(), metavar="CSV",
+    click.option("--intervals", type=_FILE, metavar="CSV",
                  help="Table of a video. [default: beside it]"),
 )  # fmt: skip
-
-
-def _pixels(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options --crop and --subsample; the command gets them as one `window`."""
-
-    @click.option("--crop", type=click.IntRange(0), nargs=4, metavar="X Y WIDTH HEIGHT",
-                  help="Pixels to keep, from the top left corner. [default: all]")  # fmt: skip
-    @click.option("--subsample", type=click.IntRange(1), default=1, metavar="N",
-                  help="Keep every N-th pixel on both axes.")  # fmt: skip
-    @wraps(command)
-    def with_window(crop: tuple[int, ...] | None, subsample: int, **options: Any) -> Any:
-        try:
-            window = readers.Window(crop, subsample)
-        except readers.SettingError as error:
-            raise click.UsageError(f"--{error}") from error
-        return command(window=window, **options)
-
-    return with_window
-
-
-_SHARE = _Share(0, 1, min_open=True, max_open=True)
+_pixels = _options(
+    click.option("--crop", type=click.IntRange(0), nargs=4, metavar="X Y WIDTH HEIGHT",
+                 help="Pixels to keep, from the top left corner. [default: all]"),
+    click.option("--subsample", type=click.IntRange(1), default=1, metavar="N",
+                 help="Keep every N-th pixel on both axes."),
+)  # fmt: skip
 _output = click.option(
-    "-o", "--output", type=_File(), required=True, help="File to write the model to."
+    "-o", "--output", type=_FILE, required=True, help="File to write the model to."
 )
-_model = click.argument("model", type=_File())
+_model = click.argument("model", type=_FILE)
 _json = click.option("--json", "as_json", is_flag=True, help="Write JSON.")
 _reject = click.option(
-    "--reject", type=_Share(0, 0.5, min_open=True), is_flag=False, flag_value=RATE,
+    "--reject", type=click.FloatRange(0, 0.5, min_open=True), is_flag=False, flag_value=RATE,
     default=None, metavar="[RATE]",
     help="Refuse frames unlike every class; about this share of frames like those trained on is "
     f"refused, too ({RATE} if no number follows).",
@@ -123,30 +91,56 @@ def cli() -> None:
 @click.option("--seed", type=click.IntRange(0), default=0, help="Choice of the frames held out.")
 @click.option("--readout", type=click.Choice(["prototype", "ridge", "neighbours"]),
               help="How bits are read. [default: prototype; for numbers ridge]")  # fmt: skip
-@click.option("--balance/--no-balance", default=None,
-              help="Whether classes of unequal size count alike. [default: balanced]")  # fmt: skip
+@click.option("--balance/--no-balance", default=True,
+              help="Whether classes of unequal size count alike.")  # fmt: skip
 def train(
     recording: Path,
     output: Path,
-    window: readers.Window,
+    crop: tuple[int, ...] | None,
+    subsample: int,
     test_fraction: float | None,
     seed: int,
     readout: str | None,
-    balance: bool | None,
+    balance: bool,
     **source: Any,
 ) -> None:
     """Learn the classes of a RECORDING, or its numbers with --values."""
-    readers.check_path(recording, source["intervals"])
-    _check_output(output)
-    from hdc.command import work
-
+    window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
-    click.echo(work.train(frames, window, output, test_fraction, seed, readout, balance))
+    work.check_output(output)
+    begin = time.perf_counter()
+    training, test, how = work.hold_out(frames, test_fraction, seed)
+    passing = work.Passing(frames, training)
+    model: Any
+    if frames.values is not None:
+        model = hdc.HDCRegressor(readout=readout or "ridge")
+        model.fit(passing, frames.values[training])
+        learnt = f"values of {', '.join(frames.value_names)}"
+    else:
+        model = hdc.HDCClassifier(readout=readout or "prototype", balance=balance)
+        model.fit(passing, [frames.names[i] for i in training])
+        learnt = f"{len(frames.classes)} classes"
+    seconds = time.perf_counter() - begin
+    metadata = {
+        "crop": window.crop,
+        "subsample": window.subsample,
+        **({"values": list(frames.value_names)} if frames.value_names else {}),
+        "trained": datetime.now(UTC).isoformat(timespec="seconds"),
+        "version": hdc.__version__,
+    }
+    model.save(output, metadata=metadata)
+    click.echo(
+        f"{output}: {len(training)} frames, {learnt}, {work.size(frames.shape)}, "
+        f"in {seconds:.1f} s ({len(training) / seconds:.0f} a second)"
+    )
+    if len(test):
+        click.echo(f"held out {how}: {work.score(model, frames, test)['text'][0]}")
+    _left_out(frames)
 
 
 @cli.command()
 @_model
-@click.argument("images", type=_File(), nargs=-1, required=True)
+@click.argument("images", type=_FILE, nargs=-1, required=True)
 @_reject
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line.")
 def predict(model: Path, images: tuple[Path, ...], reject: float | None, as_json: bool) -> None:
@@ -156,12 +150,23 @@ def predict(model: Path, images: tuple[Path, ...], reject: float | None, as_json
     taken. For each: file, label, margin (how much farther the second nearest class is) and the
     distance of each class, as shares of the pixels; 0.5 is the distance of noise.
     """
-    _check_model(model)
-    files = [file for image in images for file in _images(image)]
-    from hdc.command import work
+    found, window = work.load(model)
+    files = [file for path in images for file in (image_files(path) if path.is_dir() else [path])]
+    for number, answer in enumerate(work.ask(found, window, files, reject)):
+        _show(answer, number == 0, as_json)
 
-    for line in work.predict(model, files, reject, as_json):
-        click.echo(line)
+
+def _show(answer: dict[str, Any], first: bool, as_json: bool) -> None:
+    """A tab-separated line below a line of names, or JSON."""
+    if as_json:
+        return click.echo(json.dumps(answer, ensure_ascii=False))
+    if answer.get("label", "") is None:
+        answer["label"] = "(none of these)"
+    answer |= answer.pop("distances", {})
+    if first:
+        click.echo("\t".join(answer))
+    cells = (f"{x:.4f}" if isinstance(x, float) else str(x) for x in answer.values())
+    click.echo("\t".join(cells))
 
 
 @cli.command()
@@ -176,18 +181,20 @@ def evaluate(
 
     The interval of the accuracy is Wilson's, for 95 %.
     """
-    _check_model(model)
-    readers.check_path(recording, source["intervals"])
-    from hdc.command import work
-
-    click.echo(work.evaluate(model, recording, source, reject, as_json))
+    found, window = work.load(model)
+    frames = work.frames_for(found, window, recording, source)
+    result = work.score(found, frames, np.arange(len(frames)), reject)
+    text = result.pop("text")
+    click.echo(json.dumps(result, ensure_ascii=False) if as_json else "\n".join(text))
+    if not as_json:
+        _left_out(frames)
 
 
 @cli.command()
 @_model
 @_recording
 @_output
-@click.option("--p", type=_Share(0, 1), default=0.5, help="Share of the new frames.")
+@click.option("--p", type=click.FloatRange(0, 1), default=0.5, help="Share of the new frames.")
 @click.option("--method", type=click.Choice(["replace", "merge"]), default="replace",
               help="Replace bits with probability p, as published, or merge votes.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, help="Choice of the bits replaced.")
@@ -198,19 +205,34 @@ def recalibrate(
 
     The new RECORDING is of some or all of the classes of the model.
     """
-    _check_model(model)
-    readers.check_path(recording, source["intervals"])
-    _check_output(output)
-    from hdc.command import work
+    work.check_output(output)
+    found, window = work.load(model)
+    if not hasattr(found, "classes_"):
+        raise ValueError(f"{model}: expected a classifier, found {type(found).__name__}")
+    frames = work.frames_for(found, window, recording, source)
+    by_name = {str(c): c for c in found.classes_.tolist()}
+    passing = work.Passing(frames, np.arange(len(frames)))
+    found.recalibrate(passing, [by_name[name] for name in frames.names], p, seed, method)
+    found.save(output)
+    counts = Counter(frames.names)
+    click.echo(f"{output}: {len(frames)} new frames of {len(counts)} classes, {method}, p = {p:g}")
+    if old := [name for name in by_name if name not in counts]:
+        click.echo(f"not recalibrated: {', '.join(old)}")
+    if few := [name for name, n in counts.items() if n == 1]:
+        click.echo(f"recalibrated by a single frame: {', '.join(few)}")
+    _left_out(frames)
 
-    click.echo(work.recalibrate(model, recording, source, output, p, method, seed))
+
+def _left_out(frames: readers.Recording) -> None:
+    if line := frames.left_out():
+        click.echo(line)
 
 
 @cli.command()
 @_recording
-@click.option("--test", "other", type=_File(), metavar="RECORDING",
+@click.option("--test", "other", type=_FILE, metavar="RECORDING",
               help="Test on this recording, of another day.")  # fmt: skip
-@click.option("-o", "--output", type=_File(), help="File to write a page of HTML to.")
+@click.option("-o", "--output", type=_FILE, help="File to write a page of HTML to.")
 @_pixels
 @click.option("--test-fraction", type=_SHARE, default=0.2, help="Share of frames to hold out.")
 @click.option("--draws", type=click.IntRange(1, 100), default=5, metavar="N",
@@ -220,7 +242,8 @@ def compare(
     recording: Path,
     other: Path | None,
     output: Path | None,
-    window: readers.Window,
+    crop: tuple[int, ...] | None,
+    subsample: int,
     test_fraction: float,
     draws: int,
     as_json: bool,
@@ -231,12 +254,11 @@ def compare(
     Accuracy for 1, 2, 5 … frames a class, held out at random and by time, and advice. Frames are
     held in memory.
     """
-    if output:
-        _check_page(output)
-    for path in filter(None, (recording, other)):
-        readers.check_path(path, source["intervals"])
-    from hdc.command import comparison, work
+    from hdc.command import comparison
 
+    if output:
+        comparison.check_page(output)
+    window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
     tests = work.open_frames(other, window, **source) if other else None
     result = comparison.compare(frames, tests, recording, test_fraction, draws)
@@ -247,7 +269,7 @@ def compare(
 
 @cli.command()
 @click.option("--camera", type=click.IntRange(0), metavar="N", help="Number of the camera.")
-@click.option("--folder", type=_File(), metavar="RECORDING", help="Play this back instead.")
+@click.option("--folder", type=_FILE, metavar="RECORDING", help="Play this back instead.")
 @_pixels
 @click.option("--host", metavar="ADDRESS", help="Listen there; a token is then asked of everybody. "
               "[default: this computer alone]")  # fmt: skip
@@ -255,7 +277,8 @@ def compare(
 def live(
     camera: int | None,
     folder: Path | None,
-    window: readers.Window,
+    crop: tuple[int, ...] | None,
+    subsample: int,
     host: str | None,
     port: int,
 ) -> None:
@@ -268,15 +291,8 @@ def live(
     from hdc.live import Camera, Recorded, Source
     from hdc.live.page import serve
 
-    source: Source
-    if folder is not None:
-        source = Recorded(folder, window)
-    else:
-        assert camera is not None
-        try:
-            source = Camera(camera, window)
-        except ValueError as error:
-            raise click.UsageError(str(error)) from error
+    window = Window(crop, subsample)
+    source: Source = Recorded(folder, window) if folder else Camera(camera or 0, window)
     serve(source, host, port)
 
 
@@ -285,45 +301,26 @@ def live(
 @_json
 def info(model: Path, as_json: bool) -> None:
     """Show what a model was trained on."""
-    _check_model(model)
-    from hdc.command import work
-
-    click.echo(work.info(model, as_json))
-
-
-# Checks before anything is read -----------------------------------------------------------------
-
-
-def _check_model(path: Path) -> None:
-    if not path.exists():
-        raise ValueError(f"{shown(path)}: expected a saved model, found no such file")
-    if path.is_file() and is_image(path.name):
-        raise ValueError(
-            f"{shown(path)}: expected a saved model, found an image; the model is first"
-        )
-
-
-def _check_output(path: Path) -> None:
-    """Refuse a name that cannot be written, or that is taken by anything but a saved model."""
-    if not path.parent.is_dir():
-        raise ValueError(f"{shown(path)}: expected a folder to write into, found none")
-    from hdc.io import check_replaceable
-
-    check_replaceable(path)
-
-
-def _check_page(path: Path) -> None:
-    """As :func:`_check_output`, for a page of ``hdc compare``."""
-    if not os.path.lexists(path):
-        return _check_output(path)
-    if path.is_symlink() or not path.is_file() or b"<title>hdc compare" not in path.read_bytes():
-        raise ValueError(
-            f"{shown(path)}: expected a page of hdc compare or no file, found another; not replaced"
-        )
-
-
-def _images(path: Path) -> list[Path]:
-    if path.is_dir():
-        return image_files(path)
-    check_file(path)
-    return [path]
+    found, window = work.load(model)
+    rows: dict[str, Any] = {
+        "file": f"{model}, {model.stat().st_size} bytes",
+        "kind": type(found).__name__,
+        "trained": found.metadata_.get("trained", "at an unknown time"),
+        "version": found.metadata_.get("version", "unknown"),
+        "frames": work.size(found.frame_shape_),
+        "crop": "none" if window.crop is None else " ".join(map(str, window.crop)),
+        "subsample": window.subsample,
+        "read-out": getattr(found, "readout", "prototype"),
+    }
+    if hasattr(found, "classes_"):
+        counts = zip(found.classes_, found.counts_, strict=True)
+        rows["classes"] = {str(c): int(n) for c, n in counts}
+    else:
+        rows["values"] = ", ".join(work.value_names(found))
+    if as_json:
+        return click.echo(json.dumps(rows, ensure_ascii=False))
+    classes = rows.pop("classes", {})
+    for name, value in rows.items():
+        click.echo(f"{name:10}  {value}")
+    for name, n in classes.items():
+        click.echo(f"{'class':10}  {name}: {n} frames")

@@ -9,6 +9,7 @@ more than one of N coordinates.
 from __future__ import annotations
 
 import html
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,7 +28,6 @@ from hdc.encode import encode
 from hdc.io import write_atomically
 from hdc.prototypes import Counters
 from hdc.readers import Recording
-from hdc.readers.files import shown
 from hdc.readers.recording import with_progress
 from hdc.readout import gram
 
@@ -93,23 +93,25 @@ class Method(NamedTuple):
     use: str
 
 
+def _softmax() -> LogisticRegression:
+    return LogisticRegression(C=10, max_iter=1000)
+
+
+def _ridge() -> RidgeClassifierCV:
+    return RidgeClassifierCV(np.logspace(-4, 2, 7))
+
+
 METHODS = {
     "prototypes": Method("bits", None, "hdc train"),
-    "ridge": Method(
-        "bits", lambda: RidgeClassifierCV(np.logspace(-4, 2, 7)), "hdc train --readout ridge"
-    ),
+    "ridge": Method("bits", _ridge, "hdc train --readout ridge"),
     "neighbours": Method("bits", None, "hdc train --readout neighbours"),
     "mean image": Method("greys", NearestCentroid, "mean image on grey values"),
     "mean image, standardised": Method(
         "standardised", NearestCentroid, "mean image on standardised grey values"
     ),
-    "softmax": Method(
-        "greys", lambda: LogisticRegression(C=10, max_iter=1000), "softmax on grey values"
-    ),
+    "softmax": Method("greys", _softmax, "softmax on grey values"),
     "softmax, standardised": Method(
-        "standardised",
-        lambda: LogisticRegression(C=10, max_iter=1000),
-        "softmax on standardised grey values",
+        "standardised", _softmax, "softmax on standardised grey values"
     ),
 }
 
@@ -152,15 +154,15 @@ def compare(
     if unknown := sorted(set(names) - set(known)):
         raise ValueError(f"--test: expected classes among {', '.join(known)}, found {unknown[0]}")
     labels = np.array([known.index(name) for name in names])
-    first, *rest = (part[0] for part in parts)
-    if rest and (first.shape, first.dtype) != (rest[0].shape, rest[0].dtype):
-        raise ValueError(
-            f"--test: expected frames {first.shape} {first.dtype} as in the first recording, "
-            f"found {rest[0].shape} {rest[0].dtype}"
-        )
+    first = recording[0]
     frames = np.empty((len(names), *first.shape), first.dtype)
     stream = (frame for part in parts for frame in part.stream())
     for i, frame in enumerate(with_progress(stream, len(names), "Reading")):
+        if frame.shape != first.shape or frame.dtype != first.dtype:
+            raise ValueError(
+                f"--test: expected frames {first.shape} {first.dtype} as in the first recording, "
+                f"found {frame.shape} {frame.dtype}"
+            )
         frames[i] = frame
     data = Frames(frames)
     later = (np.arange(n), np.arange(n, len(names))) if other else _ordered(recording, fraction)
@@ -170,7 +172,7 @@ def compare(
         "other recording" if other else "ordered": _curves(data, labels, [later] * draws),
     }
     return {
-        "recording": shown(path), "frames": n, "classes": known, "shape": list(first.shape),
+        "recording": str(path), "frames": n, "classes": known, "shape": list(first.shape),
         "test_fraction": fraction, "draws": draws, "splits": splits, "advice": advice(splits),
     }  # fmt: skip
 
@@ -226,16 +228,12 @@ def advice(splits: dict[str, Any]) -> str:
     split_name, curves = list(splits.items())[-1]
     last = {name: curve[-1] for name, curve in curves.items()}
 
-    def best_of(names: list[str]) -> str:
-        return max(names, key=lambda name: last[name]["accuracy"])
-
     def share(name: str) -> str:
         return f"{name} {last[name]['accuracy']:.0%}"
 
-    best, on_bits = (
-        best_of(list(METHODS)),
-        best_of([n for n in METHODS if METHODS[n].sees == "bits"]),
-    )
+    best = max(METHODS, key=lambda name: last[name]["accuracy"])
+    of_bits = [name for name in METHODS if METHODS[name].sees == "bits"]
+    on_bits = max(of_bits, key=lambda name: last[name]["accuracy"])
     where = f"on the {split_name} test frames"
     if last[on_bits]["high"] < last[best]["accuracy"]:
         return (
@@ -254,23 +252,17 @@ def advice(splits: dict[str, Any]) -> str:
 
 
 def text(result: dict[str, Any]) -> str:
-    """Table, learning curves and advice."""
-    splits = result["splits"]
+    """Learning curves, with the interval where all frames were learnt, and advice."""
     height, width = result["shape"]
-    table = Table("Method", "Sees", *(f"Accuracy, {name}" for name in splits), box=None)
-    for name, method in METHODS.items():
-        last = [curves[name][-1] for curves in splits.values()]
-        cells = [f"{p['accuracy']:.1%} [{p['low']:.1%}, {p['high']:.1%}]" for p in last]
-        table.add_row(name, method.sees, *cells)
-    tables = [table]
-    for title, curves in splits.items():
-        counts = [f"{point['frames_a_class']:.3g}" for point in curves["prototypes"]]
-        tables.append(Table(f"{title}, frames a class", *counts, box=None))
-        for name, curve in curves.items():
-            tables[-1].add_row(name, *(f"{point['accuracy']:.0%}" for point in curve))
     console = Console(width=120)
     with console.capture() as captured:
-        for table in tables:
+        for title, curves in result["splits"].items():
+            counts = [f"{point['frames_a_class']:.3g}" for point in curves["prototypes"]]
+            table = Table(f"{title}, frames a class", "sees", *counts, box=None)
+            for name, curve in curves.items():
+                *cells, last = (f"{point['accuracy']:.0%}" for point in curve)
+                interval = f" [{curve[-1]['low']:.0%}, {curve[-1]['high']:.0%}]"
+                table.add_row(name, METHODS[name].sees, *cells, last + interval)
             console.print(table, "")
     return (
         f"{result['frames']} frames of {len(result['classes'])} classes, {width} × {height} "
@@ -288,6 +280,18 @@ tested. Frames held out at random lie between those trained on: if they were rec
 succession they are alike, and the ordered split is the one to believe. Grey values are scaled to
 0 … 1; standardised: each frame to mean 0 and deviation 1.</p></html>
 """
+
+
+def check_page(path: Path) -> None:
+    """Refuse a name that cannot be written, or that is taken by anything but such a page."""
+    if not path.parent.is_dir():
+        raise ValueError(f"{path}: expected a folder to write into, found none")
+    if not os.path.lexists(path):
+        return
+    if path.is_symlink() or not path.is_file() or b"<title>hdc compare" not in path.read_bytes():
+        raise ValueError(
+            f"{path}: expected a page of hdc compare or no file, found another; not replaced"
+        )
 
 
 def write_page(path: Path, result: dict[str, Any]) -> None:

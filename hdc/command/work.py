@@ -1,13 +1,9 @@
-"""The commands' work: frames from readers, batch by batch, into a model."""
+"""What the commands share: frames from readers, batch by batch, into a model and its scores."""
 
 from __future__ import annotations
 
-import json
 import math
-import time
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,10 +13,10 @@ import numpy as np
 import hdc
 from hdc import readers
 from hdc.accuracy import accuracy, confusion, wilson
-from hdc.readers import VIDEO_SUFFIXES, BadFrame, Recording, Window
-from hdc.readers.files import natural_key, shown
+from hdc.readers import VIDEO_SUFFIXES, BadFrame, Recording, Window, natural_key
 from hdc.readers.images import stream_files
 from hdc.readers.recording import with_progress
+from hdc.readers.video import stream_video
 
 T = TypeVar("T")
 
@@ -34,53 +30,88 @@ def open_frames(
     recording: Path, window: Window, fewest_classes: int = 2, **source: Any
 ) -> Recording:
     """Open a recording as the options of the command line say; images are decoded when needed."""
-    source["value_columns"] = source.pop("columns", ())
     return readers.open_recording(
         recording, window=window, check=False, fewest_classes=fewest_classes, **source
     )
 
 
-def train(
-    recording: Recording,
-    window: Window,
-    output: Path,
-    test_fraction: float | None,
-    seed: int,
-    readout: str | None = None,
-    balance: bool | None = None,
-) -> str:
-    """Train on a recording and save the model.
+def check_output(path: Path) -> None:
+    """Refuse a name that cannot be written, or that is taken by anything but a saved model."""
+    from hdc.io import check_replaceable
 
-    Returns:
-        Lines for people: frames, time, accuracy on the frames held out.
+    if not path.parent.is_dir():
+        raise ValueError(f"{path}: expected a folder to write into, found none")
+    check_replaceable(path)
+
+
+def load(path: Path) -> tuple[Any, Window]:
+    """A saved classifier or regressor, and which pixels of an image it looks at.
+
+    Raises:
+        ValueError: the file is no such model.
     """
-    begin = time.perf_counter()
-    training, test, how = hold_out(recording, test_fraction, seed)
-    options: dict[str, Any] = {} if balance is None else {"balance": balance}
-    frames = Passing(recording, training)
-    model: Any
-    if recording.values is not None:
-        model = hdc.HDCRegressor(readout=readout or "ridge")
-        model.fit(frames, recording.values[training])
-        learnt = f"values of {', '.join(recording.value_names)}"
-    else:
-        if readout is not None:
-            options["readout"] = readout
-        names = recording.names
-        model = hdc.HDCClassifier(**options).fit(frames, [names[i] for i in training])
-        learnt = f"{len(recording.classes)} classes"
-    seconds = time.perf_counter() - begin
-    metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
-    metadata |= {"values": list(recording.value_names)} if recording.value_names else {}
-    metadata |= {"trained": datetime.now(UTC).isoformat(timespec="seconds")}
-    model.save(output, metadata=metadata | {"version": hdc.__version__})
-    lines = [
-        f"{shown(output)}: {len(training)} frames, {learnt}, {_size(recording.shape)}, "
-        f"in {seconds:.1f} s ({len(training) / seconds:.0f} a second)"
-    ]
-    if len(test):
-        lines.append(f"held out {how}: {_score(model, recording, test)['text'][0]}")
-    return "\n".join([*lines, *filter(None, [recording.left_out()])])
+    try:
+        model: Any = hdc.HDCClassifier.load(path)
+    except ValueError as error:
+        if "HDCRegressor" not in str(error):
+            raise
+        model = hdc.HDCRegressor.load(path)
+    crop, subsample = (model.metadata_.get(key) for key in ("crop", "subsample"))
+    return model, Window(crop, subsample or 1)
+
+
+class Passing:
+    """Frames [N, H, W] of a recording, decoded as a model takes one batch after the other."""
+
+    def __init__(self, recording: Recording, index: np.ndarray) -> None:
+        self._frames = with_progress(recording.stream(index), len(index), "Training")
+        self._next = 0
+        self.shape = (len(index), *recording.shape)
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, batch: slice) -> np.ndarray:
+        start, stop, _ = batch.indices(len(self))
+        if start != self._next:
+            raise IndexError(f"expected a batch from frame {self._next}, found {start}")
+        self._next = stop
+        return np.stack(list(islice(self._frames, stop - start)))
+
+
+def frames_for(model: Any, window: Window, recording: Path, source: dict[str, Any]) -> Recording:
+    """A recording of classes that the model knows (one of them, or more), or of its values."""
+    if source["table"] and not source["value_columns"] and (names := value_names(model)):
+        source = source | {"value_columns": names}
+    frames = open_frames(recording, window, 1, **source)
+    _check_size(model, frames.shape, frames.place(0))
+    if not hasattr(model, "classes_"):
+        return frames
+    known = [str(c) for c in model.classes_]
+    if unknown := sorted(set(frames.names) - set(known), key=natural_key):
+        raise ValueError(
+            f"{recording}: expected classes among {', '.join(known)}, found "
+            f"{unknown[0]!r} (to add a class: hdc train on all of them, or partial_fit in Python)"
+        )
+    return frames
+
+
+def value_names(model: Any) -> tuple[str, ...]:
+    return () if hasattr(model, "classes_") else tuple(model.metadata_.get("values", ()))
+
+
+def _check_size(model: Any, shape: tuple[int, ...], place: object) -> None:
+    """Raise a BadFrame for a frame of another size than those in training; flat ones have none."""
+    expected = model.frame_shape_
+    if shape != expected and (len(expected) == 2 or math.prod(shape) != expected[0]):
+        raise BadFrame(f"{place}: expected {size(expected)} as in training, found {size(shape)}")
+
+
+def size(shape: Sequence[int]) -> str:
+    return f"{' × '.join(str(side) for side in reversed(shape))} pixels"
+
+
+# Splits ------------------------------------------------------------------------------------------
 
 
 def hold_out(
@@ -130,36 +161,20 @@ def split(
     return np.setdiff1d(np.arange(n), chosen), chosen
 
 
-def predict(
-    path: Path, files: Sequence[Path], reject: float | None, as_json: bool
-) -> Iterator[str]:
-    """A line for each frame: tab-separated below a line of names, or JSON."""
-    model, window = load(path)
+# Predictions and scores --------------------------------------------------------------------------
+
+
+def ask(
+    model: Any, window: Window, files: Sequence[Path], reject: float | None
+) -> Iterator[dict[str, Any]]:
+    """The model's answers for image files, then for each frame of videos."""
     videos = [file for file in files if file.suffix.lower() in VIDEO_SUFFIXES]
     images = [file for file in files if file not in videos]
-    frames: Iterable[Any] = zip(images, stream_files(images, window), strict=True)
-    answers: Iterable[dict[str, Any]] = _answers(model, frames, reject)
-    for file in videos:
-        from hdc.readers.video import stream_video
-
-        frames = ((f"{file} at {t:.3f} s", frame) for t, frame in stream_video(file, window))
-        answers = [*answers, *_answers(model, frames, reject)]  # whole before a line is written
-    for number, answer in enumerate(answers):
-        if as_json:
-            yield json.dumps(answer, ensure_ascii=False)
-            continue
-        if answer.get("label", "") is None:
-            answer["label"] = "(none of these)"
-        answer |= answer.pop("distances", {})
-        if number == 0:
-            yield "\t".join(map(shown, answer))
-        yield "\t".join(map(_cell, answer.values()))
-
-
-def _cell(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.4f}"
-    return "" if value is None else shown(value)
+    yield from _answers(model, zip(images, stream_files(images, window), strict=True), reject)
+    for video in videos:
+        stills = ((f"{video} at {t:.3f} s", frame) for t, frame in stream_video(video, window))
+        # All before the first is given: at its end a video may turn out to be interlaced.
+        yield from list(_answers(model, stills, reject))
 
 
 def _answers(
@@ -168,93 +183,81 @@ def _answers(
     """File and values of each frame, or its label with margin and distances of prototypes."""
     for some in _batched(frames):
         for place, frame in some:
-            _check_size(model, frame.shape, shown(place))
+            _check_size(model, frame.shape, place)
         batch = np.stack([frame for _, frame in some])
         files = [{"file": str(place)} for place, _ in some]
         if not hasattr(model, "classes_"):
-            for file, values in zip(
-                files, model.predict(batch).reshape(len(batch), -1), strict=True
-            ):
-                yield file | dict(zip(_value_names(model), values.tolist(), strict=True))
+            rows = model.predict(batch).reshape(len(batch), -1).tolist()
+            for file, row in zip(files, rows, strict=True):
+                yield file | dict(zip(value_names(model), row, strict=True))
             continue
         labels = model.predict(batch, reject=reject or False).tolist()
-        if getattr(model, "readout", "prototype") != "prototype":
+        if model.readout != "prototype":
             yield from (file | {"label": label} for file, label in zip(files, labels, strict=True))
             continue
         for file, label, distances in zip(files, labels, model.distances(batch), strict=True):
-            # D + 1 is the distance of a class without frames.
-            known = [None if d > model.dimension_ else d / model.dimension_ for d in distances]
-            first, second, *_ = [*sorted(d for d in known if d is not None), None, None]
-            margin = None if second is None else second - first
-            names = map(str, model.classes_)
-            shares = dict(zip(names, known, strict=True))
-            yield file | {"label": label, "margin": margin, "distances": shares}
+            shares = (distances / model.dimension_).tolist()
+            nearest = sorted(shares)
+            yield file | {
+                "label": label,
+                "margin": nearest[1] - nearest[0] if len(nearest) > 1 else None,
+                "distances": dict(zip(map(str, model.classes_), shares, strict=True)),
+            }
 
 
-def evaluate(
-    path: Path, recording: Path, source: dict[str, Any], reject: float | None, as_json: bool
-) -> str:
-    """Accuracy and confusions of a model on a recording, or errors of a model of values."""
-    model, window = load(path)
-    frames = _frames_for(model, window, recording, source)
-    result = _score(model, frames, np.arange(len(frames)), reject)
-    if as_json:
-        result.pop("text")
-        return json.dumps(result, ensure_ascii=False)
-    return "\n".join([*result["text"], *filter(None, [frames.left_out()])])
-
-
-def _score(
+def score(
     model: Any, recording: Recording, index: np.ndarray, reject: float | None = None
 ) -> dict[str, Any]:
     """Accuracy, confusions and wrong frames (or mean absolute errors), with lines for people."""
-    places = [recording.place(i) for i in index]
     frames = with_progress(recording.stream(index), len(index), "Evaluating")
-    answers, known = [], []
+    predicted, known = [], []
     for some in _batched(frames):
         batch = np.stack(some)
-        answers += model.predict(batch).tolist()
+        predicted.append(model.predict(batch))
         if reject:
-            known += model.is_known(batch, reject).tolist()
-    if recording.values is not None and not hasattr(model, "classes_"):
-        errors = np.abs(np.array(answers).reshape(len(index), -1) - recording.values[index])
-        rows = {
-            name: {"mean_absolute_error": float(e.mean()), "median": float(np.median(e)),
-                   "largest": float(e.max())}
-            for name, e in zip(recording.value_names, errors.T, strict=True)
-        }  # fmt: skip
-        text = [
-            f"{shown(name)}: mean absolute error {row['mean_absolute_error']:.4g}, "
-            f"median {row['median']:.4g}, largest {row['largest']:.4g}, {len(index)} frames"
-            for name, row in rows.items()
-        ]
-        return {"frames": len(index), "errors": rows, "text": text}
+            known.append(model.is_known(batch, reject))
+    if not hasattr(model, "classes_"):
+        return _errors(recording, np.concatenate(predicted), index)
     names = [str(c) for c in model.classes_]
     row = {name: k for k, name in enumerate(names)}
-    truth = [recording.names[i] for i in index]
-    predicted, true = (np.array([row[str(x)] for x in some]) for some in (answers, truth))
-    counts, share = confusion(predicted, true, len(names)), accuracy(predicted, true)
-    right = int(np.trace(counts))
-    low, high = wilson(right, len(index))
+    truth, found = [recording.names[i] for i in index], [str(c) for c in np.concatenate(predicted)]
+    true, read = (np.array([row[name] for name in some]) for some in (truth, found))
+    counts, right = confusion(read, true, len(names)), int((read == true).sum())
+    share, (low, high) = accuracy(read, true), wilson(right, len(index))
     text = [
         f"accuracy {share:.1%} (95 % interval {low:.1%} to {high:.1%}), "
         f"{right} of {len(index)} frames",
-        *confusions([shown(name) for name in names], counts),
+        *confusions(names, counts),
     ]
     wrong = [
-        {"file": place, "label": a, "predicted": str(b)}
-        for place, a, b in zip(places, truth, answers, strict=True)
-        if a != str(b)
+        {"file": recording.place(i), "label": a, "predicted": b}
+        for i, a, b in zip(index, truth, found, strict=True)
+        if a != b
     ]
     result = {
         "frames": len(index), "accuracy": share, "interval": [low, high], "classes": names,
         "confusion": counts.tolist(), "wrong": wrong, "text": text,
     }  # fmt: skip
     if reject:
-        refused = known.count(False)
+        result["refused"] = refused = int((~np.concatenate(known)).sum())
         text.insert(1, f"--reject {reject:g} refuses {refused} of them as none of the classes")
-        result["refused"] = refused
     return result
+
+
+def _errors(recording: Recording, predicted: np.ndarray, index: np.ndarray) -> dict[str, Any]:
+    """Absolute errors of each value."""
+    if recording.values is None:
+        raise ValueError("--values: expected a table of the numbers to compare with, found none")
+    errors = np.abs(predicted.reshape(len(index), -1) - recording.values[index])
+    rows, text = {}, []
+    for name, e in zip(recording.value_names, errors.T, strict=True):
+        mean, median, largest = float(e.mean()), float(np.median(e)), float(e.max())
+        rows[name] = {"mean_absolute_error": mean, "median": median, "largest": largest}
+        text.append(
+            f"{name}: mean absolute error {mean:.4g}, median {median:.4g}, "
+            f"largest {largest:.4g}, {len(index)} frames"
+        )
+    return {"frames": len(index), "errors": rows, "text": text}
 
 
 def confusions(names: Sequence[str], counts: np.ndarray) -> list[str]:
@@ -270,135 +273,6 @@ def confusions(names: Sequence[str], counts: np.ndarray) -> list[str]:
     for name, row in zip(names, counts, strict=True):
         lines.append(" ".join([f"{name:{width}}", *(f"{n:>{cell}}" for n in row)]))
     return lines
-
-
-def recalibrate(
-    path: Path,
-    recording: Path,
-    source: dict[str, Any],
-    output: Path,
-    p: float,
-    method: str,
-    seed: int,
-) -> str:
-    """Recalibrate a model by a recording and save it elsewhere."""
-    model, window = load(path)
-    if not hasattr(model, "classes_"):
-        raise ValueError(f"{shown(path)}: expected a classifier, found {type(model).__name__}")
-    frames = _frames_for(model, window, recording, source)
-    by_name = {str(c): c for c in model.classes_.tolist()}
-    passing = Passing(frames, np.arange(len(frames)))
-    model.recalibrate(passing, [by_name[name] for name in frames.names], p, seed, method)
-    model.save(output)
-    counts = Counter(frames.names)
-    lines = [
-        f"{shown(output)}: {len(frames)} new frames of {len(counts)} classes, {method}, p = {p:g}"
-    ]
-    if old := [name for name in by_name if name not in counts]:
-        lines.append(f"not recalibrated: {', '.join(map(shown, old))}")
-    if few := [name for name, n in counts.items() if n == 1]:
-        lines.append(f"recalibrated by a single frame: {', '.join(map(shown, few))}")
-    return "\n".join([*lines, *filter(None, [frames.left_out()])])
-
-
-def info(path: Path, as_json: bool) -> str:
-    """Rows on how a model was trained."""
-    model, window = load(path)
-    rows: dict[str, Any] = {
-        "file": f"{shown(path)}, {path.stat().st_size} bytes",
-        "kind": type(model).__name__,
-        "trained": model.metadata_.get("trained", "at an unknown time"),
-        "version": model.metadata_.get("version", "unknown"),
-        "frames": _size(model.frame_shape_),
-        "crop": "none" if window.crop is None else " ".join(map(str, window.crop)),
-        "subsample": window.subsample,
-        "read-out": getattr(model, "readout", "prototype"),
-    }
-    if not hasattr(model, "classes_"):
-        return _rows(rows | {"values": ", ".join(_value_names(model))}, as_json)
-    counts = zip(model.classes_, model.counts_, strict=True)
-    rows["classes"] = {shown(c): int(n) for c, n in counts}
-    return _rows(rows, as_json)
-
-
-def _rows(rows: dict[str, Any], as_json: bool) -> str:
-    if as_json:
-        return json.dumps(rows, ensure_ascii=False)
-    classes = rows.pop("classes", {})
-    lines = [f"{name:10}  {value}" for name, value in rows.items()]
-    width = max(map(len, classes), default=0)
-    lines += [f"{'classes':10}  {len(classes)}"] * bool(classes)
-    return "\n".join([*lines, *(f"  {name:{width}}  {n} frames" for name, n in classes.items())])
-
-
-def load(path: Path) -> tuple[Any, Window]:
-    """A saved classifier or regressor, and which pixels of an image it looks at.
-
-    Raises:
-        ValueError: the file is no such model.
-    """
-    try:
-        model: Any = hdc.HDCClassifier.load(path)
-    except ValueError as error:
-        if "HDCRegressor" not in str(error):
-            raise
-        model = hdc.HDCRegressor.load(path)
-    try:
-        crop, subsample = (model.metadata_.get(key) for key in ("crop", "subsample"))
-        return model, Window(crop, 1 if subsample is None else subsample)
-    except readers.SettingError as error:
-        raise ValueError(f"{shown(path)}: in its metadata, {error}") from error
-
-
-class Passing:
-    """Frames [N, H, W] of a recording, decoded as a model takes one batch after the other."""
-
-    def __init__(self, recording: Recording, index: np.ndarray) -> None:
-        self._frames = with_progress(recording.stream(index), len(index), "Training")
-        self._next = 0
-        self.shape = (len(index), *recording.shape)
-
-    def __len__(self) -> int:
-        return self.shape[0]
-
-    def __getitem__(self, batch: slice) -> np.ndarray:
-        start, stop, _ = batch.indices(len(self))
-        if start != self._next:
-            raise IndexError(f"expected a batch from frame {self._next}, found {start}")
-        self._next = stop
-        return np.stack(list(islice(self._frames, stop - start)))
-
-
-def _frames_for(model: Any, window: Window, recording: Path, source: dict[str, Any]) -> Recording:
-    """A recording of classes that the model knows (one of them, or more), or of its values."""
-    if source["table"] and not source["columns"] and (names := _value_names(model)):
-        source = source | {"columns": names}
-    frames = open_frames(recording, window, 1, **source)
-    _check_size(model, frames.shape, frames.place(0))
-    if not hasattr(model, "classes_"):
-        return frames
-    known = [str(c) for c in model.classes_]
-    if unknown := sorted(set(frames.names) - set(known), key=natural_key):
-        raise ValueError(
-            f"{shown(recording)}: expected classes among {', '.join(map(shown, known))}, found "
-            f"{unknown[0]!r} (to add a class: hdc train on all of them, or partial_fit in Python)"
-        )
-    return frames
-
-
-def _value_names(model: Any) -> tuple[str, ...]:
-    return () if hasattr(model, "classes_") else tuple(model.metadata_.get("values", ()))
-
-
-def _check_size(model: Any, shape: tuple[int, ...], place: str) -> None:
-    """Raise a BadFrame for a frame of another size than those in training; flat ones have none."""
-    expected = model.frame_shape_
-    if shape != expected and (len(expected) == 2 or math.prod(shape) != expected[0]):
-        raise BadFrame(f"{place}: expected {_size(expected)} as in training, found {_size(shape)}")
-
-
-def _size(shape: Sequence[int]) -> str:
-    return f"{' × '.join(str(side) for side in reversed(shape))} pixels"
 
 
 def _batched(items: Iterable[T]) -> Iterator[list[T]]:

@@ -73,7 +73,6 @@ class Pad:
             " Cross: the predicted place, by frames of taught places."
         ).classes("small")
         self._depth = slider("depth", 0.1, source.deepest * 1e3, 0.1, 1.8, "{:.1f} mm")
-        self._depth.on("update:model-value", self._deeper, throttle=0.1)
         ui.button("Lift off", on_click=lambda: self._press()).props(
             "no-caps outline dense padding='4px 10px'"
         ).style("align-self: flex-start")
@@ -115,10 +114,6 @@ class Pad:
 
     async def _press(self, *touches: Touch, moved: bool = False) -> None:
         await self._do(lambda session: self._source.press(touches, moved))
-
-    async def _deeper(self) -> None:
-        if touches := [Touch(t.x, t.y, self._deep) for t in self._source.touches]:
-            await self._press(*touches, moved=True)
 
     @property
     def _deep(self) -> float:

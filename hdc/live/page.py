@@ -8,7 +8,6 @@ import contextlib
 import html
 import logging
 import secrets
-import socket
 from collections.abc import AsyncIterator, Callable
 from functools import partial
 from typing import Any
@@ -19,13 +18,12 @@ from starlette.responses import StreamingResponse
 
 from hdc.live.guard import Guard
 from hdc.live.pad import Pad, colour, slider
-from hdc.live.session import ALPHA, MOST_LETTERS, READOUTS, RECENT, Answer, Session
+from hdc.live.session import ALPHA, READOUTS, RECENT, Answer, Session
 from hdc.live.sources import Pressable, Recorded, Source
-from hdc.live.worker import Job, View, Worker
+from hdc.live.worker import View, Worker
 
 REFRESH = 0.2
 """Seconds between updates of words and bars; pictures come as fast as they are made."""
-LARGEST_FILE = 2**26
 SAMPLES = 10
 """Learned at a press of a button."""
 _BOUNDARY = b"--frame\r\n"
@@ -58,11 +56,8 @@ def serve(source: Source, host: str | None = None, port: int = 8080) -> None:
         host: address to listen at; default: this computer alone.
         port: of the server.
 
-    Raises:
-        OSError: the port is taken, or the address is not of this computer.
     """
     host = host or "127.0.0.1"
-    _check_free(host, port)
     worker, token = Worker(Session(source)), secrets.token_urlsafe(16)
     app.add_middleware(Guard, token=token, cookie=f"hdc_live_{port}")
     app.on_startup(worker.start)
@@ -84,19 +79,9 @@ async def _announce(address: str) -> None:
     print(f"open {address} (Ctrl+C ends it)", flush=True)
 
 
-def _check_free(host: str, port: int) -> None:
-    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as tried:
-        tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            tried.bind((host, port))
-        except OSError as error:
-            reason = f"{host}:{port}: expected an address to listen at, found: {error.strerror}"
-            raise OSError(reason) from None
-
-
 async def _pictures(worker: Worker) -> AsyncIterator[bytes]:
     """Motion JPEG until the browser leaves or the server is to end."""
-    worker.watch(+1)
+    worker.watchers += 1
     try:
         yield _BOUNDARY
         number = 0
@@ -108,7 +93,7 @@ async def _pictures(worker: Worker) -> AsyncIterator[bytes]:
                 yield b"Content-Type: image/jpeg\r\n\r\n" + view.picture + b"\r\n" + _BOUNDARY
             await asyncio.sleep(0.005)
     finally:
-        worker.watch(-1)
+        worker.watchers -= 1
 
 
 class Page:
@@ -150,10 +135,6 @@ class Page:
                 _icon("skip_previous", "one frame back", self._doing(lambda s: source.step(-1)))
                 _icon("play_arrow", "play or pause", self._doing(lambda s: source.play()))
                 _icon("skip_next", "one frame ahead", self._doing(lambda s: source.step(+1)))
-            with _div("row"):
-                _small("go to")
-                for name in source.classes:
-                    _button(name, self._doing(lambda s, name: source.go(name), name))
         self._label = _small()
         _heading("The model says")
         self._answer, self._beside = ui.label().classes("answer").mark("answer"), _small()
@@ -174,7 +155,7 @@ class Page:
         with _div("row"):
             empty = " (empty: as recorded)" if isinstance(self._source, Recorded) else ""
             self._name = ui.input(f"name of a new class{empty}").classes("grow")
-            self._name.props(f"dense outlined maxlength={MOST_LETTERS}")
+            self._name.props("dense outlined maxlength=24")
             self._name.on("keydown.enter", self._new_class)
             ui.button("New class", on_click=self._new_class).props("no-caps")
         self._classes = _div("flex flex-col gap-3")
@@ -187,11 +168,6 @@ class Page:
         with _div("row"):
             _button("Forget everything", self._doing(Session.forget, None))
             _button("Save the model", self._save)
-            upload = ui.upload(
-                auto_upload=True, on_upload=self._load, max_file_size=LARGEST_FILE,
-                on_rejected=lambda: _tell("This file is too large for a model."),
-            ).classes("hidden")  # fmt: skip
-            _button("Load a model", lambda: upload.run_method("pickFiles"))
 
     def _adapt(self) -> None:
         source = self._source
@@ -223,10 +199,10 @@ class Page:
 
     # Jobs ----------------------------------------------------------------------------------------
 
-    async def _do(self, job: Job) -> Any:
+    async def _do(self, job: Callable[[Session], Any]) -> Any:
         """Have the worker do a job; its error is shown on this page alone."""
         try:
-            return await asyncio.wrap_future(self._worker.do(job))
+            return await asyncio.to_thread(self._worker.do, job)
         except ValueError as error:
             _tell(str(error))
         except Exception as error:
@@ -257,11 +233,6 @@ class Page:
         content = await self._do(Session.saved)
         if content is not None:
             ui.download.content(content, "touch.safetensors")
-
-    async def _load(self, event: Any) -> None:
-        event.sender.reset()
-        content = await event.file.read()
-        await self._doing(Session.load, content)()
 
     # Updates -------------------------------------------------------------------------------------
 

@@ -11,8 +11,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections import Counter, deque
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,7 +23,6 @@ from hdc.encode import encode
 from hdc.inputs import tensor
 from hdc.live.sources import Pressable, Source, Touch
 
-MOST_CLASSES, MOST_LETTERS, MOST_SAMPLES = 12, 24, 1000
 RECENT = 20
 """Tests behind the accuracy that is shown."""
 ALPHA = 0.1
@@ -80,7 +78,6 @@ class Session:
         self.tests: deque[bool] = deque(maxlen=RECENT)
         self.version = 0
         self._samples: list[Sample] = []
-        self._file: bytes | None = None  # of a loaded model, which training starts from
         self._regressor: HDCRegressor | None = None
         self._tested = 0
 
@@ -100,12 +97,17 @@ class Session:
         """The model's answer for a frame [H, W]; None with fewer than two classes."""
         if self.model is None or len(self.counts) < 2:
             return None
-        answer = _answer(self.model, frame)
-        if self._regressor is None:
-            return answer
-        each = self._regressor.predict(frame[None], return_interval=True)
-        values = zip(*(np.ravel(x).tolist() for x in each), strict=True)
-        return replace(answer, values=tuple(values))
+        frames, values = frame[None], []
+        distances = (self.model.distances(frames)[0] / self.model.dimension_).tolist()
+        if self._regressor is not None:
+            each = self._regressor.predict(frames, return_interval=True)
+            values = list(zip(*(np.ravel(x).tolist() for x in each), strict=True))
+        return Answer(
+            label=self.model.predict(frames, reject=True)[0],
+            likely=tuple(map(str, self.model.predict_set(frames, ALPHA)[0])),
+            distances=dict(zip(self.model.classes_.tolist(), distances, strict=True)),
+            values=tuple(values),
+        )
 
     def prototypes(self) -> dict[str, np.ndarray]:
         """Bits of each class's prototype, bool [H, W]."""
@@ -134,12 +136,10 @@ class Session:
         """Learn up to n samples of the present touch or scene, as a new class or as a known one."""
         if not new:
             self._check_known(name)
-        elif not _is_name(name := name.strip()):
-            raise ValueError(f"A class needs a name of 1 to {MOST_LETTERS} letters.")
+        elif not (name := name.strip()):
+            raise ValueError("A class needs a name.")
         elif name in self.counts:
             raise ValueError(f"There is a class “{name}” already: choose another name.")
-        elif len(self.counts) >= MOST_CLASSES:
-            raise ValueError(f"There are {MOST_CLASSES} classes, as many as the page shows.")
         # Samples join the latest recalibration of their class: they are of today, too.
         lesson = max((s.lesson for s in self._samples if s.label == name), default=Lesson())
         samples = self._take(name, n, self._touches, lesson)
@@ -166,8 +166,6 @@ class Session:
         lesson = Lesson(max((s.lesson.number for s in self._samples), default=0) + 1, p, method)
         for label in self.counts if name is None else [name]:
             self._check_known(label)
-            if name is None and label not in self.places:
-                raise ValueError(f"The place of “{label}” is not known: recalibrate it in its row.")
             place = self.places[label] if name is None else self._touches
             samples += self._take(label, n, place, lesson)
         self._train(self._samples + samples)
@@ -176,12 +174,10 @@ class Session:
     def forget(self, name: str | None) -> None:
         """Forget a class, or (None) all of them."""
         if name is None:
-            self._file, self.places = None, {}
+            self.places = {}
             self._train([])
         else:
             self._check_known(name)
-            if self._file:
-                raise ValueError("A loaded model has no frames: it forgets everything or nothing.")
             self._train([sample for sample in self._samples if sample.label != name])
             self.places = {n: place for n, place in self.places.items() if n != name}
         self.tests.clear()
@@ -190,8 +186,6 @@ class Session:
         """Switch the read-out, trained on the same frames."""
         if readout == self.readout:
             return
-        if self._file:
-            raise ValueError("A loaded model has no frames to train another read-out with.")
         self._train(self._samples, readout)
         self.tests.clear()
 
@@ -206,8 +200,6 @@ class Session:
         return self.source.touches if isinstance(self.source, Pressable) else ()
 
     def _take(self, name: str, n: int, touches: tuple[Touch, ...], lesson: Lesson) -> list[Sample]:
-        if n + len(self._samples) > MOST_SAMPLES:
-            raise ValueError(f"The page keeps {MOST_SAMPLES} samples: forget a class or all.")
         value: tuple[float, ...] | None = None
         if len(touches) == 1:
             value = 1e3 * touches[0].x, 1e3 * touches[0].y
@@ -222,9 +214,7 @@ class Session:
     def _train(self, samples: list[Sample], readout: str | None = None) -> None:
         """Train on these samples and keep them; where that raises, nothing changes."""
         readout = readout or self.readout
-        model = None if self._file is None else _read(self._file)
-        counts = Counter({} if model is None else _counts(model))
-        counts.update(sample.label for sample in samples)
+        counts, model = Counter(sample.label for sample in samples), None
         for lesson in sorted({sample.lesson for sample in samples}):
             chosen = [sample for sample in samples if sample.lesson == lesson]
             frames, labels = np.stack([s.frame for s in chosen]), [s.label for s in chosen]
@@ -239,37 +229,14 @@ class Session:
         self.counts = dict(counts)
         self.version += 1
 
-    # Files ---------------------------------------------------------------------------------------
-
     def saved(self) -> bytes:
-        """The model as a file of :meth:`hdc.HDCClassifier.save`, with the places as metadata."""
+        """The model as a file of :meth:`hdc.HDCClassifier.save`."""
         if self.model is None or len(self.counts) < 2:
             raise ValueError("There is nothing to save yet: teach two classes first.")
-        places = {n: [[t.x, t.y, t.depth] for t in place] for n, place in self.places.items()}
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "model.safetensors"
-            self.model.save(path, self.source.metadata | ({"places": places} if places else {}))
+            self.model.save(path, self.source.metadata)
             return path.read_bytes()
-
-    def load(self, content: bytes) -> None:
-        """Go on with the model of such a file."""
-        try:
-            model = _read(content)
-            shape, names = model.frame_shape_, list(_counts(model))
-            # A file may load and still fail to predict: find out before all pages depend on it.
-            _answer(model, np.arange(model.dimension_).reshape(shape))
-        except Exception as error:
-            reason = str(error).partition("model: ")[2] or repr(error)
-            raise ValueError(f"This file is no model that can be used: {reason:.200}") from None
-        if shape != self.source.shape:
-            size, here = (" × ".join(map(str, x)) for x in (shape, self.source.shape))
-            raise ValueError(f"This model is of frames of {size} pixels; here they have {here}.")
-        if len(names) > MOST_CLASSES or not all(map(_is_name, names)):
-            wanted = f"up to {MOST_CLASSES} classes with names of 1 to {MOST_LETTERS} letters"
-            raise ValueError(f"The page shows {wanted}; this model has {len(names)}: {names}"[:200])
-        self._file, self.places = content, _places(model.metadata_.get("places"), names)
-        self._train([], model.readout)
-        self.tests.clear()
 
 
 def _regressor(samples: list[Sample], readout: str) -> HDCRegressor | None:
@@ -283,39 +250,6 @@ def _regressor(samples: list[Sample], readout: str) -> HDCRegressor | None:
     return regressor.fit(frames, values)
 
 
-def _answer(model: HDCClassifier, frame: np.ndarray) -> Answer:
-    frames = frame[None]
-    distances = (model.distances(frames)[0] / model.dimension_).tolist()
-    label = model.predict(frames, reject=True)[0]
-    likely = tuple(map(str, model.predict_set(frames, ALPHA)[0]))
-    return Answer(label, likely, dict(zip(model.classes_.tolist(), distances, strict=True)))
-
-
-def _counts(model: HDCClassifier) -> dict[str, int]:
-    return dict(zip(model.classes_.tolist(), model.counts_.tolist(), strict=True))
-
-
-def _read(content: bytes) -> HDCClassifier:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model"
-        path.write_bytes(content)
-        return HDCClassifier.load(path)
-
-
-def _places(saved: Any, names: Sequence[str]) -> dict[str, tuple[Touch, ...]]:
-    """Places in a model's metadata, as :meth:`Session.saved` writes them; none if they differ."""
-    try:
-        places = {n: tuple(Touch(*map(float, t)) for t in saved[n]) for n in saved}
-    except (TypeError, ValueError, KeyError, IndexError):
-        return {}
-    finite = np.isfinite([(t.x, t.y, t.depth) for place in places.values() for t in place]).all()
-    return places if finite and set(places) <= set(names) else {}
-
-
 def within(value: Any, low: float, high: float) -> float:
     """A number from a browser, clipped to [low, high]; NaN becomes low."""
     return min(max(low, float(value)), high)
-
-
-def _is_name(name: object) -> bool:
-    return isinstance(name, str) and 0 < len(name.strip()) <= MOST_LETTERS and name.isprintable()

@@ -11,7 +11,6 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from hdc import readers
-from hdc.readers.files import shown
 
 PLAYBACK = 20.0
 """Frames a second of a recording played back."""
@@ -88,10 +87,7 @@ class Camera:
         self.shape = (height, width)
 
     def frame(self) -> np.ndarray:
-        try:
-            return next(self._frames)
-        except StopIteration:
-            raise ValueError("camera: it gives no more frames; start the page again") from None
+        return next(self._frames)
 
     def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
         return [self.frame() for _ in range(n)]
@@ -113,7 +109,7 @@ class Recorded:
     ) -> None:
         recording = readers.open_recording(path, None, window.crop, window.subsample)
         self._recording, self._seconds_a_frame = recording, seconds_a_frame
-        self.title = f"Recording {shown(path.name)}"
+        self.title = f"Recording {path.name}"
         self.note = "Played back; samples are the next frames of the class that is shown."
         self.metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
         self.shape, self.classes = recording.shape, recording.classes
@@ -140,11 +136,6 @@ class Recorded:
         """Pause, this many frames ahead (or, negative, back)."""
         self.playing = False
         self._place = (self._place + frames) % len(self._order)
-
-    def go(self, label: str) -> None:
-        """Pause at the first frame of a class."""
-        self.playing = False
-        self._place = int(np.argmax(self._labels == self.classes.index(label)))
 
     def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
         """The next n frames of the class that is shown, or all of them where there are fewer."""

@@ -1,16 +1,13 @@
-"""The thread that owns the session: it takes frames, predicts, and does the jobs of the pages."""
+"""The thread that takes frames and predicts, and the jobs of the pages between two frames."""
 
 from __future__ import annotations
 
 import logging
-import queue
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -22,7 +19,7 @@ FASTEST = 30.0
 TEST_EVERY = 0.25
 """Seconds between two fresh touches that test the model."""
 
-Job = Callable[[Session], Any]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -48,61 +45,44 @@ class Worker:
 
     def __init__(self, session: Session) -> None:
         self.session, self.view, self.busy = session, View(), False
-        self._jobs: queue.Queue[tuple[Job, Future[Any]]] = queue.Queue()
-        self._watchers, self._stopped, self._tested = 0, False, 0.0
+        self.watchers = 0  # open pages: frames are taken while there are some
+        self._lock, self._stopped, self._tested = threading.Lock(), threading.Event(), 0.0
         self._thread = threading.Thread(target=self._run, daemon=True, name="sensor")
 
     def start(self) -> None:
         self._thread.start()
 
     def stop(self) -> None:
-        self._stopped = True
-        self.do(lambda session: None)  # wakes the thread
+        self._stopped.set()
         self._thread.join(10)
 
-    def do(self, job: Job) -> Future[Any]:
-        """Do a job before the next frame; the future has its result or its error."""
-        future: Future[Any] = Future()
-        self._jobs.put((job, future))
-        return future
-
-    def watch(self, more: int) -> None:
-        """Count open pages: frames are taken while there are some."""
-
-        def count(session: Session) -> None:  # wakes the thread, too
-            self._watchers += more
-
-        self.do(count)
+    def do(self, job: Callable[[Session], T]) -> T:
+        """Do a job between two frames."""
+        with self._lock:
+            self.busy = True
+            try:
+                return job(self.session)
+            finally:
+                self.busy = False
 
     def _run(self) -> None:
-        while not self._stopped:
-            with suppress(queue.Empty):
-                self._work(*self._jobs.get(block=not self._watchers))
-            if self._watchers:
+        while not self._stopped.is_set():
+            begin = time.monotonic()
+            if self.watchers:
                 try:
-                    self._look()
+                    with self._lock:
+                        self._look()
                 except Exception as error:  # no frame may end the page for everybody
                     if not isinstance(error, ValueError | OSError):
                         logging.getLogger(__name__).exception("frame")
                     self.view = replace(self.view, error=str(error) or repr(error))
-                    time.sleep(0.2)
-
-        while not self._jobs.empty():
-            self._jobs.get()[1].cancel()
-
-    def _work(self, job: Job, future: Future[Any]) -> None:
-        self.busy = True
-        if future.set_running_or_notify_cancel():  # its page may have been closed
-            try:
-                future.set_result(job(self.session))
-            except Exception as error:  # shown on the page that asked
-                future.set_exception(error)
-        self.busy = not self._jobs.empty()
+            # At least a moment in which a job may begin.
+            self._stopped.wait(max(0.002, 1 / FASTEST - (time.monotonic() - begin)))
 
     def _look(self) -> None:
-        begin, before, session = time.monotonic(), self.view, self.session
-        if begin - self._tested > TEST_EVERY:
-            self._tested = begin
+        before, session = self.view, self.session
+        if time.monotonic() - self._tested > TEST_EVERY:
+            self._tested = time.monotonic()
             session.test()
         frame, hypervector, answer = session.look()
         prototypes = before.prototypes
@@ -113,7 +93,6 @@ class Worker:
         picture, label = _jpeg(np.hstack([grey, drawn])), session.source.label
         number = before.number + 1
         self.view = View(number, picture, answer, label, "", session.version, prototypes)
-        time.sleep(max(0.0, 1 / FASTEST - (time.monotonic() - begin)))
 
 
 def _half(bits: np.ndarray) -> np.ndarray:
