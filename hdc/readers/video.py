@@ -172,9 +172,10 @@ def _check_progressive(
 ) -> None:
     """Refuse interlaced frames.
 
-    OpenCV 5 says it retrieved an interlaced frame and leaves its buffer as it was: garbage, or a
-    copy of another frame. So the last of the longest run of equal frames is retrieved again, after
-    another image: if it comes out different, it is interlaced.
+    OpenCV 5 says it retrieved an interlaced frame and leaves its buffer as it was: garbage at
+    first, then a copy of another frame. So the last frame of the first and of the longest run of
+    equal ones are retrieved again, after another image: if it comes out different, it is
+    interlaced.
 
     Raises:
         ValueError: a frame is interlaced, or all frames are alike, which looks the same.
@@ -190,16 +191,16 @@ def _check_progressive(
         return zlib.crc32(image.data) if ok else -1
 
     runs = [list(run) for _, run in groupby(checksums, key=itemgetter(1))]
-    last, checksum = max(runs, key=len)[-1]
-    other = next((number for number, found in checksums if found != checksum), None)
-    if other is not None:
-        again(other)
-    if other is None or again(last) != checksum:
-        raise ValueError(
-            f"{path}: expected progressive frames, found what OpenCV {cv2.__version__} makes of "
-            f"interlaced ones, the same image again and again (ffmpeg -i {path.name} -vf yadif … "
-            "deinterlaces)"
-        )
+    for last, checksum in (runs[0][-1], max(runs, key=len)[-1]):
+        other = next((number for number, found in checksums if found != checksum), None)
+        if other is not None:
+            again(other)
+        if other is None or again(last) != checksum:
+            raise ValueError(
+                f"{path}: expected progressive frames, found what OpenCV {cv2.__version__} makes "
+                f"of interlaced ones, the same image again and again (ffmpeg -i {path.name} -vf "
+                "yadif … deinterlaces)"
+            )
 
 
 def camera_frames(index: int, window: Window) -> Iterator[np.ndarray]:

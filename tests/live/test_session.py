@@ -6,12 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
+from hdc import HDCClassifier
 from hdc.live import Recorded, Touch
-from hdc.live.session import (
-    MOST_SAMPLES,
-    READOUTS,
-    Session,
-)
+from hdc.live.session import READOUTS, Session
 from hdc.live.worker import Worker
 from hdc.readers import Window
 from scenes.live import SIXTEEN_DAYS, SimulatedSensor
@@ -92,14 +89,14 @@ def test_forgetting_a_class_equals_never_teaching_it(taught):
 
 
 @pytest.mark.parametrize("readout", READOUTS)
-def test_each_readout_is_trained_on_the_same_frames(taught, readout):
+def test_each_readout_is_trained_on_the_same_frames_and_saved(taught, readout, tmp_path):
     taught.use(readout)
     assert accuracy(taught) > 0.8
-    frames = touch(taught, "left", 1)
-    other = Session(SimulatedSensor(side=100))
-    other.load(taught.saved())
-    assert other.readout == readout
-    assert other.ask(frames[0]).label == taught.ask(frames[0]).label
+    frames = np.stack(touch(taught, "left", 3))
+    (tmp_path / "m").write_bytes(taught.saved())
+    saved = HDCClassifier.load(tmp_path / "m")
+    assert saved.readout == readout
+    assert (saved.predict(frames) == taught.model.predict(frames)).all()
 
 
 def test_prediction_sets_have_the_true_class(taught):
@@ -114,31 +111,13 @@ def test_the_place_of_a_touch_is_predicted(taught):
         assert low <= across <= high
 
 
-def test_a_model_is_saved_and_loaded_with_its_places(taught, tmp_path):
-    other = Session(SimulatedSensor(side=100))
-    other.load(taught.saved())
-    assert other.counts == taught.counts
-    assert other.places == taught.places
-    assert (other.model.prototypes_ == taught.model.prototypes_).all()
-    other.recalibrate(None, 2, 0.5, "merge")
-    with pytest.raises(ValueError, match="everything or nothing"):
-        other.forget("left")
-    for places in (7, {"left": [[1, 2]]}, {"nobody": []}):  # made by others
-        taught.model.save(tmp_path / "model", {"places": places})
-        other.load((tmp_path / "model").read_bytes())
-        assert other.places == {}
-
-
 @pytest.mark.parametrize(
     ("job", "message"),
     [
         (lambda s: s.learn(" ", 1, new=True), "A class needs a name"),
-        (lambda s: s.learn("a" * 30, 1, new=True), "A class needs a name"),
         (lambda s: s.learn("left", 1, new=True), "a class “left” already"),
         (lambda s: s.learn("nobody", 1), "There is no class “nobody” any more"),
-        (lambda s: s.learn("left", MOST_SAMPLES), f"keeps {MOST_SAMPLES} samples"),
         (lambda s: s.recalibrate("left", 1, float("nan"), "merge"), "p"),
-        (lambda s: s.load(b"nonsense"), "no model that can be used"),
     ],
 )
 def test_a_refused_operation_changes_nothing(taught, job, message):
@@ -158,17 +137,15 @@ def wait_for(condition, seconds=60):
 def test_the_worker_survives_jobs_and_frames_that_fail(empty, monkeypatch):
     worker = Worker(empty)
     worker.start()
-    worker.do(lambda session: teach(session, "left", 3)).result(60)
+    worker.do(lambda session: teach(session, "left", 3))
     assert worker.view.number == 0  # no page is open
     monkeypatch.setattr(empty.source, "frame", lambda: np.zeros(0).max())
-    worker.watch(+1)
+    worker.watchers += 1
     wait_for(lambda: "zero-size array" in worker.view.error)
     monkeypatch.undo()
     wait_for(lambda: worker.view.number > 2 and not worker.view.error)
     with pytest.raises(KeyError):
-        worker.do(lambda session: session.places["nobody"]).result(60)
-    worker.do(lambda session: time.sleep(0.5))
-    assert worker.do(lambda session: None).cancel()  # as when a page is closed
+        worker.do(lambda session: session.places["nobody"])
     seen = worker.view.number
     wait_for(lambda: worker.view.number > seen)
     assert list(worker.view.prototypes) == ["left"]
@@ -187,9 +164,14 @@ def test_a_recording_is_played_over_and_over_and_learnt(recorded):
     session = Session(recorded)
     seen = [session.look()[0] for _ in range(41)]
     assert (seen[40] == seen[0]).all()
-    for name in recorded.classes:
-        recorded.go(name)
-        session.learn(name, 6, new=True)
+    recorded.step(+1)
+    while recorded.label != "1 mm":
+        recorded.step(+1)
+    assert (session.look()[0] == session.look()[0]).all()  # it is paused
+    session.learn("1 mm", 6, new=True)
+    while recorded.label != "2 mm":
+        recorded.step(-1)
+    session.learn("2 mm", 6, new=True)
     session.learn("2 mm", 4)  # each is predicted before it is learnt
     assert session.counts == {"1 mm": 6, "2 mm": 10}
     assert len(session.tests) == 4

@@ -81,19 +81,9 @@ def test_nothing_is_unpickled(save, tmp_path):
     for key in ("frames", "labels", "classes"):
         with pytest.raises(ValueError, match=r"x.npz: .* found: Object arrays cannot be loaded"):
             open_recording(save(**{key: objects}))
-    assert "other" not in open_recording(save(other=objects)).samples
     (tmp_path / "x.npz").write_bytes(pickle.dumps({"frames": 1}))
     with pytest.raises(ValueError, match=r"x.npz: expected an intact .npz"):
         open_recording(tmp_path / "x.npz")
-
-
-def test_archives_larger_than_memory_are_refused(save, monkeypatch):
-    path = save(True, frames=np.zeros((12, 200, 200), np.uint8))
-    monkeypatch.setattr("os.sysconf", lambda _: 900)
-    with pytest.raises(
-        ValueError, match=r"at most 405000 bytes.*; use a folder of images or an .n"
-    ):
-        open_recording(path)
 
 
 @pytest.mark.parametrize(
@@ -112,7 +102,6 @@ def test_archives_larger_than_memory_are_refused(save, monkeypatch):
         ({"labels": LABELS * 0}, r"\[labels\]: expected two classes or more, found only '0'"),
         ({"classes": np.array(["a", "b"])}, r"\[labels\]: expected one of the 2 classes, found 2"),
         ({"classes": np.array(["a", "a", "b"])}, r"\[classes\]: expected different strings"),
-        ({"labels": np.array(["a\n", "a\\n"] * 6)}, r"\[labels\]: expected a label of printable"),
         ({"order": LABELS.astype("M8[s]")}, r"12 numbers in the column order, found datetime64"),
         ({"session": LABELS[:5]}, r"12 numbers in the column session, found .*\(5,\)"),
         ({"classes": np.arange(3)}, r"\[classes\]: expected different strings \[L\], found int64"),

@@ -65,9 +65,9 @@ def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
         ({"template": "{label}/{label}.png"}, "template: expected fields among"),
         ({"template": "{label/x}.png"}, "template: expected fields among"),
         ({"template": "a/{order}.png"}, r"template: expected a field {label} or {value}"),
-        ({"template": "{label}.jpg"}, r"as the template says, found none in 12 files, such as a/1"),
+        ({"template": "{label}.jpg"}, r"as the template says, found 12 other files, a/1"),
         ({"value_columns": ["z"]}, "table: expected a table with the columns z, found none"),
-        ({"table": "t.csv"}, r"t.csv: .* columns image, found: No such file"),
+        ({"table": "t.csv"}, r"t.csv: expected a readable file, found none"),
         ({"axes": ["label", "height", "width"]}, "axes: expected null unless path is an array"),
     ],
 )
@@ -120,8 +120,6 @@ def test_a_manifest_says_what_belongs_to_the_recording(folder, pixels):
         ("file,label\n", "expected at least one row"),
         ("file,label\na/1.png\n", "line 2: expected 2 values, found 1"),
         ("file,label\na/1.png,\nb/1.png,y\n", "line 2: expected a label"),
-        ("file,label\n../x.png,a\n", "line 2: expected a path inside the folder"),
-        ("file,label\n/etc/x.png,a\n", "line 2: expected a path inside the folder"),
         ("file,label\na/1.png,x\na/./1.png,y\n", "line 3: expected each file once"),
         ("file,label\na/1.png,x\nb/9.png,y\n", "b/9.png: expected a readable file"),
         ("file,label\na/1.png,x\nb/1.png,x\n", "expected two classes or more, found only 'x'"),
@@ -129,9 +127,7 @@ def test_a_manifest_says_what_belongs_to_the_recording(folder, pixels):
         ("file,label,class_index\na/1.png,x,1\nb/1.png,y,2\n", "one class_index a label, 0 … 1"),
         ("file,label,label\na/1.png,x,y\n", "expected different columns"),
         (b"file,label\n\xff\xfe,x\n", "expected a CSV table in UTF-8"),
-        ("file,label\na/1.png,x\u2028y\n", r"line 2: expected a label of printable letters, found"),
         ('file,label\n"a/1.png,x\n', "expected a CSV table in UTF-8"),
-        ("file,label\na/1\0.png,x\nb/1.png,y\n", r"1\\x00.png"),
     ],
 )
 def test_a_broken_manifest_is_named(folder, text, message):
@@ -143,7 +139,7 @@ def test_a_broken_manifest_is_named(folder, text, message):
 
 def test_folders_without_a_recording_are_named(tmp_path, pixels, folder):
     write(tmp_path / "x" / "1.png", pixels[0])
-    with pytest.raises(ValueError, match=r"x: expected .*, found images in no sub-folder"):
+    with pytest.raises(ValueError, match=r"x: expected .*, found 1 other files"):
         open_recording(tmp_path / "x")
     (tmp_path / "y").mkdir()
     with pytest.raises(ValueError, match=r"y: expected images in one sub-folder a class"):
@@ -151,20 +147,14 @@ def test_folders_without_a_recording_are_named(tmp_path, pixels, folder):
     write(tmp_path / "y" / "a" / "x.png", pixels[0])
     with pytest.raises(ValueError, match="expected two classes or more, found only 'a'"):
         open_recording(tmp_path / "y")
-    write(folder / "a\n" / "1.png", pixels[0])
-    with pytest.raises(ValueError, match=r"a\\n/1.png: expected a label of printable letters"):
-        open_recording(folder)
     for path, message in (
         (tmp_path / "absent", r"path: .* found nothing: .*/absent"),
-        (None, "path: .* found None"),
-        ("", "path: .* found ''"),
-        ("~nobody-here/x", "path: expected a path, found ~nobody-here/x"),
-        (sys.executable, r"path: expected a folder, an array"),
+        (sys.executable, r"path: expected a folder or a file"),
     ):
         with pytest.raises(SettingError, match=message):
             open_recording(path)
     os.mkfifo(tmp_path / "x.npz")
-    with pytest.raises(BadFrame, match=r"x.npz: expected a regular file, found"):
+    with pytest.raises(BadFrame, match=r"x.npz: expected a readable file, found a folder, pipe"):
         open_recording(tmp_path / "x.npz")
 
 
@@ -172,16 +162,10 @@ def test_folders_without_a_recording_are_named(tmp_path, pixels, folder):
     ("settings", "message"),
     [
         ({"crop": [0, 0, 31, 20]}, "crop: expected a window inside frames 30 px wide and 20"),
-        ({"crop": [0, 0, 1, 1]}, "crop, subsample: expected two pixels or more"),
         ({"crop": [0, 0, 5]}, r"crop: expected null or \[x, y, width, height\]"),
         ({"crop": [-1, 0, 5, 5]}, "crop: expected null or"),
         ({"crop": [0, 0, 5.0, 5]}, "crop: expected null or"),
-        ({"crop": 5}, "crop: .* found 5"),
-        ({"subsample": True}, "subsample: .* found True"),
         ({"on_bad_frame": "ignore"}, "on_bad_frame: expected stop or skip, found 'ignore'"),
-        ({"threads": 0}, r"threads: expected null or an integer in \[1, 256\], found 0"),
-        ({"memory_bytes": -1}, "memory_bytes: expected an integer ≥ 0"),
-        ({"max_pixels": 599}, r"expected at most 599 pixels \(max_pixels\), found 30 × 20"),
         ({"intervals": "x.csv"}, "intervals: expected null unless path is a video"),
     ],
 )
@@ -219,8 +203,6 @@ def test_a_camera_gives_grey_frames_until_it_is_gone(monkeypatch):
     assert opened[0].released
     with pytest.raises(ValueError, match=r"camera: expected a camera .* index 5, found none"):
         camera(5)
-    with pytest.raises(ValueError, match="camera: expected an integer ≥ 0, found -1"):
-        camera(-1)
 
 
 @pytest.mark.parametrize(
