@@ -20,6 +20,7 @@ from rich.console import Console
 from rich.table import Table
 from sklearn.linear_model import LogisticRegression, RidgeClassifierCV
 from sklearn.neighbors import NearestCentroid
+from sklearn.preprocessing import KernelCenterer
 
 from hdc.accuracy import wilson
 from hdc.bits import hamming
@@ -71,10 +72,9 @@ def coordinates(
 
     Centred G = V·S²·Vᵀ gives the training frames V·S, and test frames by their inner products.
     """
-    trained, queries = products[np.ix_(train, train)], products[np.ix_(test, train)]
-    mean = trained.mean(0)
-    centred = trained - mean - mean[:, None] + trained.mean()
-    queries = queries - queries.mean(1, keepdims=True) - mean + trained.mean()
+    centre = KernelCenterer()
+    centred = centre.fit_transform(products[np.ix_(train, train)])
+    queries = centre.transform(products[np.ix_(test, train)])
     squares, basis = np.linalg.eigh(centred)
     kept = squares > max(squares[-1], 0) * len(trained) * np.finfo(np.float32).eps
     if not kept.any():

@@ -16,10 +16,10 @@ PAGES = [CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").glob("*.md"))]
 COMMAND = re.compile(r"^(?:\w+=\S+ )*(hdc |python -m |pip |make\b).*")
 
 NOT_RUN = {
-    "pip ": "installs: tests/hdc/command/test_installed.py does",
+    "pip ": "installs: tests/hdc/command/test_package.py does",
     "make": "sets up .venv first; its recipes are the commands below",
     "python -m experiments.report": "reads all records: tests/experiments/test_report.py does",
-    "hdc live": "waits for a browser: tests/live/test_start.py does",
+    "hdc live": "waits for a browser: tests/live/test_page.py does",
     "python -m scenes.live": "waits for a browser: tests/live/test_page.py does",
 }
 """Beginnings of commands → why they are not run here."""

@@ -225,24 +225,6 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     assert found["classes"] == {"a": 12, "b": 12, "c": 12}
 
 
-def test_a_folder_as_it_is_by_a_template(hdc, frames, tmp_path):
-    root = tmp_path / "press"
-    for c, name in enumerate("abc"):
-        for k in range(12):
-            image = root / f"day{k // 6}" / f"material_{name}" / f"cycle_{k}_A" / "frame.png"
-            image.parent.mkdir(parents=True)
-            assert cv2.imwrite(str(image), frames[c, k])
-            (image.parent / "meta.json").write_text("{}")
-    path = tmp_path / "m.safetensors"
-    template = ("--template", "{session}/material_{label}/cycle_{order}_A/frame.png")
-    status, out, err = hdc("train", root, "-o", path, *template, "--test-fraction", 0.2)
-    assert (status, err) == (0, [])
-    assert out[1].startswith("held out in the last sessions: accuracy 100.0%")
-    assert out[2].startswith("left out 36 other files: day0/material_a/cycle_0_A/meta.json, ")
-    assert HDCClassifier.load(path).counts_.tolist() == [6, 6, 6]
-    assert "36 of 36 frames" in hdc("evaluate", path, root, *template)[1][0]
-
-
 def test_a_video_is_predicted_frame_by_frame(hdc, tmp_path):
     path, code = tmp_path / "v.mkv", cv2.VideoWriter_fourcc(*"FFV1")
     film = cv2.VideoWriter(str(path), code, 10, (32, 32), isColor=False)
@@ -260,28 +242,6 @@ def test_a_video_is_predicted_frame_by_frame(hdc, tmp_path):
     assert rows[3][0] == f"{path} at 0.300 s"
     path.write_bytes(path.read_bytes()[:40])
     assert hdc("predict", tmp_path / "m", path)[:2] == (1, [])  # no head without a line
-
-
-def test_numbers_are_learnt_from_a_table(hdc, tmp_path):
-    rng = np.random.default_rng(0)
-    base = cv2.GaussianBlur(rng.integers(0, 250, (SIDE, 3 * SIDE)).astype(np.uint8), (0, 0), 4)
-    rows = ["image,depth,tilt"]
-    for k in range(40):
-        assert cv2.imwrite(str(tmp_path / f"{k}.png"), base[:, k : k + SIDE])
-        rows.append(f"{k}.png,{k / 10},{40 - k}")
-    (tmp_path / "t.csv").write_text("\n".join(rows) + "\n")
-    path = tmp_path / "m.safetensors"
-    words = (tmp_path, "--values", tmp_path / "t.csv")
-    status, out, err = hdc("train", *words, "--column", "depth", "-o", path, "--test-fraction", 0.2)
-    assert (status, err) == (0, [])
-    assert "values of depth" in out[0]
-    assert out[1].startswith("held out at random: depth: mean absolute error ")
-    assert float(out[1].split("error ")[1].split(",")[0]) < 1
-    errors = json.loads(hdc("evaluate", path, *words, "--json")[1][0])["errors"]
-    assert list(errors) == ["depth"]
-    answer = json.loads(hdc("predict", path, tmp_path / "20.png", "--json")[1][0])
-    assert answer["depth"] == pytest.approx(2, abs=0.3)
-    assert hdc("info", path)[1][-1].split() == ["values", "depth"]
 
 
 def test_wilson_and_large_tables():

@@ -64,4 +64,6 @@ def test_numbers_by_a_table(tmp_path, monkeypatch, capsys):
     assert "40 frames" not in trained  # a fifth is held out
     assert "depth: mean absolute error" in trained
     assert evaluated.startswith("depth: mean absolute error")
-    assert predicted.splitlines()[0].split("\t") == ["file", "depth"]
+    head, answer = (line.split("\t") for line in predicted.splitlines())
+    assert head == ["file", "depth"]
+    assert float(answer[1]) == pytest.approx(0.1, abs=0.5)

@@ -1,7 +1,6 @@
 """Which files of a folder belong to a recording, with their labels, values and order."""
 
 import os
-import subprocess
 import sys
 
 import cv2
@@ -203,14 +202,3 @@ def test_a_camera_gives_grey_frames_until_it_is_gone(monkeypatch):
     assert opened[0].released
     with pytest.raises(ValueError, match=r"camera: expected a camera .* index 5, found none"):
         camera(5)
-
-
-@pytest.mark.parametrize(
-    ("modules", "loaded"),
-    [("hdc.readers.archive", ""), ("hdc.readers.images, hdc.readers.video", "cv2 PIL")],
-)
-def test_only_packages_that_are_needed_are_imported(modules, loaded):
-    heavy = ("torch", "cv2", "PIL", "rich", "click")
-    code = f"import sys, {modules}; print(*[m for m in {heavy} if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == loaded
