@@ -76,12 +76,12 @@ def coordinates(
     centred = centre.fit_transform(products[np.ix_(train, train)])
     queries = centre.transform(products[np.ix_(test, train)])
     squares, basis = np.linalg.eigh(centred)
-    kept = squares > max(squares[-1], 0) * len(trained) * np.finfo(np.float32).eps
+    kept = squares > max(squares[-1], 0) * len(train) * np.finfo(np.float32).eps
     if not kept.any():
         raise ValueError("frames: expected some that differ, found all alike")
     scale = np.sqrt(squares[kept])
     # So that penalties mean the same everywhere.
-    unit = 1 / np.sqrt(np.trace(centred) / len(trained))
+    unit = 1 / np.sqrt(np.trace(centred) / len(train))
     return unit * basis[:, kept] * scale, unit * (queries @ basis[:, kept]) / scale
 
 

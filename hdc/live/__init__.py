@@ -3,9 +3,9 @@
 ``hdc live --camera 0`` and ``hdc live --folder DIR`` open it for a camera or a recording,
 ``python -m scenes.live`` for the simulated sensor. It needs ``pip install 'speckle-hdc[live]'``.
 
-There is one sensor and one model, shared by all who open the page. One worker thread takes frames and
-predicts (:mod:`hdc.live.worker`); :mod:`hdc.live.session` holds the model and the taught
-frames. Frames are taken only while a page is open. Nothing is written to disk: a model is saved by
+There is one sensor and one model, shared by all who open the page. One thread takes frames and
+predicts (:mod:`hdc.live.worker`); :mod:`hdc.live.session` holds the model and the taught frames.
+Frames are taken only while a page is open. Nothing is written to disk: a model is saved by
 download.
 """
 
