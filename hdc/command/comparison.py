@@ -179,17 +179,9 @@ def compare(
 
 def _ordered(recording: Recording, fraction: float) -> tuple[np.ndarray, np.ndarray]:
     """Train on what came first: the first sessions, or the first frames of each class."""
-    labels = recording.labels
-    assert labels is not None
     if (last := last_sessions(recording, fraction)) is not None:
         return np.flatnonzero(~last), np.flatnonzero(last)
-    later = []
-    for c in np.unique(labels):
-        members = np.flatnonzero(labels == c)
-        members = members[np.argsort(recording.order[members], kind="stable")]
-        later.append(members[-min(max(1, round(fraction * len(members))), len(members) - 1) :])
-    test = np.sort(np.concatenate(later))
-    return np.setdiff1d(np.arange(len(labels)), test), test
+    return split(recording.labels, fraction, 0, len(recording), recording.order)
 
 
 def _curves(

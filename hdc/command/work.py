@@ -140,9 +140,15 @@ def last_sessions(recording: Recording, fraction: float) -> np.ndarray | None:
 
 
 def split(
-    labels: np.ndarray | None, fraction: float, seed: int, n: int
+    labels: np.ndarray | None,
+    fraction: float,
+    seed: int,
+    n: int,
+    order: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Indices to train on and to hold out, increasing; of each class the same share, at random.
+
+    With the `order` [N] of the frames, the last of each class are held out.
 
     Raises:
         ValueError: for a class of one frame.
@@ -156,7 +162,10 @@ def split(
                 "--test-fraction: expected two frames or more of each class, found one"
             )
         held = min(max(1, round(len(members) * fraction)), len(members) - 1)
-        test.append(rng.permutation(members)[:held])
+        if order is None:
+            test.append(rng.permutation(members)[:held])
+        else:
+            test.append(members[np.argsort(order[members], kind="stable")][-held:])
     chosen = np.sort(np.concatenate(test))
     return np.setdiff1d(np.arange(n), chosen), chosen
 

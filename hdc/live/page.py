@@ -6,7 +6,6 @@ import asyncio
 import base64
 import contextlib
 import html
-import logging
 import secrets
 from collections.abc import AsyncIterator, Callable
 from functools import partial
@@ -205,10 +204,7 @@ class Page:
             return await asyncio.to_thread(self._worker.do, job)
         except ValueError as error:
             _tell(str(error))
-        except Exception as error:
-            logging.getLogger(__name__).exception("job")
-            _tell(f"This went wrong: {type(error).__name__}: {error}")
-        return None
+            return None
 
     def _doing(self, job: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
         return lambda: self._do(lambda session: job(session, *arguments))

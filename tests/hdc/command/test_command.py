@@ -10,10 +10,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from scipy.stats import binomtest
 
 from hdc import HDCClassifier
-from hdc.accuracy import wilson
 from hdc.command import main
 from hdc.command.work import confusions
 
@@ -244,10 +242,7 @@ def test_a_video_is_predicted_frame_by_frame(hdc, tmp_path):
     assert hdc("predict", tmp_path / "m", path)[:2] == (1, [])  # no head without a line
 
 
-def test_wilson_and_large_tables():
-    for right, n in [(0, 10), (3, 7), (95, 100), (36, 36)]:
-        expected = binomtest(right, n).proportion_ci(method="wilson")
-        assert wilson(right, n) == pytest.approx((expected.low, expected.high), abs=1e-12)
+def test_large_tables():
     counts = np.diag([5] * 30)
     counts[2, 3], counts[4, 1] = 1, 2
     assert confusions([f"c{k}" for k in range(30)], counts) == ["c4 → c1: 2", "c2 → c3: 1"]
