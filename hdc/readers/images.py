@@ -13,7 +13,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -170,13 +170,15 @@ def open_listing(
     if check or skip:
         in_memory = len(files) * math.prod(shape) * dtype.itemsize <= memory_bytes
         frames = with_progress(ahead(attempt, files), len(files), "Reading images")
-        for i, frame in enumerate(frames):
-            if isinstance(frame, BadFrame):
-                problems[i] = frame
-                if not skip:
-                    raise frame
-            elif in_memory:
-                kept.append(frame)
+        # Left to the garbage collector, its threads may end while others start, and block them.
+        with closing(frames):
+            for i, frame in enumerate(frames):
+                if isinstance(frame, BadFrame):
+                    problems[i] = frame
+                    if not skip:
+                        raise frame
+                elif in_memory:
+                    kept.append(frame)
     good = [i for i in range(len(files)) if i not in problems]
     relative = np.array([_relative(file, root) for file in files])
     left_out = np.delete(relative, good).tolist()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -190,7 +190,7 @@ def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> Non
             )
 
 
-def with_progress(items: Iterable[T], total: int, what: str) -> Iterator[T]:
+def with_progress(items: Iterable[T], total: int, what: str) -> Generator[T]:
     """The same items, with a bar on the terminal while there is one."""
     if not sys.stderr.isatty():
         yield from items
