@@ -13,9 +13,9 @@ from typing import Any
 
 from nicegui import app, ui
 from nicegui.server import Server
-from starlette.responses import StreamingResponse
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse, RedirectResponse, StreamingResponse
 
-from hdc.live.guard import Guard
 from hdc.live.pad import Pad, colour, slider
 from hdc.live.session import ALPHA, READOUTS, RECENT, Answer, Session
 from hdc.live.sources import Pressable, Recorded, Source
@@ -54,7 +54,6 @@ def serve(source: Source, host: str | None = None, port: int = 8080) -> None:
         source: of the frames.
         host: address to listen at; default: this computer alone.
         port: of the server.
-
     """
     host = host or "127.0.0.1"
     worker, token = Worker(Session(source)), secrets.token_urlsafe(16)
@@ -93,6 +92,36 @@ async def _pictures(worker: Worker) -> AsyncIterator[bytes]:
             await asyncio.sleep(0.005)
     finally:
         worker.watchers -= 1
+
+
+class Guard:
+    """ASGI middleware that refuses (403) every request and socket without the token.
+
+    The token comes in the address once, ``/?token=…``, and in a cookie from then on. Neither a page
+    of another site nor another user of this computer has it.
+
+    Args:
+        app: the application behind it.
+        token: the secret.
+        cookie: name of the cookie; browsers share cookies between the ports of a host.
+    """
+
+    def __init__(self, app: Any, token: str, cookie: str) -> None:
+        self._app, self._token, self._cookie = app, token, cookie
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        answer: Any = self._app
+        if scope["type"] in ("http", "websocket"):
+            request = HTTPConnection(scope)
+            if self._is_token(request.query_params.get("token")) and scope["type"] == "http":
+                answer = RedirectResponse(request.url.path)
+                answer.set_cookie(self._cookie, self._token, httponly=True, samesite="lax")
+            elif not self._is_token(request.cookies.get(self._cookie)):
+                answer = PlainTextResponse("Open this page with the address that was printed.", 403)
+        await answer(scope, receive, send)
+
+    def _is_token(self, text: str | None) -> bool:
+        return secrets.compare_digest((text or "").encode(), self._token.encode())
 
 
 class Page:

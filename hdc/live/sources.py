@@ -87,7 +87,10 @@ class Camera:
         self.shape = (height, width)
 
     def frame(self) -> np.ndarray:
-        return next(self._frames)
+        try:
+            return next(self._frames)
+        except StopIteration:
+            raise ValueError("camera: it gives no more frames; start the page again") from None
 
     def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
         return [self.frame() for _ in range(n)]

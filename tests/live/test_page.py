@@ -18,7 +18,7 @@ from hdc.command import main
 
 pytest.importorskip("nicegui", reason="the page needs nicegui: pip install 'speckle-hdc[live]'")
 
-from hdc.live.guard import Guard
+from hdc.live.page import Guard
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PLACES = {"left": (28, -8), "middle": (40, 8), "right": (52, -8)}  # mm
