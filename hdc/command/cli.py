@@ -118,7 +118,7 @@ def train(
         learnt = f"values of {', '.join(frames.value_names)}"
     else:
         model = hdc.HDCClassifier(readout=readout or "prototype", balance=balance)
-        model.fit(passing, [frames.names[i] for i in training])
+        model.fit(passing, np.array(frames.names)[training])
         learnt = f"{len(frames.classes)} classes"
     seconds = time.perf_counter() - begin
     metadata = {

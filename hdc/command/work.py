@@ -229,7 +229,8 @@ def score(
         return _errors(recording, np.concatenate(predicted), index)
     names = [str(c) for c in model.classes_]
     row = {name: k for k, name in enumerate(names)}
-    truth, found = [recording.names[i] for i in index], [str(c) for c in np.concatenate(predicted)]
+    truth = np.array(recording.names)[index].tolist()
+    found = [str(c) for c in np.concatenate(predicted)]
     true, read = (np.array([row[name] for name in some]) for some in (truth, found))
     counts, right = confusion(read, true, len(names)), int((read == true).sum())
     share, (low, high) = accuracy(read, true), wilson(right, len(index))
