@@ -18,4 +18,5 @@ def test_library_harness_and_plain_numpy_agree(recording):
     ]  # fmt: skip
     for row in rows:
         assert row["same"] >= row["n_test"] - (row["readout"] != "prototype"), row
-        assert row["fit_s"] > 0 and row["peer_predict_s"] > 0
+        assert row["fit_s"] > 0
+        assert row["peer_predict_s"] > 0

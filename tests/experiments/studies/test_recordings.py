@@ -87,7 +87,8 @@ def test_theory_stands_beside_what_was_measured(tmp_path, write_measurement):
     )
     (row,) = view.foretold(Results(tmp_path)).to_dict("records")
     assert (row["n"], row["hdc"], row["hdc_theory"]) == (5, 0.7, 0.68)
-    assert row["cost"] == pytest.approx(0.05) and row["cost_theory"] == pytest.approx(0.02)
+    assert row["cost"] == pytest.approx(0.05)
+    assert row["cost_theory"] == pytest.approx(0.02)
 
 
 def test_one_fibre_seen_through_more_fields_is_one_recording(tmp_path, write_measurement):
