@@ -24,7 +24,7 @@ from baselines.training import IterativeClassifier
 MODELS = Path(__file__).parents[2] / "configs" / "model"
 CONFIGS = {path.stem: OmegaConf.load(path) for path in sorted(MODELS.glob("*.yaml"))}
 # Variants of a recipe that differ in a number only.
-VARIANTS = {"softmax_normal", "softmax_raw", "softmax_sgd", "softmax_zero", "cnn1_fast", "cnn3"}
+VARIANTS = {"softmax_sgd", "softmax_zero", "cnn1_fast", "cnn3"}
 NAMES = [
     name
     for name, config in CONFIGS.items()
@@ -38,8 +38,6 @@ def make(name: str) -> Classifier:
     model = instantiate(config.model, _convert_="all")
     if isinstance(model, IterativeClassifier) and model.optimizer != "LBFGS":
         model.set_params(lr=1e-2, max_epochs=20)
-    if name == "record_hdc":
-        model.set_params(dimension=512)
     return model
 
 
