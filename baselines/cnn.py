@@ -27,12 +27,11 @@ class CNN(IterativeClassifier):
     Args:
         filters: number of filters, layer by layer: [16] or [16, 32, 64].
 
-    Other arguments and attributes are those of
-    :class:`baselines.training.IterativeClassifier`.
+    Others are those of :class:`baselines.training.IterativeClassifier`.
 
     Raises:
-        ValueError: in ``train``, if the frames are too small to be halved in every layer, or the
-            weights are to start at zero, where no gradient reaches any layer but the last.
+        ValueError: in ``train``, if the weights are to start at zero, where no gradient reaches any
+            layer but the last.
     """
 
     filters: Sequence[int] = (16,)
@@ -42,12 +41,6 @@ class CNN(IterativeClassifier):
     def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
         if self.init == "zeros":
             raise ValueError("init: expected linear or normal for a CNN, found 'zeros'")
-        least = POOL ** len(self.filters)
-        if min(shape) < least:
-            raise ValueError(
-                f"frames: {len(self.filters)} pooling layers need at least {least}×{least} pixels, "
-                f"found {shape[0]}×{shape[1]}"
-            )
         layers: list[nn.Module] = []
         (height, width), channels = shape, 1
         for filters in self.filters:

@@ -41,8 +41,9 @@ class CorrelationClassifier(Classifier):
         """One pass; yields samples_seen after each batch."""
         targets = self.start(frames, labels)
         onehot = F.one_hot(targets, len(self.classes_)).float()
-        sums = torch.zeros(len(self.classes_), self.shape_[0] * self.shape_[1], device=self.device)
-        sums = sums.double()  # exact for any number of frames
+        shape = len(self.classes_), self.shape_[0] * self.shape_[1]
+        # Exact for any number of frames.
+        sums = torch.zeros(shape, dtype=torch.float64, device=self.device)
         for first in range(0, len(frames), self.batch_size):
             last = min(first + self.batch_size, len(frames))
             for start in range(first, last, CHUNK):
@@ -58,14 +59,14 @@ class CorrelationClassifier(Classifier):
         return r.masked_fill(self._counts == 0, -torch.inf)
 
     def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
-        """:meth:`scores` from products of frames, but for a factor a frame; see
-        :meth:`baselines.dual.Products.scores`."""
+        """See :meth:`baselines.dual.Products.scores`; right but for a factor a frame."""
         member = F.one_hot(products.labels[train], products.n_classes).double()
         counts = member.sum(dim=0)
         member /= counts.clamp(min=1)
-        (first, _), d = products.moments, products.dimension
+        first, _ = products.moments(train)
         inside, across = (
-            products.greys[np.ix_(rows, train)] - torch.outer(first[rows], first[train]) / d
+            products.greys[np.ix_(rows, train)]
+            - torch.outer(products.moments(rows)[0], first) / products.dimension
             for rows in (train, queries)
         )
         length = torch.einsum("kc,kj,jc->c", member, inside, member).clamp(min=0).sqrt()

@@ -26,7 +26,8 @@ from baselines.pixels import SCALINGS, PixelScaling, fit_scaling, signs
 
 PIXELS = 32768  # columns of the frames handled at a time
 FRAMES = 20  # rows turned into floats at a time
-KERNELS = tuple(name for name in SCALINGS if name != "standard")  # scalings that have a Gram matrix
+Moments = tuple[Tensor, Tensor]  # Σ x and Σ x² of each frame
+KERNELS = [name for name in SCALINGS if name != "standard"]  # scalings that have a Gram matrix
 
 
 def cross_products(a: Tensor, b: Tensor) -> Tensor:
@@ -45,7 +46,7 @@ def cross_products(a: Tensor, b: Tensor) -> Tensor:
     return products
 
 
-def moments(images: Tensor) -> tuple[Tensor, Tensor]:
+def moments(images: Tensor) -> Moments:
     """Exact Σ x and Σ x² over the pixels of each frame [N, D], less :func:`constant_of` their type:
     float64 [N] each."""
     first, second = (torch.empty(len(images), dtype=torch.float64) for _ in range(2))
@@ -83,18 +84,10 @@ class Products:
         n_classes: L.
         n_train: the first so many frames may train; all, if None.
 
-    Attributes:
-        labels: int64 [N].
-        n_classes: L.
-        dimension: D.
-
-    Raises:
-        ValueError: for frames of another type.
-
     Example:
+        >>> from baselines.ridge import RidgeReadout
         >>> frames = torch.tensor([[[0, 255]], [[255, 0]], [[9, 99]]], dtype=torch.uint8)
         >>> products = Products(frames, np.array([0, 1, 0]), n_classes=2)
-        >>> from baselines.ridge import RidgeReadout
         >>> products.scores(RidgeReadout(), np.array([0, 1]), np.array([2])).argmax(1)
         tensor([0])
     """
@@ -123,9 +116,13 @@ class Products:
         return cross_products(hypervectors, hypervectors[: self._n_train])
 
     @functools.cached_property
-    def moments(self) -> tuple[Tensor, Tensor]:
-        """Σ x and Σ x² of grey values less :func:`constant_of` them, float64 [N] each."""
+    def _moments(self) -> Moments:
         return moments(self._images)
+
+    def moments(self, rows: np.ndarray) -> Moments:
+        """:func:`moments` of some of the frames."""
+        first, second = self._moments
+        return first[rows], second[rows]
 
     def scores(self, model: Any, train: np.ndarray, queries: np.ndarray) -> Tensor:
         """Scores of queries by a model trained on others: float64 [n, L], the largest wins.
@@ -148,27 +145,21 @@ class Products:
             train: indices below M; a mean over training frames is over these.
             queries: indices [n].
             pixels: a scaling of baselines.pixels other than ``standard``.
-
-        Raises:
-            ValueError: for another name, listing the valid ones.
         """
-        choose("pixels", pixels, dict.fromkeys(KERNELS))
+        choose("pixels", pixels, KERNELS)
         rows, n = np.concatenate([train, queries]), len(train)
         part = (self.bits if pixels == "bits" else self.greys)[np.ix_(rows, train)]
-        (first, second), d = self.moments, self.dimension
+        ours, theirs, d = self.moments(rows), self.moments(train), self.dimension
         if pixels == "standardised":
-            s = deviations(first, second, d)
-            part = (part - torch.outer(first[rows], first[train]) / d) / torch.outer(
-                s[rows], s[train]
-            )
+            part = standardised(part, ours, theirs, d)
         elif pixels != "bits":
-            mean = float(first[train].mean()) / d
+            mean = float(theirs[0].mean()) / d
             centred = pixels in ("unit_centred", "standard_global")
             offset = mean if centred else -constant_of(self._images)
             scale = 1.0 if pixels == "raw" else 1 / self.white
             if pixels == "standard_global":
-                scale = (float(second[train].mean()) / d - mean**2) ** -0.5
-            shift = offset * (first[rows, None] + first[train])
+                scale = (float(theirs[1].mean()) / d - mean**2) ** -0.5
+            shift = offset * (ours[0][:, None] + theirs[0])
             part = scale**2 * (part - shift + offset**2 * d)
         return part[:n], part[n:]
 
@@ -187,6 +178,12 @@ class Products:
             inside - mean - mean[:, None] + square,
             across - mean - across.mean(1, keepdim=True) + square,
         )
+
+
+def standardised(products: Tensor, rows: Moments, columns: Moments, dimension: int) -> Tensor:
+    """Products of standardised frames [n, N] from those of their greys and the moments of both."""
+    s, t = (deviations(*part, dimension) for part in (rows, columns))
+    return (products - torch.outer(rows[0], columns[0]) / dimension) / torch.outer(s, t)
 
 
 def deviations(first: Tensor, second: Tensor, dimension: int) -> Tensor:
@@ -223,7 +220,7 @@ class DualLinearClassifier(Classifier):
 
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """Solve; yields once: samples_seen = N, epoch = 1 and the loss."""
-        choose("pixels", self.pixels, dict.fromkeys(KERNELS))
+        choose("pixels", self.pixels, KERNELS)
         targets = self.start(frames, labels)
         images = self.read(frames, slice(0, len(frames)))
         everyone = np.arange(len(frames))
@@ -232,12 +229,19 @@ class DualLinearClassifier(Classifier):
         coefficients, bias, loss = self.solve(gram, targets)
         # Exactly zero-sum columns leave the mean frame no part in the weights.
         self.coefficients_ = coefficients - coefficients.mean(dim=0)
-        scaling, factor = fit_scaling(self.pixels, self, frames), 1.0
-        if isinstance(scaling, PixelScaling):  # folded into the weights
-            factor = float(scaling.scale) ** 2
-            scaling = PixelScaling()
-        self._scaling = scaling
-        self.weight_, self._mean = self._weights(images, factor)
+        self._scaling, factor = fit_scaling(self.pixels, self, frames), 1.0
+        if isinstance(self._scaling, PixelScaling):  # folded into the weights
+            factor = float(self._scaling.scale) ** 2
+            self._scaling = PixelScaling()
+        # Weights [L, D] and the mean scaled frame [D] in one pass over the frames.
+        n = len(images)
+        mean = self.coefficients_.new_full((n, 1), 1 / n)
+        combine = torch.cat([self.coefficients_, mean], dim=1).T.float().contiguous()
+        sums = torch.zeros(len(combine), products.dimension, device=images.device)
+        for start in range(0, n, FRAMES):
+            rows = slice(start, start + FRAMES)
+            sums.addmm_(combine[:, rows], self._scaling(images[rows]).flatten(1))
+        self.weight_, self._mean = sums[:-1].mul_(factor), sums[-1]
         self.bias_ = (bias - self.weight_.double() @ self._mean.double()).float()
         yield {"samples_seen": len(frames), "epoch": 1.0, "loss": loss}
 
@@ -263,27 +267,13 @@ class DualLinearClassifier(Classifier):
         """weight [L, D] and bias [L]."""
         return {"weight": self.weight_, "bias": self.bias_}
 
-    def _weights(self, images: Tensor, factor: float) -> tuple[Tensor, Tensor]:
-        """Weights [L, D] and the mean scaled frame [D] in one pass over the frames."""
-        n = len(images)
-        mean_row = torch.full((n, 1), 1 / n, dtype=torch.float64, device=images.device)
-        combine = torch.cat([self.coefficients_, mean_row], dim=1).T.float().contiguous()
-        sums = torch.zeros(len(combine), images[0].numel(), device=images.device)
-        for start in range(0, n, FRAMES):
-            rows = slice(start, start + FRAMES)
-            sums.addmm_(combine[:, rows], self._scaling(images[rows]).flatten(1))
-        return sums[:-1].mul_(factor), sums[-1]
-
 
 class PenalisedClassifier(DualLinearClassifier):
-    """A linear classifier with an L2 penalty, which can go on from weights that it is given."""
+    """A linear classifier with an L2 penalty, which can go on from weights that it is given.
 
-    @abstractmethod
-    def solve(
-        self, gram: Tensor, targets: Tensor, before: Tensor | None = None
-    ) -> tuple[Tensor, Tensor, float]:
-        """A, b and the loss of a change of scores ``before`` [N, L] (zero, if None), with the
-        penalty on the change alone."""
+    Its ``solve`` takes a third argument, scores ``before`` [N, L], and finds the change of them,
+    with the penalty on the change alone.
+    """
 
     def scores_from_old(
         self, products: Products, old: np.ndarray, new: np.ndarray, queries: np.ndarray
@@ -348,6 +338,7 @@ class Descent:
         seed: int = 0,
     ) -> None:
         self._kernel, self._targets, self._rate, self._batch = kernel, targets, rate, batch
+        self._decay, self._order = decay, torch.Generator().manual_seed(seed)
         self._onehot = F.one_hot(targets, n_classes).to(kernel.dtype)[:, :, None]
         starts = next((x.shape[-1] for x in (logits, coefficients) if x is not None), 1)
         if coefficients is None:
@@ -359,8 +350,6 @@ class Descent:
         self.logits, self.coefficients, self.intercepts = (
             x.to(kernel.dtype).clone().contiguous() for x in (logits, coefficients, intercepts)
         )
-        self._decay = decay
-        self._order = torch.Generator().manual_seed(seed)
         self._parts = self.parts()
 
     def parts(self) -> Iterator[Tensor | slice]:
@@ -393,12 +382,11 @@ class Descent:
         n, starts = len(self._targets), self.logits.shape[2]
         targets = self._targets[:, None].expand(n, starts)
         loss = F.cross_entropy(self.logits[:n], targets, reduction="none").mean(dim=0)
-        return loss + 0.5 * self._decay * self.squared_weights() if penalty else loss
-
-    def squared_weights(self) -> Tensor:
-        """‖W‖² of the weights Aᵀ·X, float64 [V]."""
-        a, inside = self.coefficients, self._kernel[: len(self._targets)]
-        return torch.einsum("ilv,ij,jlv->v", a, inside, a)
+        if penalty:
+            a = self.coefficients
+            squares = torch.einsum("ilv,ij,jlv->v", a, self._kernel[:n], a)
+            loss += 0.5 * self._decay * squares
+        return loss
 
     def drop(self, kept: Tensor) -> None:
         """Go on with these starts only, int64 [V']."""

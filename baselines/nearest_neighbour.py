@@ -13,11 +13,10 @@ from torch.nn import functional as F
 
 from baselines import dual
 from baselines.base import Classifier, FrameSource, choose
-from baselines.dual import Products
+from baselines.dual import Moments, Products
 from hdc import bits
 from hdc.encode import encode
 
-Moments = tuple[Tensor, Tensor]  # Σ x and Σ x² of each frame
 PIXELS = ("bits", "raw", "standardised")  # any other scaling of baselines.pixels ranks as raw does
 
 
@@ -45,7 +44,7 @@ class NearestNeighbour(Classifier):
 
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """One pass; yields samples_seen after each batch."""
-        choose("pixels", self.pixels, dict.fromkeys(PIXELS))
+        choose("pixels", self.pixels, PIXELS)
         if self.k < 1:
             raise ValueError(f"k: expected an integer from 1, found {self.k}")
         targets = self.start(frames, labels)
@@ -68,10 +67,8 @@ class NearestNeighbour(Classifier):
             distances = bits.hamming(encode(batch), self.frames_)
         else:
             images = batch.flatten(1)
-            products = dual.cross_products(images, self.frames_)
-            distances = self._distances(
-                products, dual.moments(images), self._moments, images.shape[1]
-            )
+            greys, moments = dual.cross_products(images, self.frames_), dual.moments(images)
+            distances = self._distances(greys, moments, self._moments, images.shape[1])
         return self._votes(distances, self.labels_, len(self.classes_))
 
     def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
@@ -79,10 +76,9 @@ class NearestNeighbour(Classifier):
         if self.pixels == "bits":
             distances = -products.bits[np.ix_(queries, train)]  # D − 2·Hamming distance
         else:
-            first, second = products.moments
-            rows, columns = ((first[part], second[part]) for part in (queries, train))
             greys = products.greys[np.ix_(queries, train)]
-            distances = self._distances(greys, rows, columns, products.dimension)
+            moments, known = products.moments(queries), products.moments(train)
+            distances = self._distances(greys, moments, known, products.dimension)
         return self._votes(distances, products.labels[train], products.n_classes)
 
     def state_tensors(self) -> dict[str, Tensor]:
@@ -95,10 +91,10 @@ class NearestNeighbour(Classifier):
         """Squared distances [n, N] from products and moments of greys, but for a constant a row."""
         if self.pixels == "raw":
             return columns[1] - 2 * products
-        s, t = (dual.deviations(*moments, dimension) for moments in (rows, columns))
-        kernel = (products - torch.outer(rows[0], columns[0]) / dimension) / torch.outer(s, t)
-        squares = (columns[1] - columns[0] ** 2 / dimension) / t**2  # D, and 0 for a constant frame
-        return squares - 2 * kernel
+        first, second = columns
+        squares = (second - first**2 / dimension) / dual.deviations(*columns, dimension) ** 2
+        # Squares are D, and 0 for a constant frame.
+        return squares - 2 * dual.standardised(products, rows, columns, dimension)
 
     def _votes(self, distances: Tensor, labels: Tensor, n_classes: int) -> Tensor:
         k = min(self.k, len(labels))

@@ -48,9 +48,6 @@ class SklearnClassifier(Classifier):
 
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """Fit; yields once: samples_seen = N."""
-        if not hasattr(self.estimator, "predict"):
-            kind = type(self.estimator).__name__
-            raise ValueError(f"estimator: expected an object with fit and predict, found a {kind}")
         targets = self.start(frames, labels)
         self.scaling_ = fit_scaling(self.pixels, self, frames)
         features = np.empty((len(frames), self.shape_[0] * self.shape_[1]), dtype=np.float32)
@@ -72,11 +69,10 @@ class SklearnClassifier(Classifier):
     def state_tensors(self) -> dict[str, Tensor] | None:
         """The arrays of a linear estimator, ``coef_`` and ``intercept_``; None for any other, whose
         state has no known form."""
-        learnt = vars(self.estimator_)
-        if not {"coef_", "intercept_"} <= learnt.keys():
+        learnt, names = vars(self.estimator_), ("coef_", "intercept_")
+        if not set(names) <= learnt.keys():
             return None
-        arrays = {name: torch.from_numpy(learnt[name]) for name in ("coef_", "intercept_")}
-        return {name: in_memory_order(array) for name, array in arrays.items()}
+        return {name: in_memory_order(torch.from_numpy(learnt[name])) for name in names}
 
     def _features(self, batch: Tensor) -> np.ndarray:
         return self.scaling_(batch).flatten(1).numpy(force=True)

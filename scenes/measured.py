@@ -30,7 +30,7 @@ import torch
 from torch import Tensor
 
 from hdc import readers
-from scenes.frames import level_classes
+from scenes.frames import level_classes, row_numbers
 from scenes.source import Source
 from scenes.validate import require
 
@@ -53,11 +53,9 @@ class MeasuredScene:
         memory_bytes: decoded frames are kept in memory up to this size.
 
     Attributes:
-        labels, classes, shape, samples, origin, values, value_names, units: see
-            :class:`scenes.frames.Scene`.
         unknown: the scene of the frames that are no class, or None. It has indices of its own, so
             no split can train on them.
-        sha256: digest of the files that are read.
+        sha256: digest of the files that are read; others: see :class:`scenes.frames.Scene`.
 
     Raises:
         FileNotFoundError: the repository is not there; the message says how to get it.
@@ -158,10 +156,7 @@ class MeasuredScene:
             IndexError: an index is outside [0, N).
             BadFrame: a file is no whole image.
         """
-        index = np.asarray(indices, dtype=np.int64).reshape(-1)
-        if len(index) and not 0 <= index.min() <= index.max() < len(self):
-            raise IndexError(f"indices: expected values in [0, {len(self)}), found {index}")
-        rows = self._rows[index].tolist()
+        rows = self._rows[row_numbers(indices, len(self))].tolist()
         frames = {row: self._decoded[row] for row in rows if row in self._decoded}
         missing, first = [row for row in dict.fromkeys(rows) if row not in frames], 0
         for part in self._parts:
