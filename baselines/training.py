@@ -161,7 +161,8 @@ class IterativeClassifier(Classifier):
                 rows = range((step - 1) * size, min(step * size, n))
                 evaluated: list[Tensor] = []
                 batch = frames, targets, permutation, rows
-                optimizer.step(partial(self._evaluate, optimizer, evaluated, *batch))
+                closure = partial(self._evaluate, optimizer, evaluated, *batch)
+                optimizer.step(closure)  # type: ignore[arg-type]  # a tensor is a float here
                 # The first evaluation is at the weights before the step, for every optimiser.
                 losses.append(evaluated[0])
                 taken += 1

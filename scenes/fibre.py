@@ -116,7 +116,9 @@ class FibreScene:
             self.sha256 = PRESSED.check(data, [*files, "modes_out_after_correction.npy"])
         else:
             self.source = source if isinstance(source, Source) else Source(**source)
-            depths, self._matrices = _stepped(self.source, str(file), step, 2 * len(self._modes))
+            if not file or not step:
+                raise ValueError("scene.file, scene.step: expected with scene.source, found none")
+            depths, self._matrices = _stepped(self.source, file, step, 2 * len(self._modes))
             self.sha256 = self.source.check(self.source.folder(), [str(file)])
         self.classes, class_of = level_classes(
             depths, depth_edges, "µm", key="scene.depth_edges", scale=1e6
@@ -217,11 +219,8 @@ def _pressed(data: Path, size: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(sorted(files)), np.stack(arrays)
 
 
-def _stepped(
-    source: Source, file: str, step: float | None, size: int
-) -> tuple[np.ndarray, np.ndarray]:
+def _stepped(source: Source, file: str, step: float, size: int) -> tuple[np.ndarray, np.ndarray]:
     """Press depths [P] (m) and matrices complex128 [P, size, inputs] of one array."""
-    require_number("scene.step", step, 0, strict=True)
     matrices = _array(source.folder() / file, (None, size, None))
     return np.round(np.arange(len(matrices)) * step, 9), matrices
 

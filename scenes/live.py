@@ -31,8 +31,7 @@ SIXTEEN_DAYS = 0.55  # K, of configs/scene/drift.yaml
 class SimulatedSensor:
     """A :class:`hdc.live.Pressable` of the simulated sensor.
 
-    Each touch comes at another time of the day: its temperature is drawn from the room's
-    distribution (:class:`scenes.sensor.environment.Room`), and it misses place and depth as the
+    Each touch has a temperature drawn from that of the room, and misses place and depth as the
     robot of the scene ``touch`` does; the seed and the number of the touch determine both.
     Displacements of several touches add up, as in any linear elastic layer.
 

@@ -113,8 +113,7 @@ class MeasuredScene:
 
         names = np.array([name for part in self._parts if part.classes for name in part.names])
         classes = tuple(sorted(set(names.tolist()), key=readers.natural_key))
-        self.value_names = tuple(str(value["name"]) for value in values)
-        self.units = tuple(str(value["unit"]) for value in values)
+        self.value_names, self.units = (tuple(v[key] for v in values) for key in ("name", "unit"))
         self.values = np.full((len(self.samples["order"]), len(values)), np.nan)
         for k, value in enumerate(values):
             if "column" in value:
@@ -124,8 +123,6 @@ class MeasuredScene:
             for name, number in value.get("labels", {}).items():
                 self.values[names == name, k] = number
         if levels is not None:
-            expected = f"a value among {', '.join(self.value_names)}"
-            require(levels["value"] in self.value_names, "scene.levels", dict(levels), expected)
             k = self.value_names.index(levels["value"])
             classes, labels = level_classes(self.values[:, k], levels["edges"], self.units[k])
             top = f"a last edge of {self.values[:, k].max():g} or more"
@@ -133,13 +130,14 @@ class MeasuredScene:
             names = np.array(classes)[labels]
         require(len(classes) > 0, "scene.levels", levels, "edges of a value: no image has a label")
         apart = np.isin(names, list(unknown))
-        self.unknown = copy.copy(self) if apart.any() else None
-        if self.unknown is not None:
+        self.unknown: MeasuredScene | None = None
+        if apart.any():
+            self.unknown = copy.copy(self)
             self.unknown._keep(apart, names, classes)
         self._keep(~apart, names, classes)
 
     def _keep(self, chosen: np.ndarray, names: np.ndarray, classes: tuple[str, ...]) -> None:
-        """Keep some of the frames, whose classes have these names."""
+        """Keep some of the frames; names [N] of the classes of all."""
         self._rows = np.flatnonzero(chosen)
         self.classes = tuple(name for name in classes if name in names[chosen])
         self.labels = np.array([self.classes.index(name) for name in names[chosen]])
@@ -150,12 +148,8 @@ class MeasuredScene:
         return len(self.labels)
 
     def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
-        """Frames uint8 or uint16 [len(indices), H, W].
-
-        Raises:
-            IndexError: an index is outside [0, N).
-            BadFrame: a file is no whole image.
-        """
+        """Frames uint8 or uint16 [len(indices), H, W]; an IndexError for one outside [0, N), a
+        BadFrame for a file that is no whole image."""
         rows = self._rows[row_numbers(indices, len(self))].tolist()
         frames = {row: self._decoded[row] for row in rows if row in self._decoded}
         missing, first = [row for row in dict.fromkeys(rows) if row not in frames], 0

@@ -66,10 +66,9 @@ class Press:
     position_spread: float = 0.0
 
     def __post_init__(self) -> None:
-        key = "scene.classes.*.position"
-        pair = isinstance(self.position, tuple | list) and len(self.position) == 2
-        require(pair, key, self.position, "two coordinates (x, y) in m")
-        object.__setattr__(self, "position", (float(self.position[0]), float(self.position[1])))
+        pair = tuple(map(float, self.position))
+        require(len(pair) == 2, "scene.classes.*.position", pair, "two coordinates (x, y) in m")
+        object.__setattr__(self, "position", pair)
         require_number("scene.contact.radius", self.radius, 0, strict=True)
         for name in ("depth", "depth_spread", "position_spread"):
             require_number(f"scene.contact.{name}", getattr(self, name), 0)
