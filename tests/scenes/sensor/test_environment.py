@@ -33,10 +33,3 @@ def test_sensitivity_is_lognormal_in_the_bulk_and_bounded():
     assert np.median(np.abs(s)) == pytest.approx(68, rel=0.05)
     tail = np.abs(s)[np.abs(s) > 999]
     assert len(np.unique(tail)) == len(tail)  # no common value that would stay coherent
-
-
-def test_bad_values_are_named():
-    with pytest.raises(ValueError, match=r"scene\.sessions\.slow_time: expected .*, found 0"):
-        Room(slow_time=0)
-    with pytest.raises(ValueError, match=r"scene\.sensor\.thermal\.limit: expected .*, found 0"):
-        Thermal(limit=0)
