@@ -1,9 +1,8 @@
 """Convolutional network: blocks of convolution, ReLU and max pooling, then one linear layer.
 
 The paper compares with "a CNN" of one and of three convolution layers with max pooling and gives
-no more. The numbers below are our choices, the textbook ones: filters doubling from layer to layer
-as their maps shrink, LeNet's 5×5 kernels and 2×2 pooling (LeCun et al., Proc. IEEE 86, 2278
-(1998)), padding that keeps the size, PyTorch's default initial weights.
+no more. Our choices are the textbook's: filters doubling from layer to layer, LeNet's 5×5 kernels
+and 2×2 pooling (LeCun et al., Proc. IEEE 86, 2278 (1998)), padding that keeps the size.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Classifiers computed in the space of samples instead of the space of pixels.
 
-With N frames of D pixels and N ≪ D, the weights that minimise any loss with an L2 penalty are
-combinations of the training frames, W = Aᵀ·X (representer theorem): the N×N Gram matrix K = X·Xᵀ
-carries the whole problem. :class:`Products` is that matrix, exact in integers; from it a classifier
-is trained on any subset of the frames. :class:`Descent` is gradient descent on it.
+The weights that minimise any loss with an L2 penalty are combinations of the training frames,
+W = Aᵀ·X (representer theorem), so the N×N Gram matrix K = X·Xᵀ carries the whole problem.
+:class:`Products` is that matrix, exact in integers; from it a classifier is trained on any subset
+of the frames. :class:`Descent` is gradient descent on it.
 """
 
 from __future__ import annotations
@@ -31,11 +31,8 @@ KERNELS = [name for name in SCALINGS if name != "standard"]  # scalings that hav
 
 
 def cross_products(a: Tensor, b: Tensor) -> Tensor:
-    """Exact Σ x·x′ over the pixels of frames [n, D] and [m, D]: float64 [n, m].
-
-    Args:
-        a, b: uint8, or int32 for 16-bit pixels, all less :func:`constant_of` their type; or int8.
-    """
+    """Exact Σ x·x′ over the pixels of frames [n, D] and [m, D], float64 [n, m]: uint8, or int32 for
+    16-bit pixels, all less :func:`constant_of` their type; or int8."""
     products = torch.zeros(len(a), len(b), dtype=torch.float64, device=a.device)
     for start in range(0, a.shape[1], PIXELS):
         columns = slice(start, start + PIXELS)
@@ -49,13 +46,12 @@ def cross_products(a: Tensor, b: Tensor) -> Tensor:
 def moments(images: Tensor) -> Moments:
     """Exact Σ x and Σ x² over the pixels of each frame [N, D], less :func:`constant_of` their type:
     float64 [N] each."""
-    first, second = (torch.empty(len(images), dtype=torch.float64) for _ in range(2))
-    constant = constant_of(images)
-    for start in range(0, len(images), FRAMES):
-        rows = slice(start, start + FRAMES)
-        block = images[rows].int() - constant
-        first[rows], second[rows] = block.sum(dim=1), block.square_().sum(dim=1)
-    return first.to(images.device), second.to(images.device)
+    sums = []
+    for rows in images.split(FRAMES):
+        block = rows.int() - constant_of(images)
+        sums.append(torch.stack([block.sum(dim=1), block.square_().sum(dim=1)]).double())
+    first, second = torch.cat(sums, dim=1)
+    return first, second
 
 
 def constant_of(images: Tensor) -> int:
@@ -69,10 +65,8 @@ def _planes(block: Tensor) -> list[tuple[int, Tensor]]:
         return [(1, block.contiguous())]
     if block.dtype == torch.uint8:
         return [(1, (block ^ 128).view(torch.int8))]  # 0…255 → −128…127
-    high, low = (
-        (part ^ 128).to(torch.uint8).view(torch.int8) for part in (block >> 8, block & 255)
-    )
-    return [(256, high), (1, low)]
+    parts = (256, block >> 8), (1, block & 255)
+    return [(weight, (part ^ 128).to(torch.uint8).view(torch.int8)) for weight, part in parts]
 
 
 class Products:
@@ -125,12 +119,11 @@ class Products:
         return first[rows], second[rows]
 
     def scores(self, model: Any, train: np.ndarray, queries: np.ndarray) -> Tensor:
-        """Scores of queries by a model trained on others: float64 [n, L], the largest wins.
+        """Scores of queries [n] by a model trained on others: float64 [n, L], the largest wins.
 
         Args:
-            model: one with ``scores_from``: linear models in dual form, image correlation, nearest
-                neighbours; it is left as it was.
-            train: indices below M; one that occurs k times counts k times.
+            model: one with ``scores_from``; it is left as it was.
+            train: indices below ``n_train``; one that occurs k times counts k times.
             queries: indices [n].
         """
         return model.scores_from(self, train, queries)
@@ -138,14 +131,8 @@ class Products:
     def kernel(
         self, train: np.ndarray, queries: np.ndarray, pixels: str = "unit"
     ) -> tuple[Tensor, Tensor]:
-        """Inner products of scaled frames: of training frames with each other [N, N], and of
-        queries with training frames [n, N].
-
-        Args:
-            train: indices below M; a mean over training frames is over these.
-            queries: indices [n].
-            pixels: a scaling of baselines.pixels other than ``standard``.
-        """
+        """Inner products of frames in a scaling: of training frames with each other [N, N], and of
+        queries with training frames [n, N]. A mean over training frames is over these."""
         choose("pixels", pixels, KERNELS)
         rows, n = np.concatenate([train, queries]), len(train)
         part = (self.bits if pixels == "bits" else self.greys)[np.ix_(rows, train)]
@@ -197,8 +184,7 @@ def deviations(first: Tensor, second: Tensor, dimension: int) -> Tensor:
 class DualLinearClassifier(Classifier):
     """A linear classifier whose subclass writes ``solve``.
 
-    The frames stay bytes, and all N of them are held at once. One pass makes K, exact in integers;
-    a second makes the weights.
+    All N frames are held at once, as bytes. One pass over them makes K, a second the weights.
 
     Args:
         pixels: a scaling of baselines.pixels other than ``standard``, by name.
@@ -278,17 +264,11 @@ class PenalisedClassifier(DualLinearClassifier):
     def scores_from_old(
         self, products: Products, old: np.ndarray, new: np.ndarray, queries: np.ndarray
     ) -> Tensor:
-        """Scores float64 [n, L] after an update from old weights:
-        min over W of loss(new frames) + penalty·‖W − W_old‖².
+        """Scores float64 [n, L] of queries after an update of weights from samples ``old`` with
+        samples ``new``: min over W of loss(new frames) + penalty·‖W − W_old‖².
 
         The change of the weights is a combination of the new frames, so the old model enters by its
         scores of them alone.
-
-        Args:
-            products: of the frames.
-            old: samples that the old weights were trained on.
-            new: samples to update with; a few are enough.
-            queries: samples to score [n].
         """
         before = self.scores_from(products, old, np.concatenate([new, queries]))
         change, bias = self._solved(products, new, queries, before[: len(new)])
@@ -298,13 +278,10 @@ class PenalisedClassifier(DualLinearClassifier):
 class Descent:
     """Gradient descent on softmax regression from several starts at once, in sample space.
 
-    A step on the batch B of the mean cross-entropy of Z = X·Wᵀ + b changes the logits of every
-    frame, seen in training or not, by products with the training frames alone:
+    A step on the batch B changes the logits of every frame, seen in training or not, by products
+    with the training frames alone, and initial weights enter through their logits:
 
-        Z ← Z − η·(K[:, B] + 1)·(P − Y)[B] / |B|,        K = X·X_trainᵀ,
-
-    at N²·L operations instead of N·D·L, and nothing is approximated. Initial weights enter through
-    their logits and nowhere else.
+        Z ← Z − η·(K[:, B] + 1)·(P − Y)[B] / |B|,        K = X·X_trainᵀ.
 
     Args:
         kernel: K, float64 [N + M, N], training frames first (:meth:`Products.kernel`).

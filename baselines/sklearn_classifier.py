@@ -1,13 +1,4 @@
-"""Any scikit-learn classifier on the flattened pixels, from a config alone.
-
-    # configs/model/linear_svc.yaml
-    # @package _global_
-    model:
-      _target_: baselines.sklearn_classifier.SklearnClassifier
-      estimator: {_target_: sklearn.svm.LinearSVC, C: 1.0}
-      pixels: standardised
-      device: ${device}
-    display: {name: Linear SVC, colour: "#56B4E9", marker: s, line: "-", group: other}
+"""Any scikit-learn classifier on the flattened pixels, from a config alone (docs/extend.md).
 
 This file imports no scikit-learn: the estimator comes ready-made.
 """

@@ -6,8 +6,7 @@ Minimises the objective of scikit-learn's multinomial LogisticRegression,
 
 with W = Aᵀ·X and f = K·A + b (see baselines.dual). In A the gradient is A + C(P − Y), read in the
 inner product ⟨A, A'⟩ = tr(Aᵀ·K·A'), which is that of the weights. Each Newton step is solved by
-conjugate gradients, one product K·[N, L] an iteration: K is never factorised, so that duplicated
-frames (a singular K) do no harm. An implicit method: no learning rate, no stability limit.
+conjugate gradients, one product K·[N, L] an iteration, so that a singular K does no harm.
 
 With two classes F counts each weight twice, ½(‖w₀‖² + ‖w₁‖²) = ¼‖w₁ − w₀‖², whereas scikit-learn
 then switches to the logistic form; its optimum at C is this one's at C/2.

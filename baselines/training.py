@@ -1,12 +1,8 @@
 """One training loop for every model that learns by gradients.
 
-Minimises the mean cross-entropy of the softmax of a network's outputs,
-
-    F(θ) = 1/N Σᵢ −log softmax(f_θ(xᵢ))[yᵢ]  (+ ‖W‖² / (2CN) with ``C`` set),
-
-over minibatches drawn by a seeded permutation in each epoch. The published recipe gives the
-learning rate 1e-4 and no more (Kitagawa et al., Sec. III.A); Adam, batches of 20 and no penalty
-are our choices, the most usual ones.
+Minimises F(θ) = 1/N Σᵢ −log softmax(f_θ(xᵢ))[yᵢ]  (+ ‖W‖² / (2CN) with ``C`` set) over minibatches
+drawn by a seeded permutation in each epoch. The published recipe gives the learning rate 1e-4 and
+no more (Kitagawa et al., Sec. III.A); all else is our choice of the most usual.
 """
 
 from __future__ import annotations
