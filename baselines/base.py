@@ -51,11 +51,6 @@ class Classifier(ABC):
         None where a model of another library keeps its state in objects of its own.
         """
 
-    @property
-    def white(self) -> int:
-        """The largest grey value of the training frames' type."""
-        return FRAME_TYPES[self.frame_dtype_]
-
     def fit(self, frames: Any, labels: Any) -> Self:
         """Learn from frames (array, tensor, list of either, or a :class:`FrameSource`) and labels
         (array, tensor or list of integers or text); raises as :meth:`start` does."""

@@ -20,6 +20,7 @@ from baselines.base import Classifier, FrameSource
 from baselines.dual import Products
 
 CHUNK = 20  # frames; float32 sums of 20 16-bit pixels are exact
+REPORT = 100  # frames between two yields
 
 
 @dataclass(kw_only=True, eq=False)
@@ -28,30 +29,25 @@ class CorrelationClassifier(Classifier):
 
     A frame or template without contrast correlates with nothing: its r is taken as 0.
 
-    Args:
-        batch_size: frames between two yields.
-
     Attributes:
         templates_: float32 [L, D], zero mean and unit length.
     """
 
-    batch_size: int = 100
-
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
-        """One pass; yields samples_seen after each batch."""
-        targets = self.start(frames, labels)
+        """One pass; yields samples_seen every :data:`REPORT` frames."""
+        targets, n = self.start(frames, labels), len(frames)
         onehot = F.one_hot(targets, len(self.classes_)).float()
         shape = len(self.classes_), self.shape_[0] * self.shape_[1]
         # Exact for any number of frames.
         sums = torch.zeros(shape, dtype=torch.float64, device=self.device)
-        for first in range(0, len(frames), self.batch_size):
-            last = min(first + self.batch_size, len(frames))
-            for start in range(first, last, CHUNK):
-                rows = slice(start, min(start + CHUNK, last))
-                sums += onehot[rows].T @ self.read(frames, rows).flatten(1).float()
-            self.templates_ = _normalise(sums).float()
-            self._counts = onehot[:last].sum(dim=0)
-            yield {"samples_seen": last}
+        for start in range(0, n, CHUNK):
+            last = min(start + CHUNK, n)
+            rows = slice(start, last)
+            sums += onehot[rows].T @ self.read(frames, rows).flatten(1).float()
+            if last % REPORT == 0 or last == n:
+                self.templates_ = _normalise(sums).float()
+                self._counts = onehot[:last].sum(dim=0)
+                yield {"samples_seen": last}
 
     def scores(self, batch: Tensor) -> Tensor:
         """r of each frame with each class, float32 [n, L]; −∞ for a class not seen yet."""

@@ -18,6 +18,7 @@ from hdc import bits
 from hdc.encode import encode
 
 PIXELS = ("bits", "raw", "standardised")  # any other scaling of baselines.pixels ranks as raw does
+REPORT = 100  # frames between two yields
 
 
 @dataclass(kw_only=True, eq=False)
@@ -29,7 +30,6 @@ class NearestNeighbour(Classifier):
         pixels: ``bits``: Hamming distance of hypervectors, as HDC encodes frames; ``raw``:
             Euclidean distance of grey values; ``standardised``: of frames that have each mean 0 and
             deviation 1.
-        batch_size: frames between two yields.
 
     Attributes:
         frames_: the training frames: hypervectors int64 [N, ⌈D/64⌉], or pixels [N, D].
@@ -38,19 +38,18 @@ class NearestNeighbour(Classifier):
 
     k: int = 1
     pixels: str = "bits"
-    batch_size: int = 100
 
     prediction_batch: ClassVar[int] = 500  # each batch reads all training frames once
 
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
-        """One pass; yields samples_seen after each batch."""
+        """One pass; yields samples_seen every :data:`REPORT` frames."""
         choose("pixels", self.pixels, PIXELS)
         if self.k < 1:
             raise ValueError(f"k: expected an integer from 1, found {self.k}")
         targets = self.start(frames, labels)
         kept = None
-        for first in range(0, len(frames), self.batch_size):
-            batch = self.read(frames, slice(first, first + self.batch_size)).flatten(1)
+        for first in range(0, len(frames), REPORT):
+            batch = self.read(frames, slice(first, first + REPORT)).flatten(1)
             batch = encode(batch) if self.pixels == "bits" else batch
             if kept is None:
                 kept = batch.new_empty(len(frames), batch.shape[1])

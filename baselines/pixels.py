@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from baselines.base import Classifier, FrameSource, choose
+from baselines.base import FRAME_TYPES, Classifier, FrameSource, choose
 from hdc import bits
 from hdc.encode import encode
 
@@ -81,8 +81,9 @@ def fit_scaling(pixels: str, model: Classifier, frames: FrameSource) -> Callable
         frames: the training frames, from which some scalings take a mean.
     """
     choose("pixels", pixels, SCALINGS)
+    unit = 1 / FRAME_TYPES[model.frame_dtype_]
     if pixels in ("raw", "unit"):
-        return PixelScaling(scale=1.0 if pixels == "raw" else 1 / model.white)
+        return PixelScaling(scale=1.0 if pixels == "raw" else unit)
     if pixels == "standardised":
         return standardise
     if pixels == "bits":
@@ -96,7 +97,7 @@ def fit_scaling(pixels: str, model: Classifier, frames: FrameSource) -> Callable
         total += batch.sum(dim=0)
         squares += batch.square_().sum(dim=0)
     if pixels == "unit_centred":
-        return PixelScaling(total.mean().item() / n, 1 / model.white)
+        return PixelScaling(total.mean().item() / n, unit)
     if pixels == "standard_global":
         values = n * total.numel()
         overall = total.sum() / values

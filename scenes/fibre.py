@@ -67,7 +67,7 @@ class FibreScene:
         sampling_seed: of positions, perturbations and photons.
         n_fields: K input fields, one after the other into the same fibre; their images lie side by
             side, so a frame has K times the pixels.
-        source: repository of another fibre (a :class:`scenes.source.Source` or its arguments).
+        source: repository of another fibre, arguments of :class:`scenes.source.Source`.
         file: array [P, 110, inputs] of its matrices in that repository.
         step: press depth between one matrix and the next, from 0 on (m).
 
@@ -96,7 +96,7 @@ class FibreScene:
         seed: int = 0,
         sampling_seed: int = 0,
         n_fields: int = 1,
-        source: Source | Mapping[str, Any] | None = None,
+        source: Mapping[str, Any] | None = None,
         file: str | None = None,
         step: float | None = None,
     ) -> None:
@@ -115,7 +115,7 @@ class FibreScene:
             files = [file.name for file in data.glob("TM_modes_*.npz")]
             self.sha256 = PRESSED.check(data, [*files, "modes_out_after_correction.npy"])
         else:
-            self.source = source if isinstance(source, Source) else Source(**source)
+            self.source = Source(**source)
             if not file or not step:
                 raise ValueError("scene.file, scene.step: expected with scene.source, found none")
             depths, self._matrices = _stepped(self.source, file, step, 2 * len(self._modes))

@@ -34,6 +34,7 @@ from scenes.frames import level_classes, row_numbers
 from scenes.source import Source
 from scenes.validate import require
 
+MEMORY_BYTES = 2**30  # decoded frames are kept up to this size
 CONFIGS = Path(__file__).resolve().parents[1] / "configs" / "scene"
 
 
@@ -41,7 +42,7 @@ class MeasuredScene:
     """Frames that a camera took, in folders of a public repository.
 
     Args:
-        source: the repository, a :class:`scenes.source.Source` or its arguments.
+        source: the repository, arguments of :class:`scenes.source.Source`.
         template, table, image_column, crop, subsample: see :func:`hdc.readers.open_recording`.
         folders: folders of the repository. Of two or more, each is a session.
         values: continuous quantities, a mapping each: ``name``, ``unit``, and a ``column`` of the
@@ -50,7 +51,6 @@ class MeasuredScene:
             of its classes.
         unknown: labels of frames that are no class.
         saturated: why accuracies on this recording rank nothing, or null.
-        memory_bytes: decoded frames are kept in memory up to this size.
 
     Attributes:
         unknown: the scene of the frames that are no class, or None. It has indices of its own, so
@@ -67,7 +67,7 @@ class MeasuredScene:
 
     def __init__(
         self,
-        source: Source | Mapping[str, Any],
+        source: Mapping[str, Any],
         template: str | None = None,
         table: str | None = None,
         image_column: str = "image",
@@ -78,10 +78,9 @@ class MeasuredScene:
         crop: Sequence[int] | None = None,
         subsample: int = 1,
         saturated: str | None = None,
-        memory_bytes: int = 2**30,
     ) -> None:
-        self.source = source if isinstance(source, Source) else Source(**source)
-        self.saturated, self._memory_bytes = saturated, memory_bytes
+        self.source = Source(**source)
+        self.saturated = saturated
         root = self.source.folder()
         columns = [value["column"] for value in values if "column" in value]
         try:
@@ -157,7 +156,7 @@ class MeasuredScene:
             inside = [row for row in missing if first <= row < first + len(part)]
             for row, frame in zip(inside, part.stream([r - first for r in inside]), strict=True):
                 frames[row] = frame
-                if (len(self._decoded) + 1) * frame.nbytes <= self._memory_bytes:
+                if (len(self._decoded) + 1) * frame.nbytes <= MEMORY_BYTES:
                     self._decoded[row] = frame
             first += len(part)
         if not rows:

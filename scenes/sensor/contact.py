@@ -6,9 +6,8 @@ coordinates of the centre miss their target by σ_xy·N. The displacement is lin
 1.8 mm of a 5 mm layer that is an assumption.
 
 A robot repeats its position to a fraction of the contact radius a. Then L is expanded about the
-target to second order, once a class, and a touch costs six multiplications a path instead of V
-table look-ups. The neglected rest is about k0·n·q_s·δ·(3σ_xy/a)³/6; where it exceeds ``EXPANSION``
-rad (a finger), every touch looks up its own displacement.
+target to second order, once a class. The neglected rest is about k0·n·q_s·δ·(3σ_xy/a)³/6; where it
+exceeds ``EXPANSION`` rad (a finger), every touch looks up its own displacement.
 """
 
 from __future__ import annotations

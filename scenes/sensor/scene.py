@@ -30,7 +30,7 @@ class SpeckleScene:
         classes: class name → what differs between classes (``position`` at least), or ``None`` for
             a class in which nobody touches.
         contact: called with a class's mapping to make its contact (a ``_partial_`` in the
-            configuration); may be ``None`` if nobody touches.
+            configuration).
         samples_per_class: in every session.
         sessions: one ``Room`` each, in order of time.
         seed: seed of everything that differs between samples.

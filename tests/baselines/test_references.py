@@ -10,6 +10,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.tree import DecisionTreeClassifier
 
+from baselines import correlation
 from baselines.correlation import CorrelationClassifier
 from baselines.linear_bits import BitReadout
 from baselines.pixels import signs
@@ -63,10 +64,11 @@ def test_correlation_is_the_textbook_coefficient(speckle):
     np.testing.assert_allclose(model.scores(frames), expected, atol=1e-6)
 
 
-def test_a_class_not_seen_yet_is_never_the_best(speckle):
-    frames, labels = speckle(30, (9, 8), 3)
+def test_a_class_not_seen_yet_is_never_the_best(speckle, monkeypatch):
+    frames, labels = speckle(60, (9, 8), 3)
     order = np.argsort(labels)
-    model = CorrelationClassifier(batch_size=10)
+    monkeypatch.setattr(correlation, "REPORT", 20)
+    model = CorrelationClassifier()
     next(iter(model.train(frames[torch.from_numpy(order)], labels[order])))
     assert set(model.predict(frames)) == {0}
 

@@ -6,6 +6,7 @@ import pytest
 import torch
 from hydra.errors import InstantiationException
 
+from scenes import measured
 from scenes.export import compose
 from scenes.frames import Scene
 from scenes.measured import MeasuredScene, main
@@ -44,7 +45,7 @@ def touches(**settings):
     return MeasuredScene(**{"source": ABOUT, "template": template, **settings})
 
 
-def test_a_recording_is_a_scene(pressed):
+def test_a_recording_is_a_scene(pressed, monkeypatch):
     scene = touches()
     assert isinstance(scene, Scene)
     assert (scene.origin, scene.cacheable, scene.unknown) == ("measured", False, None)
@@ -54,9 +55,8 @@ def test_a_recording_is_a_scene(pressed):
     indices = [5, 0, 0, 3]
     expected = torch.from_numpy(np.stack([grey[i] for i in indices]))
     assert torch.equal(scene.frames(indices), expected)
-    assert torch.equal(
-        touches(memory_bytes=0, crop=[2, 0, 6, 6]).frames(indices), expected[..., 2:]
-    )
+    monkeypatch.setattr(measured, "MEMORY_BYTES", 0)
+    assert torch.equal(touches(crop=[2, 0, 6, 6]).frames(indices), expected[..., 2:])
     assert scene.frames([]).shape == (0, 6, 8)
     with pytest.raises(IndexError, match=r"expected values in \[0, 6\), found \[6\]"):
         scene.frames([6])
