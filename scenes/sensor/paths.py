@@ -108,8 +108,11 @@ class Paths:
             after = _direction(here, following)
             bend[:, vertex] = (before - after).T
             here, before = following, after
-        reals = (torch.from_numpy(a).to(device, torch.float32) for a in (x, y, bend))
-        return PathSet(*reals, torch.from_numpy(level).to(device))
+
+        def tensor(array: np.ndarray) -> Tensor:
+            return torch.from_numpy(array).to(device, torch.float32)
+
+        return PathSet(tensor(x), tensor(y), tensor(bend), torch.from_numpy(level).to(device))
 
 
 def _direction(start: np.ndarray, stop: np.ndarray) -> np.ndarray:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
-from torch import Tensor
 
 from baselines.base import Classifier
 from baselines.cnn import CNN
@@ -78,22 +75,13 @@ def test_learns_labels_as_they_are_and_no_absent_class(model, speckle, names):
     assert set(model.predict(speckle(30, (16, 16), 3, seed=1)[0]).tolist()) <= set(names)
 
 
-FORMS: dict[str, Callable[[Tensor], Any]] = {
-    "array": lambda frames: frames.numpy(),
-    "list_of_tensors": list,
-    "fortran": lambda frames: np.asfortranarray(frames.numpy()),
-}
-
-
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", ["correlation", "ridge", "knn_greys", "softmax"])
-@pytest.mark.parametrize("form", [*FORMS, "lazy"])
-def test_frames_of_any_form_give_the_model_of_the_tensor(name, small, form, lazy):
+def test_frames_made_on_request_give_the_model_of_the_tensor(name, small, lazy):
     (frames, labels), model = small, make(name)
-    given = lazy(frames) if form == "lazy" else FORMS[form](frames)
-    other = replace(model).fit(given, labels)
+    other = replace(model).fit(lazy(frames), labels)
     assert same_state(model.fit(frames, labels), other)
-    assert (model.predict(frames) == other.predict(given)).all()
+    assert (model.predict(frames) == other.predict(lazy(frames))).all()
 
 
 def test_flat_frames_are_frames_of_one_row(model, small):

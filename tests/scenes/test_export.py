@@ -60,8 +60,3 @@ def test_a_class_name_stays_inside_the_folder(tmp_path):
     with pytest.raises(ValueError, match=r"scene.classes: .* found '\.\./b'"):
         export(scene, tmp_path / "new")
     assert not (tmp_path / "b").exists()
-
-
-def test_one_folder_has_to_be_named():
-    with pytest.raises(SystemExit, match="expected one folder, out=FOLDER"):
-        main(["scene=touch"])

@@ -117,20 +117,6 @@ def test_few_photons_are_counted_one_by_one(photons, read):
         assert grey.var() == pytest.approx(variance, rel=0.03)
 
 
-def test_photons_of_speckle_are_bunched():
-    """Mandel's formula: (1 + ⟨n⟩/M)^−M of the pixels are dark, 4/9 at one photon and M = 2."""
-    camera = Camera(grid=256, crop=256, pupil=80, unevenness=0, photons=1, grey=1, read_noise=0)
-    light = torch.from_numpy(intensities(camera, 20)).float()
-    counted = MountedCamera(camera, CPU).expose(light, [stream(0, "test", i) for i in range(20)])
-    assert (counted == 0).double().mean() == pytest.approx(4 / 9, abs=0.01)
-
-
-def test_saturation():
-    bright = Camera(grid=64, crop=64, pupil=8)
-    light = torch.full((1, 64, 64), 50.0)
-    assert (MountedCamera(bright, CPU).expose(light, [stream(0, "t")]) == 255).all()
-
-
 def test_bad_values_are_named():
     for name, value in [
         *(("pupil", 600), ("crop", 513), ("pupil", 0), ("photons", -1.0)),
