@@ -28,9 +28,7 @@ class CNN(IterativeClassifier):
 
     Others are those of :class:`baselines.training.IterativeClassifier`.
 
-    Raises:
-        ValueError: in ``train``, if the weights are to start at zero, where no gradient reaches any
-            layer but the last.
+    Weights that start at zero are refused: no gradient would reach any layer but the last.
     """
 
     filters: Sequence[int] = (16,)

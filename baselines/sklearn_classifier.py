@@ -17,8 +17,6 @@ from torch import Tensor
 from baselines.base import Classifier, FrameSource, in_memory_order
 from baselines.pixels import fit_scaling
 
-FRAMES = 20  # scaled at a time into the one float32 array
-
 
 @dataclass(kw_only=True, eq=False)
 class SklearnClassifier(Classifier):
@@ -41,10 +39,7 @@ class SklearnClassifier(Classifier):
         """Fit; yields once: samples_seen = N."""
         targets = self.start(frames, labels)
         self.scaling_ = fit_scaling(self.pixels, self, frames)
-        features = np.empty((len(frames), self.shape_[0] * self.shape_[1]), dtype=np.float32)
-        for start in range(0, len(frames), FRAMES):
-            rows = slice(start, start + FRAMES)
-            features[rows] = self._features(self.read(frames, rows))
+        features = self._features(self.read(frames, slice(0, len(frames))))
         estimator = copy.deepcopy(self.estimator)
         if estimator.get_params().get("random_state", 0) is None:
             estimator.set_params(random_state=self.seed)

@@ -91,10 +91,9 @@ class IterativeClassifier(Classifier):
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """Train from new initial weights; yields samples_seen, epoch, steps and loss.
 
-        ``samples_seen`` counts a frame every time it is used, ``epoch`` is samples_seen / N,
-        ``steps`` are the optimiser's, and ``loss`` is the mean of F over those of the last epoch.
-        Stopping is up to the caller, also at a loss that is not finite; L-BFGS returns on
-        convergence.
+        ``samples_seen`` counts a frame every time it is used, ``steps`` are the optimiser's, and
+        ``loss`` is the mean of F over those of the last epoch. Stopping is up to the caller, also
+        at a loss that is not finite; L-BFGS returns on convergence.
         """
         for name in ("batch_size", "micro_batch", "reports_per_epoch"):
             if (value := getattr(self, name)) is not None and value < 1:

@@ -27,7 +27,7 @@ def export(scene: Scene, folder: Path) -> Path:
     if folder.is_dir() and any(folder.iterdir()):
         raise FileExistsError(f"out: expected a new or an empty folder, found {folder}")
     for name in scene.classes:
-        require(name == Path(name).name != "", "scene.classes", name, "names of folders")
+        require(name == Path(name).name, "scene.classes", name, "names of folders")
         (folder / name).mkdir(parents=True, exist_ok=True)
     names = [f"{scene.classes[c]}/{i:05d}.png" for i, c in enumerate(scene.labels)]
     for i, name in enumerate(names):

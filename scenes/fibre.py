@@ -213,8 +213,6 @@ def _pressed(data: Path, size: int) -> tuple[np.ndarray, np.ndarray]:
         round(float(file.stem.removeprefix("TM_modes_")) * 1e-3 - CONTACT, 9): file
         for file in data.glob("TM_modes_*.npz")
     }
-    if not files:
-        raise FileNotFoundError(f"{data}: expected files TM_modes_X.npz, found none")
     arrays = [_array(files[d], (size, size), "TM_corr_modes") for d in sorted(files)]
     return np.array(sorted(files)), np.stack(arrays)
 

@@ -159,9 +159,9 @@ class Patch:
         shape = (len(sensor.path_set), offset)
         coordinates = (np.concatenate(rows), np.concatenate(columns))
         read = sparse.csr_matrix((np.concatenate(weights), coordinates), shape=shape)
-        row, column, value = map(torch.from_numpy, (read.indptr, read.indices, read.data))
+        starts, indices, values = map(torch.from_numpy, (read.indptr, read.indices, read.data))
         with warnings.catch_warnings(action="ignore"):  # support of sparse tensors is in beta
-            self._read = torch.sparse_csr_tensor(row, column, value, shape).to(place)
+            self._read = torch.sparse_csr_tensor(starts, indices, values, shape).to(place)
 
     def _readings(self, level: int, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(grid index, path, weight) of the vertices at one level inside the grid; 12 a vertex."""
