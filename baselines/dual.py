@@ -89,8 +89,6 @@ class Products:
     def __init__(
         self, frames: Tensor, labels: Any, n_classes: int, n_train: int | None = None
     ) -> None:
-        if frames.dtype not in (torch.uint8, torch.uint16, torch.int32):
-            raise ValueError(f"frames: expected uint8 or uint16, found {frames.dtype}")
         self.white = 255 if frames.dtype == torch.uint8 else 65535
         images = frames if frames.dtype == torch.uint8 else frames.to(torch.int32)
         self._images = images.flatten(1)

@@ -73,12 +73,10 @@ def signs(batch: Tensor) -> Tensor:
 
 
 def fit_scaling(pixels: str, model: Classifier, frames: FrameSource) -> Callable[[Tensor], Tensor]:
-    """A function of frames [n, H, W] → float32 of the same shape.
+    """The scaling of that name, from frames [n, H, W] to float32 of the same shape.
 
-    Args:
-        pixels: one of the names above; a ValueError lists them.
-        model: reads the frames; its ``start`` has been called.
-        frames: the training frames, from which some scalings take a mean.
+    The model reads the training frames, from which some scalings take a mean; its ``start`` has
+    been called. A ValueError lists the names.
     """
     choose("pixels", pixels, SCALINGS)
     unit = 1 / FRAME_TYPES[model.frame_dtype_]

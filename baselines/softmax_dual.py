@@ -86,10 +86,8 @@ class DualSoftmaxRegression(PenalisedClassifier):
 def _newton_step(
     gram: Tensor, probability: Tensor, c: float, gradient: Tensor, gradient_b: Tensor
 ) -> Tensor:
-    """Solution of H·step = −gradient by conjugate gradients, H the Hessian of F at ``probability``.
-
-    A direction is one tensor [2N + 1, L]: A, K·A carried along, and b.
-    """
+    """Solution of H·step = −gradient by conjugate gradients, H the Hessian of F at ``probability``:
+    one tensor [2N + 1, L] of A, K·A carried along, and b."""
     n, p = len(gram), probability
 
     def stacked(a: Tensor, k_a: Tensor, b: Tensor) -> Tensor:

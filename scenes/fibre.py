@@ -61,8 +61,7 @@ class FibreScene:
         saturation: 8-bit frames reach 255 at this multiple of the mean intensity. The exposure is
             fixed: the mean is taken over all positions and perturbations, not a frame.
         side: pixels a side of each polarisation's image; above the 41 of the stored modes the
-            *field* is interpolated by a Fourier series (the modes are dark at the rim of the grid
-            and sampled 1.5 times faster than their spectrum needs).
+            *field* is interpolated by a Fourier series (the modes are dark at the rim).
         seed: of the input fields.
         sampling_seed: of positions, perturbations and photons.
         n_fields: K input fields, one after the other into the same fibre; their images lie side by

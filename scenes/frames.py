@@ -66,14 +66,8 @@ class Frames:
     origin: str = "recorded"
 
     def __post_init__(self) -> None:
-        n, kind = len(self.images), f"{self.images.dtype} {tuple(self.images.shape)}"
-        grey = self.images.ndim == 3 and self.images.dtype in (torch.uint8, torch.uint16)
-        require(grey, "images", kind, "uint8 or uint16 of shape [N, H, W]")
-        for name, values in {"labels": self.labels, **self.samples}.items():
-            require(len(values) == n, name, len(values), f"{n} values")
-        inside = n == 0 or 0 <= min(self.labels) <= max(self.labels) < len(self.classes)
-        require(inside, "labels", self.labels, f"values in [0, {len(self.classes)})")
-        object.__setattr__(self, "samples", {"order": np.arange(n), **self.samples})
+        order = np.arange(len(self.images))
+        object.__setattr__(self, "samples", {"order": order, **self.samples})
 
     def __len__(self) -> int:
         return len(self.images)

@@ -28,7 +28,6 @@ class Halves:
     cacheable = False
 
     def __init__(self, scene: Scene, share: float = 0.5):
-        require(0 < share < 1, "scene.share", share, "a number in (0, 1)")
         self._scene, self._share = scene, share
         self.classes, self.labels, self.shape = scene.classes, scene.labels, scene.shape
         self.origin = scene.origin

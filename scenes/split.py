@@ -32,8 +32,8 @@ def split(
         test_fraction: share of the samples to test on, in (0, 1); 0.2 by default.
         n_test: their number instead. Rounding goes by largest remainder, ties to the lowest label.
         kind: ``"random"``; ``"ordered"``: the last samples in time of each class test; or
-            ``"grouped"``: no group has samples on both sides. Groups are visited in random order;
-            one tests if that brings the test samples of the classes nearer to their proportions.
+            ``"grouped"``: no group has samples on both sides. In random order, each group tests
+            that brings the classes of the test samples nearer to their proportions.
         seed: seed of the random choice, and of the order of the training indices.
         order: place in time of each sample [N], for ``"ordered"``.
         groups: group of each sample [N], numbers or strings, for ``"grouped"``.

@@ -1,14 +1,7 @@
-"""From the phases of the paths to eight bits.
+"""From the phases of the paths to eight bits; docs/sensor.md has the equations.
 
 Each pixel of the pupil and each polarisation is one path. The lens turns the pupil's field into the
-speckle field, one Fourier transform a polarisation, and the sensor adds their intensities:
-
-    E_pol = F[A·e^{iφ}],   I = W·Σ_pol |E_pol|²,   A = 1 in a disc of ``pupil`` pixels,
-    n_e ~ Poisson(N_ph·I/⟨I⟩),   grey = clip(round(G·n_e/N_ph + read·ξ), 0, 255).
-
-The illumination W, a Gaussian that is off centre, is all that frames share, and gives every pair of
-them the correlation C_W²/[C_W² + C²(1 + C_W²)], C_W = std W/mean W, C the speckle contrast
-1/√polarisations. ⟨I⟩ is the number of paths, not the frame's mean: the exposure is fixed.
+speckle field, one Fourier transform a polarisation, and the sensor adds their intensities.
 
 With a read noise of many electrons the sum of the Poisson number and the Gaussian has no visible
 steps and a small skewness γ: it is drawn as one Gaussian variate z, pushed through the first

@@ -106,8 +106,7 @@ class ExactPress:
 class ExpandedPress:
     """L about the target: L + L_x·ξ + L_y·η + ½L_xx·ξ² + L_xy·ξη + ½L_yy·η², float32 [6, P].
 
-    The derivatives are central differences over the 3 × 3 points at ± two standard deviations, so
-    that the expansion interpolates where the touches are.
+    The derivatives are central differences over the 3 × 3 points at ± two standard deviations.
     """
 
     def __init__(self, press: Press, sensor: Sensor) -> None:

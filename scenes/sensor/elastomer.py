@@ -1,16 +1,11 @@
 """Displacement of an incompressible elastic layer, bonded to a rigid base, under a round contact.
 
-The layer fills 0 ≤ z ≤ h. Under the Hertz pressure p0·√(1 − r²/a²) (Johnson, *Contact Mechanics*,
-1985, Eq. 3.39; Hankel transform ∝ Φ(ka)) it is
-
-    u_z(r, z) = −∫ J0(kr) Φ(ka) P(k, z) dk / w0
-    u_r(r, z) = +∫ J1(kr) Φ(ka) Q(k, z) dk / w0,     w0 = ∫ Φ(ka) P(k, h) dk
-
-in metres per metre of indentation; docs/sensor.md has P and Q, as Dhaliwal & Rau, Int. J. Eng.
-Sci. 8 (1970) 843, derive them. Their sinh 2H − 2H cancels for thin layers and cosh 2H overflows for
-thick ones. Neither appears here: what is integrated is the difference to the half-space,
-P∞ = (1 + kd)·e^{−kd}, Q∞ = kd·e^{−kd}, d = h − z, whose terms are all of order e^{−2kz} and smaller
-and are formed without cancellation. The half-space is a closed form.
+The layer fills 0 ≤ z ≤ h; u_z and u_r under a Hertz pressure (Johnson, *Contact Mechanics*, 1985,
+Eq. 3.39) are Hankel integrals of Φ(ka) and P, Q (docs/sensor.md; derived as by Dhaliwal & Rau, Int.
+J. Eng. Sci. 8 (1970) 843), in metres per metre of indentation. Their sinh 2H − 2H cancels for thin
+layers and cosh 2H overflows for thick ones. Neither appears here: what is integrated is the
+difference to the half-space, P∞ = (1 + kd)·e^{−kd}, Q∞ = kd·e^{−kd}, d = h − z, whose terms are all
+of order e^{−2kz} and smaller and are formed without cancellation. The half-space is a closed form.
 """
 
 from __future__ import annotations

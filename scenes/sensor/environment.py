@@ -1,14 +1,9 @@
-"""Temperature, and what it does to the phase of a path.
+"""Temperature, and what it does to the phase of a path; docs/sensor.md has the equations.
 
-Room: a thermostat keeps the temperature within bounds, so a slow Gaussian process is squashed into
-a uniform distribution of half-width ``slow``; a fast small part rides on it. With X, Y stationary
-Ornstein-Uhlenbeck processes of unit variance (correlation e^{−Δm/τ} between samples Δm apart),
-
-    T_m = T0 + slow·(2Φ(X_m) − 1) + fast·Y_m,     Φ the normal distribution function.
-
-Thermal: path p changes its phase by S_p·T, S_p = scale·g·exp(spread·g′), g, g′ standard normal,
-heavy-tailed as path lengths in a scattering medium are. The correlation of the field before and
-after a step of T is then E cos(S·T), and that of the intensity its square (the Siegert relation).
+A thermostat keeps the room within bounds, so a slow Gaussian process is squashed into a uniform
+distribution; a fast small part rides on it. The sensitivity of a path is heavy-tailed, as path
+lengths in a scattering medium are. The correlation of the field before and after a step of T is
+E cos(S·T), and that of the intensity its square (the Siegert relation).
 """
 
 from __future__ import annotations

@@ -2,13 +2,9 @@
 
 A path runs from the fibre to the camera in straight legs between V scattering vertices. If vertex v
 moves by u_v, the path of direction ŝ_in before it and ŝ_out after it becomes longer by
-(ŝ_in − ŝ_out)·u_v, to first order in u, so that its phase changes by
-
-    Δφ_p = k0·n·q_s·Σ_v (ŝ_in − ŝ_out)_pv · u(r_pv),     k0 = 2π/λ.
-
-The factor q_s < 1 stands for forward scattering, which bends light by less than the polyline does.
-Sampling paths instead of solving for the field: Bar et al., ACM Trans. Graph. 38 (2019) 37; the
-sum of many random phasors: Goodman, *Speckle Phenomena in Optics* (2007), ch. 2.
+(ŝ_in − ŝ_out)·u_v, to first order in u; the phase grows by k0·n·q_s times that. The factor q_s < 1
+stands for forward scattering, which bends light by less than the polyline does. Sampling paths
+instead of solving for the field: Bar et al., ACM Trans. Graph. 38 (2019) 37.
 """
 
 from __future__ import annotations
