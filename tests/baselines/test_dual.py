@@ -97,14 +97,6 @@ def test_kernels_are_those_of_scaled_pixels(pixels, sixteen, speckle):
     np.testing.assert_allclose(centred, x[40:] @ x[:40].T, **tolerance)
 
 
-def test_a_constant_frame_is_standardised_to_zeros(speckle):
-    frames, labels = speckle(60, (20, 15), 5)
-    frames[3] = 77
-    assert not scaled("standardised", frames, labels)[3].any()
-    inside, _ = Products(frames, labels, 5).kernel(TRAIN, QUERIES, "standardised")
-    assert not inside[3].any()
-
-
 MODELS = [
     *(RidgeReadout(alpha=3.0, pixels=pixels) for pixels in KERNELS),
     *(NearestNeighbour(k=k, pixels=p) for k in (1, 3) for p in ("bits", "raw", "standardised")),

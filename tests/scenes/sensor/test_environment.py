@@ -20,12 +20,6 @@ def test_fast_part_is_ornstein_uhlenbeck():
     assert t.std() == pytest.approx(0.03, rel=0.01)
 
 
-def test_offset_shifts_and_length_does_not_matter():
-    first = Room().temperatures(100, stream(3, "room"))
-    longer = Room(offset=0.55).temperatures(300, stream(3, "room"))
-    assert np.allclose(longer[:100], first + 0.55)
-
-
 def test_sensitivity_is_lognormal_in_the_bulk_and_bounded():
     s = Thermal().draw(200_000, stream(0, "thermal"))
     assert np.abs(s).max() <= 1000
