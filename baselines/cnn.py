@@ -1,9 +1,8 @@
 """Convolutional network: blocks of convolution, ReLU and max pooling, then one linear layer.
 
 The paper compares with "a CNN" of one and of three convolution layers with max pooling and gives
-no more. The numbers below are our choices, the textbook ones: filters doubling from layer to layer
-as their maps shrink, LeNet's 5×5 kernels and 2×2 pooling (LeCun et al., Proc. IEEE 86, 2278
-(1998)), padding that keeps the size, PyTorch's default initial weights.
+no more. Our choices are the textbook's: filters doubling from layer to layer, LeNet's 5×5 kernels
+and 2×2 pooling (LeCun et al., Proc. IEEE 86, 2278 (1998)), padding that keeps the size.
 """
 
 from __future__ import annotations
@@ -27,12 +26,9 @@ class CNN(IterativeClassifier):
     Args:
         filters: number of filters, layer by layer: [16] or [16, 32, 64].
 
-    Other arguments and attributes are those of
-    :class:`baselines.training.IterativeClassifier`.
+    Others are those of :class:`baselines.training.IterativeClassifier`.
 
-    Raises:
-        ValueError: in ``train``, if the frames are too small to be halved in every layer, or the
-            weights are to start at zero, where no gradient reaches any layer but the last.
+    Weights that start at zero are refused: no gradient would reach any layer but the last.
     """
 
     filters: Sequence[int] = (16,)
@@ -42,12 +38,6 @@ class CNN(IterativeClassifier):
     def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
         if self.init == "zeros":
             raise ValueError("init: expected linear or normal for a CNN, found 'zeros'")
-        least = POOL ** len(self.filters)
-        if min(shape) < least:
-            raise ValueError(
-                f"frames: {len(self.filters)} pooling layers need at least {least}×{least} pixels, "
-                f"found {shape[0]}×{shape[1]}"
-            )
         layers: list[nn.Module] = []
         (height, width), channels = shape, 1
         for filters in self.filters:

@@ -20,6 +20,7 @@ from baselines.base import Classifier, FrameSource
 from baselines.dual import Products
 
 CHUNK = 20  # frames; float32 sums of 20 16-bit pixels are exact
+REPORT = 100  # frames between two yields
 
 
 @dataclass(kw_only=True, eq=False)
@@ -28,29 +29,25 @@ class CorrelationClassifier(Classifier):
 
     A frame or template without contrast correlates with nothing: its r is taken as 0.
 
-    Args:
-        batch_size: frames between two yields.
-
     Attributes:
         templates_: float32 [L, D], zero mean and unit length.
     """
 
-    batch_size: int = 100
-
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
-        """One pass; yields samples_seen after each batch."""
-        targets = self.start(frames, labels)
+        """One pass; yields samples_seen every :data:`REPORT` frames."""
+        targets, n = self.start(frames, labels), len(frames)
         onehot = F.one_hot(targets, len(self.classes_)).float()
-        sums = torch.zeros(len(self.classes_), self.shape_[0] * self.shape_[1], device=self.device)
-        sums = sums.double()  # exact for any number of frames
-        for first in range(0, len(frames), self.batch_size):
-            last = min(first + self.batch_size, len(frames))
-            for start in range(first, last, CHUNK):
-                rows = slice(start, min(start + CHUNK, last))
-                sums += onehot[rows].T @ self.read(frames, rows).flatten(1).float()
-            self.templates_ = _normalise(sums).float()
-            self._counts = onehot[:last].sum(dim=0)
-            yield {"samples_seen": last}
+        shape = len(self.classes_), self.shape_[0] * self.shape_[1]
+        # Exact for any number of frames.
+        sums = torch.zeros(shape, dtype=torch.float64, device=self.device)
+        for start in range(0, n, CHUNK):
+            last = min(start + CHUNK, n)
+            rows = slice(start, last)
+            sums += onehot[rows].T @ self.read(frames, rows).flatten(1).float()
+            if last % REPORT == 0 or last == n:
+                self.templates_ = _normalise(sums).float()
+                self._counts = onehot[:last].sum(dim=0)
+                yield {"samples_seen": last}
 
     def scores(self, batch: Tensor) -> Tensor:
         """r of each frame with each class, float32 [n, L]; −∞ for a class not seen yet."""
@@ -58,14 +55,14 @@ class CorrelationClassifier(Classifier):
         return r.masked_fill(self._counts == 0, -torch.inf)
 
     def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
-        """:meth:`scores` from products of frames, but for a factor a frame; see
-        :meth:`baselines.dual.Products.scores`."""
+        """See :meth:`baselines.dual.Products.scores`; right but for a factor a frame."""
         member = F.one_hot(products.labels[train], products.n_classes).double()
         counts = member.sum(dim=0)
         member /= counts.clamp(min=1)
-        (first, _), d = products.moments, products.dimension
+        first, _ = products.moments(train)
         inside, across = (
-            products.greys[np.ix_(rows, train)] - torch.outer(first[rows], first[train]) / d
+            products.greys[np.ix_(rows, train)]
+            - torch.outer(products.moments(rows)[0], first) / products.dimension
             for rows in (train, queries)
         )
         length = torch.einsum("kc,kj,jc->c", member, inside, member).clamp(min=0).sqrt()

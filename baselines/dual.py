@@ -1,9 +1,9 @@
 """Classifiers computed in the space of samples instead of the space of pixels.
 
-With N frames of D pixels and N ≪ D, the weights that minimise any loss with an L2 penalty are
-combinations of the training frames, W = Aᵀ·X (representer theorem): the N×N Gram matrix K = X·Xᵀ
-carries the whole problem. :class:`Products` is that matrix, exact in integers; from it a classifier
-is trained on any subset of the frames. :class:`Descent` is gradient descent on it.
+The weights that minimise any loss with an L2 penalty are combinations of the training frames,
+W = Aᵀ·X (representer theorem), so the N×N Gram matrix K = X·Xᵀ carries the whole problem.
+:class:`Products` is that matrix, exact in integers; from it a classifier is trained on any subset
+of the frames. :class:`Descent` is gradient descent on it.
 """
 
 from __future__ import annotations
@@ -26,15 +26,13 @@ from baselines.pixels import SCALINGS, PixelScaling, fit_scaling, signs
 
 PIXELS = 32768  # columns of the frames handled at a time
 FRAMES = 20  # rows turned into floats at a time
-KERNELS = tuple(name for name in SCALINGS if name != "standard")  # scalings that have a Gram matrix
+Moments = tuple[Tensor, Tensor]  # Σ x and Σ x² of each frame
+KERNELS = [name for name in SCALINGS if name != "standard"]  # scalings that have a Gram matrix
 
 
 def cross_products(a: Tensor, b: Tensor) -> Tensor:
-    """Exact Σ x·x′ over the pixels of frames [n, D] and [m, D]: float64 [n, m].
-
-    Args:
-        a, b: uint8, or int32 for 16-bit pixels, all less :func:`constant_of` their type; or int8.
-    """
+    """Exact Σ x·x′ over the pixels of frames [n, D] and [m, D], float64 [n, m]: uint8, or int32 for
+    16-bit pixels, all less :func:`constant_of` their type; or int8."""
     products = torch.zeros(len(a), len(b), dtype=torch.float64, device=a.device)
     for start in range(0, a.shape[1], PIXELS):
         columns = slice(start, start + PIXELS)
@@ -45,16 +43,15 @@ def cross_products(a: Tensor, b: Tensor) -> Tensor:
     return products
 
 
-def moments(images: Tensor) -> tuple[Tensor, Tensor]:
+def moments(images: Tensor) -> Moments:
     """Exact Σ x and Σ x² over the pixels of each frame [N, D], less :func:`constant_of` their type:
     float64 [N] each."""
-    first, second = (torch.empty(len(images), dtype=torch.float64) for _ in range(2))
-    constant = constant_of(images)
-    for start in range(0, len(images), FRAMES):
-        rows = slice(start, start + FRAMES)
-        block = images[rows].int() - constant
-        first[rows], second[rows] = block.sum(dim=1), block.square_().sum(dim=1)
-    return first.to(images.device), second.to(images.device)
+    sums = []
+    for rows in images.split(FRAMES):
+        block = rows.int() - constant_of(images)
+        sums.append(torch.stack([block.sum(dim=1), block.square_().sum(dim=1)]).double())
+    first, second = torch.cat(sums, dim=1)
+    return first, second
 
 
 def constant_of(images: Tensor) -> int:
@@ -68,10 +65,8 @@ def _planes(block: Tensor) -> list[tuple[int, Tensor]]:
         return [(1, block.contiguous())]
     if block.dtype == torch.uint8:
         return [(1, (block ^ 128).view(torch.int8))]  # 0…255 → −128…127
-    high, low = (
-        (part ^ 128).to(torch.uint8).view(torch.int8) for part in (block >> 8, block & 255)
-    )
-    return [(256, high), (1, low)]
+    parts = (256, block >> 8), (1, block & 255)
+    return [(weight, (part ^ 128).to(torch.uint8).view(torch.int8)) for weight, part in parts]
 
 
 class Products:
@@ -83,18 +78,10 @@ class Products:
         n_classes: L.
         n_train: the first so many frames may train; all, if None.
 
-    Attributes:
-        labels: int64 [N].
-        n_classes: L.
-        dimension: D.
-
-    Raises:
-        ValueError: for frames of another type.
-
     Example:
+        >>> from baselines.ridge import RidgeReadout
         >>> frames = torch.tensor([[[0, 255]], [[255, 0]], [[9, 99]]], dtype=torch.uint8)
         >>> products = Products(frames, np.array([0, 1, 0]), n_classes=2)
-        >>> from baselines.ridge import RidgeReadout
         >>> products.scores(RidgeReadout(), np.array([0, 1]), np.array([2])).argmax(1)
         tensor([0])
     """
@@ -102,8 +89,6 @@ class Products:
     def __init__(
         self, frames: Tensor, labels: Any, n_classes: int, n_train: int | None = None
     ) -> None:
-        if frames.dtype not in (torch.uint8, torch.uint16, torch.int32):
-            raise ValueError(f"frames: expected uint8 or uint16, found {frames.dtype}")
         self.white = 255 if frames.dtype == torch.uint8 else 65535
         images = frames if frames.dtype == torch.uint8 else frames.to(torch.int32)
         self._images = images.flatten(1)
@@ -123,17 +108,20 @@ class Products:
         return cross_products(hypervectors, hypervectors[: self._n_train])
 
     @functools.cached_property
-    def moments(self) -> tuple[Tensor, Tensor]:
-        """Σ x and Σ x² of grey values less :func:`constant_of` them, float64 [N] each."""
+    def _moments(self) -> Moments:
         return moments(self._images)
 
+    def moments(self, rows: np.ndarray) -> Moments:
+        """:func:`moments` of some of the frames."""
+        first, second = self._moments
+        return first[rows], second[rows]
+
     def scores(self, model: Any, train: np.ndarray, queries: np.ndarray) -> Tensor:
-        """Scores of queries by a model trained on others: float64 [n, L], the largest wins.
+        """Scores of queries [n] by a model trained on others: float64 [n, L], the largest wins.
 
         Args:
-            model: one with ``scores_from``: linear models in dual form, image correlation, nearest
-                neighbours; it is left as it was.
-            train: indices below M; one that occurs k times counts k times.
+            model: one with ``scores_from``; it is left as it was.
+            train: indices below ``n_train``; one that occurs k times counts k times.
             queries: indices [n].
         """
         return model.scores_from(self, train, queries)
@@ -141,34 +129,22 @@ class Products:
     def kernel(
         self, train: np.ndarray, queries: np.ndarray, pixels: str = "unit"
     ) -> tuple[Tensor, Tensor]:
-        """Inner products of scaled frames: of training frames with each other [N, N], and of
-        queries with training frames [n, N].
-
-        Args:
-            train: indices below M; a mean over training frames is over these.
-            queries: indices [n].
-            pixels: a scaling of baselines.pixels other than ``standard``.
-
-        Raises:
-            ValueError: for another name, listing the valid ones.
-        """
-        choose("pixels", pixels, dict.fromkeys(KERNELS))
+        """Inner products of frames in a scaling: of training frames with each other [N, N], and of
+        queries with training frames [n, N]. A mean over training frames is over these."""
+        choose("pixels", pixels, KERNELS)
         rows, n = np.concatenate([train, queries]), len(train)
         part = (self.bits if pixels == "bits" else self.greys)[np.ix_(rows, train)]
-        (first, second), d = self.moments, self.dimension
+        ours, theirs, d = self.moments(rows), self.moments(train), self.dimension
         if pixels == "standardised":
-            s = deviations(first, second, d)
-            part = (part - torch.outer(first[rows], first[train]) / d) / torch.outer(
-                s[rows], s[train]
-            )
+            part = standardised(part, ours, theirs, d)
         elif pixels != "bits":
-            mean = float(first[train].mean()) / d
+            mean = float(theirs[0].mean()) / d
             centred = pixels in ("unit_centred", "standard_global")
             offset = mean if centred else -constant_of(self._images)
             scale = 1.0 if pixels == "raw" else 1 / self.white
             if pixels == "standard_global":
-                scale = (float(second[train].mean()) / d - mean**2) ** -0.5
-            shift = offset * (first[rows, None] + first[train])
+                scale = (float(theirs[1].mean()) / d - mean**2) ** -0.5
+            shift = offset * (ours[0][:, None] + theirs[0])
             part = scale**2 * (part - shift + offset**2 * d)
         return part[:n], part[n:]
 
@@ -189,6 +165,12 @@ class Products:
         )
 
 
+def standardised(products: Tensor, rows: Moments, columns: Moments, dimension: int) -> Tensor:
+    """Products of standardised frames [n, N] from those of their greys and the moments of both."""
+    s, t = (deviations(*part, dimension) for part in (rows, columns))
+    return (products - torch.outer(rows[0], columns[0]) / dimension) / torch.outer(s, t)
+
+
 def deviations(first: Tensor, second: Tensor, dimension: int) -> Tensor:
     """Standard deviation of the pixels of each frame, from its moments; 1 for a constant frame."""
     variance = second / dimension - (first / dimension) ** 2
@@ -200,8 +182,7 @@ def deviations(first: Tensor, second: Tensor, dimension: int) -> Tensor:
 class DualLinearClassifier(Classifier):
     """A linear classifier whose subclass writes ``solve``.
 
-    The frames stay bytes, and all N of them are held at once. One pass makes K, exact in integers;
-    a second makes the weights.
+    All N frames are held at once, as bytes. One pass over them makes K, a second the weights.
 
     Args:
         pixels: a scaling of baselines.pixels other than ``standard``, by name.
@@ -223,7 +204,7 @@ class DualLinearClassifier(Classifier):
 
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """Solve; yields once: samples_seen = N, epoch = 1 and the loss."""
-        choose("pixels", self.pixels, dict.fromkeys(KERNELS))
+        choose("pixels", self.pixels, KERNELS)
         targets = self.start(frames, labels)
         images = self.read(frames, slice(0, len(frames)))
         everyone = np.arange(len(frames))
@@ -232,12 +213,19 @@ class DualLinearClassifier(Classifier):
         coefficients, bias, loss = self.solve(gram, targets)
         # Exactly zero-sum columns leave the mean frame no part in the weights.
         self.coefficients_ = coefficients - coefficients.mean(dim=0)
-        scaling, factor = fit_scaling(self.pixels, self, frames), 1.0
-        if isinstance(scaling, PixelScaling):  # folded into the weights
-            factor = float(scaling.scale) ** 2
-            scaling = PixelScaling()
-        self._scaling = scaling
-        self.weight_, self._mean = self._weights(images, factor)
+        self._scaling, factor = fit_scaling(self.pixels, self, frames), 1.0
+        if isinstance(self._scaling, PixelScaling):  # folded into the weights
+            factor = float(self._scaling.scale) ** 2
+            self._scaling = PixelScaling()
+        # Weights [L, D] and the mean scaled frame [D] in one pass over the frames.
+        n = len(images)
+        mean = self.coefficients_.new_full((n, 1), 1 / n)
+        combine = torch.cat([self.coefficients_, mean], dim=1).T.float().contiguous()
+        sums = torch.zeros(len(combine), products.dimension, device=images.device)
+        for start in range(0, n, FRAMES):
+            rows = slice(start, start + FRAMES)
+            sums.addmm_(combine[:, rows], self._scaling(images[rows]).flatten(1))
+        self.weight_, self._mean = sums[:-1].mul_(factor), sums[-1]
         self.bias_ = (bias - self.weight_.double() @ self._mean.double()).float()
         yield {"samples_seen": len(frames), "epoch": 1.0, "loss": loss}
 
@@ -263,42 +251,22 @@ class DualLinearClassifier(Classifier):
         """weight [L, D] and bias [L]."""
         return {"weight": self.weight_, "bias": self.bias_}
 
-    def _weights(self, images: Tensor, factor: float) -> tuple[Tensor, Tensor]:
-        """Weights [L, D] and the mean scaled frame [D] in one pass over the frames."""
-        n = len(images)
-        mean_row = torch.full((n, 1), 1 / n, dtype=torch.float64, device=images.device)
-        combine = torch.cat([self.coefficients_, mean_row], dim=1).T.float().contiguous()
-        sums = torch.zeros(len(combine), images[0].numel(), device=images.device)
-        for start in range(0, n, FRAMES):
-            rows = slice(start, start + FRAMES)
-            sums.addmm_(combine[:, rows], self._scaling(images[rows]).flatten(1))
-        return sums[:-1].mul_(factor), sums[-1]
-
 
 class PenalisedClassifier(DualLinearClassifier):
-    """A linear classifier with an L2 penalty, which can go on from weights that it is given."""
+    """A linear classifier with an L2 penalty, which can go on from weights that it is given.
 
-    @abstractmethod
-    def solve(
-        self, gram: Tensor, targets: Tensor, before: Tensor | None = None
-    ) -> tuple[Tensor, Tensor, float]:
-        """A, b and the loss of a change of scores ``before`` [N, L] (zero, if None), with the
-        penalty on the change alone."""
+    Its ``solve`` takes a third argument, scores ``before`` [N, L], and finds the change of them,
+    with the penalty on the change alone.
+    """
 
     def scores_from_old(
         self, products: Products, old: np.ndarray, new: np.ndarray, queries: np.ndarray
     ) -> Tensor:
-        """Scores float64 [n, L] after an update from old weights:
-        min over W of loss(new frames) + penalty·‖W − W_old‖².
+        """Scores float64 [n, L] of queries after an update of weights from samples ``old`` with
+        samples ``new``: min over W of loss(new frames) + penalty·‖W − W_old‖².
 
         The change of the weights is a combination of the new frames, so the old model enters by its
         scores of them alone.
-
-        Args:
-            products: of the frames.
-            old: samples that the old weights were trained on.
-            new: samples to update with; a few are enough.
-            queries: samples to score [n].
         """
         before = self.scores_from(products, old, np.concatenate([new, queries]))
         change, bias = self._solved(products, new, queries, before[: len(new)])
@@ -308,13 +276,10 @@ class PenalisedClassifier(DualLinearClassifier):
 class Descent:
     """Gradient descent on softmax regression from several starts at once, in sample space.
 
-    A step on the batch B of the mean cross-entropy of Z = X·Wᵀ + b changes the logits of every
-    frame, seen in training or not, by products with the training frames alone:
+    A step on the batch B changes the logits of every frame, seen in training or not, by products
+    with the training frames alone, and initial weights enter through their logits:
 
-        Z ← Z − η·(K[:, B] + 1)·(P − Y)[B] / |B|,        K = X·X_trainᵀ,
-
-    at N²·L operations instead of N·D·L, and nothing is approximated. Initial weights enter through
-    their logits and nowhere else.
+        Z ← Z − η·(K[:, B] + 1)·(P − Y)[B] / |B|,        K = X·X_trainᵀ.
 
     Args:
         kernel: K, float64 [N + M, N], training frames first (:meth:`Products.kernel`).
@@ -348,6 +313,7 @@ class Descent:
         seed: int = 0,
     ) -> None:
         self._kernel, self._targets, self._rate, self._batch = kernel, targets, rate, batch
+        self._decay, self._order = decay, torch.Generator().manual_seed(seed)
         self._onehot = F.one_hot(targets, n_classes).to(kernel.dtype)[:, :, None]
         starts = next((x.shape[-1] for x in (logits, coefficients) if x is not None), 1)
         if coefficients is None:
@@ -359,8 +325,6 @@ class Descent:
         self.logits, self.coefficients, self.intercepts = (
             x.to(kernel.dtype).clone().contiguous() for x in (logits, coefficients, intercepts)
         )
-        self._decay = decay
-        self._order = torch.Generator().manual_seed(seed)
         self._parts = self.parts()
 
     def parts(self) -> Iterator[Tensor | slice]:
@@ -393,12 +357,11 @@ class Descent:
         n, starts = len(self._targets), self.logits.shape[2]
         targets = self._targets[:, None].expand(n, starts)
         loss = F.cross_entropy(self.logits[:n], targets, reduction="none").mean(dim=0)
-        return loss + 0.5 * self._decay * self.squared_weights() if penalty else loss
-
-    def squared_weights(self) -> Tensor:
-        """‖W‖² of the weights Aᵀ·X, float64 [V]."""
-        a, inside = self.coefficients, self._kernel[: len(self._targets)]
-        return torch.einsum("ilv,ij,jlv->v", a, inside, a)
+        if penalty:
+            a = self.coefficients
+            squares = torch.einsum("ilv,ij,jlv->v", a, self._kernel[:n], a)
+            loss += 0.5 * self._decay * squares
+        return loss
 
     def drop(self, kept: Tensor) -> None:
         """Go on with these starts only, int64 [V']."""

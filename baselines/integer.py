@@ -13,22 +13,18 @@ from torch import Tensor
 
 # int32 holds a sum of this many products of two int8: 2¹⁷·(−128)² = 2³¹ would be one too many.
 INT32_TERMS = 2**17 - 1
-# float32 holds a sum of this many exactly: 2¹⁰·(−128)² = 2²⁴.
-FLOAT32_TERMS = 2**10
 
 
 def integer_product(a: Tensor, b: Tensor) -> Tensor:
     """a·b exactly: int8 [n, k] and [k, m] → float64 [n, m].
 
-    Off the CPU, and on one whose byte instructions are not exact, float32 blocks short enough to be
-    exact give the same numbers.
+    Off the CPU, and on one whose byte instructions are not exact, it is a product in float64.
     """
-    product = torch.zeros(a.shape[0], b.shape[1], dtype=torch.float64, device=a.device)
-    native = a.device.type == "cpu" and native_is_exact()
-    terms = INT32_TERMS if native else FLOAT32_TERMS
-    for start in range(0, a.shape[1], terms):
-        left, right = a[:, start : start + terms], b[start : start + terms]
-        product += _native(left, right) if native else left.float() @ right.float()
+    if a.device.type != "cpu" or not native_is_exact():
+        return a.double() @ b.double()
+    product = torch.zeros(a.shape[0], b.shape[1], dtype=torch.float64)
+    for start in range(0, a.shape[1], INT32_TERMS):
+        product += _native(a[:, start : start + INT32_TERMS], b[start : start + INT32_TERMS])
     return product
 
 
@@ -50,9 +46,6 @@ def native_is_exact() -> bool:
 
 
 def _native(a: Tensor, b: Tensor) -> Tensor:
-    return torch._int_mm(_plain(a), _plain(b))
-
-
-def _plain(x: Tensor) -> Tensor:
-    """The same matrix; a dimension of one may have any stride, and _int_mm trusts it (#195066)."""
-    return x.flatten().view(x.shape) if 1 in x.shape else x
+    # A dimension of one may have any stride, and _int_mm trusts it (pytorch issue 195066).
+    a, b = (x.flatten().view(x.shape) if 1 in x.shape else x for x in (a, b))
+    return torch._int_mm(a, b)

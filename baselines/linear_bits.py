@@ -1,10 +1,9 @@
 """A linear read-out of HDC's own bits, to compare majority voting with.
 
-A frame is the hypervector that HDC makes of it, the brighter half of its pixels +1 and the others
-−1, and nothing else is known of it. On these bits HDC's prototype of a class is the sign of a sum
-of its training frames, a linear read-out of one bit a weight; here ridge regression learns the
-weights instead (see baselines.ridge), and they stay float32, or are reduced to as many bytes as
-HDC's prototypes have: their signs, with a scale and a bias a class,
+On the hypervectors of frames, ±1, HDC's prototype of a class is the sign of a sum of its training
+frames, a linear read-out of one bit a weight. Here ridge regression learns the weights instead (see
+baselines.ridge), and they stay float32, or are reduced to as many bytes as HDC's prototypes have:
+their signs, with a scale and a bias a class,
 
     s_c(x) = ‖w_c‖₁/D · sign(w_c)·(x − x̄) + b_c,
 
@@ -46,7 +45,11 @@ class BitReadout(RidgeReadout):
         """Solve; yields once: samples_seen = N, epoch = 1 and the mean squared error."""
         for report in super().train(frames, labels):
             if self.one_bit:
-                self._keep_signs()
+                weight = self.weight_
+                self.scale_ = weight.abs().mean(dim=1)
+                self.weight_ = bits.pack(weight >= 0)
+                change = weight - self.scale_[:, None] * self._signs(weight.shape[1])
+                self.bias_ = (self.bias_ + change.double() @ self._mean.double()).float()
             yield report
 
     def scores(self, batch: Tensor) -> Tensor:
@@ -60,13 +63,6 @@ class BitReadout(RidgeReadout):
         """weight and bias, and the scale of signs."""
         state = super().state_tensors()
         return state | {"scale": self.scale_} if self.one_bit else state
-
-    def _keep_signs(self) -> None:
-        weight = self.weight_
-        self.scale_ = weight.abs().mean(dim=1)
-        self.weight_ = bits.pack(weight >= 0)
-        change = weight - self.scale_[:, None] * self._signs(weight.shape[1])
-        self.bias_ = (self.bias_ + change.double() @ self._mean.double()).float()
 
     def _signs(self, dimension: int) -> Tensor:
         return 2 * bits.unpack(self.weight_, dimension).float() - 1

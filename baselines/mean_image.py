@@ -1,9 +1,8 @@
 """The mean grey image of a class: averaging, as HDC does it, without the bit.
 
 A frame is of the class whose mean training frame is nearest in Euclidean distance (nearest
-centroid), ‖x − t_c‖² = ‖x‖² − 2·(x·t_c − ½‖t_c‖²), which is linear in the frame. With
-``pixels="standardised"`` it is the correlation of standardised frames, up to the length of the
-means. :mod:`baselines.correlation` standardises frames and means instead.
+centroid), ‖x − t_c‖² = ‖x‖² − 2·(x·t_c − ½‖t_c‖²), which is linear in the frame.
+:mod:`baselines.correlation` standardises frames and means instead.
 """
 
 from __future__ import annotations

@@ -13,12 +13,12 @@ from torch.nn import functional as F
 
 from baselines import dual
 from baselines.base import Classifier, FrameSource, choose
-from baselines.dual import Products
+from baselines.dual import Moments, Products
 from hdc import bits
 from hdc.encode import encode
 
-Moments = tuple[Tensor, Tensor]  # Σ x and Σ x² of each frame
 PIXELS = ("bits", "raw", "standardised")  # any other scaling of baselines.pixels ranks as raw does
+REPORT = 100  # frames between two yields
 
 
 @dataclass(kw_only=True, eq=False)
@@ -30,7 +30,6 @@ class NearestNeighbour(Classifier):
         pixels: ``bits``: Hamming distance of hypervectors, as HDC encodes frames; ``raw``:
             Euclidean distance of grey values; ``standardised``: of frames that have each mean 0 and
             deviation 1.
-        batch_size: frames between two yields.
 
     Attributes:
         frames_: the training frames: hypervectors int64 [N, ⌈D/64⌉], or pixels [N, D].
@@ -39,19 +38,18 @@ class NearestNeighbour(Classifier):
 
     k: int = 1
     pixels: str = "bits"
-    batch_size: int = 100
 
     prediction_batch: ClassVar[int] = 500  # each batch reads all training frames once
 
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
-        """One pass; yields samples_seen after each batch."""
-        choose("pixels", self.pixels, dict.fromkeys(PIXELS))
+        """One pass; yields samples_seen every :data:`REPORT` frames."""
+        choose("pixels", self.pixels, PIXELS)
         if self.k < 1:
             raise ValueError(f"k: expected an integer from 1, found {self.k}")
         targets = self.start(frames, labels)
         kept = None
-        for first in range(0, len(frames), self.batch_size):
-            batch = self.read(frames, slice(first, first + self.batch_size)).flatten(1)
+        for first in range(0, len(frames), REPORT):
+            batch = self.read(frames, slice(first, first + REPORT)).flatten(1)
             batch = encode(batch) if self.pixels == "bits" else batch
             if kept is None:
                 kept = batch.new_empty(len(frames), batch.shape[1])
@@ -68,10 +66,8 @@ class NearestNeighbour(Classifier):
             distances = bits.hamming(encode(batch), self.frames_)
         else:
             images = batch.flatten(1)
-            products = dual.cross_products(images, self.frames_)
-            distances = self._distances(
-                products, dual.moments(images), self._moments, images.shape[1]
-            )
+            greys, moments = dual.cross_products(images, self.frames_), dual.moments(images)
+            distances = self._distances(greys, moments, self._moments, images.shape[1])
         return self._votes(distances, self.labels_, len(self.classes_))
 
     def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
@@ -79,10 +75,9 @@ class NearestNeighbour(Classifier):
         if self.pixels == "bits":
             distances = -products.bits[np.ix_(queries, train)]  # D − 2·Hamming distance
         else:
-            first, second = products.moments
-            rows, columns = ((first[part], second[part]) for part in (queries, train))
             greys = products.greys[np.ix_(queries, train)]
-            distances = self._distances(greys, rows, columns, products.dimension)
+            moments, known = products.moments(queries), products.moments(train)
+            distances = self._distances(greys, moments, known, products.dimension)
         return self._votes(distances, products.labels[train], products.n_classes)
 
     def state_tensors(self) -> dict[str, Tensor]:
@@ -95,10 +90,10 @@ class NearestNeighbour(Classifier):
         """Squared distances [n, N] from products and moments of greys, but for a constant a row."""
         if self.pixels == "raw":
             return columns[1] - 2 * products
-        s, t = (dual.deviations(*moments, dimension) for moments in (rows, columns))
-        kernel = (products - torch.outer(rows[0], columns[0]) / dimension) / torch.outer(s, t)
-        squares = (columns[1] - columns[0] ** 2 / dimension) / t**2  # D, and 0 for a constant frame
-        return squares - 2 * kernel
+        first, second = columns
+        squares = (second - first**2 / dimension) / dual.deviations(*columns, dimension) ** 2
+        # Squares are D, and 0 for a constant frame.
+        return squares - 2 * dual.standardised(products, rows, columns, dimension)
 
     def _votes(self, distances: Tensor, labels: Tensor, n_classes: int) -> Tensor:
         k = min(self.k, len(labels))

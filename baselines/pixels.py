@@ -26,23 +26,19 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from baselines.base import Classifier, FrameSource, choose
+from baselines.base import FRAME_TYPES, Classifier, FrameSource, choose
 from hdc import bits
 from hdc.encode import encode
 
+SCALINGS = ["unit", "unit_centred", "raw", "standard", "standard_global", "standardised", "bits"]
 CHUNK = 20  # frames; float32 sums of 20 squared 8-bit pixels are exact (20·255² < 2²⁴)
-
-Scaling = Callable[[Tensor], Tensor]  # frames [n, H, W] → float32 of the same shape
 
 
 @dataclass
 class PixelScaling:
-    """x ↦ (x − offset)·scale − shift.
+    """x ↦ (x − offset)·scale − shift; each a number, or float32 [H, W].
 
-    Args:
-        offset: number, or float32 [H, W].
-        scale: number, or float32 [H, W].
-        shift: number, or float32 [H, W]: what is left of a mean whose whole part is the offset.
+    ``shift`` is what is left of a mean whose whole part is the offset.
     """
 
     offset: float | Tensor = 0.0
@@ -56,7 +52,7 @@ class PixelScaling:
             values.sub_(self.offset)
         if isinstance(self.scale, Tensor) or self.scale != 1:
             values.mul_(self.scale)
-        if isinstance(self.shift, Tensor) or self.shift != 0:
+        if isinstance(self.shift, Tensor):
             values.sub_(self.shift)
         return values
 
@@ -76,55 +72,42 @@ def signs(batch: Tensor) -> Tensor:
     return (2 * mask.to(torch.int8) - 1).view(batch.shape)
 
 
-def fit_scaling(pixels: str, model: Classifier, frames: FrameSource) -> Scaling:
-    """The scaling called ``pixels``, from the training frames where it needs them.
+def fit_scaling(pixels: str, model: Classifier, frames: FrameSource) -> Callable[[Tensor], Tensor]:
+    """The scaling of that name, from frames [n, H, W] to float32 of the same shape.
 
-    Args:
-        pixels: one of the names above.
-        model: reads the frames; its ``start`` has been called.
-        frames: the training frames.
-
-    Raises:
-        ValueError: for an unknown name, listing the valid ones.
+    The model reads the training frames, from which some scalings take a mean; its ``start`` has
+    been called. A ValueError lists the names.
     """
-    choose("pixels", pixels, dict.fromkeys(SCALINGS))
+    choose("pixels", pixels, SCALINGS)
+    unit = 1 / FRAME_TYPES[model.frame_dtype_]
     if pixels in ("raw", "unit"):
-        return PixelScaling(scale=1.0 if pixels == "raw" else 1 / model.white)
+        return PixelScaling(scale=1.0 if pixels == "raw" else unit)
     if pixels == "standardised":
         return standardise
     if pixels == "bits":
         return lambda batch: signs(batch).float()
-    total, squares = _sums(model, frames)
-    mean, n = total / len(frames), len(frames)
+    # Σx and Σx² in whole numbers up to 2⁵³: nothing cancels that float64 has not kept.
+    exact = torch.float32 if model.frame_dtype_ == torch.uint8 else torch.float64
+    total = torch.zeros(model.shape_, dtype=torch.float64, device=model.device)
+    squares, n = torch.zeros_like(total), len(frames)
+    for start in range(0, n, CHUNK):
+        batch = model.read(frames, slice(start, start + CHUNK)).to(exact)
+        total += batch.sum(dim=0)
+        squares += batch.square_().sum(dim=0)
     if pixels == "unit_centred":
-        return PixelScaling(total.mean().item() / n, 1 / model.white)
+        return PixelScaling(total.mean().item() / n, unit)
     if pixels == "standard_global":
         values = n * total.numel()
         overall = total.sum() / values
         deviation = _deviation(squares.sum() / values - overall**2)
         return PixelScaling(overall.item(), 1 / deviation.item())
-    # In whole numbers up to 2⁵³, so that nothing cancels that float64 has not kept.
     deviation = _deviation((n * squares - total**2) / n**2)
     # The difference of whole numbers is exact in float32; a mean of 16-bit pixels would lose what a
     # nearly constant pixel differs by.
+    mean = total / n
     whole = mean.round()
     shift = (mean - whole) / deviation
     return PixelScaling(whole.float(), (1 / deviation).float(), shift.float())
-
-
-SCALINGS = ["unit", "unit_centred", "raw", "standard", "standard_global", "standardised", "bits"]
-
-
-def _sums(model: Classifier, frames: FrameSource) -> tuple[Tensor, Tensor]:
-    """Σx and Σx² over the frames, float64 [H, W], exact for 8-bit pixels."""
-    exact = torch.float32 if model.frame_dtype_ == torch.uint8 else torch.float64
-    total = torch.zeros(model.shape_, dtype=torch.float64, device=model.device)
-    squares = torch.zeros_like(total)
-    for start in range(0, len(frames), CHUNK):
-        batch = model.read(frames, slice(start, start + CHUNK)).to(exact)
-        total += batch.sum(dim=0)
-        squares += batch.square_().sum(dim=0)
-    return total, squares
 
 
 def _deviation(variance: Tensor) -> Tensor:

@@ -24,8 +24,7 @@ class RidgeReadout(PenalisedClassifier):
     Args:
         alpha: strength of the penalty, above zero.
 
-    Other arguments and attributes are those of
-    :class:`baselines.dual.DualLinearClassifier`.
+    Others are those of :class:`baselines.dual.DualLinearClassifier`.
     """
 
     alpha: float = 1.0

@@ -1,13 +1,4 @@
-"""Any scikit-learn classifier on the flattened pixels, from a config alone.
-
-    # configs/model/linear_svc.yaml
-    # @package _global_
-    model:
-      _target_: baselines.sklearn_classifier.SklearnClassifier
-      estimator: {_target_: sklearn.svm.LinearSVC, C: 1.0}
-      pixels: standardised
-      device: ${device}
-    display: {name: Linear SVC, colour: "#56B4E9", marker: s, line: "-", group: other}
+"""Any scikit-learn classifier on the flattened pixels, from a config alone (docs/extend.md).
 
 This file imports no scikit-learn: the estimator comes ready-made.
 """
@@ -25,8 +16,6 @@ from torch import Tensor
 
 from baselines.base import Classifier, FrameSource, in_memory_order
 from baselines.pixels import fit_scaling
-
-FRAMES = 20  # scaled at a time into the one float32 array
 
 
 @dataclass(kw_only=True, eq=False)
@@ -48,15 +37,9 @@ class SklearnClassifier(Classifier):
 
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """Fit; yields once: samples_seen = N."""
-        if not hasattr(self.estimator, "predict"):
-            kind = type(self.estimator).__name__
-            raise ValueError(f"estimator: expected an object with fit and predict, found a {kind}")
         targets = self.start(frames, labels)
         self.scaling_ = fit_scaling(self.pixels, self, frames)
-        features = np.empty((len(frames), self.shape_[0] * self.shape_[1]), dtype=np.float32)
-        for start in range(0, len(frames), FRAMES):
-            rows = slice(start, start + FRAMES)
-            features[rows] = self._features(self.read(frames, rows))
+        features = self._features(self.read(frames, slice(0, len(frames))))
         estimator = copy.deepcopy(self.estimator)
         if estimator.get_params().get("random_state", 0) is None:
             estimator.set_params(random_state=self.seed)
@@ -72,11 +55,10 @@ class SklearnClassifier(Classifier):
     def state_tensors(self) -> dict[str, Tensor] | None:
         """The arrays of a linear estimator, ``coef_`` and ``intercept_``; None for any other, whose
         state has no known form."""
-        learnt = vars(self.estimator_)
-        if not {"coef_", "intercept_"} <= learnt.keys():
+        learnt, names = vars(self.estimator_), ("coef_", "intercept_")
+        if not set(names) <= learnt.keys():
             return None
-        arrays = {name: torch.from_numpy(learnt[name]) for name in ("coef_", "intercept_")}
-        return {name: in_memory_order(array) for name, array in arrays.items()}
+        return {name: in_memory_order(torch.from_numpy(learnt[name])) for name in names}
 
     def _features(self, batch: Tensor) -> np.ndarray:
         return self.scaling_(batch).flatten(1).numpy(force=True)

@@ -15,8 +15,7 @@ class SoftmaxRegression(IterativeClassifier):
 
     Arguments and attributes are those of :class:`baselines.training.IterativeClassifier`. Where a
     training ends before the optimum, its accuracy depends on the initial weights: plain gradient
-    descent never changes what lies outside the span of the frames. ``init="zeros"`` starts with
-    every class equally likely, and its first step of gradient descent is a nearest-mean classifier.
+    descent never changes what lies outside the span of the frames.
 
     Example:
         >>> import numpy as np, torch

@@ -6,8 +6,7 @@ Minimises the objective of scikit-learn's multinomial LogisticRegression,
 
 with W = Aᵀ·X and f = K·A + b (see baselines.dual). In A the gradient is A + C(P − Y), read in the
 inner product ⟨A, A'⟩ = tr(Aᵀ·K·A'), which is that of the weights. Each Newton step is solved by
-conjugate gradients, one product K·[N, L] an iteration: K is never factorised, so that duplicated
-frames (a singular K) do no harm. An implicit method: no learning rate, no stability limit.
+conjugate gradients, one product K·[N, L] an iteration, so that a singular K does no harm.
 
 With two classes F counts each weight twice, ½(‖w₀‖² + ‖w₁‖²) = ¼‖w₁ − w₀‖², whereas scikit-learn
 then switches to the logistic form; its optimum at C is this one's at C/2.
@@ -33,12 +32,10 @@ class DualSoftmaxRegression(PenalisedClassifier):
         tol: stop when a Newton step promises a relative decrease of F below this.
         max_iter: most Newton steps.
 
-    Other arguments and attributes are those of
-    :class:`baselines.dual.DualLinearClassifier`, and
-
     Attributes:
-        n_iter_: Newton steps taken.
         objective_: F at the end; ``train`` yields F/(C·N) as the loss.
+
+    Others are those of :class:`baselines.dual.DualLinearClassifier`.
     """
 
     C: float = 1.0
@@ -54,8 +51,8 @@ class DualSoftmaxRegression(PenalisedClassifier):
         logits = torch.zeros_like(onehot) if before is None else before.clone()
         square = 0.0  # tr(Aᵀ·K·A)
         objective = self._objective(logits, targets, square)
-        self.n_iter_, n = 0, len(targets)
-        while self.n_iter_ < self.max_iter:
+        n = len(targets)
+        for _ in range(self.max_iter):
             probability = logits.softmax(dim=1)
             residual = probability - onehot
             gradient = a + self.C * _centre(residual)
@@ -67,8 +64,8 @@ class DualSoftmaxRegression(PenalisedClassifier):
                 break
             # Along the step everything but the softmax is a parabola in its length.
             across, curved = _dot(a, step[n:-1]), _dot(step_a, step[n:-1])
-            length, least = 1.0, 1e-12
-            while length > least:
+            length = 1.0
+            while length > 1e-12:
                 trial_square = square + 2 * length * across + length**2 * curved
                 trial = self._objective(logits + length * change, targets, trial_square)
                 if trial <= objective + 1e-4 * length * 2 * promise:
@@ -76,7 +73,6 @@ class DualSoftmaxRegression(PenalisedClassifier):
                 length /= 2
             else:
                 break  # rounding is all that is left to gain
-            self.n_iter_ += 1
             a, b = a + length * step_a, b + length * step_b
             logits, square, objective = logits + length * change, trial_square, trial
         self.objective_ = objective
@@ -90,10 +86,8 @@ class DualSoftmaxRegression(PenalisedClassifier):
 def _newton_step(
     gram: Tensor, probability: Tensor, c: float, gradient: Tensor, gradient_b: Tensor
 ) -> Tensor:
-    """Solution of H·step = −gradient by conjugate gradients, H the Hessian of F at ``probability``.
-
-    A direction is one tensor [2N + 1, L]: A, K·A carried along, and b.
-    """
+    """Solution of H·step = −gradient by conjugate gradients, H the Hessian of F at ``probability``:
+    one tensor [2N + 1, L] of A, K·A carried along, and b."""
     n, p = len(gram), probability
 
     def stacked(a: Tensor, k_a: Tensor, b: Tensor) -> Tensor:

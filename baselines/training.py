@@ -1,12 +1,8 @@
 """One training loop for every model that learns by gradients.
 
-Minimises the mean cross-entropy of the softmax of a network's outputs,
-
-    F(θ) = 1/N Σᵢ −log softmax(f_θ(xᵢ))[yᵢ]  (+ ‖W‖² / (2CN) with ``C`` set),
-
-over minibatches drawn by a seeded permutation in each epoch. The published recipe gives the
-learning rate 1e-4 and no more (Kitagawa et al., Sec. III.A); Adam, batches of 20 and no penalty
-are our choices, the most usual ones.
+Minimises F(θ) = 1/N Σᵢ −log softmax(f_θ(xᵢ))[yᵢ]  (+ ‖W‖² / (2CN) with ``C`` set) over minibatches
+drawn by a seeded permutation in each epoch. The published recipe gives the learning rate 1e-4 and
+no more (Kitagawa et al., Sec. III.A); all else is our choice of the most usual.
 """
 
 from __future__ import annotations
@@ -14,9 +10,9 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 import torch
@@ -25,6 +21,26 @@ from torch.nn import functional as F
 
 from baselines.base import Classifier, FrameSource, choose, in_memory_order
 from baselines.pixels import PixelScaling, fit_scaling
+
+INITS = ("linear", "normal", "zeros")
+DTYPES = ("float32", "bfloat16")
+MEMORY_FORMATS = {"contiguous": torch.contiguous_format, "channels_last": torch.channels_last}
+FULL_CHUNK = 20  # frames scaled at a time in a full batch
+LBFGS_TOLERANCE = 1e-7  # relative change of the loss between two reports: float32 has no more
+# fused: one pass over the parameters a step instead of several; the arithmetic is the same.
+OPTIMIZERS: dict[str, Callable[..., torch.optim.Optimizer]] = {
+    "Adam": partial(torch.optim.Adam, fused=True),
+    "SGD": partial(torch.optim.SGD, fused=True),
+    # Five iterations between two reports.
+    "LBFGS": partial(
+        torch.optim.LBFGS,
+        max_iter=5,
+        history_size=10,
+        tolerance_grad=0.0,
+        tolerance_change=0.0,
+        line_search_fn="strong_wolfe",
+    ),
+}
 
 
 @dataclass(kw_only=True, eq=False)
@@ -35,23 +51,19 @@ class IterativeClassifier(Classifier):
         pixels: one of the scalings in baselines.pixels, by name.
         optimizer: ``Adam``, ``SGD``, or ``LBFGS`` with strong-Wolfe line search (full batch).
         lr: learning rate; the published one is 1e-4.
-        batch_size: frames a step; None for the whole training set, which makes SGD plain
-            gradient descent.
+        batch_size: frames a step; None for all, which makes SGD plain gradient descent.
         max_epochs: passes over the training frames after which ``train`` returns.
         C: inverse strength of the L2 penalty on weights (biases go free), as in scikit-learn's
             LogisticRegression; None for no penalty.
         dtype: ``float32``, or ``bfloat16`` for the products alone (autocast: the weights, their
             gradients and the optimiser stay in float32).
         memory_format: ``contiguous`` or ``channels_last``.
-        micro_batch: frames held as activations at a time; only memory and speed change. None for
-            the whole batch.
+        micro_batch: frames held as activations at a time (None: the whole batch), for less memory.
         reports_per_epoch: how often in an epoch ``train`` yields.
         init: initial weights. ``linear``: PyTorch's own, weights and biases uniform within ±1/√n
-            for n inputs of a unit. ``normal``: weights normal with ``init_std``, biases zero.
-            ``zeros``: all zero.
-        init_std: standard deviation for ``init="normal"``, at least zero.
+            for n inputs of a unit. ``normal``: weights normal with the standard deviation
+            ``init_std``, biases zero. ``zeros``: all zero.
         seed: of the initial weights and the permutations.
-        device: where the network lives.
 
     Attributes:
         network_: the trained ``torch.nn.Module``.
@@ -79,19 +91,22 @@ class IterativeClassifier(Classifier):
     def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """Train from new initial weights; yields samples_seen, epoch, steps and loss.
 
-        ``samples_seen`` counts a frame every time it is used, ``epoch`` is samples_seen / N,
-        ``steps`` are the optimiser's, and ``loss`` is the mean of F over those of the last epoch.
-        Stopping is up to the caller, also at a loss that is not finite; L-BFGS returns on
-        convergence.
+        ``samples_seen`` counts a frame every time it is used, ``steps`` are the optimiser's, and
+        ``loss`` is the mean of F over those of the last epoch. Stopping is up to the caller, also
+        at a loss that is not finite; L-BFGS returns on convergence.
         """
         for name in ("batch_size", "micro_batch", "reports_per_epoch"):
             if (value := getattr(self, name)) is not None and value < 1:
                 raise ValueError(f"{name}: expected at least 1, found {value}")
-        targets = self.start(frames, labels)
         choose("dtype", self.dtype, DTYPES)
         choose("init", self.init, INITS)
-        if self.init == "normal" and not 0 <= self.init_std < math.inf:
-            raise ValueError(f"init_std: expected a number from zero, found {self.init_std}")
+        layout = MEMORY_FORMATS[choose("memory_format", self.memory_format, MEMORY_FORMATS)]
+        make_optimizer = OPTIMIZERS[choose("optimizer", self.optimizer, OPTIMIZERS)]
+        if self.optimizer == "LBFGS" and self.batch_size is not None:
+            raise ValueError(
+                f"batch_size: LBFGS needs the whole training set (null), found {self.batch_size}"
+            )
+        targets = self.start(frames, labels)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(self.seed)
             network = self.build(self.shape_, len(self.classes_))
@@ -100,25 +115,16 @@ class IterativeClassifier(Classifier):
                     nn.init.normal_(parameter, std=self.init_std)
                 else:
                     nn.init.zeros_(parameter)
-        layout = choose("memory_format", self.memory_format, MEMORY_FORMATS)
         # The stubs of torch do not know this keyword of Module.to.
         self.network_ = network.to(device=self.device, memory_format=layout)  # type: ignore[call-overload]
-        optimizer = choose("optimizer", self.optimizer, OPTIMIZERS)(
-            self.network_.parameters(), self.lr
-        )
-        if isinstance(optimizer, torch.optim.LBFGS) and self.batch_size is not None:
-            raise ValueError(
-                f"batch_size: LBFGS needs the whole training set (null), found {self.batch_size}"
-            )
+        optimizer = make_optimizer(self.network_.parameters(), lr=self.lr)
         self.scaling_ = fit_scaling(self.pixels, self, frames)
         yield from self._epochs(frames, targets, optimizer)
 
     def scores(self, batch: Tensor) -> Tensor:
         """Logits float32 [n, L]."""
-        # Prediction runs channels last whatever the training does: the same logits but for their
-        # rounding, in half the time.
-        layout = MEMORY_FORMATS[self.memory_format if torch.is_grad_enabled() else "channels_last"]
         # [n, 1, H, W] is the same memory in both layouts, so this only renames the strides.
+        layout = MEMORY_FORMATS[self.memory_format]
         inputs = self.scaling_(batch)[:, None].to(memory_format=layout)
         kind = torch.device(self.device).type
         with torch.autocast(kind, torch.bfloat16, enabled=self.dtype == "bfloat16"):
@@ -126,11 +132,11 @@ class IterativeClassifier(Classifier):
 
     def state_tensors(self) -> dict[str, Tensor]:
         """The parameters of the network, and the maps of a pixel-by-pixel scaling."""
-        parameters = {
-            name: in_memory_order(p.detach()) for name, p in self.network_.named_parameters()
-        }
         maps = vars(self.scaling_) if isinstance(self.scaling_, PixelScaling) else {}
-        return parameters | {f"pixel_{k}": v for k, v in maps.items() if isinstance(v, Tensor)}
+        state = {f"pixel_{k}": v for k, v in maps.items() if isinstance(v, Tensor)}
+        for name, parameter in self.network_.named_parameters():
+            state[name] = in_memory_order(parameter.detach())
+        return state
 
     def _epochs(
         self, frames: FrameSource, targets: Tensor, optimizer: torch.optim.Optimizer
@@ -147,19 +153,15 @@ class IterativeClassifier(Classifier):
             # In a full batch the order is of no consequence, and a slice costs no copy.
             permutation = torch.randperm(n, generator=order) if size < n else None
             for step in range(1, steps + 1):
-                first, last = (step - 1) * size, min(step * size, n)
+                rows = range((step - 1) * size, min(step * size, n))
                 evaluated: list[Tensor] = []
-
-                def closure(first: int = first, last: int = last, into: Any = evaluated) -> Any:
-                    optimizer.zero_grad(set_to_none=True)
-                    into.append(self._backward(frames, targets, permutation, first, last))  # noqa: B023
-                    return into[-1]
-
-                optimizer.step(closure)
+                batch = frames, targets, permutation, rows
+                closure = partial(self._evaluate, optimizer, evaluated, *batch)
+                optimizer.step(closure)  # type: ignore[arg-type]  # a tensor is a float here
                 # The first evaluation is at the weights before the step, for every optimiser.
                 losses.append(evaluated[0])
                 taken += 1
-                seen += len(evaluated) * (last - first)
+                seen += len(evaluated) * len(rows)
                 if step in reports:
                     mean = torch.stack(list(losses)).mean().item()
                     yield {"samples_seen": seen, "epoch": seen / n, "steps": taken, "loss": mean}
@@ -168,56 +170,34 @@ class IterativeClassifier(Classifier):
                     return
                 previous = mean
 
-    def _backward(
-        self, frames: FrameSource, targets: Tensor, order: Tensor | None, first: int, last: int
+    def _evaluate(
+        self,
+        optimizer: torch.optim.Optimizer,
+        evaluated: list[Tensor],
+        frames: FrameSource,
+        targets: Tensor,
+        order: Tensor | None,
+        rows: range,
     ) -> Tensor:
-        """Loss of one batch, its gradient left in the parameters."""
-        size = self.micro_batch or (DEFAULT_FULL_CHUNK if order is None else last - first)
+        """Loss of one batch, also appended to ``evaluated``; its gradient is in the parameters."""
+        optimizer.zero_grad(set_to_none=True)
+        size = self.micro_batch or (FULL_CHUNK if order is None else len(rows))
         # Near the optimum log-sum-exp and logit nearly cancel: in float32 the rounding of a logit
         # of 5 is a thousandth of such a loss, and the line search of L-BFGS stalls.
         exact = torch.float32 if targets.device.type == "mps" else torch.float64
         loss = torch.zeros((), dtype=exact, device=self.device)
-        for start in range(first, last, size):
-            chunk = slice(start, min(start + size, last))
+        for start in range(rows.start, rows.stop, size):
+            chunk = slice(start, min(start + size, rows.stop))
             index = chunk if order is None else order[chunk]
             logits = self.scores(self.read(frames, index)).to(exact)
-            part = F.cross_entropy(logits, targets[index], reduction="sum") / (last - first)
+            part = F.cross_entropy(logits, targets[index], reduction="sum") / len(rows)
             part.backward()
             loss += part.detach()
         if self.C is not None:
-            weights = [p for p in self.network_.parameters() if p.ndim > 1]
+            weights = (p for p in self.network_.parameters() if p.ndim > 1)
             squares = torch.stack([p.square().sum() for p in weights]).sum()
             penalty = squares / (2 * self.C * len(frames))
             penalty.backward()
             loss += penalty.detach()
+        evaluated.append(loss)
         return loss
-
-
-INITS = dict.fromkeys(["linear", "normal", "zeros"])
-DEFAULT_FULL_CHUNK = 20  # frames scaled at a time in a full batch
-LBFGS_TOLERANCE = 1e-7  # relative change of the loss between two reports: float32 has no more
-
-
-def _lbfgs(parameters: Iterable[nn.Parameter], lr: float) -> torch.optim.Optimizer:
-    return torch.optim.LBFGS(
-        parameters,
-        lr,
-        max_iter=5,  # iterations between two reports
-        history_size=10,
-        tolerance_grad=0.0,
-        tolerance_change=0.0,
-        line_search_fn="strong_wolfe",
-    )
-
-
-# fused: one pass over the parameters a step instead of several; the arithmetic is the same.
-OPTIMIZERS: dict[str, Callable[[Iterable[nn.Parameter], float], torch.optim.Optimizer]] = {
-    "Adam": lambda parameters, lr: torch.optim.Adam(parameters, lr, fused=True),
-    "SGD": lambda parameters, lr: torch.optim.SGD(parameters, lr, fused=True),
-    "LBFGS": _lbfgs,
-}
-DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16}
-MEMORY_FORMATS = {
-    "contiguous": torch.contiguous_format,
-    "channels_last": torch.channels_last,
-}

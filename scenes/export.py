@@ -24,11 +24,10 @@ def export(scene: Scene, folder: Path) -> Path:
     """Write all frames of a scene into a new or empty folder; returns the path of the manifest."""
     import cv2
 
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+    if folder.is_dir() and any(folder.iterdir()):
         raise FileExistsError(f"out: expected a new or an empty folder, found {folder}")
     for name in scene.classes:
-        folder_name = name == Path(name).name and name not in ("", ".", "..")
-        require(folder_name, "scene.classes", name, "names that a folder can have")
+        require(name == Path(name).name, "scene.classes", name, "names of folders")
         (folder / name).mkdir(parents=True, exist_ok=True)
     names = [f"{scene.classes[c]}/{i:05d}.png" for i, c in enumerate(scene.labels)]
     for i, name in enumerate(names):

@@ -27,9 +27,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenes.frames import level_classes
+from scenes.frames import level_classes, row_numbers
 from scenes.source import Source
-from scenes.validate import is_number, require, require_integer, require_number
+from scenes.validate import require, require_integer, require_number
 
 DATA = "FIBRE_DATA"
 """Environment variable that names a copy of :data:`PRESSED`."""
@@ -40,8 +40,7 @@ PRESSED = Source(
     licence="MIT",
 )
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data" / "mmf_disorder"
-CONTACT = 5.04e-3
-"""Position of the actuator (m) at which it starts to press; depths count from there."""
+CONTACT = 5.04e-3  # position of the actuator (m) at which it starts to press
 
 
 class FibreScene:
@@ -62,19 +61,18 @@ class FibreScene:
         saturation: 8-bit frames reach 255 at this multiple of the mean intensity. The exposure is
             fixed: the mean is taken over all positions and perturbations, not a frame.
         side: pixels a side of each polarisation's image; above the 41 of the stored modes the
-            *field* is interpolated, band-limited (zero-padded Fourier series: the modes are dark at
-            the rim of the grid and sampled 1.5 times faster than their spectrum needs).
+            *field* is interpolated by a Fourier series (the modes are dark at the rim).
         seed: of the input fields.
         sampling_seed: of positions, perturbations and photons.
         n_fields: K input fields, one after the other into the same fibre; their images lie side by
             side, so a frame has K times the pixels.
-        source: repository of another fibre (a :class:`scenes.source.Source` or its arguments).
+        source: repository of another fibre, arguments of :class:`scenes.source.Source`.
         file: array [P, 110, inputs] of its matrices in that repository.
         step: press depth between one matrix and the next, from 0 on (m).
 
     Attributes:
-        labels, classes, shape, samples, values, origin: see :class:`scenes.frames.Scene`; shape is
-            (side, 2·side·K), both polarisations side by side. ``samples["depth"]`` is Δx in m.
+        shape: (side, 2·side·K), both polarisations side by side.
+        samples: ``depth`` is Δx in m; for others see :class:`scenes.frames.Scene`.
         source, sha256: where the matrices come from, and the digest of their files.
 
     Raises:
@@ -97,29 +95,28 @@ class FibreScene:
         seed: int = 0,
         sampling_seed: int = 0,
         n_fields: int = 1,
-        source: Source | Mapping[str, Any] | None = None,
+        source: Mapping[str, Any] | None = None,
         file: str | None = None,
         step: float | None = None,
     ) -> None:
         require_integer("scene.samples_per_class", samples_per_class, 1)
-        require_integer("scene.n_fields", n_fields, 1, 64)
-        for name, value in (("seed", seed), ("sampling_seed", sampling_seed)):
-            require_integer(f"scene.{name}", value, 0)
-        for name, number in (("perturbation", perturbation), ("photons", photons)):
-            require_number(f"scene.{name}", number, 0)
+        require_integer("scene.n_fields", n_fields, 1)
+        require_number("scene.perturbation", perturbation, 0)
+        require_number("scene.photons", photons, 0)
         require_number("scene.saturation", saturation, 0, strict=True)
-
         data = _locate(path)
         self._modes = _array(data / "modes_out_after_correction.npy", (None, None))
         self._grid = math.isqrt(self._modes.shape[1])
-        require_integer("scene.side", side, self._grid, 4096)
+        require_integer("scene.side", side, self._grid)
         self.source = PRESSED
         if source is None:
             depths, self._matrices = _pressed(data, 2 * len(self._modes))
             files = [file.name for file in data.glob("TM_modes_*.npz")]
             self.sha256 = PRESSED.check(data, [*files, "modes_out_after_correction.npy"])
         else:
-            self.source = source if isinstance(source, Source) else Source(**source)
+            self.source = Source(**source)
+            if not file or not step:
+                raise ValueError("scene.file, scene.step: expected with scene.source, found none")
             depths, self._matrices = _stepped(self.source, file, step, 2 * len(self._modes))
             self.sha256 = self.source.check(self.source.folder(), [str(file)])
         self.classes, class_of = level_classes(
@@ -151,25 +148,15 @@ class FibreScene:
         self._full_scale = float(saturation) * self._mean
         self._interpolate = _dirichlet(side, self._grid) if side > self._grid else None
         edges, noise = tuple(np.asarray(depth_edges, float)), (self._perturbation, self._photons)
-        more = (n_fields,) if n_fields > 1 else ()
-        seeds = (seed, sampling_seed)
-        self._settings = (
-            *(edges, samples_per_class, *noise, float(saturation), side, *seeds, *more),
-        )
+        last = (seed, sampling_seed, n_fields) if n_fields > 1 else (seed, sampling_seed)
+        self._settings = edges, samples_per_class, *noise, float(saturation), side, *last
 
     def __len__(self) -> int:
         return len(self.labels)
 
     def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
-        """Frames uint8 [len(indices), side, 2·side·K].
-
-        Raises:
-            IndexError: an index is outside [0, N).
-        """
-        index = np.asarray(indices, dtype=np.int64).reshape(-1)
-        if len(index) and not 0 <= index.min() <= index.max() < len(self):
-            raise IndexError(f"indices: expected values in [0, {len(self)}), found {index}")
-        frames = [self._frame(i) for i in index.tolist()]
+        """Frames uint8 [len(indices), side, 2·side·K]; an IndexError for one outside [0, N)."""
+        frames = [self._frame(i) for i in row_numbers(indices, len(self)).tolist()]
         return torch.from_numpy(np.array(frames, np.uint8).reshape(-1, *self.shape))
 
     def fingerprint(self) -> str:
@@ -183,8 +170,8 @@ class FibreScene:
         return np.random.default_rng(np.random.SeedSequence([self._sampling_seed, i]))
 
     def _frame(self, i: int) -> np.ndarray:
-        # One sample at a time: in a batched product the last bit of the intensity would depend on
-        # the batch, and a photon count with it.
+        # In a batched product the last bit of the intensity, and so a photon count, would depend on
+        # the batch.
         rng = self._draw(i)
         rng.choice(1)  # the position, drawn in __init__
         matrix = self._matrices[self._position[i]]
@@ -208,7 +195,7 @@ class FibreScene:
 
 
 def _locate(path: str | Path | None) -> Path:
-    """Folder ``Data`` of a copy of :data:`PRESSED`."""
+    """Find folder ``Data`` of a copy of :data:`PRESSED`."""
     folder = Path(path or os.environ.get(DATA) or PRESSED.find() or BESIDE).expanduser() / "Data"
     if not folder.is_dir():
         raise FileNotFoundError(
@@ -225,21 +212,12 @@ def _pressed(data: Path, size: int) -> tuple[np.ndarray, np.ndarray]:
         round(float(file.stem.removeprefix("TM_modes_")) * 1e-3 - CONTACT, 9): file
         for file in data.glob("TM_modes_*.npz")
     }
-    if not files:
-        raise FileNotFoundError(f"{data}: expected files TM_modes_X.npz, found none")
     arrays = [_array(files[d], (size, size), "TM_corr_modes") for d in sorted(files)]
     return np.array(sorted(files)), np.stack(arrays)
 
 
-def _stepped(
-    source: Source, file: str | None, step: float | None, size: int
-) -> tuple[np.ndarray, np.ndarray]:
+def _stepped(source: Source, file: str, step: float, size: int) -> tuple[np.ndarray, np.ndarray]:
     """Press depths [P] (m) and matrices complex128 [P, size, inputs] of one array."""
-    if not file or not (is_number(step) and step > 0):
-        raise ValueError(
-            f"scene.file, scene.step: expected an array of matrices in scene.source "
-            f"and the depth in m between two of them, found {file!r}, {step!r}"
-        )
     matrices = _array(source.folder() / file, (None, size, None))
     return np.round(np.arange(len(matrices)) * step, 9), matrices
 
@@ -251,12 +229,10 @@ def _array(file: Path, shape: tuple[int | None, ...], key: str | None = None) ->
         array = np.asarray(loaded[key] if key else loaded)
     except (OSError, EOFError, IndexError, KeyError, ValueError, BadZipFile) as error:
         raise ValueError(f"{file}: expected a complex array {shape}, found: {error}") from error
-    fits = array.ndim == len(shape) and all(
-        n in (None, m) for n, m in zip(shape, array.shape, strict=True)
-    )
+    fits = array.ndim == len(shape) and all(map(lambda n, m: n in (None, m), shape, array.shape))
     if not fits or array.dtype.kind != "c" or not np.isfinite(array).all():
-        kind = f"{array.dtype} {array.shape}" + ", not all finite" * (array.dtype.kind == "c")
-        raise ValueError(f"{file}: expected a finite complex array {shape}, found {kind}")
+        found = f"{array.dtype} {array.shape}" + ", not all finite" * (array.dtype.kind == "c")
+        raise ValueError(f"{file}: expected a finite complex array {shape}, found {found}")
     return array.astype(np.complex128)
 
 
@@ -275,11 +251,8 @@ def _mean_intensity(
 
 
 def _dirichlet(side: int, grid: int) -> np.ndarray:
-    """Matrix [side, grid] of trigonometric interpolation, pixel centres spread over the same width.
-
-    It is the zero-padded FFT of an odd number of points, written as a sum over the frequencies k:
-    Σ_k exp(2πi·k·x/grid)/grid.
-    """
+    """Matrix [side, grid] of trigonometric interpolation, pixel centres spread over the same width:
+    Σ_k exp(2πi·k·x/grid)/grid over the frequencies k of an odd number of points."""
     x = (np.arange(side) + 0.5) * grid / side - 0.5
     k = np.arange(-(grid // 2), grid // 2 + 1)
     offsets = x[:, None, None] - np.arange(grid)[None, :, None]

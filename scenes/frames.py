@@ -32,7 +32,7 @@ class Scene(Protocol):
         origin: ``"simulated"``; ``"computed"`` from measured matrices; ``"measured"`` by a camera
             of others and public; or ``"recorded"`` by the user. Shown wherever results are.
 
-    Some scenes have more: ``values`` float64 [N, k], continuous quantities beside the label, with
+    Some have more: ``values`` float64 [N, k], continuous quantities beside the label, with
     ``value_names`` and ``units`` [k]; ``cacheable = False`` where a licence forbids to store frames
     elsewhere; ``unknown``, a scene of frames that belong to none of the classes and never train.
     """
@@ -54,14 +54,9 @@ class Scene(Protocol):
 
 @dataclass(frozen=True)
 class Frames:
-    """A scene in memory.
+    """A scene in memory, images uint8 or uint16 [N, H, W]; others as :class:`Scene` has them.
 
-    Args:
-        images: uint8 or uint16 tensor [N, H, W].
-        labels: int64 array [N] with values in [0, L).
-        classes: L names.
-        samples: arrays [N]; ``order`` is added when absent.
-        origin: see :class:`Scene`.
+    ``order`` is added to ``samples`` when absent.
     """
 
     images: Tensor
@@ -71,14 +66,8 @@ class Frames:
     origin: str = "recorded"
 
     def __post_init__(self) -> None:
-        n, kind = len(self.images), f"{self.images.dtype} {tuple(self.images.shape)}"
-        grey = self.images.ndim == 3 and self.images.dtype in (torch.uint8, torch.uint16)
-        require(grey, "images", kind, "uint8 or uint16 of shape [N, H, W]")
-        for name, values in {"labels": self.labels, **self.samples}.items():
-            require(len(values) == n, name, len(values), f"{n} values")
-        inside = n == 0 or 0 <= min(self.labels) <= max(self.labels) < len(self.classes)
-        require(inside, "labels", self.labels, f"values in [0, {len(self.classes)})")
-        object.__setattr__(self, "samples", {"order": np.arange(n), **self.samples})
+        order = np.arange(len(self.images))
+        object.__setattr__(self, "samples", {"order": order, **self.samples})
 
     def __len__(self) -> int:
         return len(self.images)
@@ -121,3 +110,11 @@ def level_classes(
     texts = [f"{edge * scale:g}" for edge in edges]
     names = [f"{low}–{high} {unit}" for low, high in pairwise(texts)]
     return (f"≤ {texts[0]} {unit}", *names), np.searchsorted(np.asarray(edges, float), values)
+
+
+def row_numbers(indices: Sequence[int] | np.ndarray | Tensor, n: int) -> np.ndarray:
+    """Indices as int64 [k]; an IndexError for one outside [0, n)."""
+    index = np.asarray(indices, dtype=np.int64).reshape(-1)
+    if len(index) and not 0 <= index.min() <= index.max() < n:
+        raise IndexError(f"indices: expected values in [0, {n}), found {index}")
+    return index

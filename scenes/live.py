@@ -3,7 +3,7 @@
 Press the silicone with mouse or finger, teach three touches, let 16 days pass, recalibrate. See
 :mod:`hdc.live` for the page. The sensor is that of the scenes ``touch`` and ``drift``; so that the
 page keeps up on two cores, its camera has 250 × 250 pixels and a pupil of half the width (a fourth
-of the paths) unless ``--full`` is given: the speckle grains keep their size in pixels.
+of the paths): the speckle grains keep their size in pixels.
 """
 
 from __future__ import annotations
@@ -31,13 +31,12 @@ SIXTEEN_DAYS = 0.55  # K, of configs/scene/drift.yaml
 class SimulatedSensor:
     """A :class:`hdc.live.Pressable` of the simulated sensor.
 
-    Each touch comes at another time of the day: its temperature is drawn from the room's
-    distribution (:class:`scenes.sensor.environment.Room`), and it misses place and depth as the
+    Each touch has a temperature drawn from that of the room, and misses place and depth as the
     robot of the scene ``touch`` does; the seed and the number of the touch determine both.
     Displacements of several touches add up, as in any linear elastic layer.
 
     Args:
-        side: pixels a side of the frame: 250, or 500 as in the scenes.
+        side: pixels a side of the frame.
         seed: of the sensor and of what is drawn.
     """
 
@@ -110,15 +109,12 @@ class SimulatedSensor:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m scenes.live", description=__doc__)
-    parser.add_argument("--full", action="store_true", help="500 × 500 pixels, as in the scenes")
     parser.add_argument("--seed", type=int, default=0, help="which sensor (default: 0)")
     parser.add_argument("--port", type=int, default=8080, help="default: 8080")
     parser.add_argument("--host", help="address to listen at (default: this computer alone)")
     given = parser.parse_args(arguments)
     torch.set_num_threads(1)  # the other core is the page's
-    if given.seed < 0:
-        parser.error(f"--seed: expected an integer from 0, found {given.seed}")
-    sensor = SimulatedSensor(500 if given.full else 250, given.seed)
+    sensor = SimulatedSensor(seed=given.seed)
     from hdc.live.page import serve
 
     try:

@@ -30,10 +30,11 @@ import torch
 from torch import Tensor
 
 from hdc import readers
-from scenes.frames import level_classes
+from scenes.frames import level_classes, row_numbers
 from scenes.source import Source
 from scenes.validate import require
 
+MEMORY_BYTES = 2**30  # decoded frames are kept up to this size
 CONFIGS = Path(__file__).resolve().parents[1] / "configs" / "scene"
 
 
@@ -41,7 +42,7 @@ class MeasuredScene:
     """Frames that a camera took, in folders of a public repository.
 
     Args:
-        source: the repository, a :class:`scenes.source.Source` or its arguments.
+        source: the repository, arguments of :class:`scenes.source.Source`.
         template, table, image_column, crop, subsample: see :func:`hdc.readers.open_recording`.
         folders: folders of the repository. Of two or more, each is a session.
         values: continuous quantities, a mapping each: ``name``, ``unit``, and a ``column`` of the
@@ -50,14 +51,11 @@ class MeasuredScene:
             of its classes.
         unknown: labels of frames that are no class.
         saturated: why accuracies on this recording rank nothing, or null.
-        memory_bytes: decoded frames are kept in memory up to this size.
 
     Attributes:
-        labels, classes, shape, samples, origin, values, value_names, units: see
-            :class:`scenes.frames.Scene`.
         unknown: the scene of the frames that are no class, or None. It has indices of its own, so
             no split can train on them.
-        sha256: digest of the files that are read.
+        sha256: digest of the files that are read; others: see :class:`scenes.frames.Scene`.
 
     Raises:
         FileNotFoundError: the repository is not there; the message says how to get it.
@@ -69,7 +67,7 @@ class MeasuredScene:
 
     def __init__(
         self,
-        source: Source | Mapping[str, Any],
+        source: Mapping[str, Any],
         template: str | None = None,
         table: str | None = None,
         image_column: str = "image",
@@ -80,10 +78,9 @@ class MeasuredScene:
         crop: Sequence[int] | None = None,
         subsample: int = 1,
         saturated: str | None = None,
-        memory_bytes: int = 2**30,
     ) -> None:
-        self.source = source if isinstance(source, Source) else Source(**source)
-        self.saturated, self._memory_bytes = saturated, memory_bytes
+        self.source = Source(**source)
+        self.saturated = saturated
         root = self.source.folder()
         columns = [value["column"] for value in values if "column" in value]
         try:
@@ -115,8 +112,7 @@ class MeasuredScene:
 
         names = np.array([name for part in self._parts if part.classes for name in part.names])
         classes = tuple(sorted(set(names.tolist()), key=readers.natural_key))
-        self.value_names = tuple(str(value["name"]) for value in values)
-        self.units = tuple(str(value["unit"]) for value in values)
+        self.value_names, self.units = (tuple(v[key] for v in values) for key in ("name", "unit"))
         self.values = np.full((len(self.samples["order"]), len(values)), np.nan)
         for k, value in enumerate(values):
             if "column" in value:
@@ -126,8 +122,6 @@ class MeasuredScene:
             for name, number in value.get("labels", {}).items():
                 self.values[names == name, k] = number
         if levels is not None:
-            expected = f"a value among {', '.join(self.value_names)}"
-            require(levels["value"] in self.value_names, "scene.levels", dict(levels), expected)
             k = self.value_names.index(levels["value"])
             classes, labels = level_classes(self.values[:, k], levels["edges"], self.units[k])
             top = f"a last edge of {self.values[:, k].max():g} or more"
@@ -135,13 +129,14 @@ class MeasuredScene:
             names = np.array(classes)[labels]
         require(len(classes) > 0, "scene.levels", levels, "edges of a value: no image has a label")
         apart = np.isin(names, list(unknown))
-        self.unknown = copy.copy(self) if apart.any() else None
-        if self.unknown is not None:
+        self.unknown: MeasuredScene | None = None
+        if apart.any():
+            self.unknown = copy.copy(self)
             self.unknown._keep(apart, names, classes)
         self._keep(~apart, names, classes)
 
     def _keep(self, chosen: np.ndarray, names: np.ndarray, classes: tuple[str, ...]) -> None:
-        """Keep some of the frames, whose classes have these names."""
+        """Keep some of the frames; names [N] of the classes of all."""
         self._rows = np.flatnonzero(chosen)
         self.classes = tuple(name for name in classes if name in names[chosen])
         self.labels = np.array([self.classes.index(name) for name in names[chosen]])
@@ -152,23 +147,16 @@ class MeasuredScene:
         return len(self.labels)
 
     def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
-        """Frames uint8 or uint16 [len(indices), H, W].
-
-        Raises:
-            IndexError: an index is outside [0, N).
-            BadFrame: a file is no whole image.
-        """
-        index = np.asarray(indices, dtype=np.int64).reshape(-1)
-        if len(index) and not 0 <= index.min() <= index.max() < len(self):
-            raise IndexError(f"indices: expected values in [0, {len(self)}), found {index}")
-        rows = self._rows[index].tolist()
+        """Frames uint8 or uint16 [len(indices), H, W]; an IndexError for one outside [0, N), a
+        BadFrame for a file that is no whole image."""
+        rows = self._rows[row_numbers(indices, len(self))].tolist()
         frames = {row: self._decoded[row] for row in rows if row in self._decoded}
         missing, first = [row for row in dict.fromkeys(rows) if row not in frames], 0
         for part in self._parts:
             inside = [row for row in missing if first <= row < first + len(part)]
             for row, frame in zip(inside, part.stream([r - first for r in inside]), strict=True):
                 frames[row] = frame
-                if (len(self._decoded) + 1) * frame.nbytes <= self._memory_bytes:
+                if (len(self._decoded) + 1) * frame.nbytes <= MEMORY_BYTES:
                     self._decoded[row] = frame
             first += len(part)
         if not rows:

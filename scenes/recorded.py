@@ -33,7 +33,7 @@ class RecordedScene:
         return torch.from_numpy(self.recording.frames(np.asarray(indices)))
 
     def fingerprint(self) -> str:
-        """SHA-256 over the recorded bytes, the pixels kept of them, labels, classes and order."""
+        """Digest of the recorded bytes, the pixels kept of them, labels, classes and order."""
         return self.recording.fingerprint()
 
 

@@ -22,20 +22,12 @@ class Halves:
 
     Args:
         scene: the recording; its ``samples["order"]`` is the time.
-        share: of the frames of each class that are session 0.
-
-    Attributes:
-        samples: those of the recording with ``session`` 0 or 1; others: see
-            :class:`scenes.frames.Scene`.
-
-    Raises:
-        ValueError: for a share outside (0, 1).
+        share: of the frames of each class that are session 0, in (0, 1).
     """
 
     cacheable = False
 
     def __init__(self, scene: Scene, share: float = 0.5):
-        require(0 < share < 1, "scene.share", share, "a number in (0, 1)")
         self._scene, self._share = scene, share
         self.classes, self.labels, self.shape = scene.classes, scene.labels, scene.shape
         self.origin = scene.origin
@@ -56,13 +48,10 @@ class Halves:
 
 
 class Joined:
-    """Scenes of as many classes and pixels, each a session; classes are matched by their order.
+    """Scenes of as many classes and pixels, each a session; the first is session 0.
 
     Args:
-        scenes: two or more scenes, or a mapping of them; the first is session 0.
-
-    Attributes:
-        classes: names of the first scene's; others: see :class:`scenes.frames.Scene`.
+        scenes: a mapping of two or more; classes are matched by order, and named as the first's.
 
     Raises:
         ValueError: if the scenes differ in the number of classes or the shape of frames.
@@ -70,19 +59,18 @@ class Joined:
 
     cacheable = False
 
-    def __init__(self, scenes: Sequence[Scene] | Mapping[str, Scene]):
-        scenes = list(scenes.values()) if isinstance(scenes, Mapping) else list(scenes)
-        first = scenes[0]
-        for other in scenes[1:]:
+    def __init__(self, scenes: Mapping[str, Scene]):
+        self._scenes = list(scenes.values())
+        first = self._scenes[0]
+        for other in self._scenes[1:]:
             alike = other.shape == first.shape and len(other.classes) == len(first.classes)
             wanted = f"{len(first.classes)} classes of frames {first.shape}"
             require(alike, "scene.scenes", (len(other.classes), other.shape), wanted)
-        self._scenes = scenes
         self.classes, self.shape, self.origin = first.classes, first.shape, first.origin
-        sizes = [len(scene.labels) for scene in scenes]
+        self.labels = np.concatenate([scene.labels for scene in self._scenes])
+        sizes = [len(scene.labels) for scene in self._scenes]
         self._starts = np.cumsum([0, *sizes])
-        self.labels = np.concatenate([scene.labels for scene in scenes])
-        order = [s.samples["order"] + a for s, a in zip(scenes, self._starts, strict=False)]
+        order = [s.samples["order"] + a for s, a in zip(self._scenes, self._starts, strict=False)]
         self.samples: Mapping[str, np.ndarray] = {
             "order": np.concatenate(order),
             "session": np.repeat(np.arange(len(sizes)), sizes),

@@ -26,8 +26,8 @@ class Source:
         cite: authors, title and place of what to cite.
         licence: as stated by the repository, or ``"none stated"``: then frames may be used to
             judge a model, and must not be passed on.
-        sha256: digest of the lines that ``sha256sum`` prints of the files that a scene reads, in
-            order of their names; null: not checked.
+        sha256: digest of what ``sha256sum`` prints of the files that a scene reads, in order of
+            their names; null: not checked.
     """
 
     repository: str

@@ -1,7 +1,7 @@
 """Training and test indices: pure functions of labels and seed, the same on every machine.
 
-Test indices are in increasing order. Training indices are in random order, so that a model that
-learns as it reads does not see one class after the other; a split by time keeps the order of time.
+Test indices increase. Training indices are in random order, so that a model that learns as it reads
+does not see one class after the other; a split by time keeps the order of time.
 """
 
 from __future__ import annotations
@@ -10,10 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenes.validate import is_integer, is_number, require, require_integer
+from scenes.validate import is_integer, require
 
-KINDS = ("random", "ordered")
-"""Kinds of split that every scene can have; ``"grouped"`` needs groups besides."""
+KINDS = ("random", "ordered")  # that every scene can have; "grouped" needs groups besides
 
 
 def split(
@@ -33,8 +32,8 @@ def split(
         test_fraction: share of the samples to test on, in (0, 1); 0.2 by default.
         n_test: their number instead. Rounding goes by largest remainder, ties to the lowest label.
         kind: ``"random"``; ``"ordered"``: the last samples in time of each class test; or
-            ``"grouped"``: no group has samples on both sides. Groups are visited in random order;
-            one tests if that brings the test samples of the classes nearer to their proportions.
+            ``"grouped"``: no group has samples on both sides. In random order, each group tests
+            that brings the classes of the test samples nearer to their proportions.
         seed: seed of the random choice, and of the order of the training indices.
         order: place in time of each sample [N], for ``"ordered"``.
         groups: group of each sample [N], numbers or strings, for ``"grouped"``.
@@ -47,12 +46,9 @@ def split(
     """
     classes, class_of, counts = _classes(labels)
     n = len(class_of)
-    kinds = (*KINDS, "grouped")
-    require(kind in kinds, "split.kind", kind, f"one of {', '.join(kinds)}")
     if n_test is None:
         fraction = 0.2 if test_fraction is None else test_fraction
-        inside = is_number(fraction) and 0 < fraction < 1
-        require(inside, "split.test_fraction", fraction, "a number in (0, 1)")
+        require(0 < fraction < 1, "split.test_fraction", fraction, "a number in (0, 1)")
         n_test = round(n * float(fraction))
     # In proportion to the counts: largest remainders, in exact integers.
     target, remainder = np.divmod(n_test * counts, n)
@@ -61,12 +57,13 @@ def split(
         expected = f"samples of class {name} on both sides of its {count}"
         require(0 < tested < count, "split", f"{tested} to test", expected)
 
-    rng = _generator(seed)
+    rng = np.random.default_rng(seed)
     if kind == "grouped":
         require(groups is not None, "split.groups", groups, "the group of each sample")
         test = _of_whole_groups(classes, class_of, target, np.asarray(groups), rng)
         train = rng.permutation(n)
         return train[~np.isin(train, test)], test
+    require(kind in KINDS, "split.kind", kind, f"one of {', '.join(KINDS)}, grouped")
     require(kind == "random" or order is not None, "split.order", order, "the place of each sample")
     rank = rng.permutation(n) if kind == "random" else np.asarray(order)
     members = _by_class(class_of, rank, len(classes))
@@ -83,10 +80,7 @@ def neighbours_leak(
     Neighbouring frames of one touch are nearly copies: near 1, a test measures memory. Independent
     samples of L classes come to 2/L or less.
 
-    Args:
-        labels: int64 [N].
-        order: place in time of each sample [N].
-        train, test: indices from :func:`split`.
+    Labels int64 [N], place in time of each sample [N], and indices from :func:`split`.
     """
     _, class_of, _ = _classes(labels)
     in_time = np.argsort(order, kind="stable")
@@ -115,13 +109,12 @@ def learning_curve_subsets(
     Returns:
         {n: indices [n]} in increasing n.
     """
-    train = np.asarray(train)
-    classes, class_of, _ = _classes(np.asarray(labels)[train])
+    classes, class_of, _ = _classes(labels[train])
     low, high = len(classes), len(train)
     for size in sizes:
         expected = f"integers from {low} (one sample a class) to {high} (all training samples)"
         require(is_integer(size) and low <= size <= high, "split.sizes", size, expected)
-    rank = _generator(seed).permutation(len(train))
+    rank = np.random.default_rng(seed).permutation(len(train))
     # The k-th sample of a class of n is due at the share (k + 1/2)/n of the whole; the first of
     # each class is due at once.
     due = np.empty(len(train))
@@ -189,8 +182,3 @@ def _by_class(class_of: np.ndarray, rank: np.ndarray, n_classes: int) -> list[np
     """Indices of each class, in increasing rank."""
     by_rank = np.argsort(rank, kind="stable")
     return [by_rank[class_of[by_rank] == c] for c in range(n_classes)]
-
-
-def _generator(seed: int) -> np.random.Generator:
-    require_integer("split.seed", seed, 0)
-    return np.random.default_rng(seed)

@@ -1,24 +1,12 @@
-"""From the phases of the paths to eight bits.
+"""From the phases of the paths to eight bits; docs/sensor.md has the equations.
 
 Each pixel of the pupil and each polarisation is one path. The lens turns the pupil's field into the
-speckle field, one Fourier transform a polarisation, and the sensor adds their intensities:
+speckle field, one Fourier transform a polarisation, and the sensor adds their intensities.
 
-    E_pol = F[A·e^{iφ}],   I = W·Σ_pol |E_pol|²,   A = 1 in a disc of ``pupil`` pixels.
-
-W is the illumination, a Gaussian that is off centre; it is the only thing that all frames share,
-and gives every pair of them the correlation C_W²/[C_W² + C²(1 + C_W²)], C_W = std W/mean W, C the
-speckle contrast 1/√polarisations.
-
-The camera counts n_e ~ Poisson(N_ph·I/⟨I⟩) electrons with a fixed exposure (⟨I⟩ is the sensor's
-constant, the number of paths, not the frame's mean), and shows
-grey = clip(round(G·n_e/N_ph + read·ξ), 0, 255).
-
-Noise in one draw. With a read noise of many electrons the sum of the Poisson number and the
-Gaussian has no visible steps and a skewness γ of at most 0.385/(read noise in electrons), and its
-distribution is that of one Gaussian variate z pushed through the first Cornish-Fisher term,
-grey = m + s·(z + γ·(z² − 1)/6): same mean, variance and skewness to that order; the distribution of
-grey levels is tested against the exact convolution. Below ``CONTINUOUS`` electrons of read noise
-the Poisson number is drawn exactly.
+With a read noise of many electrons the sum of the Poisson number and the Gaussian has no visible
+steps and a small skewness γ: it is drawn as one Gaussian variate z, pushed through the first
+Cornish-Fisher term, grey = m + s·(z + γ·(z² − 1)/6), which the tests compare with the exact
+convolution. Below ``CONTINUOUS`` electrons of read noise the Poisson number is drawn.
 """
 
 from __future__ import annotations
@@ -67,9 +55,10 @@ class Camera:
         require_integer(f"{KEY}.grid", self.grid, 1)
         for name, high in (("pupil", self.grid), ("crop", self.grid), ("polarisations", 2)):
             require_integer(f"{KEY}.{name}", getattr(self, name), 1, high)
-        require_number(f"{KEY}.unevenness", self.unevenness, 0, 0.6)
-        for name in ("photons", "grey", "read_noise"):
+        for name in ("unevenness", "read_noise"):
             require_number(f"{KEY}.{name}", getattr(self, name), 0)
+        for name in ("photons", "grey"):
+            require_number(f"{KEY}.{name}", getattr(self, name), 0, strict=True)
 
     @cached_property
     def disc(self) -> np.ndarray:
@@ -97,13 +86,9 @@ class Camera:
         w = np.exp(-square / (2 * brentq(contrast, 0.2, 50.0, xtol=1e-9) ** 2))
         return w / w.mean()
 
-    def on(self, device: torch.device) -> MountedCamera:
-        """The camera with its arrays on a device."""
-        return MountedCamera(self, device)
-
 
 class MountedCamera:
-    """Phases in, frames out."""
+    """Phases in, frames out: a camera with its arrays on a device."""
 
     def __init__(self, camera: Camera, device: torch.device) -> None:
         self.camera = camera
@@ -116,18 +101,15 @@ class MountedCamera:
 
     def intensity(self, phases: Tensor) -> Tensor:
         """I/⟨I⟩ float32 [n, crop, crop] from phases float64 [n, P] in rad."""
-        camera = self.camera
-        n = phases.shape[0]
+        camera, n, side = self.camera, len(phases), self.camera.pupil
         phases = phases.reshape(n * camera.polarisations, -1)
-        side = camera.pupil
         field = torch.zeros(len(phases), side * side, 2, dtype=torch.float32, device=phases.device)
         # In float64, as float32 resolves 0.01 rad at 1e5 rad; it takes no longer than reducing the
         # phases to one turn and going on in float32 (experiment=numerics).
         field[:, self._inside, 0] = phases.cos().to(torch.float32)
         field[:, self._inside, 1] = phases.sin().to(torch.float32)
         pupil = torch.view_as_complex(field).reshape(-1, side, side)
-        # Most of the grid is dark and its rim is cropped: transform only what is lit, keep only
-        # what is seen.
+        # Most of the grid is dark and its rim is cropped: transform only the lit part.
         rows = torch.fft.fft(pupil, n=camera.grid, dim=-1)[..., : camera.crop]
         field = torch.fft.fft(rows, n=camera.grid, dim=-2)[:, : camera.crop]
         power = field.real * field.real
@@ -139,26 +121,18 @@ class MountedCamera:
     def expose(self, intensity: Tensor, streams: Sequence[np.random.Generator]) -> Tensor:
         """uint8 [n, crop, crop], one random stream a frame."""
         camera = self.camera
-        if camera.photons == 0:
-            grey = torch.zeros_like(intensity)
-        elif camera.grey and camera.read_noise * camera.photons / camera.grey >= CONTINUOUS:
-            return self._expose_continuous(intensity, streams)
-        else:
-            mean = intensity.to("cpu", torch.float64).numpy() * camera.photons
-            counts = np.stack([s.poisson(m) for s, m in zip(streams, mean, strict=True)])
-            grey = torch.from_numpy(counts * (camera.grey / camera.photons)).to(intensity)
-        if camera.read_noise:
-            grey = grey + camera.read_noise * self._normal(intensity, streams)
-        return _quantise(grey)
-
-    def _expose_continuous(
-        self, intensity: Tensor, streams: Sequence[np.random.Generator]
-    ) -> Tensor:
-        per_electron = self.camera.grey / self.camera.photons
+        per_electron = camera.grey / camera.photons
+        if camera.read_noise / per_electron < CONTINUOUS:
+            electrons = intensity.to("cpu", torch.float64).numpy() * camera.photons
+            counts = np.stack([s.poisson(n) for s, n in zip(streams, electrons, strict=True)])
+            grey = torch.from_numpy(counts * per_electron).to(intensity)
+            if camera.read_noise:
+                grey = grey + camera.read_noise * self._normal(intensity, streams)
+            return _quantise(grey)
         z = self._normal(intensity, streams)
-        mean = intensity * self.camera.grey
+        mean = intensity * camera.grey
         shot = mean * per_electron  # variance of the shot noise in grey²
-        variance = shot + self.camera.read_noise**2
+        variance = shot + camera.read_noise**2
         # s·γ/6 = κ3/(6·s²), κ3 = shot·per_electron.
         bend = shot.mul_(per_electron / 6).div_(variance)
         mean += variance.sqrt_().mul_(z)

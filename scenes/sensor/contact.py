@@ -6,9 +6,8 @@ coordinates of the centre miss their target by σ_xy·N. The displacement is lin
 1.8 mm of a 5 mm layer that is an assumption.
 
 A robot repeats its position to a fraction of the contact radius a. Then L is expanded about the
-target to second order, once a class, and a touch costs six multiplications a path instead of V
-table look-ups. The neglected rest is about k0·n·q_s·δ·(3σ_xy/a)³/6; where it exceeds ``EXPANSION``
-rad (a finger), every touch looks up its own displacement.
+target to second order, once a class. The neglected rest is about k0·n·q_s·δ·(3σ_xy/a)³/6; where it
+exceeds ``EXPANSION`` rad (a finger), every touch looks up its own displacement.
 """
 
 from __future__ import annotations
@@ -66,10 +65,9 @@ class Press:
     position_spread: float = 0.0
 
     def __post_init__(self) -> None:
-        key = "scene.classes.*.position"
-        pair = isinstance(self.position, tuple | list) and len(self.position) == 2
-        require(pair, key, self.position, "two coordinates (x, y) in m")
-        object.__setattr__(self, "position", (float(self.position[0]), float(self.position[1])))
+        pair = tuple(map(float, self.position))
+        require(len(pair) == 2, "scene.classes.*.position", pair, "two coordinates (x, y) in m")
+        object.__setattr__(self, "position", pair)
         require_number("scene.contact.radius", self.radius, 0, strict=True)
         for name in ("depth", "depth_spread", "position_spread"):
             require_number(f"scene.contact.{name}", getattr(self, name), 0)
@@ -108,8 +106,7 @@ class ExactPress:
 class ExpandedPress:
     """L about the target: L + L_x·ξ + L_y·η + ½L_xx·ξ² + L_xy·ξη + ½L_yy·η², float32 [6, P].
 
-    The derivatives are central differences over the 3 × 3 points at ± two standard deviations, so
-    that the expansion interpolates where the touches are.
+    The derivatives are central differences over the 3 × 3 points at ± two standard deviations.
     """
 
     def __init__(self, press: Press, sensor: Sensor) -> None:

@@ -1,20 +1,9 @@
 """Displacement of an incompressible elastic layer, bonded to a rigid base, under a round contact.
 
-The layer fills 0 ≤ z ≤ h, is fixed at z = 0 and free at z = h. Under an axisymmetric pressure the
-displacement solves the Stokes equations; its Hankel transform is a combination of s·sinh s and
-sinh s − s·cosh s with s = kz (both vanish with their slope at the base), fixed by zero shear at the
-surface H = kh. With the Hertz pressure p0·√(1 − r²/a²) (Johnson, *Contact Mechanics*, 1985,
-Eq. 3.39; transform ∝ Φ(ka), Φ(x) = (sin x − x·cos x)/x³) it is
-
-    u_z(r, z) = −∫ J0(kr) Φ(ka) P(k, z) dk / w0,     P = w̄·U
-    u_r(r, z) = +∫ J1(kr) Φ(ka) Q(k, z) dk / w0,     Q = w̄·U′/k,     w0 = ∫ Φ(ka) P(k, h) dk
-
-where w̄ = (sinh 2H − 2H)/(cosh 2H + 1 + 2H²) is the surface compliance relative to a half-space and
-U, U(k, h) = 1, the profile in depth: u_z(0, h) = −1, in metres per metre of indentation. The shear
-modulus cancels. (The same derivation: Dhaliwal & Rau, Int. J. Eng. Sci. 8 (1970) 843.)
-
-Numerically, sinh 2H − 2H cancels for thin layers and cosh 2H overflows for thick ones. Neither
-appears here: the *products* P and Q have no sinh 2H − 2H, and what is integrated is their
+The layer fills 0 ≤ z ≤ h; u_z and u_r under a Hertz pressure (Johnson, *Contact Mechanics*, 1985,
+Eq. 3.39) are Hankel integrals of Φ(ka) and P, Q (docs/sensor.md; derived as by Dhaliwal & Rau, Int.
+J. Eng. Sci. 8 (1970) 843), in metres per metre of indentation. Their sinh 2H − 2H cancels for thin
+layers and cosh 2H overflows for thick ones. Neither appears here: what is integrated is the
 difference to the half-space, P∞ = (1 + kd)·e^{−kd}, Q∞ = kd·e^{−kd}, d = h − z, whose terms are all
 of order e^{−2kz} and smaller and are formed without cancellation. The half-space is a closed form.
 """
@@ -50,13 +39,11 @@ def layer_response(k: Array, z: Array, thickness: float) -> tuple[Array, Array]:
     """(P, Q) at wavenumbers k [1/m] and heights z [m], broadcast; nothing overflows or cancels."""
     near, far = _excess(k, z, thickness)
     kd = k * (thickness - z)
+    p, q = near + (1 + kd) * np.exp(-kd), far + kd * np.exp(-kd)
     # P and Q are of order H³ and H² for a small H, what they are differences of is of order one.
-    p, q = _thin(np.minimum(k * thickness, 1), np.minimum(k * z, 1))
-    thin = k * thickness < 1
-    return (
-        np.where(thin, p, near + (1 + kd) * np.exp(-kd)),
-        np.where(thin, q, far + kd * np.exp(-kd)),
-    )
+    thin = _thin(np.minimum(k * thickness, 1), np.minimum(k * z, 1))
+    small = k * thickness < 1
+    return np.where(small, thin[0], p), np.where(small, thin[1], q)
 
 
 def _thin(big_h: Array, s: Array) -> tuple[Array, Array]:
@@ -82,7 +69,7 @@ def _excess(k: Array, z: Array, h: float) -> tuple[Array, Array]:
     Q = −e^{−kd}·R/D,  R = −kd(1 − e_s)(1 + e_H) − 2sH(e_s + e_H)
     D = 1 + e_H² + 2 e_H (1 + 2H²),  e_s = e^{−2s},  e_H = e^{−2H}
 
-    Half-space: M → −(1 + kd), R → −kd, D → 1; here (M + (1 + kd)D)/D and (R + kd·D)/D are formed.
+    In a half-space M is −(1 + kd), R is −kd and D is 1.
     """
     big_h, s, kd = k * h, k * z, k * (h - z)
     es, eh = np.exp(-2 * s), np.exp(-2 * big_h)
@@ -123,20 +110,16 @@ class RadialTable:
     """Cubic pieces of u_r/r [1/m] and u_z [1] in the stretched radius t = r/(r + c).
 
     ``coefficients`` [levels, intervals, 8]: four of u_r/r, four of u_z, lowest power first, in the
-    fraction of an interval. Beyond ``reach`` the displacement is taken as zero.
+    fraction of an interval of width ``step``. Beyond ``reach`` the displacement is taken as zero.
     """
 
-    coefficients: NDArray[np.float64]
+    coefficients: Array
     stretch: float
     reach: float
 
     @property
-    def intervals(self) -> int:
-        return self.coefficients.shape[1]
-
-    @property
     def step(self) -> float:
-        return self.reach / (self.reach + self.stretch) / self.intervals
+        return self.reach / (self.reach + self.stretch) / self.coefficients.shape[1]
 
 
 @dataclass(frozen=True)
@@ -145,10 +128,10 @@ class Layer:
 
     Args:
         thickness: h in m (assumed: the published text gives no dimension).
-        levels: number of heights inside the layer at which scattering happens. They are the nodes
-            of the Gauss-Legendre rule on (0, h), drawn with its weights, so that the mean over
-            paths of any polynomial in z up to degree 2·levels − 1 is that of heights distributed
-            uniformly. Every table is then a function of r alone.
+        levels: number of heights inside the layer at which scattering happens, so that every table
+            is a function of r alone. They are the nodes of the Gauss-Legendre rule on (0, h), drawn
+            with its weights: the mean over paths of a polynomial in z up to degree 2·levels − 1 is
+            that of uniform heights.
     """
 
     thickness: float = 5e-3
@@ -171,9 +154,15 @@ class Layer:
 
     def displacement(self, r: Array, z: Array, radius: float) -> tuple[Array, Array]:
         """(u_r, u_z) [len(r), len(z)] per metre of indentation by a contact of this radius."""
-        r, z = np.atleast_1d(r).astype(np.float64), np.atleast_1d(z).astype(np.float64)
-        u_r_over_r, u_z = _displacement(r, z, radius, self.thickness)
+        r, z = np.atleast_1d(r, z)
+        u_r_over_r, u_z = self._displacement(r, z, radius)
         return u_r_over_r * r[:, None], u_z
+
+    def _displacement(self, r: Array, z: Array, radius: float) -> tuple[Array, Array]:
+        """(u_r/r [1/m], u_z [1]) with u_z(0, h) = −1."""
+        u_r_over_r, sunk = _unscaled(r, z, radius, self.thickness)
+        w0 = self.compliance(radius)
+        return u_r_over_r / w0, -sunk / w0
 
     def table(self, radius: float, intervals: int = 400, extent: float = 0.12) -> RadialTable:
         """Tabulated displacement at the levels; ``extent`` is the largest radius asked for."""
@@ -182,7 +171,8 @@ class Layer:
 
     def compliance(self, radius: float) -> float:
         """w0 in 1/m: the dimensionless surface compliance ∫ Φ(ka) P(k, h) dk of a Hertz contact."""
-        return _compliance(radius, self.thickness)
+        surface = np.array([self.thickness])
+        return float(_unscaled(np.zeros(1), surface, radius, self.thickness)[1][0, 0])
 
 
 @lru_cache(maxsize=32)
@@ -191,24 +181,12 @@ def _table(layer: Layer, radius: float, intervals: int, reach: float) -> RadialT
     t = np.linspace(0, reach / (reach + stretch), intervals + 1)
     r = stretch * t / (1 - t)
     pieces = []
-    for values in _displacement(r, layer.heights, radius, layer.thickness):
+    for values in layer._displacement(r, layer.heights, radius):
         # Both are even in r, so their slope at the axis is zero.
         flat = (1, np.zeros(values.shape[1]))
         spline = CubicSpline(t, values, axis=0, bc_type=(flat, "not-a-knot"))
         pieces += [spline.c[3 - p] * (t[1] - t[0]) ** p for p in range(4)]
     return RadialTable(np.stack(pieces, axis=-1).swapaxes(0, 1).copy(), stretch, reach)
-
-
-@lru_cache(maxsize=64)
-def _compliance(radius: float, h: float) -> float:
-    return float(_unscaled(np.zeros(1), np.array([h]), radius, h)[1][0, 0])
-
-
-def _displacement(r: Array, z: Array, radius: float, h: float) -> tuple[Array, Array]:
-    """(u_r/r [1/m], u_z [1]) with u_z(0, h) = −1."""
-    u_r_over_r, sunk = _unscaled(r, z, radius, h)
-    w0 = _compliance(radius, h)
-    return u_r_over_r / w0, -sunk / w0
 
 
 def _unscaled(r: Array, z: Array, radius: float, h: float) -> tuple[Array, Array]:

@@ -1,16 +1,9 @@
-"""Temperature, and what it does to the phase of a path.
+"""Temperature, and what it does to the phase of a path; docs/sensor.md has the equations.
 
-Room: a thermostat keeps the temperature within bounds, so a slow Gaussian process is squashed into
-a uniform distribution of half-width ``slow``; a fast small part rides on it. With X, Y stationary
-Ornstein-Uhlenbeck processes of unit variance (correlation e^{−Δm/τ} between samples Δm apart),
-
-    T_m = T0 + slow·(2Φ(X_m) − 1) + fast·Y_m,     Φ the normal distribution function.
-
-Thermal: path p changes its phase by S_p·T, S_p = scale·g·exp(spread·g′), g, g′ standard normal,
-heavy-tailed as path lengths in a scattering medium are. ``scale`` is k0·β·L, β the thermo-optic
-coefficient plus expansion (dn/dT ≈ −5e-4 /K for PDMS), L a typical length. The correlation of the
-field before and after a step of T is then E cos(S·T), and that of the intensity its square (the
-Siegert relation); for ``spread`` = 0 it is e^{−(scale·T)²/2}.
+A thermostat keeps the room within bounds, so a slow Gaussian process is squashed into a uniform
+distribution; a fast small part rides on it. The sensitivity of a path is heavy-tailed, as path
+lengths in a scattering medium are. The correlation of the field before and after a step of T is
+E cos(S·T), and that of the intensity its square (the Siegert relation).
 """
 
 from __future__ import annotations
@@ -31,7 +24,8 @@ class Thermal:
     """Distribution of S over paths.
 
     Args:
-        scale: k0·β·L in rad/K (fitted: same-class correlation, accuracy at few samples).
+        scale: k0·β·L in rad/K, β the thermo-optic coefficient plus expansion (dn/dT ≈ −5e-4 /K for
+            PDMS), L a typical length (fitted: same-class correlation, accuracy at few samples).
         spread: σ of the logarithm (fitted with it; the median of ``|S|`` is then 68 rad/K).
         limit: rad/K above which the lognormal tail is unphysical: metres of path. Those paths get a
             magnitude uniform between 0.3·limit and limit; one common value would keep them
@@ -43,8 +37,8 @@ class Thermal:
     limit: float = 1000.0
 
     def __post_init__(self) -> None:
-        require_number("scene.sensor.thermal.scale", self.scale, 0)
-        require_number("scene.sensor.thermal.spread", self.spread, 0)
+        for name in ("scale", "spread"):
+            require_number(f"scene.sensor.thermal.{name}", getattr(self, name), 0)
         require_number("scene.sensor.thermal.limit", self.limit, 0, strict=True)
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
@@ -74,12 +68,10 @@ class Room:
     fast_time: float = 3.0
 
     def __post_init__(self) -> None:
-        key = "scene.sessions"
-        require_number(f"{key}.offset", self.offset, -np.inf)
-        for name in ("slow", "fast"):
-            require_number(f"{key}.{name}", getattr(self, name), 0)
-        for name in ("slow_time", "fast_time"):
-            require_number(f"{key}.{name}", getattr(self, name), 0, strict=True)
+        require_number("scene.sessions.offset", self.offset, -np.inf)
+        for name in ("slow", "fast", "slow_time", "fast_time"):
+            number, strict = getattr(self, name), name.endswith("time")
+            require_number(f"scene.sessions.{name}", number, 0, strict=strict)
 
     def temperatures(self, count: int, rng: np.random.Generator) -> Array:
         """T [count] in K at consecutive samples; the first m do not depend on ``count``."""

@@ -2,13 +2,9 @@
 
 A path runs from the fibre to the camera in straight legs between V scattering vertices. If vertex v
 moves by u_v, the path of direction ŝ_in before it and ŝ_out after it becomes longer by
-(ŝ_in − ŝ_out)·u_v, to first order in u over the length of a leg, so that its phase changes by
-
-    Δφ_p = k0·n·q_s·Σ_v (ŝ_in − ŝ_out)_pv · u(r_pv),     k0 = 2π/λ.
-
-The factor q_s < 1 stands for forward scattering, which bends light by less than the polyline does.
-Sampling paths instead of solving for the field: Bar et al., ACM Trans. Graph. 38 (2019) 37; the
-sum of many random phasors: Goodman, *Speckle Phenomena in Optics* (2007), ch. 2.
+(ŝ_in − ŝ_out)·u_v, to first order in u; the phase grows by k0·n·q_s times that. The factor q_s < 1
+stands for forward scattering, which bends light by less than the polyline does. Sampling paths
+instead of solving for the field: Bar et al., ACM Trans. Graph. 38 (2019) 37.
 """
 
 from __future__ import annotations
@@ -29,8 +25,6 @@ KEY = "scene.sensor.paths"
 @dataclass(frozen=True)
 class Paths:
     """Where light goes. Coordinates: x away from fibre and camera, y along them, z up.
-
-    The defaults are the one calibrated sensor; how each was set is beside it.
 
     Args:
         wavelength: λ in m, of a red laser diode (assumed).
@@ -62,7 +56,7 @@ class Paths:
             require_number(f"{KEY}.{name}", getattr(self, name), 0, strict=True)
         require_integer(f"{KEY}.vertices", self.vertices, 1)
         require_number(f"{KEY}.forward", self.forward, 0)
-        require_number(f"{KEY}.surface", self.surface, 0, 1)
+        require(0 <= self.surface <= 1, f"{KEY}.surface", self.surface, "a share in [0, 1]")
         for name in ("fibre", "camera"):
             position = tuple(getattr(self, name))
             object.__setattr__(self, name, position)
@@ -100,19 +94,21 @@ class Paths:
             return np.stack([x[vertex], y[vertex], layer.heights[level[vertex]]], axis=-1)
 
         # Leg by leg, so that little more than the result is in memory.
+        start, end = (
+            np.array([*place, layer.thickness / 2]) for place in (self.fibre, self.camera)
+        )
         bend = np.empty((3, v, p), dtype=np.float32)
-        here, before = point(0), _direction(np.array([*self.fibre, layer.thickness / 2]), point(0))
+        here, before = point(0), _direction(start, point(0))
         for vertex in range(v):
-            end = np.array([*self.camera, layer.thickness / 2])
             following = point(vertex + 1) if vertex + 1 < v else np.broadcast_to(end, (p, 3))
             after = _direction(here, following)
             bend[:, vertex] = (before - after).T
             here, before = following, after
 
-        def tensor(array: np.ndarray, dtype: torch.dtype = torch.float32) -> Tensor:
-            return torch.from_numpy(np.ascontiguousarray(array)).to(device, dtype)
+        def tensor(array: np.ndarray) -> Tensor:
+            return torch.from_numpy(array).to(device, torch.float32)
 
-        return PathSet(tensor(x), tensor(y), tensor(level, torch.int64), tensor(bend))
+        return PathSet(tensor(x), tensor(y), tensor(bend), torch.from_numpy(level).to(device))
 
 
 def _direction(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
@@ -127,25 +123,23 @@ class PathSet:
 
     Attributes:
         x, y: float32 [V, P] in m.
-        level: int64 [V, P], index into ``Layer.heights``.
         bend: float32 [3, V, P], ŝ_in − ŝ_out.
+        level: int64 [V, P], index into ``Layer.heights``.
     """
 
     x: Tensor
     y: Tensor
-    level: Tensor
     bend: Tensor
+    level: Tensor
 
     def __len__(self) -> int:
         return self.x.shape[1]
 
     def lengthening(self, table: Table, centre: tuple[float, float]) -> Tensor:
-        """Σ_v (ŝ_in − ŝ_out)·u [P] per metre of indentation at ``centre`` (x, y) in m.
-
-        In the precision of the table. Vertex by vertex, so that the temporaries stay in the cache.
-        """
+        """Σ_v (ŝ_in − ŝ_out)·u [P] per metre of indentation at ``centre`` (x, y) in m, in the
+        precision of the table."""
         total = torch.zeros(len(self), dtype=table.rows.dtype, device=self.x.device)
-        for v in range(self.x.shape[0]):
+        for v in range(self.x.shape[0]):  # one by one: the temporaries stay in the cache
             dx = (self.x[v] - centre[0]).to(total.dtype)
             dy = (self.y[v] - centre[1]).to(total.dtype)
             outward, down = table.look_up((dx * dx + dy * dy).sqrt_(), self.level[v])
@@ -164,7 +158,7 @@ class Table:
 
     def look_up(self, r: Tensor, level: Tensor) -> tuple[Tensor, Tensor]:
         """(u_r/r, u_z) at radii r [P] in m and levels int64 [P]; zero beyond the table's reach."""
-        n = self._table.intervals
+        n = self._table.coefficients.shape[1]
         position = r / (r + self._table.stretch)
         position *= 1 / self._table.step
         interval = position.to(torch.int64).clamp_(max=n - 1)

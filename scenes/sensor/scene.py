@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from scenes.frames import row_numbers
 from scenes.sensor.contact import BoundContact, Press, Touch
 from scenes.sensor.environment import Room
 from scenes.sensor.seeds import stream
@@ -29,7 +30,7 @@ class SpeckleScene:
         classes: class name → what differs between classes (``position`` at least), or ``None`` for
             a class in which nobody touches.
         contact: called with a class's mapping to make its contact (a ``_partial_`` in the
-            configuration); may be ``None`` if nobody touches.
+            configuration).
         samples_per_class: in every session.
         sessions: one ``Room`` each, in order of time.
         seed: seed of everything that differs between samples.
@@ -53,12 +54,17 @@ class SpeckleScene:
         require(len(classes) > 0, "scene.classes", classes, "at least one class")
         require(len(sessions) > 0, "scene.sessions", sessions, "at least one session")
         self.sensor, self.sessions, self.seed = sensor, tuple(sessions), seed
-        self.classes = tuple(str(name) for name in classes)
-        self.contacts = [
-            _contact(str(name), contact, difference, sensor) for name, difference in classes.items()
-        ]
         require_integer("scene.samples_per_class", samples_per_class, 1)
+        self.classes = tuple(map(str, classes))
         self._counts = [samples_per_class] * len(self.classes)
+        self.contacts: list[Press | None] = []
+        for name, difference in classes.items():
+            made = None
+            if difference is not None:
+                require(contact is not None, "scene.contact", contact, f"one for class {name!r}")
+                made = contact(**difference)  # type: ignore[misc]
+                sensor.paths.require_inside(f"scene.classes.{name}.position", made.position)
+            self.contacts.append(made)
         self.shape = (sensor.camera.crop, sensor.camera.crop)
         self.labels, self.samples = self._plan()
         self._bound: dict[int, BoundContact] = {}
@@ -68,11 +74,7 @@ class SpeckleScene:
 
     def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
         """uint8 [n, H, W] on the CPU; each sample is the same in any batch."""
-        wanted = np.atleast_1d(np.asarray(indices)).astype(np.int64)
-        outside = (wanted < -len(self)) | (wanted >= len(self))
-        if outside.any():
-            raise IndexError(f"sample {wanted[outside][0]} of a scene of {len(self)} samples")
-        wanted %= len(self)
+        wanted = row_numbers(indices, len(self))
         frames = torch.empty((len(wanted), *self.shape), dtype=torch.uint8)
         batch = CPU_BATCH if self.sensor.place.type == "cpu" else DEVICE_BATCH
         camera = self.sensor.mounted
@@ -113,8 +115,7 @@ class SpeckleScene:
     def _plan(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Labels in random order within each session, and what each sample will be."""
         per_session = int(sum(self._counts))
-        columns: dict[str, list[np.ndarray]] = {}
-        labels = []
+        sessions, labels = [], []
         for session, room in enumerate(self.sessions):
             ordered = np.repeat(np.arange(len(self.classes)), self._counts)
             label = stream(self.seed, "labels", session).permutation(ordered)
@@ -135,9 +136,8 @@ class SpeckleScene:
             # A contact that is not glued to the layer presses it and never pulls.
             np.maximum(sample["depth"], 0, out=sample["depth"])
             labels.append(label)
-            for name, values in sample.items():
-                columns.setdefault(name, []).append(values)
-        samples = {name: np.concatenate(parts) for name, parts in columns.items()}
+            sessions.append(sample)
+        samples = {name: np.concatenate([part[name] for part in sessions]) for name in sessions[0]}
         deepest = float(samples["depth"].max(initial=0.0))
         thickness = self.sensor.layer.thickness
         limit = f"less than the layer's thickness, {thickness:g} m, in every touch"
@@ -147,17 +147,3 @@ class SpeckleScene:
     def _stream(self, purpose: str, index: int) -> np.random.Generator:
         place = self.samples["session"][index], self.samples["order"][index]
         return stream(self.seed, purpose, *place)
-
-
-def _contact(
-    name: str,
-    contact: Callable[..., Press] | None,
-    difference: Mapping[str, Any] | None,
-    sensor: Sensor,
-) -> Press | None:
-    if difference is None:
-        return None
-    require(contact is not None, "scene.contact", contact, f"a contact for class {name!r}")
-    press = contact(**difference)  # type: ignore[misc]
-    sensor.paths.require_inside(f"scene.classes.{name}.position", press.position)
-    return press

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeVar
 
 import torch
 from torch import Tensor
@@ -15,9 +14,7 @@ from scenes.sensor.elastomer import Layer
 from scenes.sensor.environment import Thermal
 from scenes.sensor.paths import Paths, PathSet, Table
 from scenes.sensor.seeds import stream
-from scenes.validate import require, require_integer
-
-Part = TypeVar("Part")
+from scenes.validate import require_integer
 
 
 @dataclass(frozen=True)
@@ -42,8 +39,9 @@ class Sensor:
     def __post_init__(self) -> None:
         require_integer("seed.sensor", self.seed, 0)
         for kind in (Layer, Paths, Thermal, Camera):
-            name = kind.__name__.lower()
-            object.__setattr__(self, name, _part(f"scene.sensor.{name}", kind, getattr(self, name)))
+            part = getattr(self, name := kind.__name__.lower())
+            if isinstance(part, Mapping):
+                object.__setattr__(self, name, kind(**part))
 
     @cached_property
     def place(self) -> torch.device:
@@ -69,20 +67,9 @@ class Sensor:
 
     @cached_property
     def mounted(self) -> MountedCamera:
-        return self.camera.on(self.place)
+        return MountedCamera(self.camera, self.place)
 
     def table(self, radius: float, dtype: torch.dtype) -> Table:
         """Displacement under a contact of this radius, at the heights of the paths' vertices."""
         extent = self.paths.length + self.paths.width  # more than the sensor's diagonal
         return Table(self.layer.table(radius, extent=extent), dtype, self.place)
-
-
-def _part(key: str, kind: type[Part], value: Part | Mapping[str, Any]) -> Part:
-    if isinstance(value, kind):
-        return value
-    known = [f.name for f in fields(kind)]  # type: ignore[arg-type]
-    require(isinstance(value, Mapping), key, value, f"a mapping of some of {', '.join(known)}")
-    given: dict[str, Any] = dict(value)  # type: ignore[call-overload, arg-type]
-    for name in given:
-        require(name in known, f"{key}.{name}", name, f"one of {', '.join(known)}")
-    return kind(**given)

@@ -11,8 +11,8 @@ meets another patch, or always the same one. Relative to the smooth press, with 
 with P, Q, Φ, w0 of ``elastomer`` (an incompressible half-space sinks by F/(4πμr) under a point
 force, and Hertz relates F/μ to the depth δ). On a periodic grid this is one transform forward, and
 three inverse ones a height. A height d below the surface holds nothing finer than about d, so its
-grid may be coarser: cell ≤ d/5, which leaves a third of the work. Reading the fields at the
-vertices (bilinear) and projecting them on the paths is one fixed sparse matrix.
+cell is up to d/5. Reading the fields at the vertices (bilinear) and projecting them on the paths is
+one fixed sparse matrix.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from torch import Tensor
 from scenes.sensor.contact import BoundContact, Press, Touch
 from scenes.sensor.elastomer import hertz_transform, layer_response
 from scenes.sensor.sensor import Sensor
-from scenes.validate import require, require_integer, require_number
+from scenes.validate import require, require_number
 
 KEY = "scene.contact"
 
@@ -60,12 +60,10 @@ class TexturedPress(Press):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        spacing = 1.0 if self.spacing is None else self.spacing
-        require_number(f"{KEY}.spacing", spacing, 0, strict=True)
+        if self.spacing is not None:
+            require_number(f"{KEY}.spacing", self.spacing, 0, strict=True)
         require_number(f"{KEY}.variance", self.variance, 0)
         require_number(f"{KEY}.offset", self.offset, -self.depth)
-        require_number(f"{KEY}.cell", self.cell, 0, strict=True)
-        require_integer(f"{KEY}.side", self.side, 16)
         power = self.side & (self.side - 1) == 0 and 2.5 * self.radius <= self.side * self.cell
         require(power, f"{KEY}.side", self.side, "a power of two, 2.5 contact radii wide or more")
 
@@ -152,31 +150,22 @@ class Patch:
             whole = response.reshape(-1, side, side // 2 + 1)
             cropped = _coarsen(whole, n) / (side * cell / n) ** 2
             self._groups.append((n, torch.from_numpy(cropped.astype(np.complex64)).to(place)))
-            for at, level in enumerate(levels):
-                c, r, w = self._readings(level, n, position)
-                columns.append(c + offset + at * 3 * n * n)
-                rows.append(r)
-                weights.append(w)
-            offset += 3 * n * n * len(levels)
+            for level in levels:
+                column, row, weight = self._readings(level, n)
+                columns.append(column + offset)
+                rows.append(row)
+                weights.append(weight)
+                offset += 3 * n * n
         shape = (len(sensor.path_set), offset)
         coordinates = (np.concatenate(rows), np.concatenate(columns))
         read = sparse.csr_matrix((np.concatenate(weights), coordinates), shape=shape)
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Sparse CSR tensor support is in beta")
-            self._read = torch.sparse_csr_tensor(
-                torch.from_numpy(read.indptr),
-                torch.from_numpy(read.indices),
-                torch.from_numpy(read.data),
-                shape,
-                check_invariants=True,
-            ).to(place)
+        starts, indices, values = map(torch.from_numpy, (read.indptr, read.indices, read.data))
+        with warnings.catch_warnings(action="ignore"):  # support of sparse tensors is in beta
+            self._read = torch.sparse_csr_tensor(starts, indices, values, shape).to(place)
 
-    def _readings(
-        self, level: int, n: int, position: tuple[float, float]
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _readings(self, level: int, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(grid index, path, weight) of the vertices at one level inside the grid; 12 a vertex."""
-        paths = self._sensor.path_set
-        cell = self._half * 2 / n
+        paths, position, cell = self._sensor.path_set, self._position, self._half * 2 / n
         chosen = (paths.level == level).cpu().numpy()
         across = ((paths.x.cpu().numpy()[chosen] - position[0]) + self._half) / cell
         along = ((paths.y.cpu().numpy()[chosen] - position[1]) + self._half) / cell

@@ -127,7 +127,7 @@ def test_a_full_disk_is_one_line_and_finished_records_stay(results, scene, start
 
 
 def test_a_sweep_goes_on_after_a_run_that_diverges(results, scene, start):
-    process = start("-m", *scene, "model=softmax_raw", "model.lr=1e38,1e-4")
+    process = start("-m", *scene, "model=softmax", "model.pixels=raw", "model.lr=1e38,1e-4")
     process.join(60)
     assert process.exitcode == 0
     assert "(diverged)" in process.out.read_text()

@@ -53,15 +53,3 @@ def test_nothing_is_overwritten(tmp_path):
     with pytest.raises(FileExistsError, match="expected a new or an empty folder"):
         export(scene, tmp_path)
     assert (tmp_path / "mine.txt").read_text() == "precious"
-
-
-def test_a_class_name_stays_inside_the_folder(tmp_path):
-    scene = Frames(torch.zeros(2, 4, 4, dtype=torch.uint8), np.array([0, 1]), ("a", "../b"))
-    with pytest.raises(ValueError, match=r"scene.classes: .* found '\.\./b'"):
-        export(scene, tmp_path / "new")
-    assert not (tmp_path / "b").exists()
-
-
-def test_one_folder_has_to_be_named():
-    with pytest.raises(SystemExit, match="expected one folder, out=FOLDER"):
-        main(["scene=touch"])

@@ -1,4 +1,4 @@
-"""The pressed fibre: laws of the frames, on an excerpt of the matrices; reported figures, on all.
+"""The pressed fibre: laws of the frames, on an excerpt of the matrices.
 
 The excerpt (tests/data/mmf_disorder) has 15 of 55 modes on a grid of 21 × 21; the other repository
 of matrices is made up.
@@ -13,43 +13,12 @@ import pytest
 from scenes import fibre
 from scenes.fibre import FibreScene
 from scenes.frames import Scene
-from scenes.split import split
 
 EXCERPT = Path(__file__).parents[1] / "data" / "mmf_disorder"
 
 
 def excerpt(path=EXCERPT, **settings):
     return FibreScene(path, **{"side": 21, "samples_per_class": 8, **settings})
-
-
-@pytest.fixture(scope="module")
-def repository(shared_data) -> Path:
-    return shared_data / "mmf_disorder"
-
-
-def hdc_accuracy(scene: FibreScene, seed: int) -> float:
-    """Test accuracy of the paper's HDC: binarise at the median, majority, nearest by Hamming."""
-    pixels = scene.frames(np.arange(len(scene))).numpy().reshape(len(scene), -1)
-    ties = np.random.default_rng(0).random(pixels.shape[1])  # one fixed order of equal pixels
-    ranks = np.argsort(np.argsort(pixels + ties, axis=1), axis=1)
-    bits = ranks >= pixels.shape[1] // 2
-    train, test = split(scene.labels, n_test=100, seed=seed)
-    prototypes = np.stack(
-        [bits[train[scene.labels[train] == c]].mean(0) > 0.5 for c in range(len(scene.classes))]
-    )
-    distances = (bits[test][:, None] != prototypes).sum(-1)
-    return float((distances.argmin(1) == scene.labels[test]).mean())
-
-
-@pytest.mark.parametrize(("perturbation", "reported"), [(0.3, 0.79), (1, 0.49)])
-def test_accuracy_is_near_the_reported_one(repository, perturbation, reported):
-    # Mean of 3 input fields with 100 test samples each; a single field spreads by about 0.05, and
-    # the reported value is the mean of two of them.
-    scenes = (
-        FibreScene(repository, perturbation=perturbation, seed=k, sampling_seed=k) for k in range(3)
-    )
-    accuracies = [hdc_accuracy(scene, seed) for seed, scene in enumerate(scenes)]
-    assert np.mean(accuracies) == pytest.approx(reported, abs=0.1)
 
 
 def test_it_is_a_scene_as_described():
@@ -152,7 +121,7 @@ def test_matrices_of_another_fibre(tmp_path, monkeypatch):
     assert np.corrcoef(expected[frame < 255], frame[frame < 255])[0, 1] > 0.999
     with pytest.raises(ValueError, match=r"expected the 1 files of somebody/bent at abc"):
         excerpt(**{**settings, "source": {**source, "sha256": "0"}})
-    with pytest.raises(ValueError, match=r"scene.step: expected .* the depth in m .* None"):
+    with pytest.raises(ValueError, match=r"scene.file, scene.step: expected with scene.source"):
         excerpt(**{**settings, "step": None})
     monkeypatch.delenv("MEASURED_DATA")
     with pytest.raises(
@@ -163,10 +132,8 @@ def test_matrices_of_another_fibre(tmp_path, monkeypatch):
 
 def test_settings_out_of_range_are_named():
     for setting, message in [
-        ({"samples_per_class": 2.5}, "scene.samples_per_class: expected an integer ≥ 1, found 2.5"),
         ({"saturation": 0}, "scene.saturation: expected a finite number > 0"),
-        ({"side": 20}, r"scene.side: expected an integer in \[21, 4096\], found 20"),
-        ({"depth_edges": [0.0, 0.0]}, "scene.depth_edges: expected two or more increasing"),
+        ({"side": 20}, r"scene.side: expected an integer ≥ 21, found 20"),
         ({"depth_edges": [0.0, 1e-6]}, r"some of the 15 measured depths in class 0–1 µm"),
     ]:
         with pytest.raises(ValueError, match=message):
@@ -184,10 +151,6 @@ def test_a_missing_repository_is_named(tmp_path, monkeypatch):
     shutil.copytree(EXCERPT, tmp_path / "article_MMF_disorder")
     monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
     assert excerpt(path=None).fingerprint() == excerpt().fingerprint()
-    for file in (tmp_path / "article_MMF_disorder" / "Data").glob("TM_*"):
-        file.unlink()
-    with pytest.raises(FileNotFoundError, match=r"Data: expected files TM_modes_X.npz"):
-        FibreScene()
 
 
 def test_a_damaged_file_is_named_and_nothing_is_unpickled(tmp_path):
@@ -196,10 +159,8 @@ def test_a_damaged_file_is_named_and_nothing_is_unpickled(tmp_path):
     good = np.zeros((30, 30), complex)
     for content, message in [
         ({"TM_corr_modes": good[:, :3]}, r"complex array \(30, 30\), found complex128 \(30, 3\)"),
-        ({"TM_corr_modes": good.real}, "found float64"),
         ({"TM_corr_modes": np.full_like(good, np.nan)}, "not all finite"),
         ({"TM_corr_modes": np.array([print])}, "allow_pickle"),
-        ({"other": good}, "TM_corr_modes"),
     ]:
         np.savez(file, **content)
         with pytest.raises(ValueError, match=message):

@@ -14,7 +14,7 @@ CPU = torch.device("cpu")
 
 def intensities(camera, n, seed=0):
     phases = stream(seed, "test").uniform(0, 2 * np.pi, (n, camera.path_count))
-    return camera.on(CPU).intensity(torch.from_numpy(phases)).double().numpy()
+    return MountedCamera(camera, CPU).intensity(torch.from_numpy(phases)).double().numpy()
 
 
 @pytest.mark.parametrize("modes", [1, 2])
@@ -47,7 +47,7 @@ def test_pruned_transform_is_the_whole_one():
     field[:, :, :20, :20][..., camera.disc] = np.exp(1j * phases).reshape(3, 2, -1)
     power = (np.abs(np.fft.fft2(field)) ** 2).sum(1)[:, :50, :50]
     expected = power * camera.illumination / camera.path_count
-    found = camera.on(CPU).intensity(torch.from_numpy(phases)).numpy()
+    found = MountedCamera(camera, CPU).intensity(torch.from_numpy(phases)).numpy()
     assert np.allclose(found, expected, rtol=1e-4, atol=1e-5)
 
 
@@ -57,7 +57,7 @@ def test_siegert_and_the_closed_form_of_a_phase_step():
     rng = stream(2, "test")
     start = rng.uniform(0, 2 * np.pi, (20, camera.path_count))
     step = rng.standard_normal(start.shape)
-    mounted = camera.on(CPU)
+    mounted = MountedCamera(camera, CPU)
     before = mounted.intensity(torch.from_numpy(start)).numpy().ravel()
     thermal = Thermal().draw(start.size, rng).reshape(start.shape) * 0.02  # of 0.02 K
     steps = [(s * step, np.exp(-(s**2))) for s in (0.3, 0.8, 1.5)]
@@ -72,37 +72,6 @@ def test_floor_that_all_frames_share():
     floor = np.corrcoef(i)[np.triu_indices(12, 1)].mean()
     w, c = 0.275**2, 0.5
     assert floor == pytest.approx(w / (w + c * (1 + w)), abs=0.01)
-
-
-def test_bits_keep_their_share_of_a_small_correlation():
-    """Correlation of bits over that of gamma intensities of shape M = 2.
-
-    To first order in the correlation (Laguerre expansion of Kibble's bivariate gamma distribution)
-    it is 4·(m^M·e^{−m}/Γ(M))²/M, m the median: 0.48, 0.55, 0.59 for M = 1, 2, 4, and 2/π (the
-    arcsine law) for many.
-    """
-    camera = Camera(grid=256, crop=256, pupil=128, unevenness=0)
-    draws = (stream(4, "test", i) for i in (0, 1))
-    start, other = (rng.uniform(0, 2 * np.pi, (30, camera.path_count)) for rng in draws)
-    shared = stream(4, "test", 2).random(start.shape) < 0.3  # field 0.3, intensity 0.09
-    mounted = camera.on(CPU)
-    pair = [
-        mounted.intensity(torch.from_numpy(phases)).numpy().reshape(30, -1)
-        for phases in (start, np.where(shared, start, other))
-    ]
-    ones = [frames > np.median(frames, axis=1, keepdims=True) for frames in pair]
-    found = [np.corrcoef(a.ravel(), b.ravel())[0, 1] for a, b in (pair, ones)]
-    assert found[0] == pytest.approx(0.09, abs=0.005)
-    m = stats.gamma(2).median()
-    assert found[1] / found[0] == pytest.approx(2 * (m**2 * np.exp(-m)) ** 2, abs=0.03)
-
-
-def test_illumination_has_its_unevenness():
-    w = Camera().illumination
-    assert w.mean() == pytest.approx(1)
-    assert w.std() == pytest.approx(0.275, rel=1e-6)
-    y, x = np.unravel_index(w.argmax(), w.shape)
-    assert (x / 500, y / 500) == pytest.approx((0.6, 0.45), abs=0.01)
 
 
 def grey_distribution(camera, mean):
@@ -136,7 +105,9 @@ def test_noise_in_one_draw_has_the_exact_distribution(light):
 def test_few_photons_are_counted_one_by_one(photons, read):
     camera = Camera(grid=256, crop=256, pupil=4, photons=photons, read_noise=read)
     even = torch.full((4, 256, 256), 1.0)
-    grey = camera.on(CPU).expose(even, [stream(0, "test", i) for i in range(4)]).double()
+    grey = (
+        MountedCamera(camera, CPU).expose(even, [stream(0, "test", i) for i in range(4)]).double()
+    )
     if read == 0:
         assert set(np.unique(grey)) <= {0, 50, 100, 150, 200, 250, 255}
         assert (grey == 0).double().mean() == pytest.approx(np.exp(-1), abs=0.005)
@@ -146,31 +117,10 @@ def test_few_photons_are_counted_one_by_one(photons, read):
         assert grey.var() == pytest.approx(variance, rel=0.03)
 
 
-def test_photons_of_speckle_are_bunched():
-    """Mandel's formula: (1 + ⟨n⟩/M)^−M of the pixels are dark, 4/9 at one photon and M = 2."""
-    camera = Camera(grid=256, crop=256, pupil=80, unevenness=0, photons=1, grey=1, read_noise=0)
-    light = torch.from_numpy(intensities(camera, 20)).float()
-    counted = camera.on(CPU).expose(light, [stream(0, "test", i) for i in range(20)])
-    assert (counted == 0).double().mean() == pytest.approx(4 / 9, abs=0.01)
-
-
-def test_no_light_and_saturation():
-    dark = Camera(grid=64, crop=64, pupil=8, photons=0.0, read_noise=0.0)
-    assert (dark.on(CPU).expose(torch.ones(1, 64, 64), [stream(0, "t")]) == 0).all()
-    bright = Camera(grid=64, crop=64, pupil=8)
-    assert (bright.on(CPU).expose(torch.full((1, 64, 64), 50.0), [stream(0, "t")]) == 255).all()
-
-
-def test_one_path_and_one_pixel():
-    camera = Camera(grid=1, crop=1, pupil=1, polarisations=1, unevenness=0)
-    assert camera.path_count == 1
-    assert intensities(camera, 2) == pytest.approx(np.ones((2, 1, 1)))
-
-
 def test_bad_values_are_named():
     for name, value in [
         *(("pupil", 600), ("crop", 513), ("pupil", 0), ("photons", -1.0)),
-        *(("polarisations", 3), ("unevenness", 2.0)),
+        ("polarisations", 3),
     ]:
         with pytest.raises(ValueError, match=rf"scene.sensor.camera.{name}: .*, found {value}"):
             Camera(**{name: value})

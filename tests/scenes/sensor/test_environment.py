@@ -20,12 +20,6 @@ def test_fast_part_is_ornstein_uhlenbeck():
     assert t.std() == pytest.approx(0.03, rel=0.01)
 
 
-def test_offset_shifts_and_length_does_not_matter():
-    first = Room().temperatures(100, stream(3, "room"))
-    longer = Room(offset=0.55).temperatures(300, stream(3, "room"))
-    assert np.allclose(longer[:100], first + 0.55)
-
-
 def test_sensitivity_is_lognormal_in_the_bulk_and_bounded():
     s = Thermal().draw(200_000, stream(0, "thermal"))
     assert np.abs(s).max() <= 1000
@@ -33,10 +27,3 @@ def test_sensitivity_is_lognormal_in_the_bulk_and_bounded():
     assert np.median(np.abs(s)) == pytest.approx(68, rel=0.05)
     tail = np.abs(s)[np.abs(s) > 999]
     assert len(np.unique(tail)) == len(tail)  # no common value that would stay coherent
-
-
-def test_bad_values_are_named():
-    with pytest.raises(ValueError, match=r"scene\.sessions\.slow_time: expected .*, found 0"):
-        Room(slow_time=0)
-    with pytest.raises(ValueError, match=r"scene\.sensor\.thermal\.limit: expected .*, found 0"):
-        Thermal(limit=0)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from scenes.sensor.contact import ExactPress, ExpandedPress, Press, Touch, line
+from scenes.sensor.contact import ExactPress, ExpandedPress, Press, Touch
 from scenes.sensor.paths import Paths
 from scenes.sensor.sensor import Sensor
 
@@ -76,22 +76,6 @@ def test_expansion_about_the_target_is_exact_enough(small):
     assert (centred - exact).square().mean().sqrt() > 1  # the miss itself matters
 
 
-def test_what_the_expansion_neglects_grows_with_the_third_power_of_the_miss(small):
-    def error(spread):
-        press = Press((28e-3, 8e-3), 2.45e-3, 1.8e-3, 0.0, spread)
-        touch = Touch(1.8e-3, 28e-3 + 1.5 * spread, 8e-3 + spread)
-        difference = ExpandedPress(press, small)(touch) - ExactPress(press, small)(touch)
-        return difference.square().mean().sqrt().item()
-
-    assert error(0.04e-3) / error(0.02e-3) == pytest.approx(8, rel=0.1)
-
-
-def test_line_of_positions():
-    classes = line((12e-3, 0.0), (62e-3, 0.0), 51)
-    assert list(classes) == [str(i) for i in range(51)]
-    assert classes["7"]["position"] == pytest.approx((19e-3, 0.0))
-
-
 def test_bad_values_are_named():
     for part, values, message in [
         (Paths, {"vertices": 0}, r"scene.sensor.paths.vertices: expected .*, found 0"),
@@ -101,8 +85,6 @@ def test_bad_values_are_named():
         (Press, {"position": (0.01,), "radius": 1e-3, "depth": 1e-3}, r"two coordinates"),
         (Press, {"position": (0.01, 0.0), "radius": 0.0, "depth": 1e-3}, r"radius: .* found 0"),
         (Sensor, {"seed": -1}, r"seed.sensor: expected .*, found -1"),
-        (Sensor, {"paths": {"vertexes": 3}}, r"scene.sensor.paths.vertexes: .* one of"),
-        (Sensor, {"camera": 3}, r"scene.sensor.camera: expected a mapping of some .*, found 3"),
     ]:
         with pytest.raises(ValueError, match=message):
             part(**values)

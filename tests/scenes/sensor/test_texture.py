@@ -40,14 +40,6 @@ def test_every_touch_meets_another_patch_unless_told(small):
         assert same is not fresh
 
 
-def test_grains_carry_the_whole_force_inside_the_contact(small):
-    bound = face(spacing=0.2e-3, variance=1.0).bind(small)
-    x, y, force = bound.grains(touch(), stream(0, "g"))
-    assert force.sum() == pytest.approx(1)
-    assert np.hypot(x, y).max() <= A
-    assert len(x) == pytest.approx(np.pi * 25 / 0.04, rel=0.03)
-
-
 @pytest.fixture
 def near():
     """Every path scatters once, so that many lie within the grid."""
