@@ -33,10 +33,10 @@ class Start:
             uniform within ±1/√D; ``glorot``: Keras's default for ``Dense``, weights uniform within
             ±√(6/(D + L)); ``normal``: standard deviation ``std``. Intercepts start at zero except
             for ``linear``.
-        std: for ``normal``.
+        std: for ``normal``, above zero.
 
     Raises:
-        ValueError: for another rule, or a standard deviation that is not positive.
+        ValueError: for another rule.
     """
 
     rule: str
@@ -44,11 +44,8 @@ class Start:
 
     def __post_init__(self) -> None:
         if self.rule not in RULES:
-            raise ValueError(
-                f"task.starts: expected some of {', '.join(RULES)}, found {self.rule!r}"
-            )
-        if self.rule == "normal" and not 0 < self.std < math.inf:
-            raise ValueError(f"task.normal: expected numbers above zero, found {self.std!r}")
+            rules = ", ".join(RULES)
+            raise ValueError(f"task.starts: expected some of {rules}, found {self.rule!r}")
 
     @property
     def family(self) -> str:

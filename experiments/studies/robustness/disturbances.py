@@ -72,23 +72,21 @@ def flipped_bits_of_int8(
     x = q·s with q in −127…127 and a step s = max|x| / 127 for each tensor, which no flip reaches.
     A flipped bit of q is then worth 128 steps at most, where one of an exponent may be worth 2^128.
     """
-    tensors = [tensor.detach() for tensor in tensors]
-    steps = [t.abs().max() / 127 if t.is_floating_point() else None for t in tensors]
-    stored = [
-        t if s is None else torch.round(t / s.clamp(min=1e-30)).to(torch.int8)
-        for t, s in zip(tensors, steps, strict=True)
-    ]
-    exact = [t.clone() for t in tensors]
+    stored, rounded = [], []
+    for tensor in (given.detach() for given in tensors):
+        if tensor.is_floating_point():
+            step = tensor.abs().max() / 127
+            q = torch.round(tensor / step.clamp(min=1e-30)).to(torch.int8)
+            rounded.append((tensor, tensor.clone(), q, step))
+        stored.append(q if tensor.is_floating_point() else tensor)
     with flipped_bits(stored, rate, seed):
         try:
-            for tensor, step, q in zip(tensors, steps, stored, strict=True):
-                if step is not None:
-                    tensor.copy_(q * step)
+            for tensor, _, q, step in rounded:
+                tensor.copy_(q * step)
             yield
         finally:
-            for tensor, step, values in zip(tensors, steps, exact, strict=True):
-                if step is not None:
-                    tensor.copy_(values)
+            for tensor, exact, *_ in rounded:
+                tensor.copy_(exact)
 
 
 def _flip(memory: Sequence[np.ndarray], rate: float, seed: Sequence[int]) -> None:

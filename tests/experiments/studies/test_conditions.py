@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 
 import numpy as np
 import pytest
@@ -136,20 +135,6 @@ def test_a_row_a_start_and_draw(run, config):
     assert len(rows) == 1 + 7 * 2  # there is one start at zero
     assert {row["origin"] for row in rows} == {"simulated"}
     assert all(0 <= row["hdc"] <= 1 for row in rows)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"pixels": ["half"]}, "task.pixels: expected some of unit, raw"),
-        ({"methods": {"Newton": {}}}, "task.methods: expected some of GD, SGD, found 'Newton'"),
-        ({"starts": ["he"]}, "task.starts: expected some of zeros, linear"),
-        ({"normal": [0]}, "task.normal: expected numbers above zero, found 0"),
-    ],
-)
-def test_a_wrong_key_is_named(run, config, change, message):
-    with pytest.raises(ValueError, match=re.escape(message)):
-        list(measure.table1_conditions.rows(run, **config | change))
 
 
 def trial(test=0.9, train=0.9925, hdc=1.0, steps=100, method="GD", **more):
