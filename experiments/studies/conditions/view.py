@@ -200,8 +200,10 @@ def figure(figure: Figure, rows: pd.DataFrame, config: dict[str, Any]) -> None:
     mechanism.set(ylabel="test error (%)", ylim=(-2, 55))
     mechanism.set_xlabel("σ·|x⊥|: noise of a test logit that training never changes")
     panel(mechanism, "b", "Noise of the initial weights, and the test error")
-    for axes, least in ((reached, 1e-3), (mechanism, 1e-1)):
-        axes.set_xscale("symlog", linthresh=least)
+    reached.set_xscale("symlog", linthresh=1e-3)
+    reached.set_xlim(-2e-4, 0.13)
+    mechanism.set_xscale("log")
+    for axes in (reached, mechanism):
         axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     handles, labels = mechanism.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2)

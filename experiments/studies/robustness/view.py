@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -43,7 +44,9 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     keys = ["disturbance", "level", "model"]
     for key, same in rows.groupby(keys, sort=False):
         shares = (same.right / same.n_test).astype(float)
-        estimate = Estimate(shares.mean(), shares.min(), shares.max())
+        # The mean of equal shares may differ from them in the last digit.
+        mean = float(np.clip(shares.mean(), shares.min(), shares.max()))
+        estimate = Estimate(mean, shares.min(), shares.max())
         if key[0] not in FLIPS:
             estimate = mean_share(shares.groupby(same.seed).mean().tolist(), same.n_test.iloc[0])
         table.append({**dict(zip(keys, key, strict=True)), **estimate.columns("accuracy")})
