@@ -14,12 +14,12 @@ import importlib.util
 import itertools
 import math
 import time
+import timeit
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from experiments.protocol.clock import timed
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.studies.benchmark.cases import Case
 from experiments.studies.benchmark.routes import (
@@ -110,11 +110,6 @@ def check(route: Route, case: Case) -> Row:
 
 def sampler(call: Callable[[], Any]) -> Callable[[], float]:
     """A function that gives the seconds of a call, the mean over 20 ms of short ones."""
-    first = min(timed(call) for _ in range(3))
-    repeats = max(1, math.ceil(_SAMPLE_S / max(first, 1e-7)))
-
-    def repeated() -> None:
-        for _ in range(repeats):
-            call()
-
-    return lambda: timed(repeated) / repeats
+    timer = timeit.Timer(call)
+    repeats = max(1, math.ceil(_SAMPLE_S / max(min(timer.repeat(3, 1)), 1e-7)))
+    return lambda: timer.timeit(repeats) / repeats

@@ -40,4 +40,4 @@ def test_a_process_that_fails_says_why(monkeypatch):
     failed = subprocess.CompletedProcess([], 1, stdout="", stderr="no such scene\n")
     monkeypatch.setattr(measure.subprocess, "run", lambda *_, **__: failed)
     with pytest.raises(RuntimeError, match="footprint of nowhere, hdc: no such scene"):
-        measure.probed("nowhere", "hdc", 5)
+        next(measure.footprint.rows(Run(), scenes=["nowhere"], models=["hdc"], frames=5))
