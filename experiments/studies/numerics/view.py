@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator
 
 from experiments.reporting.plot import panel, plain_decades
 from experiments.reporting.study import Study
@@ -43,6 +44,8 @@ def error_against_time(figure: Figure, rows: pd.DataFrame, config: dict[str, Any
         axes.set(xlabel="CPU time (ms)", ylabel="error")
         axes.set_xlim(300 * part["time_s"].min(), 3000 * part["time_s"].max())
         axes.margins(y=0.15)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
+        axes.xaxis.set_minor_locator(NullLocator())
         plain_decades(axes)
         panel(axes, letter, name if name == "phases" else f"mean correlation, {name}")
         looks = [(n, COLOURS[n], "o") for n in part["number"].unique()]

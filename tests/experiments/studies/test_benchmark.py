@@ -7,7 +7,7 @@ from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.records.results import Results
 from experiments.studies.benchmark import measure as benchmark
-from experiments.studies.benchmark.cases import KINDS, SHUFFLED, SORTED, Case
+from experiments.studies.benchmark.cases import SHUFFLED, SORTED, Case
 from experiments.studies.benchmark.routes import (
     COPY,
     DECODED,
@@ -66,11 +66,6 @@ def test_the_reference_splits_ties_as_defined():
         assert set(pixels[tied]) == {np.sort(pixels)[500]}
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_of_frames_is_encoded(kind):
-    assert OURS in {route.name for route in compared(Case("encode", 12, 1000, 3, kind))}
-
-
 def rows_of(monkeypatch, *routes):
     """Rows of these routes and ours of encode."""
     case = Case("encode", 6, 640, 3)
@@ -98,21 +93,10 @@ def test_a_route_without_a_right_result_is_not_timed(monkeypatch):
 
 
 def test_a_ratio_is_the_median_over_turns(monkeypatch):
-    case = Case("encode", 6, 640, 3)
-    words = encode(case.pixels)
-    seconds = {"first": iter([1.0, 2.0, 3.0]), OURS: iter([0.5, 0.5, 3.0])}
-    samplers = {}
-
-    def sampler(call):
-        name = "first" if call is same else OURS
-        samplers[name] = call
-        return lambda: next(seconds[name])
-
-    def same():
-        return words
-
-    monkeypatch.setattr(benchmark, "sampler", sampler)
-    row = rows_of(monkeypatch, Route("first", "torch", same))["first"]
+    words = encode(Case("encode", 6, 640, 3).pixels)
+    times = [iter([0.5, 0.5, 3.0]), iter([1.0, 2.0, 3.0])]  # of ours, then of the other route
+    monkeypatch.setattr(benchmark, "sampler", lambda _: times.pop(0).__next__)
+    row = rows_of(monkeypatch, Route("same", "torch", lambda: words))["same"]
     assert (row["median_s"], row["min_s"], row["samples"]) == (2.0, 1.0, 3)
     assert row["ratio_to_ours"] == 2.0  # of 2, 4 and 1
 

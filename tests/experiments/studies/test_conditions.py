@@ -107,31 +107,17 @@ def test_trainings_side_by_side_are_read_as_if_each_were_alone(known):
     assert never["steps_end"] is never["test_end"] is None
 
 
-class OnFrames(Run):
-    """A run whose scenes are small frames."""
+def test_a_row_a_start_and_draw(frames_and_labels):
+    class OnFrames(Run):
+        def scene(self, config, seed):
+            images, labels = frames_and_labels()
+            return Frames(torch.from_numpy(images), labels, tuple("abcde"), origin="simulated")
 
-    def scene(self, config, seed):
-        return self.made
-
-
-@pytest.fixture
-def run(frames_and_labels):
-    images, labels = frames_and_labels()
-    run = OnFrames(force=True)
-    run.made = Frames(torch.from_numpy(images), labels, tuple("abcde"), origin="simulated")
-    return run
-
-
-@pytest.fixture
-def config():
     task = configs.task("table1_conditions")
     del task["_target_"]
     methods = {"GD": {"batch": None, "reports_per_epoch": 1, "steps": 30}}
-    return task | {"seeds": [1], "draws": 2, "methods": methods, "pixels": ["unit"]}
-
-
-def test_a_row_a_start_and_draw(run, config):
-    rows = list(measure.table1_conditions.rows(run, **config))
+    small = {"seeds": [1], "draws": 2, "methods": methods, "pixels": ["unit"]}
+    rows = list(measure.table1_conditions.rows(OnFrames(), **task | small))
     assert len(rows) == 1 + 7 * 2  # there is one start at zero
     assert {row["origin"] for row in rows} == {"simulated"}
     assert all(0 <= row["hdc"] <= 1 for row in rows)
