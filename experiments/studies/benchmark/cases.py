@@ -96,7 +96,9 @@ class Case:
         ``yes, ties aside``: other bits only where the median or the majority leaves them open.
         """
         if self.operation == "hamming":
-            return "yes" if np.array_equal(result, self._distances()) else "no"
+            q, p = (unpack_bits(x, self.d) for x in (self.words, self.prototypes))
+            distances = np.stack([(q != prototype).sum(1) for prototype in p], 1)
+            return "yes" if np.array_equal(result, distances) else "no"
         if self.operation == "predict":
             right = np.array_equal(result, np.arange(HELD_OUT) % self.l)
             return "same labels" if right else "no"
@@ -122,10 +124,6 @@ class Case:
             high[label] += passed | equal
         n = np.bincount(self.labels, minlength=self.l)[:, None]
         return pack_bits(2 * ones > n), pack_bits((2 * low <= n) & (2 * high >= n))
-
-    def _distances(self) -> np.ndarray:
-        queries, prototypes = (unpack_bits(x, self.d) for x in (self.words, self.prototypes))
-        return np.stack([(queries != prototype).sum(1) for prototype in prototypes], 1)
 
 
 def threshold(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

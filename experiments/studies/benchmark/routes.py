@@ -83,11 +83,9 @@ def hamming_routes(case: Case) -> Iterator[Route]:
         distances, order = index().search(q, len(p))
         return np.take_along_axis(distances, order.argsort(1), 1)
 
-    def numkong_distances() -> Any:
-        return load("numkong").cdist(q, p, metric="hamming", dtype="uint1")
-
     yield from ours(lambda backend: partial(bits.hamming, *pair, backend))
-    yield Route(NUMKONG, "numkong", numkong_distances)
+    metric = {"metric": "hamming", "dtype": "uint1"}
+    yield Route(NUMKONG, "numkong", lambda: load("numkong").cdist(q, p, **metric))
     yield Route("faiss.IndexBinaryFlat", "faiss", faiss_distances)
 
 
@@ -137,7 +135,7 @@ def predict_routes(case: Case) -> Iterator[Route]:
 
 def file_routes(case: Case) -> Iterator[Route]:
     """Images or a video to a saved model, as ``hdc train`` does it once it has started."""
-    folder = tempfile.TemporaryDirectory()  # deleted with the routes
+    cv2, folder = load("cv2"), tempfile.TemporaryDirectory()  # deleted with the routes
     recording = write_recording(case, Path(folder.name))
     model = Path(folder.name, "model.safetensors")
 
@@ -147,23 +145,20 @@ def file_routes(case: Case) -> Iterator[Route]:
             main(["train", str(recording), "-o", str(model)])
         return model
 
-    def decode(file: Path) -> bool:
-        cv2 = load("cv2")
-        data = np.frombuffer(file.read_bytes(), np.uint8)
-        return cv2.imdecode(data, cv2.IMREAD_UNCHANGED) is not None
+    def is_decoded(file: Path) -> bool:
+        return cv2.imread(str(file), cv2.IMREAD_UNCHANGED) is not None
 
-    def decode_folder() -> int:
-        with ThreadPoolExecutor(torch.get_num_threads()) as executor:
-            return sum(executor.map(decode, sorted(recording.rglob("*.png"))))
-
-    def decode_video() -> int:
-        cv2 = load("cv2")
-        threads = [cv2.CAP_PROP_N_THREADS, torch.get_num_threads()]
-        video = cv2.VideoCapture(str(recording), cv2.CAP_ANY, threads)
-        return sum(1 for _ in iter(lambda: video.read()[0], False))
+    def decode() -> int:
+        threads = torch.get_num_threads()
+        if case.operation == "video":
+            options = [cv2.CAP_PROP_N_THREADS, threads]
+            video = cv2.VideoCapture(str(recording), cv2.CAP_ANY, options)
+            return sum(1 for _ in iter(lambda: video.read()[0], False))
+        with ThreadPoolExecutor(threads) as executor:
+            return sum(executor.map(is_decoded, sorted(recording.rglob("*.png"))))
 
     yield Route(OURS, "cv2", train)
-    yield Route(DECODED, "cv2", decode_folder if case.operation == "folder" else decode_video)
+    yield Route(DECODED, "cv2", decode)
 
 
 OPERATIONS: Mapping[str, Callable[[Case], Iterator[Route]]] = {

@@ -128,17 +128,17 @@ def test_the_experiment_of_the_config(small_scene):
     assert len(rows) == (1 + 9 + 1) + (1 + 9 + 1 + 2)  # ridge in 8 bits too
 
 
-def row(seed, disturbance, level, right, n_test=10):
-    names = {"model": "softmax", "seed": seed, "disturbance": disturbance}
-    return names | {"level": level, "right": right, "n_test": n_test}
-
-
 def test_bounds_of_flips_are_the_worst_and_the_best_seed():
-    rows = [row(seed, "none", 0.0, 10 - seed) for seed in (0, 1)]
-    rows += [row(seed, "bit_flips", 1e-4, right) for seed, right in enumerate((9, 2))]
-    # The mean of these shares is less than each of them in the last digit.
-    rows += [row(seed, "bit_flips", 1e-3, 19, 25) for seed in range(20)]
-    means = view.accuracies(pd.DataFrame(rows)).set_index(["disturbance", "level"])
+    right = [("none", 0.0, [10, 9]), ("bit_flips", 1e-4, [9, 2])]
+    right += [("bit_flips", 1e-3, [6] * 20)]  # their mean is less than each in the last digit
+    rows = [
+        {"model": "softmax", "seed": seed, "disturbance": name, "level": level, "right": n}
+        for name, level, numbers in right
+        for seed, n in enumerate(numbers)
+    ]
+    means = view.accuracies(pd.DataFrame(rows).assign(n_test=10)).set_index(
+        ["disturbance", "level"]
+    )
     assert means.loc[("none", 0.0), "accuracy_low"] == mean_share([1, 0.9], 10).low
     flipped = means[["accuracy", "accuracy_low", "accuracy_high"]].loc["bit_flips"]
     assert flipped.loc[1e-4].tolist() == pytest.approx([0.55, 0.2, 0.9])
