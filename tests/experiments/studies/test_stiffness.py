@@ -29,21 +29,6 @@ def frames_of(n=20, classes=2, side=8):
     return torch.from_numpy(frames.astype(np.uint8)), labels
 
 
-@pytest.fixture(scope="module")
-def run():
-    class OnFrames(Run):
-        def scene(self, config, seed):
-            return Frames(*frames_of(60, 3), ("a", "b", "c"), origin="simulated")
-
-    return OnFrames()
-
-
-def config_of(name, **changes):
-    task = configs.task(name)
-    del task["_target_"]
-    return task | {"seed": 0} | changes
-
-
 @pytest.mark.parametrize("pixels", ["raw", "unit", "standard"])
 def test_the_kernel_is_that_of_the_scaled_frames(pixels):
     frames, labels = frames_of()
@@ -88,11 +73,15 @@ def test_verdicts(losses, rises, exceeds, ends_above):
     assert (row["rises"], row["exceeds"], row["ends_above"]) == (rises, exceeds, ends_above)
 
 
-def test_descent_from_the_optimum_loses_its_hold_at_two_over_lambda(
-    run, tmp_path, write_measurement
-):
-    config = config_of("stiffness", steps=60, epochs=3, exponents=[-2, -1, 0, 2], penalty=0.1)
-    rows = list(measure.stiffness.rows(run, **config))
+def test_descent_from_the_optimum_loses_its_hold_at_two_over_lambda(tmp_path, write_measurement):
+    class OnFrames(Run):
+        def scene(self, config, seed):
+            return Frames(*frames_of(60, 3), ("a", "b", "c"), origin="simulated")
+
+    config = configs.task("stiffness") | {"seed": 0, "steps": 60, "epochs": 3, "penalty": 0.1}
+    config |= {"exponents": [-2, -1, 0, 2]}
+    del config["_target_"]
+    rows = list(measure.stiffness.rows(OnFrames(), **config))
     write_measurement("stiffness", rows, config=config)
     (table,) = STUDY.tables_of(Results(tmp_path))
     assert len(table.data) == 9
