@@ -32,7 +32,6 @@ stability: $(VENV)  ## numbers at their limits, training as a stiff problem, wha
 	$(BIN)/python -m experiments.run experiment=stability
 	$(BIN)/python -m experiments.run experiment=numerics
 	$(BIN)/python -m experiments.run experiment=stiffness
-	$(BIN)/python -m experiments.run experiment=softmax_methods
 	$(BIN)/python -m experiments.run experiment=footprint
 	$(BIN)/python -m experiments.report
 

@@ -140,16 +140,10 @@ def libraries(model: Mapping[str, Any], threads: int) -> Iterator[list[dict[str,
 def peak_bytes() -> int:
     """The most memory this process has held so far.
 
-    On Linux it excludes the memory of the parent process, which ``getrusage`` includes, and starts
-    anew when a 5 is written to ``/proc/self/clear_refs``.
+    On Linux it excludes the memory of the parent process, which ``getrusage`` includes.
     """
     unit = 1 if sys.platform == "darwin" else 1024
     return _status("VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
-
-
-def resident_bytes() -> int | None:
-    """The memory that this process holds now; None where the system does not tell."""
-    return _status("VmRSS")
 
 
 def _status(key: str) -> int | None:

@@ -271,37 +271,6 @@ def line_plot(
     return handles
 
 
-def error_time_plot(
-    axes: Axes,
-    frame: pd.DataFrame,
-    time: str,
-    error: str,
-    by: str,
-    looks: Mapping[str, Mapping[str, Any]] | None = None,
-) -> list[Line2D]:
-    """Error against run time on logarithmic axes, a line a value of `by`; entries for a legend.
-
-    An error of zero is drawn at the lower edge.
-    """
-    positive = frame.loc[frame[error] > 0, error]
-    floor = float(positive.min()) / 3 if len(positive) else 1e-16
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    handles = []
-    cycle = zip("os^Dv<>PX*", ("-", "--", ":", "-.") * 3, strict=False)
-    colours = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-    for k, ((name, rows), (marker, line)) in enumerate(
-        zip(frame.groupby(by, sort=False), cycle, strict=False)
-    ):
-        default = {"color": colours[k % len(colours)], "marker": marker, "ls": line}
-        look = {**default, "label": literal(str(name)), **(looks or {}).get(str(name), {})}
-        rows = rows.sort_values(time)
-        axes.plot(rows[time], np.maximum(rows[error].to_numpy(float), floor), lw=0.9, **look)
-        handles.append(Line2D([], [], **look))
-    plain_decades(axes)
-    return handles
-
-
 def error_bars(
     axes: Axes,
     model: str,

@@ -8,32 +8,32 @@ turns. It measures the CPU.
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import functools
 import gc
 import importlib.util
 import itertools
 import math
 import time
-import warnings
+import timeit
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from experiments.protocol.clock import timed
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.protocol.machine import peak_bytes, resident_bytes
-from experiments.studies.benchmark import routes
 from experiments.studies.benchmark.cases import Case
-from experiments.studies.benchmark.routes import OPERATIONS, OURS, OURS_COMPILED, READ, Route
+from experiments.studies.benchmark.routes import (
+    DECODED,
+    OPERATIONS,
+    OURS,
+    OURS_COMPILED,
+    UNCHECKED,
+    Route,
+    common_form,
+)
 
 SIZE = ("operation", "n", "d", "l", "frames")
 _SAMPLE_S = 20e-3  # shorter calls are repeated, so that each finds its own data in the caches
-_START_PEAK_ANEW = Path("/proc/self/clear_refs")
 
 
 @experiment
@@ -42,11 +42,9 @@ def benchmark(
 ) -> Iterator[Row]:
     """One row: a route at one size.
 
-    ``operation``, ``frames`` (their kind), ``route``, ``package``; ``n`` frames (of ``hamming``,
+    ``operation``, ``frames`` (their kind), ``route``; ``n`` frames (of ``hamming``,
     queries), ``d``, ``l``; ``median_s`` and ``min_s`` of ``samples`` turns; ``ratio_to_ours``;
-    ``peak_bytes`` that a call takes beyond its inputs; ``equal_result``; ``status``.
-    Arguments: configs/experiment/benchmark.yaml; with ``peers: false`` a size is measured of ours
-    and of one read of the bytes alone.
+    ``equal_result``; ``status``. Arguments: configs/experiment/benchmark.yaml.
 
     Raises:
         RuntimeError: at the end, if a route failed or gave another result.
@@ -56,8 +54,7 @@ def benchmark(
         lists = [step.get(key, ["speckle"]) for key in SIZE]
         for size in itertools.product(*lists):
             key = dict(zip(SIZE, size, strict=True))
-            case, peers = Case(**key, seed=seed), step.get("peers", True)
-            compute = functools.partial(measure, case, budget_s, peers)
+            compute = functools.partial(measure, Case(**key, seed=seed), budget_s)
             for row in run.part(key, compute):
                 yield row
                 if row["status"].startswith(("wrong", "failed")):
@@ -66,26 +63,21 @@ def benchmark(
         raise RuntimeError(f"benchmark: expected right results, found {', '.join(wrong)}")
 
 
-def measure(case: Case, budget_s: float, peers: bool = True) -> list[Row]:
+def measure(case: Case, budget_s: float) -> list[Row]:
     """A row for each route of the case's operation."""
     rows: list[Row] = []
     samplers: dict[str, Callable[[], float]] = {}
     gc.collect()  # memory of the size before
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # constant frames carry no information
-        for route in OPERATIONS[case.operation](case):
-            if not peers and route.name not in (OURS, OURS_COMPILED, READ):
-                continue
-            row = {key: getattr(case, key) for key in SIZE}
-            row |= {"route": route.name, "package": package(route.module), **check(route, case)}
-            rows.append(row)
-            if row["status"] == "ok":
-                row["peak_bytes"] = call_bytes(route.call)
-                samplers[route.name] = sampler(route.call)
-        turns: list[dict[str, float]] = []
-        deadline = time.perf_counter() + budget_s * len(samplers)
-        while len(turns) < 3 or (len(turns) < 30 and time.perf_counter() < deadline):
-            turns.append({name: sample() for name, sample in samplers.items()})
+    for route in OPERATIONS[case.operation](case):
+        row = {key: getattr(case, key) for key in SIZE}
+        row |= {"route": route.name, **check(route, case)}
+        rows.append(row)
+        if row["status"] == "ok":
+            samplers[route.name] = sampler(route.call)
+    turns: list[dict[str, float]] = []
+    deadline = time.perf_counter() + budget_s * len(samplers)
+    while len(turns) < 3 or (len(turns) < 30 and time.perf_counter() < deadline):
+        turns.append({name: sample() for name, sample in samplers.items()})
     for row in rows:
         if row["route"] in samplers:
             seconds = np.array([turn[row["route"]] for turn in turns])
@@ -102,12 +94,12 @@ def check(route: Route, case: Case) -> Row:
     if importlib.util.find_spec(route.module) is None:
         return {"status": "not installed", "equal_result": ""}
     try:
-        if route.name in routes.LIMITS:
+        if route.name in UNCHECKED:
             result = route.call()
-            if route.name == routes.DECODED and result != case.n:
+            if route.name == DECODED and result != case.n:
                 raise ValueError(f"expected {case.n} frames, found {result}")
             return {"status": "ok", "equal_result": ""}
-        verdict = case.verdict(routes.common_form(case, route.call))
+        verdict = case.verdict(common_form(case, route.call))
     except Exception as error:
         message = " ".join(str(error).split())
         return {"status": f"failed: {type(error).__name__}: {message}"[:200], "equal_result": ""}
@@ -118,32 +110,6 @@ def check(route: Route, case: Case) -> Row:
 
 def sampler(call: Callable[[], Any]) -> Callable[[], float]:
     """A function that gives the seconds of a call, the mean over 20 ms of short ones."""
-    first = min(timed(call) for _ in range(3))
-    repeats = max(1, math.ceil(_SAMPLE_S / max(first, 1e-7)))
-
-    def repeated() -> None:
-        for _ in range(repeats):
-            call()
-
-    return lambda: timed(repeated) / repeats
-
-
-def call_bytes(call: Callable[[], Any]) -> int | None:
-    """Memory that a call takes beyond its inputs, its result included; None without /proc."""
-    if not _START_PEAK_ANEW.exists():
-        return None
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)  # so that the call cannot take freed memory unseen
-    _START_PEAK_ANEW.write_text("5")
-    before = resident_bytes() or 0
-    result = call()
-    taken = peak_bytes() - before
-    del result
-    return max(0, taken)
-
-
-@functools.cache
-def package(module: str) -> str:
-    """Name and version of the distribution that brings a module, if it is installed."""
-    names = metadata.packages_distributions().get(module, [])
-    return f"{names[0]} {metadata.version(names[0])}" if names else ""
+    timer = timeit.Timer(call)
+    repeats = max(1, math.ceil(_SAMPLE_S / max(min(timer.repeat(3, 1)), 1e-7)))
+    return lambda: timer.timeit(repeats) / repeats

@@ -8,7 +8,6 @@ networks are ordinary runs of ``model=softmax``, ``cnn1`` and ``cnn3``.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import torch
@@ -21,7 +20,6 @@ from experiments.studies.conditions import linear
 from experiments.studies.conditions.linear import Problem, Start
 from hdc import HDCClassifier
 
-METHODS = ("GD", "SGD")
 VALUES = ("train", "test", "projected")  # accuracies read at each level
 
 
@@ -47,23 +45,13 @@ def table1_conditions(
     start been projected on the span of the training frames), None if not reached; ``across`` of
     :class:`~experiments.studies.conditions.linear.Problem`; ``hdc``, test accuracy of HDC.
     Arguments: configs/experiment/table1_conditions.yaml.
-
-    Raises:
-        ValueError: naming the key that is wrong.
     """
-    for key, names, known in (("methods", methods, METHODS), ("pixels", pixels, linear.SCALINGS)):
-        if unknown := [name for name in names if name not in known]:
-            expected = ", ".join(known)
-            raise ValueError(f"task.{key}: expected some of {expected}, found {unknown[0]!r}")
     begun = [*(Start(rule) for rule in starts), *(Start("normal", float(std)) for std in normal)]
     # All starts at zero are one.
     trainings = [(s, k) for s in begun for k in range(1 if s.rule == "zeros" else draws)]
-
-    def sensor(seed: int) -> Iterator[Row]:
-        made = run.scene(scene, seed)
+    for seed, made in run.scenes(scene, seeds):
+        run.note(f"seed {seed}")
         frames = made.frames(range(len(made.labels)))
-        if frames.dtype != torch.uint8:
-            raise ValueError(f"scene: expected frames of 8 bits a pixel, found {frames.dtype}")
         train, test = data.choose(made, split, seed)
         hdc = HDCClassifier().fit(frames[train], made.labels[train])
         right = float((hdc.predict(frames[test]) == made.labels[test]).mean())
@@ -79,9 +67,6 @@ def table1_conditions(
                         "start": start.rule, "sigma": start.sigma(dimension, classes),
                         "draw": number, **reading, "across": problem.across, "hdc": right,
                     }  # fmt: skip
-
-    for seed in seeds:
-        yield from run.part({"seed": seed}, partial(sensor, seed))
 
 
 def train_all(

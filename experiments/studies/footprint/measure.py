@@ -22,26 +22,19 @@ def footprint(run: Run, scenes: Sequence[str], models: Sequence[str], frames: in
     ``first_prediction_s`` since the import of torch, which took ``torch_s`` of it; ``frame_s``;
     ``peak_bytes`` and ``torch_bytes``, the peak after that import; ``modules``; those ``loaded`` of
     the ones watched. Arguments: configs/experiment/footprint.yaml.
+
+    Raises:
+        RuntimeError: with the end of its complaint, if a process failed.
     """
+    environment = {**os.environ, "OMP_NUM_THREADS": str(torch.get_num_threads())}
     for scene in scenes:
         for model in models:
             run.note(f"{scene}, {model}")
-            yield {"scene": scene, "model": model, "n": frames, **probed(scene, model, frames)}
-
-
-def probed(scene: str, model: str, frames: int) -> Row:
-    """The answer of a probe.
-
-    Raises:
-        RuntimeError: with the end of its complaint, if it failed.
-    """
-    done = subprocess.run(
-        [sys.executable, "-m", probe.__name__, scene, model, str(frames)],
-        cwd=ROOT,
-        env={**os.environ, "OMP_NUM_THREADS": str(torch.get_num_threads())},
-        capture_output=True,
-        text=True,
-    )
-    if done.returncode:
-        raise RuntimeError(f"footprint of {scene}, {model}: {done.stderr.strip()[-500:]}")
-    return json.loads(done.stdout.splitlines()[-1])
+            command = [sys.executable, "-m", probe.__name__, scene, model, str(frames)]
+            done = subprocess.run(
+                command, cwd=ROOT, env=environment, capture_output=True, text=True
+            )
+            if done.returncode:
+                raise RuntimeError(f"footprint of {scene}, {model}: {done.stderr.strip()[-500:]}")
+            answer = json.loads(done.stdout.splitlines()[-1])
+            yield {"scene": scene, "model": model, "n": frames, **answer}

@@ -39,20 +39,16 @@ def error_against_time(figure: Figure, rows: pd.DataFrame, config: dict[str, Any
         markers = dict(zip(part["method"].unique(), "os^", strict=False))
         for row in part.to_dict("records"):
             look = {"marker": markers[row["method"]], "color": COLOURS[row["number"]]}
-            axes.plot(1e3 * row["time_s"], max(row["error"], FLOOR), **look)
-        axes.set(xscale="log", yscale="log", xlabel="CPU time (ms)", ylabel="error")
-        axes.set_xlim(300 * part["time_s"].min(), 3000 * part["time_s"].max())
-        axes.tick_params(axis="x", labelsize=6)
-        axes.margins(y=0.15)
+            axes.loglog(1e3 * row["time_s"], max(row["error"], FLOOR), **look)
         axes.axhline(part["tolerance"].iloc[0], color="0.5", lw=0.8, ls="--", zorder=0)
+        axes.set(xlabel="CPU time (ms)", ylabel="error")
+        axes.set_xlim(300 * part["time_s"].min(), 3000 * part["time_s"].max())
+        axes.margins(y=0.15)
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
         axes.xaxis.set_minor_locator(NullLocator())
         plain_decades(axes)
         panel(axes, letter, name if name == "phases" else f"mean correlation, {name}")
-        dots: dict[str, Any] = {"ls": "", "marker": "o"}
-        handles = [
-            Line2D([], [], color=COLOURS[n], label=n, **dots) for n in part["number"].unique()
-        ]
-        for method, marker in markers.items():
-            handles.append(Line2D([], [], **dots | {"marker": marker}, color="0.4", label=method))
+        looks = [(n, COLOURS[n], "o") for n in part["number"].unique()]
+        looks += [(method, "0.4", marker) for method, marker in markers.items()]
+        handles = [Line2D([], [], ls="", color=c, marker=m, label=n) for n, c, m in looks]
         axes.legend(handles=handles, loc="center left", bbox_to_anchor=(1, 0.5), handlelength=1)

@@ -14,7 +14,6 @@ _BLOCK = 2**18  # bytes of a tensor whose flips are drawn at a time
 
 def power(frames: np.ndarray, level: float, random: np.random.Generator) -> np.ndarray:
     """Laser power that differs from frame to frame [N, H, W]: factors uniform in 1 ± level."""
-    _check("power", level)
     brightest = np.iinfo(frames.dtype).max
     factors = random.uniform(1 - level, 1 + level, len(frames))
     pairs = zip(frames, factors, strict=True)
@@ -23,7 +22,6 @@ def power(frames: np.ndarray, level: float, random: np.random.Generator) -> np.n
 
 def dead_pixels(frames: np.ndarray, level: float, random: np.random.Generator) -> np.ndarray:
     """A fraction `level` of the pixels, the same ones in all frames [N, H, W], reads zero."""
-    _check("dead_pixels", level)
     result = frames.copy()
     flat = result.reshape(len(frames), -1)
     dead = random.choice(flat.shape[1], round(level * flat.shape[1]), replace=False, shuffle=False)
@@ -33,11 +31,7 @@ def dead_pixels(frames: np.ndarray, level: float, random: np.random.Generator) -
 
 def shift(frames: np.ndarray, level: int, random: np.random.Generator) -> np.ndarray:
     """The camera moved by `level` columns; what comes into sight repeats the column at the edge."""
-    width = frames.shape[2]
-    if level != int(level) or not 0 <= level < width:
-        raise ValueError(f"shift: expected whole pixels in [0, {width}), found {level}")
-    columns = np.maximum(np.arange(width) - int(level), 0)
-    return frames[:, :, columns]
+    return frames[:, :, np.maximum(np.arange(frames.shape[2]) - level, 0)]
 
 
 OF_FRAMES: dict[str, Callable[[np.ndarray, float, np.random.Generator], np.ndarray]] = {
@@ -54,7 +48,6 @@ def flipped_bits(tensors: Iterable[Tensor], rate: float, seed: Sequence[int]) ->
     The tensors are contiguous, on the CPU, of any type, and changed in place. The same seed flips
     the same bits, which undoes it.
     """
-    _check("bit_flips", rate)
     memory = [tensor.detach().view(-1).view(torch.uint8).numpy() for tensor in tensors]
     _flip(memory, rate, seed)
     try:
@@ -72,23 +65,21 @@ def flipped_bits_of_int8(
     x = q·s with q in −127…127 and a step s = max|x| / 127 for each tensor, which no flip reaches.
     A flipped bit of q is then worth 128 steps at most, where one of an exponent may be worth 2^128.
     """
-    tensors = [tensor.detach() for tensor in tensors]
-    steps = [t.abs().max() / 127 if t.is_floating_point() else None for t in tensors]
-    stored = [
-        t if s is None else torch.round(t / s.clamp(min=1e-30)).to(torch.int8)
-        for t, s in zip(tensors, steps, strict=True)
-    ]
-    exact = [t.clone() for t in tensors]
+    stored, rounded = [], []
+    for tensor in (given.detach() for given in tensors):
+        if tensor.is_floating_point():
+            step = tensor.abs().max() / 127
+            q = torch.round(tensor / step.clamp(min=1e-30)).to(torch.int8)
+            rounded.append((tensor, tensor.clone(), q, step))
+        stored.append(q if tensor.is_floating_point() else tensor)
     with flipped_bits(stored, rate, seed):
         try:
-            for tensor, step, q in zip(tensors, steps, stored, strict=True):
-                if step is not None:
-                    tensor.copy_(q * step)
+            for tensor, _, q, step in rounded:
+                tensor.copy_(q * step)
             yield
         finally:
-            for tensor, step, values in zip(tensors, steps, exact, strict=True):
-                if step is not None:
-                    tensor.copy_(values)
+            for tensor, exact, *_ in rounded:
+                tensor.copy_(exact)
 
 
 def _flip(memory: Sequence[np.ndarray], rate: float, seed: Sequence[int]) -> None:
@@ -100,8 +91,3 @@ def _flip(memory: Sequence[np.ndarray], rate: float, seed: Sequence[int]) -> Non
             count = random.binomial(len(flips), rate)
             flips[random.choice(len(flips), count, replace=False, shuffle=False)] = True
             block ^= np.packbits(flips)
-
-
-def _check(name: str, level: float) -> None:
-    if not 0 <= level <= 1:
-        raise ValueError(f"{name}: expected a level in [0, 1], found {level}")

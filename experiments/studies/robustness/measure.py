@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import torch
 from omegaconf import OmegaConf
-from torch import Tensor
 
 from experiments.protocol import data
 from experiments.protocol.clock import Clock
@@ -22,14 +21,8 @@ from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model
 from experiments.protocol.scenes import at_seed
 from experiments.protocol.trial import instantiate, stop_rule, train_until
-from experiments.studies.robustness.disturbances import (
-    OF_FRAMES,
-    flipped_bits,
-    flipped_bits_of_int8,
-)
+from experiments.studies.robustness import disturbances as faults
 from scenes.frames import Scene
-
-_FAILURES = (RuntimeError, ValueError, IndexError)  # of a model that was damaged
 
 
 @experiment
@@ -47,14 +40,9 @@ def robustness(
 ) -> Iterator[Row]:
     """One row: a trained model under one disturbance, ``right`` of ``n_test`` samples.
 
-    ``level`` is that of the ``disturbance``, a fraction or pixels.
+    ``level`` is that of the ``disturbance``, a fraction or pixels. Models are on the CPU.
     Arguments: configs/experiment/robustness.yaml.
-
-    Raises:
-        ValueError: naming the key, for another device or a model that does not tell what it stores.
     """
-    if run.device != "cpu":
-        raise ValueError(f"device: expected cpu, where bits can be flipped, found {run.device}")
     for seed, sensor in run.scenes(scene, seeds):
         train, test = data.choose(sensor, split, seed)
         for name, part in models.items():
@@ -62,11 +50,6 @@ def robustness(
             train_until(
                 model, stop_rule(OmegaConf.create(dict(stops.get(name, stop)))), sensor, train
             )
-            if model.state_tensors() is None:
-                raise ValueError(
-                    f"task.models.{name}: expected a model that tells what it stores, "
-                    f"found {type(model).__name__} with state_tensors() None"
-                )
             keep = (spared or {}).get(name, ())
             for row in rows_of(model, sensor, test, disturbances, bit_error_rates, keep, seed):
                 yield {"origin": sensor.origin, "model": name, "seed": seed, **row}
@@ -99,22 +82,18 @@ def rows_of(
     for place, (name, levels) in enumerate(disturbances.items()):
         for level in levels:
             random = np.random.default_rng([seed, place])
-            disturbed = torch.from_numpy(OF_FRAMES[name](frames.numpy(), level, random))
+            disturbed = torch.from_numpy(faults.OF_FRAMES[name](frames.numpy(), level, random))
             yield row(name, level, model.predict(disturbed))
     damaged = [tensor for name, tensor in state.items() if name not in spared]
-    kinds: list[tuple[str, Any, list[float]]] = [("bit_flips", flipped_bits, [])]
+    kinds: list[tuple[str, Any, list[float]]] = [("bit_flips", faults.flipped_bits, [])]
     if any(tensor.is_floating_point() for tensor in damaged):
-        kinds.append(("bit_flips_int8", flipped_bits_of_int8, [0.0]))  # rounding alone
+        kinds.append(("bit_flips_int8", faults.flipped_bits_of_int8, [0.0]))  # rounding alone
     for name, flipped, first in kinds:
         for rate in (*first, *bit_error_rates):
             # The same rate flips the same bits whatever other rates there are.
             with flipped(damaged, rate, (seed, round(1e9 * rate), 0)):
-                yield row(name, rate, _answers(model, frames))
-
-
-def _answers(model: Model, frames: Tensor) -> np.ndarray:
-    """Predicted labels; −1 for all where the damaged model cannot be asked."""
-    try:
-        return model.predict(frames)
-    except _FAILURES:
-        return np.full(len(frames), -1)
+                try:
+                    predicted = model.predict(frames)
+                except (RuntimeError, ValueError, IndexError):  # too damaged to be asked
+                    predicted = np.full(len(frames), -1)
+                yield row(name, rate, predicted)

@@ -12,9 +12,6 @@ import numpy as np
 
 from experiments.protocol.experiment import Row
 
-Error = Callable[[Any, Any], float]
-Prepare = Callable[..., tuple[Any, ...]]
-
 
 def largest(result: Any, exact: Any) -> float:
     """Largest distance from the exact result."""
@@ -36,7 +33,7 @@ class Case:
     """What is computed, and why it is hard.
 
     Attributes:
-        part: hypervectors, correlations, training or layer.
+        part: hypervectors, correlations or training.
         name: of the function that prepares it, in words.
         prepare: makes the input, and returns two functions without arguments, the obvious
             computation and ours, then the exact result, then a tolerance if it depends on the
@@ -50,12 +47,12 @@ class Case:
 
     part: str
     name: str
-    prepare: Prepare
+    prepare: Callable[..., tuple[Any, ...]]
     extreme: str
     naive: str
     ours: str
     unit: str
-    error: Error = largest
+    error: Callable[[Any, Any], float] = largest
     tolerance: float = 0.0
 
     def row(self, **arguments: Any) -> Row:
@@ -78,10 +75,9 @@ class Case:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
-                result = compute()
+                value = float(self.error(compute(), exact))
             except (ArithmeticError, RuntimeError, ValueError):
                 return None
-            value = float(self.error(result, exact))
         return value if math.isfinite(value) else None
 
 
@@ -91,10 +87,10 @@ CASES: list[Case] = []
 
 def case(
     part: str, extreme: str, naive: str, ours: str, unit: str, name: str = "", **rest: Any
-) -> Callable[[Prepare], Prepare]:
+) -> Any:
     """Register a function as a :class:`Case` with these attributes."""
 
-    def register(prepare: Prepare) -> Prepare:
+    def register(prepare: Any) -> Any:
         words = name or prepare.__name__.replace("_", " ")
         CASES.append(Case(part, words, prepare, extreme, naive, ours, unit, **rest))
         return prepare

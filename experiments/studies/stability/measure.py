@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.studies.stability.case import CASES
-from experiments.studies.stability.cases import correlations, hypervectors, layer, training  # noqa: F401  (their cases register themselves)
+from experiments.studies.stability.cases import correlations, hypervectors, training  # noqa: F401  (their cases register themselves)
 
-PARTS = ("hypervectors", "correlations", "training", "layer")
+PARTS = ("hypervectors", "correlations", "training")
 
 
 @experiment

@@ -26,11 +26,10 @@ def test_a_scene_has_what_it_needs_and_no_more(tmp_path, write_measurement):
 
 def test_a_scene_without_data_is_a_row_that_says_so(tmp_path, write_measurement):
     full = dict.fromkeys(("torch_s", "first_prediction_s", "frame_s"), 1.0)
-    full |= {"peak_bytes": 3 * 10**6, "torch_bytes": 10**6, "modules": 9, "loaded": ""}
-    names = {"scene": "fibre", "model": "hdc"}
-    write_measurement(
-        "footprint", [names | full | {"status": "ok"}, names | {"status": "skipped: no data"}]
-    )
+    full |= {"scene": "fibre", "model": "hdc", "modules": 9, "loaded": "", "status": "ok"}
+    full |= {"peak_bytes": 3 * 10**6, "torch_bytes": 10**6}
+    skipped = {"scene": "fibre", "model": "hdc", "status": "skipped: no data"}
+    write_measurement("footprint", [full, skipped])
     (table,) = STUDY.tables_of(Results(tmp_path))
     assert [cells[-1] for cells in table.cells()] == ["ok", "skipped: no data"]
     assert "2.00 MB" in table.cells()[0]
@@ -40,4 +39,4 @@ def test_a_process_that_fails_says_why(monkeypatch):
     failed = subprocess.CompletedProcess([], 1, stdout="", stderr="no such scene\n")
     monkeypatch.setattr(measure.subprocess, "run", lambda *_, **__: failed)
     with pytest.raises(RuntimeError, match="footprint of nowhere, hdc: no such scene"):
-        measure.probed("nowhere", "hdc", 5)
+        next(measure.footprint.rows(Run(), scenes=["nowhere"], models=["hdc"], frames=5))

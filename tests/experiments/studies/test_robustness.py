@@ -11,9 +11,8 @@ import torch
 from omegaconf import OmegaConf
 
 from experiments.protocol.experiment import Run
-from experiments.protocol.trial import instantiate, stop_rule, train_until
+from experiments.protocol.trial import instantiate
 from experiments.records import configs
-from experiments.records.files import ROOT
 from experiments.reporting.estimates import mean_share
 from experiments.studies.robustness import view
 from experiments.studies.robustness.disturbances import (
@@ -34,17 +33,9 @@ def random():
     return np.random.default_rng(0)
 
 
-@pytest.mark.parametrize("name", OF_FRAMES)
-def test_a_disturbance_of_level_zero_is_none_and_frames_given_stay(name):
-    given = FRAMES.copy()
-    assert (OF_FRAMES[name](given, 0, random()) == FRAMES).all()
-    assert (OF_FRAMES[name](given, 1, random()) != FRAMES).any()
-    assert (given == FRAMES).all()
-    with pytest.raises(ValueError, match=rf"{name}: expected .* found -1"):
-        OF_FRAMES[name](given, -1, random())
-
-
 def test_disturbances_of_frames():
+    given = FRAMES.copy()
+    assert all((disturb(given, 0, random()) == given).all() for disturb in OF_FRAMES.values())
     bright = power(np.full((500, 1, 1), 100, np.uint8), 0.2, random())
     assert (bright.min(), bright.max()) == (80, 120)
     assert power(np.full((50, 1, 1), 60000, np.uint16), 0.2, random()).max() == 65535
@@ -53,6 +44,7 @@ def test_disturbances_of_frames():
     moved = shift(FRAMES, 3, random())
     assert (moved[:, :, 3:] == FRAMES[:, :, :-3]).all()
     assert (moved[:, :, :3] == FRAMES[:, :, :1]).all()
+    assert (given == FRAMES).all()
 
 
 @pytest.fixture
@@ -109,16 +101,10 @@ def scene():
     return Frames(images, labels, tuple("abcde"), {}, "simulated")
 
 
-@pytest.mark.parametrize(
-    "name", ["hdc", "linear_bits_1bit", "softmax", "ridge", "nearest_neighbour", "cnn1_fast"]
-)
+@pytest.mark.parametrize("name", ["hdc", "linear_bits_1bit", "ridge", "nearest_neighbour"])
 def test_every_model_is_measured_and_left_as_it_was(name, scene):
-    part = OmegaConf.create(configs.of_model(name)["model"])
-    if name in ("softmax", "cnn1_fast"):
-        part.lr = 1e-2
-    model = instantiate(part, "model")
-    stop = stop_rule(OmegaConf.load(ROOT / "configs" / "stop" / "paper.yaml"))
-    train_until(model, stop, scene, np.arange(80))
+    model = instantiate(OmegaConf.create(configs.of_model(name)["model"]), "model")
+    model.fit(scene.images[:80], scene.labels[:80])
     test, levels = np.arange(80, 100), {"power": [0.2], "shift": [1]}
     rows = pd.DataFrame(rows_of(model, scene, test, levels, [1e-4, 0.5], ("labels",)))
     assert rows.disturbance[:3].tolist() == ["none", "power", "shift"]
@@ -126,7 +112,7 @@ def test_every_model_is_measured_and_left_as_it_was(name, scene):
     assert rows.right[0] > 18
     right = rows.groupby(["disturbance", "level"]).right.mean()
     assert right["bit_flips", 0.5] < right["none", 0]
-    if name in ("softmax", "ridge", "cnn1_fast"):
+    if name == "ridge":
         assert right["bit_flips_int8", 0.0] > 18
         assert right["bit_flips_int8", 1e-4] > 18
     assert (model.predict(scene.images[test]) == scene.labels[test]).sum() == rows.right[0]
@@ -140,23 +126,20 @@ def test_the_experiment_of_the_config(small_scene):
     models = {name: task["models"][name] for name in ("hdc", "ridge")}
     rows = list(robustness.rows(Run(), **{**task, **small, "models": models}))
     assert len(rows) == (1 + 9 + 1) + (1 + 9 + 1 + 2)  # ridge in 8 bits too
-    with pytest.raises(ValueError, match=r"device: expected cpu, .* found cuda"):
-        next(robustness.rows(Run(device="cuda"), **task))
 
 
-def test_flips_are_pooled_over_seeds_and_draws():
-    rows = pd.DataFrame([
-        {"origin": "simulated", "model": "softmax", "seed": seed, "disturbance": name,
-         "level": level, "draw": draw, "n_test": 10, "right": lost - seed, "n_classes": 5,
-         "model_bytes": 1000}
-        for seed in (0, 1)
-        for name, level, lossy in (("none", 0.0, (10,)), ("bit_flips", 1e-4, (9, 2)),
-                                   ("bit_flips", 1e-3, (9, 9)), ("bit_flips_int8", 0.1, (10,)))
-        for draw, lost in enumerate(lossy)
-    ])  # fmt: skip
-    means = view.accuracies(rows).set_index(["disturbance", "level"])
-    assert means.loc[("none", 0.0), "accuracy_low"] == mean_share([1, 0.9], 10).low
-    flipped = means.loc[("bit_flips", 1e-4)]
-    assert flipped[["accuracy", "accuracy_low", "accuracy_high"]].tolist() == pytest.approx(
-        [(0.9 + 0.2 + 0.8 + 0.1) / 4, 0.1, 0.9]
+def test_bounds_of_flips_are_the_worst_and_the_best_seed():
+    right = [("none", 0.0, [10, 9]), ("bit_flips", 1e-4, [9, 2])]
+    right += [("bit_flips", 1e-3, [6] * 20)]  # their mean is less than each in the last digit
+    rows = [
+        {"model": "softmax", "seed": seed, "disturbance": name, "level": level, "right": n}
+        for name, level, numbers in right
+        for seed, n in enumerate(numbers)
+    ]
+    means = view.accuracies(pd.DataFrame(rows).assign(n_test=10)).set_index(
+        ["disturbance", "level"]
     )
+    assert means.loc[("none", 0.0), "accuracy_low"] == mean_share([1, 0.9], 10).low
+    flipped = means[["accuracy", "accuracy_low", "accuracy_high"]].loc["bit_flips"]
+    assert flipped.loc[1e-4].tolist() == pytest.approx([0.55, 0.2, 0.9])
+    assert flipped.loc[1e-3].nunique() == 1

@@ -68,6 +68,26 @@ FRAMES: tuple[tuple[str, str, Callable[[int], np.ndarray], str], ...] = (
      lambda d: random().integers(1, 10, d) * 2.0**-149, "float32"),
     ("of signed zeros", "float32 zeros, half of them negative: equal, though their bits differ",
      lambda d: np.where(np.arange(d) % 2, -0.0, 0.0), "float32"),
+    ("of 4-bit pixels", "16 grey levels: a sixteenth of the pixels equals the median",
+     lambda d: random().integers(0, 16, d), "uint8"),
+    ("of 16-bit pixels", "uint16 over its whole range: torch has no median of that type",
+     lambda d: random().integers(0, 65_536, d), "uint16"),
+    ("of 64-bit pixels", "uint64 just below 2^64: as int64 negative, as float64 all equal",
+     lambda d: np.uint64(2**64 - 1) - random().integers(0, 100, d).astype(np.uint64), "uint64"),
+    ("of half-precision pixels", "float16 around 50,000: its numbers are 32 apart",
+     lambda d: random().normal(50_000, 1000, d), "float16"),
+    ("of coarse float pixels", "float32 with 8 bits of mantissa: half a percent apart",
+     lambda d: torch.from_numpy(random().gamma(2, 25, d)).bfloat16().float().numpy(), "float32"),
+    ("of one bright pixel", "all pixels but one are equal: the median is the minimum",
+     lambda d: np.arange(d) == d - 1, "uint8"),
+    ("of one dark pixel", "all pixels but one are equal: the median is the maximum",
+     lambda d: np.arange(d) > 0, "uint8"),
+    ("of huge and tiny pixels", "float64 of 10^-300 and 10^300: their ratio overflows",
+     lambda d: np.where(random().random(d) < 0.4, 1e300, 1e-300), "float64"),
+    ("of a staircase", "sorted pixels, 999 equal ones after another",
+     lambda d: np.arange(d) // 999, "int32"),
+    ("of three levels", "49 % of the pixels are 0, 2 % are 1: the median is a rare level",
+     lambda d: np.searchsorted([0.49, 0.51], random().random(d)), "uint8"),
 )  # fmt: skip
 
 
@@ -87,23 +107,6 @@ for _name, _extreme, _pixels, _dtype in FRAMES:
     )
 
 
-@hypervector_case(
-    "16-bit, half of the pixels above 32,767: a cast to int16 makes them negative",
-    "int16 pixels > their median", "hdc.encode", error=differing,
-)  # fmt: skip
-def sixteen_bit_pixels(d: int = D) -> Any:
-    grey = random().integers(0, 65_536, d)
-    # Of equal pixels the first in raster order are ones.
-    brightest = np.argsort(-grey, kind="stable")[: d // 2]
-    frame = torch.from_numpy(grey.astype(np.uint16))
-    signed = frame.view(torch.int16)
-    return (
-        lambda: signed > signed.median(),
-        lambda: bits.unpack(encode(frame[None])[0], d),
-        np.isin(np.arange(d), brightest),
-    )
-
-
 # Distances ----------------------------------------------------------------------------------------
 
 
@@ -120,26 +123,6 @@ def tail_bits() -> Any:
         lambda: [int(bits.count_ones(bits.majority(pair, "one")[None])) for pair in pairs],
         sizes,
     )
-
-
-@hypervector_case(
-    "D = 10^8 + 1: float32 has no integers above 2^24, and one bit lies in the tail",
-    "float32 product of ±1", "hdc.encode, hdc.bits.hamming",
-)  # fmt: skip
-def a_hundred_million_pixels(d: int = 10**8 + 1) -> Any:
-    ramp = np.resize(np.arange(251, dtype=np.uint8), d)
-    frames = torch.from_numpy(ramp)[None], torch.from_numpy(ramp[::-1].copy())[None]
-    ones = [bits.unpack(encode(frame)[0], d).numpy() for frame in frames]
-
-    def floats() -> float:
-        total = torch.zeros(())
-        for start in range(0, d, 2**24):  # ±1 for all pixels at once would take 800 MB
-            a, b = (torch.from_numpy(o[start : start + 2**24]).float() * 2 - 1 for o in ones)
-            total += a @ b
-        return (d - float(total)) / 2
-
-    exact = int(np.count_nonzero(ones[0] != ones[1]))
-    return floats, lambda: bits.hamming(encode(frames[0]), encode(frames[1])), exact
 
 
 @hypervector_case(
@@ -170,16 +153,6 @@ def hamming_ties(d: int = 1024) -> Any:
         lambda: model.predict(queries),
         1,
     )
-
-
-@hypervector_case(
-    "words whose bit 63 is set: numpy counts the bits of a signed integer's magnitude",
-    "numpy.bitwise_count of int64", "hdc.bits.popcount",
-)  # fmt: skip
-def negative_words() -> Any:
-    words = torch.tensor([-1, -2, -(2**63), 2**63 - 1, -(2**40)])
-    exact = [(w & (2**64 - 1)).bit_count() for w in words.tolist()]
-    return lambda: np.bitwise_count(words.numpy()), lambda: bits.popcount(words), exact
 
 
 # Majority and counters ----------------------------------------------------------------------------

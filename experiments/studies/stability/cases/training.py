@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import mpmath
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 
-from baselines.base import Classifier
 from baselines.correlation import CorrelationClassifier
 from baselines.dual import Products
 from baselines.integer import integer_product
 from baselines.nearest_neighbour import NearestNeighbour
-from baselines.pixels import fit_scaling
 from baselines.ridge import RidgeReadout
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
@@ -79,31 +75,6 @@ def gram_matrix_of_nearly_equal_frames(n: int = 6, d: int = 250_000) -> Any:
         return (gram - gram.mean(0) - gram.mean(1, keepdim=True) + gram.mean()) / scale
 
     return naive, lambda: Products(frames, rows, n).centred(rows, rows)[0] / scale, exact / scale
-
-
-@training_case(
-    "16-bit pixels: one always 65,535, which gives 0/0, one that is 1 less in 1 of 400",
-    "(x − mean) / std in float32", "pixels: standard", "deviations", tolerance=2e-5,
-)  # fmt: skip
-def standardised_pixels(n: int = 400) -> Any:
-    pixels = np.full((n, 1, 2), 65_535, np.uint16)
-    pixels[0, 0, 1] -= 1
-    frames = torch.from_numpy(pixels)
-    # The second pixel has mean 65,535 − 1/n and variance (n − 1)/n².
-    exact = np.zeros((n, 2), np.float32)
-    exact[:, 1] = 1 / math.sqrt(n - 1)
-    exact[0, 1] = -math.sqrt(n - 1)
-
-    def naive() -> Tensor:
-        x = frames.flatten(1).to(torch.float32)
-        return (x - x.mean(0)) / x.std(0, correction=0)
-
-    def ours() -> Tensor:
-        model: Classifier = SoftmaxRegression()
-        model.start(frames, np.arange(n) % 2)
-        return fit_scaling("standard", model, frames)(model.read(frames, slice(0, n))).flatten(1)
-
-    return naive, ours, exact
 
 
 # Softmax and ridge --------------------------------------------------------------------------------
@@ -176,34 +147,6 @@ def ridge_of_duplicated_samples(m: int = 50, alpha: float = 1e-10) -> Any:
 
     # Centred, the frames are ±d with d·d = 1: the scores are ±2m/(2m + α).
     return naive, ours, 2 * m / (2 * m + alpha)
-
-
-@training_case(
-    "1000 small steps in bfloat16: weights of 8 bits do not move below 2^-9 of themselves",
-    "the whole network in bfloat16", "SoftmaxRegression(dtype='bfloat16')", tolerance=2**-8,
-)  # fmt: skip
-def steps_in_bfloat16(steps: int = 1000, rate: float = 2e-3) -> Any:
-    frames, labels = halves()
-
-    def descend(dtype: torch.dtype) -> float:
-        x, targets = (frames.flatten(1) / 255).to(dtype), torch.from_numpy(labels)
-        weights = torch.zeros(2, x.shape[1], dtype=dtype, requires_grad=True)
-        optimizer = torch.optim.SGD([weights], rate)  # by symmetry the biases stay zero
-        for _ in range(steps):
-            optimizer.zero_grad()
-            loss = F.cross_entropy(x @ weights.T, targets)
-            loss.backward()
-            optimizer.step()
-        return float(loss.detach())
-
-    def ours() -> float:
-        model = SoftmaxRegression(
-            optimizer="SGD", lr=rate, batch_size=None, max_epochs=steps, dtype="bfloat16",
-            init="zeros",
-        )  # fmt: skip
-        return list(model.train(frames, labels))[-1]["loss"]
-
-    return lambda: descend(torch.bfloat16), ours, descend(torch.float64)
 
 
 # Classes and frames without information -----------------------------------------------------------
