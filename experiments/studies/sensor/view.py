@@ -1,4 +1,4 @@
-"""The simulated sensor beside the paper: numbers that were fitted, errors and controls."""
+"""The simulated sensor beside the paper: numbers that were fitted, and the errors of the finger."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from experiments.records.results import Results
 from experiments.reporting import published, study
 from experiments.reporting.columns import Column
 from experiments.reporting.comparison import compare
-from experiments.reporting.estimates import crossing, mean_share, share
+from experiments.reporting.estimates import crossing, mean_share
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import number, percent
 from experiments.studies.sensor.measure import CURVE
@@ -21,17 +21,9 @@ from experiments.studies.sensor.measure import CURVE
 STUDY = Study(
     "sensor",
     "The simulated sensor",
-    "How close is the simulated sensor to the paper, which of its numbers were fitted, and how "
-    "does it tell objects apart?",
+    "How close is the simulated sensor to the paper, and which of its numbers were fitted?",
     3.5,
 )
-_CONTROLS = {
-    "tactile": "nothing",
-    "tactile_texture": "texture only: all objects as thick",
-    "tactile_same_patch": "texture only, every touch meets the same patch",
-    "tactile_precise": "the same, depth repeated to 0.1 %, place to 10 µm",
-    "tactile_depth": "thickness only: all objects smooth",
-}
 _PLACES = ("smaller", "fitted", "larger")
 
 
@@ -151,27 +143,4 @@ def confusions(results: Results) -> pd.DataFrame | None:
             **mean_share([float(part.mean()) for part in right], tested).columns("accuracy"),
             "taken_for": ", ".join(f"{t} {percent(counts[t] / n)} %" for t in taken) or None,
         })  # fmt: skip
-    return pd.DataFrame(table)
-
-
-@STUDY.table(
-    "tactile_controls", title="Controls: how three objects are told apart",
-    shown=("scene", "changed", "seeds", "accuracy", "chance", "status"),
-    columns={"changed": Column("Changed"), "accuracy": Column("Test accuracy, % [95 %]", percent),
-             "chance": Column("Chance, %", percent), "status": Column("Status")},
-    note="The thickness of the three sheets is assumed; the paper gives none.",
-    commands=[f"{RUN}tactile_controls"],
-)  # fmt: skip
-def controls(results: Results) -> pd.DataFrame | None:
-    """Accuracy on the scene tactile and on what is left of it."""
-    groups = {scene: results.group(scene, "hdc") for scene in _CONTROLS}
-    if not any(group.runs for scene, group in groups.items() if scene != "tactile"):
-        return None
-    table = []
-    for scene, group in groups.items():
-        line: dict[str, Any] = {"scene": scene, "changed": _CONTROLS[scene]}
-        if group.runs:
-            line |= share(group).columns("accuracy")
-            line |= {"chance": 1 / len(group.classes), "n_test": len(group.right)}
-        table.append({**line, "seeds": len(group.runs), "status": group.status})
     return pd.DataFrame(table)

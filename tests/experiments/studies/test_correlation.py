@@ -102,17 +102,14 @@ def test_every_row_is_the_mean_of_numpys_coefficients():
 def test_experiments(small_scene):
     rows = pd.DataFrame(measure.correlation.rows(Run(), small_scene, SPLIT, [0, 1]))
     assert len(rows) == 2 * 3 * 3 * 4
-    with pytest.raises(ValueError, match=r"task\.kinds: expected among .* found 'speckles'"):
+    with pytest.raises(ValueError, match=r"task\.kinds: expected among .* found \['speckles'\]"):
         next(measure.correlation.rows(Run(), small_scene, SPLIT, [0], ["speckles"]))
     pictures = list(measure.correlation_images.rows(Run(), small_scene, SPLIT, 0, [0, 8, 20]))
-    assert len(pictures) == 2 * 4
-    frame = Run().scene(small_scene, 0).frames([0]).numpy()[0]
+    assert [row["picture"] for row in pictures] == ["speckle", "hypervector", "prototype"] * 2
     for row in pictures:
         image = cv2.imdecode(np.frombuffer(base64.b64decode(row["png"]), np.uint8), -1)
-        assert image.shape == ((15, 15) if row["picture"] == "whole" else (20, 20))
-        assert image.dtype == frame.dtype
-    with pytest.raises(ValueError, match=r"task\.crop: .* 60 × 60 pixels, found \[50, 0, 20\]"):
-        next(measure.correlation_images.rows(Run(), small_scene, SPLIT, 0, [50, 0, 20]))
+        assert (image.shape, image.dtype) == ((20, 20), np.uint8)
+        assert row["picture"] == "speckle" or set(np.unique(image)) == {0, 255}
 
 
 def test_contrasts_are_means_over_seeds():
