@@ -1,11 +1,10 @@
-"""The simulated sensor beside the paper: numbers that were fitted, and the errors of the finger."""
+"""The simulated sensor beside the paper: which numbers were fitted."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from experiments import studies
@@ -13,9 +12,9 @@ from experiments.records.results import Results
 from experiments.reporting import published, study
 from experiments.reporting.columns import Column
 from experiments.reporting.comparison import compare
-from experiments.reporting.estimates import crossing, mean_share
+from experiments.reporting.estimates import crossing
 from experiments.reporting.study import RUN, Study
-from experiments.reporting.text import number, percent
+from experiments.reporting.text import number
 from experiments.studies.sensor.measure import CURVE
 
 STUDY = Study(
@@ -118,29 +117,3 @@ def fitted_to(rows: pd.DataFrame) -> dict[str, float]:
         numbers["accuracy_vs_n/n_for_90_percent"] = crossing(sizes, accuracies, 90)
         numbers["table1/hdc_test_accuracy"] = accuracies[-1]
     return numbers
-
-
-@STUDY.table(
-    "finger_confusions", title="Confusions of the labels of the finger",
-    columns={"label": Column("Label"), "n": Column("Test samples"),
-             "accuracy": Column("Right, % [95 %]", percent), "taken_for": Column("Taken for")},
-    note="In the paper R1 is confused with R2, and None is taken for R2 or R3.",
-    commands=[f"{RUN}scenes"],
-)  # fmt: skip
-def confusions(results: Results) -> pd.DataFrame | None:
-    """Accuracy of HDC on each label, and the labels it is taken for, most often first."""
-    group = results.group("finger", "hdc")
-    if not group.runs:
-        return None
-    table = []
-    for k, (label, line) in enumerate(zip(group.classes, group.confusion(), strict=True)):
-        right = [run.record.right[np.equal(run.record.test_labels, k)] for run in group.runs]
-        n, tested = int(line.sum()), float(np.mean([len(part) for part in right]))
-        counts = {t: int(m) for t, m in zip(group.classes, line, strict=True) if m and t != label}
-        taken = sorted(counts, key=counts.__getitem__, reverse=True)
-        table.append({
-            "label": label, "n": n,
-            **mean_share([float(part.mean()) for part in right], tested).columns("accuracy"),
-            "taken_for": ", ".join(f"{t} {percent(counts[t] / n)} %" for t in taken) or None,
-        })  # fmt: skip
-    return pd.DataFrame(table)

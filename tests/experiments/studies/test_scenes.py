@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.records.results import Results
-from experiments.studies.scenes.view import STUDY, position_errors, positions
+from experiments.studies.scenes.view import STUDY, positions
 from scenes.split import split
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -52,13 +52,9 @@ def test_accuracies_are_means_over_the_seeds(number, everything):
     assert (accuracy.low, accuracy.high) == (0, 100)  # Student's t of two seeds is 12.7
 
 
-def test_positions_are_millimetres_of_the_configured_line(tmp_path, number, everything):
-    run = Results(tmp_path).group("spatial", "hdc").runs[0]
-    np.testing.assert_allclose(positions(run.record), np.arange(51) * 1e-3, atol=1e-12)
-    assert np.flatnonzero(position_errors(run.record)).tolist() == [20, 80]
-    # 1 mm and 20 mm of 102 samples
-    assert number(STUDY, "spatial/mean_position_error").value == pytest.approx(21 / 102)
-    assert number(STUDY, "spatial/median_position_error").value == 0
+def test_positions_are_millimetres_of_the_configured_line(tmp_path, everything):
+    (run, _) = Results(tmp_path).group("spatial", "hdc").runs
+    np.testing.assert_allclose(positions(run.record), np.arange(51), atol=1e-9)
 
 
 def test_figures_fit_and_name_every_scene(everything, write_scene, drawn):
