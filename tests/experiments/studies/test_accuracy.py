@@ -47,11 +47,11 @@ def test_a_curve_has_more_than_one_place(write_run, drawn):
 
 def test_where_hdc_crosses_90_percent(write_run, number):
     for seed in range(3):
-        for n, wrong in ((5, 20 + 10 * seed), (40, 0)):
+        for n, wrong in ((5, 20 + 10 * seed), (50, 0)):
             write_run("hdc", seed=seed, n_train=n, wrong=range(wrong))
     crossed = number(STUDY, "accuracy_vs_n/n_for_90_percent")
-    # From 80, 70 and 60 % at N = 5 to 100 % at 40: each sensor has a curve of its own.
-    each = [5 + 35 * (90 - start) / (100 - start) for start in (80, 70, 60)]
+    # From 80, 70 and 60 % at N = 5 to 100 % at 50: each sensor has a curve of its own.
+    each = [5 + 45 * (90 - start) / (100 - start) for start in (80, 70, 60)]
     half = 4.302652730 * np.std(each, ddof=1) * np.sqrt(4 / 3)
     middle = np.mean(each)
     assert (crossed.value, crossed.low, crossed.high) == pytest.approx(
