@@ -15,8 +15,7 @@ from experiments.records import configs
 from experiments.studies.drift import view
 from experiments.studies.drift.measure import choose, drift, subsets, updates
 from experiments.studies.recordings.measure import Subsets
-from hdc import HDCClassifier, bits
-from hdc.prototypes import recalibrate
+from hdc import HDCClassifier
 from scenes.frames import Frames
 
 SPLIT = {"kind": "random", "test_fraction": 0.2, "n_train": None}
@@ -32,17 +31,6 @@ def scene():
     frames = base[session, labels] + rng.integers(0, 50, (120, 12, 12))
     samples = {"session": session, "order": np.tile(np.arange(60), 2)}
     return Frames(torch.from_numpy(frames.astype(np.uint8)), labels, ("A", "B", "C"), samples)
-
-
-@pytest.mark.parametrize("p", [0.25, 0.75])
-def test_replacing_bits_averages_distances(p):
-    # Ham(q, mixed) = (1 − p)·Ham(q, old) + p·Ham(q, new) on average.
-    dimension = 100_000
-    old, new, query = (bits.random_hypervector(dimension, seed)[None] for seed in range(3))
-    mixed = recalibrate(old, new, dimension, p)
-    expected = (1 - p) * bits.hamming(query, old) + p * bits.hamming(query, new)
-    deviation = (p * (1 - p) * int(bits.hamming(old, new))) ** 0.5
-    assert abs(float(bits.hamming(query, mixed) - expected)) < 4 * deviation
 
 
 @pytest.mark.parametrize("order", ["time", "random"])

@@ -5,7 +5,6 @@ import pytest
 
 from experiments.records.results import Results
 from experiments.studies.scenes.view import STUDY, positions
-from scenes.split import split
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -17,18 +16,6 @@ def everything(write_scene):
         write_scene("finger", {3: 4, 5: 4}, seed=seed)
         write_scene("spatial", {10: 11, 40: 20}, seed=seed)
         write_scene("fibre_grouped", {1: 0}, seed=seed)
-
-
-@pytest.mark.parametrize(
-    ("scene", "n_train", "n_test"),
-    [("touch", 400, 100), ("finger", 560, 140), ("spatial", 4080, 1020), ("tactile", 240, 120)],
-)
-def test_scenes_are_split_as_the_paper_splits_them(composed, scene, n_train, n_test):
-    cfg = composed(scene, "hdc", "paper")
-    classes = {"touch": 5, "finger": 7, "spatial": 51, "tactile": 3}[scene]
-    labels = np.repeat(np.arange(classes), cfg.scene.samples_per_class)
-    train, test = split(labels, test_fraction=cfg.split.test_fraction)
-    assert (len(train), len(test)) == (n_train, n_test)
 
 
 def test_the_table_has_a_row_a_scene_and_model_measured_scenes_first(
