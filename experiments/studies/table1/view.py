@@ -225,7 +225,13 @@ def error_vs_time(figure: Figure, results: Results) -> None:
         ("*", 8, "paper, Table I"),
         ("o", 6, "training accuracy > 90 %"),
     ):
-        look = {"marker": marker, "ms": size, "mfc": "white", "mec": "black", "ls": ""}
+        look: dict[str, Any] = {
+            "marker": marker,
+            "ms": size,
+            "mfc": "white",
+            "mec": "black",
+            "ls": "",
+        }
         handles.append(Line2D([], [], label=label, **look))
     title(figure, axes, "Test error against training time", rows, shown, models, handles)
 
