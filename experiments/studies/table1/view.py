@@ -225,13 +225,7 @@ def error_vs_time(figure: Figure, results: Results) -> None:
         ("*", 8, "paper, Table I"),
         ("o", 6, "training accuracy > 90 %"),
     ):
-        look: dict[str, Any] = {
-            "marker": marker,
-            "ms": size,
-            "mfc": "white",
-            "mec": "black",
-            "ls": "",
-        }
+        look: Any = {"marker": marker, "ms": size, "mfc": "white", "mec": "black", "ls": ""}
         handles.append(Line2D([], [], label=label, **look))
     title(figure, axes, "Test error against training time", rows, shown, models, handles)
 
