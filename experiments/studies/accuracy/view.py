@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from experiments.records import configs
-from experiments.records.results import Group, Results
+from experiments.records.results import Results
 from experiments.reporting import estimates, published
 from experiments.reporting import rows as rows_of
 from experiments.reporting.plot import (
     accuracy_curves,
-    apart,
     error_axis,
     error_bars,
     handle,
@@ -25,7 +22,6 @@ from experiments.reporting.plot import (
     plain_decades,
     published_point,
     star,
-    style_of,
     title,
 )
 from experiments.reporting.rows import Row, row, swept
@@ -35,15 +31,9 @@ from experiments.reporting.table import frame
 # Where the published accuracies are drawn: all at N = 400, the two equal ones side by side.
 PUBLISHED_N = {"hdc": 400, "softmax": 400, "cnn1": 380, "cnn3": 421}
 SHOWN = (
-    "model",
-    "n_train",
-    "pixels",
-    "seeds",
-    "test_accuracy_final",
-    "training_time_s",
-    "predict_single_s",
-    "model_bytes",
-)
+    "model", "n_train", "pixels", "seeds", "test_accuracy_final", "training_time_s",
+    "predict_single_s", "model_bytes",
+)  # fmt: skip
 # Experiments that make the runs of a sweep, where it is not the one of its name alone.
 EXPERIMENTS = {"accuracy_vs_n": ("accuracy_vs_n", "accuracy_vs_n_cnn")}
 
@@ -73,10 +63,8 @@ def _register(name: str, what: str) -> None:
     commands = [f"{RUN}{experiment}" for experiment in EXPERIMENTS.get(name, (name,))]
 
     @STUDY.table(name, title=what, shown=SHOWN, commands=commands)
-    def table(results: Results) -> pd.DataFrame | None:
+    def table(results: Results) -> pd.DataFrame:
         lines = rows(results, name)
-        if not lines:
-            return None
         data = frame(lines)
         data.attrs["title"] = rows_of.caption(lines, what)
         return data
@@ -89,38 +77,28 @@ _register("work_precision", "Accuracy against the time of a prediction")
 
 @STUDY.quantities()
 def quantities(results: Results) -> Iterator[Quantity]:
-    """Fig. 5(b): the number of training samples at which HDC exceeds 90 %."""
+    """Fig. 5(b): the number of training samples at which HDC exceeds 90 %, on a line between two
+    N: of each seed that was run with every N, and has a curve of its own."""
     params = configs.sweep("accuracy_vs_n")
     sizes = configs.numbers(params["split.n_train"])
     groups = [results.group(params["scene"][0], "hdc", n) for n in sizes]
-    groups = [group for group in groups if group.runs]
-    crossed = crossing(groups) if len(groups) > 1 else estimates.Estimate(math.nan)
-    if not math.isnan(crossed.value):
+    runs = [run for group in groups for run in group.runs]
+    places = {run.record.n_train for run in runs}
+    crossed = []
+    for seed in dict.fromkeys(run.seeds for run in runs):
+        of_seed = [run.record for run in runs if run.seeds == seed]
+        if 1 < len(of_seed) == len(places):
+            accuracies = [record.test_accuracy_final for record in of_seed]
+            crossed.append(estimates.crossing([r.n_train for r in of_seed], accuracies))
+    if crossed and not math.isnan(sum(crossed)):
         yield Quantity.of(
             "accuracy_vs_n/n_for_90_percent",
-            crossed,
+            estimates.one_sensor(crossed).within(0, math.inf),
             f"{estimates.ONE_SENSOR}, each where its own curve first crosses",
-            n=min(len(group.right) for group in groups),
-            seeds=min(len(group.runs) for group in groups),
+            n=min(len(group.right) for group in groups if group.runs),
+            seeds=min(len(group.runs) for group in groups if group.runs),
             made_by=f"{RUN}accuracy_vs_n",
         )
-
-
-def crossing(groups: Sequence[Group]) -> estimates.Estimate:
-    """N at which accuracy first crosses 90 %, with the interval of one sensor: each seed that has
-    every N has a curve of its own. NaN if one never crosses."""
-    curves: dict[str, dict[int, float]] = {}
-    for group in groups:
-        for run in group.runs:
-            accuracy = run.record.test_accuracy_final
-            curves.setdefault(run.seeds, {})[run.record.n_train] = accuracy
-    whole = [curve for curve in curves.values() if len(curve) == len(groups)]
-    crossed = [estimates.crossing(list(curve), list(curve.values())) for curve in whole]
-    return (
-        estimates.one_sensor(crossed).within(0, math.inf)
-        if crossed
-        else (estimates.Estimate(math.nan))
-    )
 
 
 @STUDY.figure(
@@ -139,14 +117,8 @@ def accuracy_vs_n(figure: Figure, results: Results) -> None:
     panels = figure.subplots(2, 1, sharex=True)
     for axes, models in zip(panels, (above, below), strict=True):
         accuracy_curves(axes, lines, models, "n_train", PUBLISHED_N.values())
-        handles = [handle(model) for model in models]
-        if _maxima(axes, lines, models):
-            mark = Line2D([], [], ls="", marker="o", mec="0.3", mfc="white", ms=2.2)
-            mark.set_label("maximum of a run")
-            handles.append(mark)
-        if axes is panels[0]:
-            handles.append(star("paper, Table I"))
-        axes.legend(handles=handles, loc="lower right")
+        paper = [star("paper, Table I")] if models is above else []
+        axes.legend(handles=[*map(handle, models), *paper], loc="lower right")
     known = published.numbers()
     for model, n in PUBLISHED_N.items():
         published_point(panels[0], model, n, known[f"table1/{model}_test_accuracy"].value, 8)
@@ -162,24 +134,6 @@ def accuracy_vs_n(figure: Figure, results: Results) -> None:
     panels[1].set_xlabel("training samples N")
     text = "Test accuracy against training samples"
     title(figure, panels[0], text, lines, measured, measured)
-
-
-def _maxima(axes: Axes, lines: Sequence[Row], models: Sequence[str]) -> bool:
-    """Mark the largest accuracy of a run, the published reading, where it is above the final one;
-    whether there is any."""
-    marked = False
-    for k, model in enumerate(models):
-        colour, _, _ = style_of(model)
-        for line in lines:
-            if line["model"] != model or not line["seeds"] or line["test_accuracy_max"] is None:
-                continue
-            final, largest = 100 * line["test_accuracy_final"], 100 * line["test_accuracy_max"]
-            if largest - final > 0.5:
-                x = apart(line["n_train"], k, len(models))
-                axes.plot([x, x], [final, largest], color=colour, lw=0.5, ls=":", zorder=1)
-                axes.plot(x, largest, "o", color=colour, mfc="white", ms=2.2, mew=0.6)
-                marked = True
-    return marked
 
 
 @STUDY.figure(

@@ -27,7 +27,6 @@ from scenes.frames import Scene
 KINDS = ("speckle", "hypervector", "prototype")  # Eqs. 4, 5, 6
 PARTS = ("training", "held-out")
 SAMPLES = (*PARTS, "all")
-REDUCED = 4  # pixels of a frame, along each axis, for one of the picture of a whole frame
 
 Sums = dict[str, dict[str, CorrelationSums]]  # by what is correlated and by part
 
@@ -47,9 +46,8 @@ def correlation(
     ``undefined`` the constant ones among those of both.
     Arguments: configs/experiment/correlation.yaml.
     """
-    for key, values, known in (("kinds", kinds, KINDS), ("samples", samples, SAMPLES)):
-        if unknown := [value for value in values if value not in known]:
-            raise ValueError(f"task.{key}: expected among {', '.join(known)}, found {unknown[0]!r}")
+    if set(kinds) - set(KINDS):
+        raise ValueError(f"task.kinds: expected among {', '.join(KINDS)}, found {list(kinds)}")
     for seed, sensor in run.scenes(scene, seeds):
         for row in correlations(sensor, split, seed, kinds, samples):
             yield {"origin": sensor.origin, "seed": seed, **row}
@@ -60,36 +58,23 @@ def correlation(
 def correlation_images(
     run: Run, scene: Mapping[str, Any], split: Mapping[str, Any], seed: int, crop: Sequence[int]
 ) -> Iterator[Row]:
-    """One row: a picture of a class, a PNG in base64 (``png``).
+    """One row: a square of a class, a PNG in base64 (``png``).
 
-    ``picture`` is ``speckle`` or ``hypervector`` of a sample, or the ``prototype``, all cropped, or
-    the ``whole`` prototype, reduced by :data:`REDUCED`.
+    ``picture`` is ``speckle`` or ``hypervector`` of a sample, or the ``prototype``.
     Arguments: configs/experiment/correlation_images.yaml.
     """
     sensor = run.scene(scene, seed)
-    height, width = sensor.shape
     top, left, edge = crop
-    if min(crop) < 0 or top + edge > height or left + edge > width:
-        raise ValueError(
-            f"task.crop: expected top, left and edge of a square within {height} × {width} pixels, "
-            f"found {list(crop)}"
-        )
     members = members_of(sensor, split, seed)
     _, prototypes = add_up(sensor, members, (), ())
     frames = sensor.frames(members["training"][:, 0]).cpu()
-    ones = bits.unpack(encode(frames), height * width)
-    white = [255 * part.view(frames.shape).byte().numpy() for part in (ones, prototypes)]
-    window = np.s_[top : top + edge, left : left + edge]
+    ones = bits.unpack(encode(frames), math.prod(sensor.shape))
+    white = [255 * bit.byte() for bit in (ones, prototypes)]
+    pictures = dict(zip(KINDS, [frames, *white], strict=True))
     for k, name in enumerate(sensor.classes):
-        whole = white[1][k]
-        small = (width // REDUCED, height // REDUCED)
-        for picture, image in {
-            "speckle": frames.numpy()[k][window],
-            "hypervector": white[0][k][window],
-            "prototype": whole[window],
-            "whole": cv2.resize(whole, small, interpolation=cv2.INTER_AREA),
-        }.items():
-            _, png = cv2.imencode(".png", np.ascontiguousarray(image))
+        for picture, images in pictures.items():
+            image = images.view(frames.shape)[k, top : top + edge, left : left + edge]
+            _, png = cv2.imencode(".png", np.ascontiguousarray(image.numpy()))
             text = base64.b64encode(png.tobytes()).decode()
             yield {"origin": sensor.origin, "class": name, "picture": picture, "png": text}
 

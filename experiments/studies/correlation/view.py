@@ -33,14 +33,8 @@ SYMBOLS = {"speckle": "$C^s$", "hypervector": "$C^b$", "prototype": "$C^p$"}
 def matrices(
     rows: pd.DataFrame, kind: str, samples: str
 ) -> tuple[list[str], NDArray[np.float64], int]:
-    """Correlation matrices of a measurement: classes, C [seeds, L, L], samples a class.
-
-    Raises:
-        ValueError: if the measurement has none of this kind and these samples.
-    """
+    """Correlation matrices of a measurement: classes, C [seeds, L, L], samples a class."""
     chosen = rows[(rows.kind == kind) & (rows.samples == samples)]
-    if not len(chosen):
-        raise ValueError(f"correlations: expected rows {kind}, {samples}, found none")
     classes = list(chosen.class_i.unique())
     # Rows are in the order in which they were made: by seed, row and column of the matrix.
     values = chosen.value.to_numpy(float).reshape(-1, len(classes), len(classes))
@@ -77,71 +71,64 @@ def quantities(rows: pd.DataFrame, config: Mapping[str, Any]) -> Iterator[Quanti
 
 
 @STUDY.figure(
-    "fig4_images", of="correlation_images", size=(3.4, 3.2), kind="webp",
+    "fig4_images", of="correlation_images", size=(3.4, 2.5), kind="webp",
     caption="Speckle, hypervector and prototype of each class, on {frames} (Fig. 4(a)): the same "
-    "part of a frame in each row, white 1, black 0; last row: the whole frame, pixels averaged.",
+    "part of a frame in each row, white 1, black 0.",
 )  # fmt: skip
 def images(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
-    """Parts of a frame, its hypervector and the prototype; below, the whole prototype."""
-    labels = {"whole": "prototype,\nwhole frame"}
+    """The same part of a frame, its hypervector and the prototype, a column a class."""
     pictures, classes = list(rows.picture.unique()), list(rows["class"].unique())
     figure.set_layout_engine("constrained", w_pad=0.01, h_pad=0.01, wspace=0, hspace=0)
     axes = figure.subplots(len(pictures), len(classes), squeeze=False)
     for row in rows.to_dict("records"):
-        line, column = pictures.index(row["picture"]), classes.index(row["class"])
-        place = axes[line, column]
+        place = axes[pictures.index(row["picture"]), classes.index(row["class"])]
+        image = plt.imread(io.BytesIO(base64.b64decode(row["png"])))
         # Speckle: from dark to 0.6 of the camera's range, above which few pixels are.
-        place.imshow(
-            plt.imread(io.BytesIO(base64.b64decode(row["png"]))),
-            cmap="gray",
-            vmin=0,
-            vmax=0.6 if row["picture"] == "speckle" else 1,
-            interpolation="auto" if row["picture"] == "whole" else "nearest",
-        )
+        brightest = 0.6 if row["picture"] == "speckle" else 1
+        place.imshow(image, cmap="gray", vmin=0, vmax=brightest, interpolation="nearest")
         place.set(xticks=[], yticks=[])
         place.spines[:].set_visible(False)
-        if line == 0:
-            place.set_title(row["class"], fontsize=7, pad=2)
-        if column == 0:
-            place.set_ylabel(labels.get(row["picture"], row["picture"]), fontsize=6)
+    for place, name in zip(axes[0], classes, strict=True):
+        place.set_title(name, fontsize=7, pad=2)
+    for place, name in zip(axes[:, 0], pictures, strict=True):
+        place.set_ylabel(name, fontsize=6)
 
 
 @STUDY.figure(
     "fig4_correlations", of="correlation", size=(3.4, 3.9),
     caption="Correlations within and between classes, on {frames}, mean over seeds (Fig. 4(b) to "
     "(e)); (d) prototypes (rows) with held-out samples (columns); (e) 95 % intervals over seeds.",
+    needs=lambda rows, config: set(SYMBOLS) == set(rows.kind),
 )  # fmt: skip
 def fig4(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     """The three correlation matrices, and their contrasts with the paper's."""
-    panels = figure.subplots(2, 2)
-    for axes, letter, kind, samples, title in (
-        (panels[0, 0], "b", "speckle", "all", "speckle"),
-        (panels[0, 1], "c", "hypervector", "all", "hypervectors"),
-        (panels[1, 0], "d", "prototype", "held-out", "prototypes"),
+    panels = figure.subplots(2, 2).flat
+    for axes, letter, (kind, symbol), samples in zip(
+        panels, "bcd", SYMBOLS.items(), ("all", "all", "held-out"), strict=False
     ):
         classes, values, _ = matrices(rows, kind, samples)
         mean = values.mean(0)
         cells = [[f"{value:.3f}".removeprefix("0") for value in line] for line in mean]
         matrix(axes, mean, classes, cells)
-        panel(axes, letter, f"{SYMBOLS[kind]}: {title}")
-    _contrasts(panels[1, 1], rows)
+        panel(axes, letter, f"{symbol}: {kind}{'s' * (kind != 'speckle')}")
+    _contrasts(figure.axes[3], rows)
 
 
 def _contrasts(axes: Axes, rows: pd.DataFrame) -> None:
     """ΔC of speckle, hypervectors and prototypes; the last for three choices of samples."""
-    bars = [
-        ("speckle", "all", "$ΔC^s$"),
-        ("hypervector", "all", "$ΔC^b$"),
-        ("prototype", "held-out", "$ΔC^p$\nheld\nout"),
-        ("prototype", "training", "$ΔC^p$\ntrain"),
-        ("prototype", "all", "$ΔC^p$\nall"),
-    ]
+    bars = {
+        "$ΔC^s$": ("speckle", "all"),
+        "$ΔC^b$": ("hypervector", "all"),
+        "$ΔC^p$\nheld\nout": ("prototype", "held-out"),
+        "$ΔC^p$\ntrain": ("prototype", "training"),
+        "$ΔC^p$\nall": ("prototype", "all"),
+    }
     x = np.arange(len(bars))
-    value, spread = errors([mean_contrast(rows, kind, samples) for kind, samples, _ in bars])
+    value, spread = errors([mean_contrast(rows, *of) for of in bars.values()])
     axes.bar(x, value, yerr=spread, color="#56B4E9", width=0.7, error_kw={"elinewidth": 0.7})
-    known = [published.numbers()[f"correlation/contrast_{kind}"].value for kind, _, _ in bars]
+    known = [published.numbers()[f"correlation/contrast_{of[0]}"].value for of in bars.values()]
     axes.plot(x, known, zorder=4, **PAPER)
-    axes.set_xticks(x, [label for _, _, label in bars], fontsize=5.5)
+    axes.set_xticks(x, list(bars), fontsize=5.5)
     axes.tick_params(axis="y", labelsize=5.5)
     axes.set_ylim(0, 1.3 * axes.get_ylim()[1])
     axes.legend(handles=[star("paper")], loc="upper left", handlelength=1)

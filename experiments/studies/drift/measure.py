@@ -19,26 +19,25 @@ both are drawn at random from the second session, as neighbours in time (``order
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.dual import PenalisedClassifier, Products
+from baselines.dual import PenalisedClassifier
 from experiments.protocol import data
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import models_of
+from experiments.studies.recordings.measure import Subsets
 from hdc import HDCClassifier, bits
-from hdc.encode import encode
 from hdc.prototypes import Counters, merged, recalibrate
 from scenes.frames import Scene
 from scenes.split import by_session, learning_curve_subsets, split
 
 ORDERS = ("time", "random")
-_BATCH = 50
 _EQUAL = 0.5  # share of the new in all votes
+Update = tuple[str, float | None, np.ndarray]  # method, p, predicted labels
 
 
 @experiment
@@ -60,66 +59,17 @@ def drift(
     ``n_test_old`` of the first; ``draw`` is the choice of the ``n_new`` samples.
     Arguments: configs/experiment/drift.yaml.
     """
-    if unknown := [value for value in order if value not in ORDERS]:
-        raise ValueError(f"task.order: expected among {', '.join(ORDERS)}, found {unknown[0]!r}")
+    if set(order) - set(ORDERS):
+        raise ValueError(f"task.order: expected among {', '.join(ORDERS)}, found {list(order)}")
     built = models_of(models)
     for seed, two_sessions in run.scenes(scene, seeds):
-        sessions = Sessions(two_sessions)
+        sessions = Subsets(two_sessions)
         for in_order in order:
             choice = choose(two_sessions, old_split, n_test, in_order, seed)
             for name, model in built.items():
                 for row in updates(sessions, choice, model, n_new, p, in_order, draws, seed):
                     yield {"origin": two_sessions.origin, "seed": seed, "order": in_order,
                            "model": name, **row}  # fmt: skip
-        run.note(f"seed {seed}")
-
-
-@experiment
-def drift_size(
-    run: Run,
-    scene: Mapping[str, Any],
-    old_split: Mapping[str, Any],
-    models: Mapping[str, Any],
-    seeds: Sequence[int],
-    n_test: int,
-    offsets: Sequence[float],
-    n_test_offset: int,
-) -> Iterator[Row]:
-    """One row: a model that is not recalibrated, in a room of another temperature.
-
-    ``offset`` of the room is in K; ``method`` stored is trained on ``n_old`` samples of the first
-    session, two_sessions on half as many and on ``n_new`` of the second.
-    Arguments: configs/experiment/drift_size.yaml.
-    """
-    if len(scene.get("sessions", ())) != 2:
-        raise ValueError("task.scene.sessions: expected two rooms")
-    built = models_of(models)
-    first, second = scene["sessions"]
-    rooms = {**scene, "sessions": [first, *({**second, "offset": value} for value in offsets)]}
-    for seed, two_sessions in run.scenes(scene, seeds):
-        warmer, tests = run.scene(rooms, seed), []
-        for k in range(len(offsets)):
-            members = np.flatnonzero(warmer.samples["session"] == k + 1)
-            tests.append(members[split(warmer.labels[members], n_test=n_test_offset, seed=seed)[1]])
-        sessions = Sessions(two_sessions, [warmer.frames(chosen).cpu() for chosen in tests])
-        choice = choose(two_sessions, old_split, n_test, "time", seed)
-        half = min(len(choice.old) // 2, len(choice.pool))
-        halves = [
-            learning_curve_subsets(part, sessions.labels, [half], seed)[half]
-            for part in (choice.old, choice.pool)
-        ]
-        asked = np.arange(len(sessions.labels), len(sessions.words))
-        for name, model in built.items():
-            for method, parts in (("stored", [choice.old]), ("two_sessions", halves)):
-                predicted = sessions.trained(model, np.concatenate(parts), asked)
-                for offset, chosen in zip(offsets, tests, strict=True):
-                    answers, predicted = np.split(predicted, [len(chosen)])
-                    yield {
-                        "origin": two_sessions.origin, "seed": seed, "model": name,
-                        "method": method, "offset": float(offset), "n_old": len(parts[0]),
-                        "n_new": sum(map(len, parts[1:])), "n_test": len(chosen),
-                        "right": int((answers == warmer.labels[chosen]).sum()),
-                    }  # fmt: skip
         run.note(f"seed {seed}")
 
 
@@ -138,11 +88,6 @@ def choose(
     """The samples of a scene with sessions 0 and 1."""
     only = np.zeros(len(scene.labels), np.int64)
     _, second = by_session(scene.samples.get("session", only))
-    if not 0 < n_test < len(second):
-        raise ValueError(
-            f"task.n_test: expected 1 to {len(second) - 1} of the second session's samples, "
-            f"found {n_test}"
-        )
     old, test_old = data.choose(scene, old_split, seed)
     kind = "ordered" if order == "time" else "random"
     in_time = scene.samples["order"][second]
@@ -159,53 +104,13 @@ def subsets(
     of_pool = labels[choice.pool]  # in time order
     turn = np.array([(of_pool[:k] == label).sum() for k, label in enumerate(of_pool)])
     ordered = choice.pool[np.argsort(turn, kind="stable")]
-    if unknown := [n for n in sizes if not 0 < n <= len(ordered)]:
-        raise ValueError(f"task.n_new: expected 1 to {len(ordered)}, found {unknown[0]}")
+    if max(sizes) > len(ordered):
+        raise ValueError(f"task.n_new: expected 1 to {len(ordered)}, found {max(sizes)}")
     return {n: ordered[:n] for n in sizes}
 
 
-class Sessions:
-    """Frames of all sessions as models want them.
-
-    Args:
-        scene: with sessions 0 and 1, in which models are trained.
-        more: frames that only test, [n, H, W] each.
-    """
-
-    def __init__(self, scene: Scene, more: Sequence[Tensor] = ()):
-        self.labels, self.n_classes = scene.labels, len(scene.classes)
-        self.dimension = scene.shape[0] * scene.shape[1]
-        n = len(scene.labels)
-        batches = np.array_split(np.arange(n), max(1, n // _BATCH))
-        self._frames = torch.cat([*(scene.frames(batch).cpu() for batch in batches), *more])
-        self.words = torch.cat([encode(part) for part in self._frames.split(_BATCH)])
-
-    @cached_property
-    def products(self) -> Products:
-        """Products of all frames with the scene's own; only linear models ask for them."""
-        n = len(self.labels)
-        labels = np.append(self.labels, np.zeros(len(self._frames) - n, np.int64))
-        return Products(self._frames, labels, self.n_classes, n)
-
-    def count(self, chosen: np.ndarray) -> Counters:
-        """Counters of these samples."""
-        counters = Counters(self.n_classes, self.dimension)
-        counters.add(self.words[chosen], torch.from_numpy(self.labels[chosen]))
-        return counters
-
-    def nearest(self, prototypes: Tensor, asked: np.ndarray) -> np.ndarray:
-        """The class of the nearest prototype [L, W] for these samples."""
-        return bits.hamming(self.words[asked], prototypes).argmin(1).numpy()
-
-    def trained(self, model: Any, train: np.ndarray, asked: np.ndarray) -> np.ndarray:
-        """Predictions of a model trained on some samples for others."""
-        if isinstance(model, HDCClassifier):
-            return self.nearest(self.count(train).majority(model.ties, model.seed), asked)
-        return self.products.scores(model, train, asked).argmax(1).numpy()
-
-
 def updates(
-    sessions: Sessions,
+    sessions: Subsets,
     choice: Choice,
     model: Any,
     n_new: Sequence[int],
@@ -226,43 +131,49 @@ def updates(
             "right_old": int(right[first:].sum()), "n_test_old": len(right) - first,
         }  # fmt: skip
 
-    yield row(sessions.trained(model, choice.old, asked), 0, 0, "stored", None)
+    yield row(sessions.predict(model, choice.old, asked), 0, 0, "stored", None)
     for draw in range(draws if order == "random" else 1):
         drawn = int(np.random.default_rng((seed, draw)).integers(2**31))
         for n, new in subsets(choice, sessions.labels, n_new, order, drawn).items():
             if isinstance(model, HDCClassifier):
-                counters = sessions.count(choice.old), sessions.count(new)
-                mixtures = of_hdc(model, *counters, sessions.dimension, p, drawn + n)
-                for method, parameter, prototypes in mixtures:
-                    predicted = sessions.nearest(prototypes, asked)
-                    yield row(predicted, n, draw, method, parameter)
-                continue
-            for method, predicted in of_linear(sessions, choice.old, model, new, asked):
-                yield row(predicted, n, draw, method, None)
+                ways = of_hdc(sessions, choice.old, model, new, p, drawn + n, asked)
+            else:
+                ways = of_linear(sessions, choice.old, model, new, asked)
+            for method, parameter, predicted in ways:
+                yield row(predicted, n, draw, method, parameter)
 
 
 def of_hdc(
+    sessions: Subsets,
+    old: np.ndarray,
     model: HDCClassifier,
-    before: Counters,
-    after: Counters,
-    dimension: int,
+    new: np.ndarray,
     p: Sequence[float],
     seed: int,
-) -> Iterator[tuple[str, float | None, Tensor]]:
-    """Updated prototypes by method, from counters of the old and of the new samples."""
+    asked: np.ndarray,
+) -> Iterator[Update]:
+    """Updates of prototypes, from counters of the old and of the new samples."""
+    before, after = (Counters(sessions.products.n_classes, sessions.dimension) for _ in range(2))
+    for counters, chosen in ((before, old), (after, new)):
+        counters.add(sessions.words[chosen], torch.from_numpy(sessions.labels[chosen]))
+
+    def nearest(prototypes: Tensor) -> np.ndarray:
+        return bits.hamming(sessions.words[asked], prototypes).argmin(1).numpy()
+
     stored, fresh = (c.majority(model.ties, model.seed) for c in (before, after))
-    yield "new", None, fresh
+    yield "new", None, nearest(fresh)
     for value in p:
-        yield "replace", float(value), recalibrate(stored, fresh, dimension, value, seed)
+        mixture = recalibrate(stored, fresh, sessions.dimension, value, seed)
+        yield "replace", float(value), nearest(mixture)
     equal, _ = merged(before, after, _EQUAL)
-    yield "balanced", None, equal.majority(model.ties, model.seed)
+    yield "balanced", None, nearest(equal.majority(model.ties, model.seed))
     before.merge(after)
-    yield "pooled", None, before.majority(model.ties, model.seed)
+    yield "pooled", None, nearest(before.majority(model.ties, model.seed))
 
 
 def of_linear(
-    sessions: Sessions, old: np.ndarray, model: Any, new: np.ndarray, asked: np.ndarray
-) -> Iterator[tuple[str, np.ndarray]]:
+    sessions: Subsets, old: np.ndarray, model: Any, new: np.ndarray, asked: np.ndarray
+) -> Iterator[Update]:
     """Updates of a model that is trained again."""
     repeated = np.tile(new, max(1, round(len(old) / len(new))))
     for method, train in (
@@ -270,7 +181,7 @@ def of_linear(
         ("balanced", np.concatenate([old, repeated])),
         ("pooled", np.concatenate([old, new])),
     ):
-        yield method, sessions.trained(model, train, asked)
+        yield method, None, sessions.predict(model, train, asked)
     if isinstance(model, PenalisedClassifier):
         scores = model.scores_from_old(sessions.products, old, new, asked)
-        yield "from_old", scores.argmax(1).numpy()
+        yield "from_old", None, scores.argmax(1).numpy()

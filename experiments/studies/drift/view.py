@@ -8,15 +8,8 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from experiments.reporting import published
+from experiments.reporting import estimates, published
 from experiments.reporting.columns import Column
-from experiments.reporting.estimates import (
-    ONE_SENSOR,
-    least_variance,
-    mean_difference,
-    mean_share,
-    one_sensor,
-)
 from experiments.reporting.plot import PAPER, line_plot, panel, star
 from experiments.reporting.study import Quantity, Study
 from experiments.reporting.text import percent, points
@@ -88,25 +81,30 @@ def recalibration(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame
         line: dict[str, Any] = dict(zip(_WAY, way, strict=True))
         for n, at in of_way.groupby("n_new"):
             for room in ROOMS:
-                share = mean_share(at[room].tolist(), n_test[room])
+                share = estimates.mean_share(at[room].tolist(), n_test[room])
                 # A stored model stays what it is, however many new samples there are.
                 for shown in [n] if n else _SHOWN:
                     line |= share.columns(f"{room}_{shown}")
             if of_way.method.iloc[0] not in ("stored", "new"):
-                line |= mean_difference(at.gain.tolist(), n_test["new"]).columns(f"gain_{n}")
+                gain = estimates.mean_difference(at.gain.tolist(), n_test["new"])
+                line |= gain.columns(f"gain_{n}")
         table.append(line)
     return pd.DataFrame(table)
 
 
+def _look(label: str, colour: str, marker: str, line: str = "-") -> dict[str, str]:
+    return {"label": label, "color": colour, "marker": marker, "ls": line}
+
+
 # Okabe and Ito's colours; the paper's scheme from light to dark as p grows.
-_WAYS = {
-    ("hdc", "bits replaced, p = 0.25"): ("HDC, p = 0.25", "#F3C19B", "o", "-"),
-    ("hdc", "bits replaced, p = 0.5"): ("HDC, p = 0.5", "#E8924F", "s", "-"),
-    ("hdc", "bits replaced, p = 0.75"): ("HDC, p = 0.75", "#D55E00", "D", "-"),
-    ("hdc", "new samples alone"): ("HDC, p = 1: new samples alone", "#7A3600", "^", "-"),
-    ("hdc", "old and new, equal votes"): ("HDC, equal votes", "#0072B2", "v", "--"),
-    ("correlation", "old and new, equal votes"): ("mean image, equal votes", "#009E73", "X", "--"),
-    ("ridge", "new, from the old weights"): ("ridge, from old weights", "black", "P", "-."),
+_LOOKS = {
+    "hdc; bits replaced, p = 0.25": _look("HDC, p = 0.25", "#F3C19B", "o"),
+    "hdc; bits replaced, p = 0.5": _look("HDC, p = 0.5", "#E8924F", "s"),
+    "hdc; bits replaced, p = 0.75": _look("HDC, p = 0.75", "#D55E00", "D"),
+    "hdc; new samples alone": _look("HDC, p = 1: new samples alone", "#7A3600", "^"),
+    "hdc; old and new, equal votes": _look("HDC, equal votes", "#0072B2", "v", "--"),
+    "correlation; old and new, equal votes": _look("mean image, equal votes", "#009E73", "X", "--"),
+    "ridge; new, from the old weights": _look("ridge, from old weights", "black", "P", "-."),
 }
 
 
@@ -117,18 +115,13 @@ _WAYS = {
 )  # fmt: skip
 def fig8(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     """(a) the new room, (b) the old one, both against N_new."""
-    order = rows.order.iloc[0]
-    by_seed = accuracies(rows[rows.order == order])
-    looks = {
-        "; ".join(way): {"label": label, "color": colour, "marker": marker, "ls": line}
-        for way, (label, colour, marker, line) in _WAYS.items()
-    }
+    by_seed = accuracies(rows[rows.order == rows.order.iloc[0]])
     by_seed = by_seed.assign(way=by_seed["model"] + "; " + by_seed["update"])
     panels = figure.subplots(2, 1, sharex=True)
     for axes, room, letter in zip(panels, ROOMS, "ab", strict=True):
-        shown = by_seed[by_seed.way.isin(looks)].assign(percent=100 * by_seed[room])
-        shown = shown.sort_values("way", key=lambda ways: ways.map(list(looks).index))
-        handles = line_plot(axes, shown, "n_new", "percent", by="way", looks=looks)
+        shown = by_seed[by_seed.way.isin(_LOOKS)].assign(percent=100 * by_seed[room])
+        shown = shown.sort_values("way", key=lambda ways: ways.map(list(_LOOKS).index))
+        handles = line_plot(axes, shown, "n_new", "percent", by="way", looks=_LOOKS)
         stored = by_seed[(by_seed.model == "hdc") & (by_seed.method == "stored")]
         axes.axhline(100 * stored[room].mean(), color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0)
         axes.set(ylim=(15, 103), ylabel="accuracy (%)")
@@ -146,36 +139,6 @@ def fig8(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
 
 
-@STUDY.figure(
-    "drift_size", of="drift_size", size=(3.4, 4.6),
-    caption="Accuracy without recalibration against the change of the room temperature, of models "
-    "trained in one session and in two, on {frames}; dashed: the change of Fig. 8, fitted; 95 % "
-    "intervals over seeds.",
-)  # fmt: skip
-def size(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
-    """Models that are not recalibrated, (a) of one session, (b) of two."""
-    fitted = config["scene"]["sessions"][1]["offset"]
-    of_methods = [rows[rows.method == method] for method in ("stored", "two_sessions")]
-    first, second = (of_method.iloc[0] for of_method in of_methods)
-    titles = (
-        f"trained on {first.n_old} samples of the first session",
-        f"on {second.n_old} of the first and {second.n_new} of the second, at {fitted:g} K",
-    )
-    panels = figure.subplots(2, 1, sharex=True, sharey=True)
-    for axes, of_method, letter, title in zip(panels, of_methods, "ab", titles, strict=True):
-        shares = of_method.assign(percent=100 * of_method.right / of_method.n_test)
-        handles = line_plot(axes, shares, "offset", "percent")
-        axes.axvline(fitted, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
-        axes.set_ylabel("accuracy (%)")
-        panel(axes, letter, title)
-    axes.set_xscale("symlog", linthresh=0.05, linscale=0.4)
-    offsets = [0, 0.05, 0.1, 0.2, 0.5, 1, 2]
-    axes.set_xticks(offsets, [f"{offset:g}" for offset in offsets])
-    axes.set_xticks([], minor=True)
-    axes.set(xlabel="room warmer than in the first session by (K)", ylim=(10, 103))
-    figure.legend(handles=handles, loc="outside lower center", ncols=2)
-
-
 @STUDY.quantities(of="drift")
 def quantities(rows: pd.DataFrame, config: Mapping[str, Any]) -> Iterator[Quantity]:
     """Fig. 8(b): accuracy of HDC in the new room before and after an update with N_new = 50, the
@@ -189,8 +152,8 @@ def quantities(rows: pd.DataFrame, config: Mapping[str, Any]) -> Iterator[Quanti
         if values:
             yield Quantity.of(
                 f"drift/{name}_accuracy",
-                one_sensor(values, least_variance(values, n_test)).within(0, 1),
-                ONE_SENSOR,
+                estimates.one_sensor(values, estimates.least_variance(values, n_test)).within(0, 1),
+                estimates.ONE_SENSOR,
                 100,
                 n=n_test * len(values),
                 seeds=len(values),

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import pandas as pd
@@ -26,7 +27,7 @@ from experiments.reporting.plot import (
     PRINTED,
     WIDTH,
     accuracy_curves,
-    fill_of,
+    bars,
     handle,
     head,
     literal,
@@ -35,15 +36,18 @@ from experiments.reporting.plot import (
     panel,
     plain_decades,
     seeds_of,
-    style_of,
     title,
 )
 from experiments.reporting.rows import Row, row
-from experiments.reporting.study import RUN, Quantity, Study
+from experiments.reporting.study import RUN, Quantity, Study, with_places
 from experiments.reporting.table import frame
+from experiments.studies.correlation.view import matrices
 
 EXPERIMENT = "all_scenes"
 BY_STEPS = ("softmax", "cnn1_fast")  # iterative models, run where an epoch is short
+SPATIAL_CORRELATION = (
+    f"{RUN}correlation scene=spatial 'task.kinds=[prototype]' 'task.samples=[held-out]'"
+)
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
 # Which figure of the paper shows the confusion of a scene.
 PAPER = {
@@ -52,20 +56,6 @@ PAPER = {
     "spatial": "Fig. 7(b)",
     "tactile": "Fig. 9(d)",
 }
-SHOWN = (
-    "scene",
-    "origin",
-    "model",
-    "seeds",
-    "test_accuracy_final",
-    "over_hdc",
-    "training_time_s",
-    "training_time_over_hdc",
-    "predict_single_s",
-    "model_bytes",
-    "status",
-)
-
 STUDY = Study(
     "scenes",
     "Models by scene",
@@ -103,18 +93,30 @@ def lines_of(results: Results) -> list[Row]:
     ]
 
 
-def few_samples(results: Results) -> dict[str, list[Row]]:
-    """Rows of models with several N, by scene; touch has a study of its own."""
-    curves: dict[tuple[str, str], list[Row]] = {}
-    for group in results.groups():
-        if group.pixels is None and group.runs and group.scene != "touch":
-            hdc = results.group(group.scene, "hdc", group.n_train)
-            curves.setdefault((group.scene, group.model), []).append(row(group, hdc))
+def by_scene(lines: Iterable[Row]) -> dict[str, list[Row]]:
+    """Rows by scene."""
     scenes: dict[str, list[Row]] = {}
-    for (scene, _), lines in curves.items():
-        if len(lines) > 1:
-            scenes.setdefault(scene, []).extend(lines)
+    for line in lines:
+        scenes.setdefault(line["scene"], []).append(line)
     return scenes
+
+
+def few_samples(results: Results) -> list[Row]:
+    """Rows of models that were run with several N; touch has a study of its own."""
+    every = [g for g in results.groups() if g.pixels is None and g.runs and g.scene != "touch"]
+    several = Counter((group.scene, group.model) for group in every)
+    return [
+        row(group, results.group(group.scene, "hdc", group.n_train))
+        for group in every
+        if several[group.scene, group.model] > 1
+    ]
+
+
+def grid(figure: Figure, n: int, height: float, columns: int = 2) -> list[Axes]:
+    """Axes of so many panels, and the figure as high as they need."""
+    lines = -(-n // columns)
+    figure.set_size_inches(WIDTH, 1.4 + height * lines)
+    return [figure.add_subplot(lines, columns, k + 1) for k in range(n)]
 
 
 @STUDY.table(
@@ -122,15 +124,15 @@ def few_samples(results: Results) -> dict[str, list[Row]]:
     title="Every model on every scene",
     note="Fibre: frames computed from measured transmission matrices. Each model on all pixels of "
     "a scene and the most training samples that it was given.",
-    shown=SHOWN,
+    shown=(
+        "scene", "origin", "model", "seeds", "test_accuracy_final", "over_hdc", "training_time_s",
+        "training_time_over_hdc", "predict_single_s", "model_bytes", "status",
+    ),
     key=("scene", "model"),
-)
-def all_scenes(results: Results) -> pd.DataFrame | None:
+)  # fmt: skip
+def all_scenes(results: Results) -> pd.DataFrame:
     """One row a scene and model."""
-    lines = lines_of(results)
-    if not lines:
-        return None
-    data = frame(lines)
+    data = frame(lines_of(results))
     data.attrs["commands"] = rows_of.commands(groups(results))
     return data
 
@@ -148,10 +150,11 @@ def all_scenes(results: Results) -> pd.DataFrame | None:
 def errors_by_scene(figure: Figure, results: Results) -> None:
     """A panel a scene that several models of the experiment were run on."""
     models = [*configs.sweep(EXPERIMENT)["model"], *BY_STEPS]
-    scenes: dict[str, list[Row]] = {}
-    for line in lines_of(results):
-        if line["model"] in models or line["model"] in results.extra_models(line["scene"]):
-            scenes.setdefault(line["scene"], []).append(line)
+    scenes = by_scene(
+        line
+        for line in lines_of(results)
+        if line["model"] in models or line["model"] in results.extra_models(line["scene"])
+    )
     scenes = {scene: lines for scene, lines in scenes.items() if len(lines) > 1} or scenes
     panels = grid(figure, len(scenes), 1.6)
     for axes, letter, (scene, lines) in zip(panels, LETTERS, scenes.items(), strict=False):
@@ -170,23 +173,13 @@ def _errors(axes: Axes, lines: list[Row]) -> None:
         axes.set_facecolor("#FFF6E5")
     largest = 0.0
     for line in lines:
-        error, low, high = (
-            100 * (1 - line[f"test_accuracy_final{end}"]) for end in ("", "_high", "_low")
-        )
-        colour, marker, _ = style_of(line["model"])
+        accuracy = [line[f"test_accuracy_final{end}"] for end in ("", "_high", "_low")]
+        error, low, high = 100 - 100 * np.array(accuracy)
         reached = not isinstance(line["training_time_s"], str)
-        axes.errorbar(
-            line["training_time_s"] if reached else line["total_time_s"],
-            error,
-            yerr=[[max(0.0, error - low)], [max(0.0, high - error)]],
-            color=colour,
-            marker=marker,
-            mfc=fill_of(line["model"]),
-            ms=4,
-            lw=0.7,
-            capsize=1.2,
-            alpha=1.0 if reached else 0.4,
-        )
+        time = line["training_time_s"] if reached else line["total_time_s"]
+        spread = np.maximum([[error - low], [high - error]], 0)
+        alpha = 1.0 if reached else 0.4
+        bars(axes, line["model"], time, error, spread, ms=4, lw=0.7, capsize=1.2, alpha=alpha)
         largest = max(largest, error)
     axes.set_ylim(-0.03 * max(5.0, 1.5 * largest), max(5.0, 1.5 * largest))
     plain_decades(axes)
@@ -194,13 +187,6 @@ def _errors(axes: Axes, lines: list[Row]) -> None:
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.tick_params(axis="x", labelsize=6)
-
-
-def grid(figure: Figure, n: int, height: float) -> list[Axes]:
-    """Axes of so many panels, two in a row, and the figure as high as they need."""
-    lines = -(-n // 2)
-    figure.set_size_inches(WIDTH, 1.4 + height * lines)
-    return [figure.add_subplot(lines, 2, k + 1) for k in range(n)]
 
 
 # Confusions ---------------------------------------------------------------------------------------
@@ -211,7 +197,7 @@ def grid(figure: Figure, n: int, height: float) -> list[Axes]:
     caption="Confusion of the classes by HDC, in percent of the true label (rows), test samples of "
     "all seeds together (Figs. 5(a), 6(b) and 9(d)); less than 0.5 % is left blank.",
     needs=lambda results: bool(confused(results)),
-    commands=(f"{RUN}scenes", f"{RUN}{EXPERIMENT}", f"{RUN}tactile_controls"),
+    commands=(f"{RUN}scenes", f"{RUN}{EXPERIMENT}"),
 )
 def confusions(figure: Figure, results: Results) -> None:
     """A panel a scene."""
@@ -233,11 +219,11 @@ def confusions(figure: Figure, results: Results) -> None:
 
 def confused(results: Results) -> list[Group]:
     """HDC's runs on each scene of few classes; where it was not run, the first model's."""
-    by_scene: dict[str, Group] = {}
+    first: dict[str, Group] = {}
     for group in groups(results):
         if len(group.classes) <= PRINTED:
-            by_scene.setdefault(group.scene, group)
-    return list(by_scene.values())
+            first.setdefault(group.scene, group)
+    return list(first.values())
 
 
 def confusion(axes: Axes, group: Group) -> None:
@@ -265,18 +251,17 @@ def confusion(axes: Axes, group: Group) -> None:
 )
 def learning_curves(figure: Figure, results: Results) -> None:
     """A panel a scene that was run with several N."""
-    scenes = few_samples(results)
-    figure.set_size_inches(WIDTH, 1.2 + 2.1 * len(scenes))
-    every = [line for lines in scenes.values() for line in lines]
+    every = few_samples(results)
+    scenes = by_scene(every)
     models = measured_models(every, [line["model"] for line in every])
-    for k, (scene, lines) in enumerate(scenes.items()):
-        axes = figure.add_subplot(len(scenes), 1, k + 1)
+    panels = grid(figure, len(scenes), 2.1, columns=1)
+    for axes, letter, (scene, lines) in zip(panels, LETTERS, scenes.items(), strict=False):
         accuracy_curves(axes, lines, models, "n_train")
         axes.xaxis.set_major_formatter(ScalarFormatter())
         axes.xaxis.set_major_locator(FixedLocator([5, 10, 20, 50, 100, 200, 400, 1000, 4000]))
         axes.xaxis.set_minor_locator(NullLocator())
         axes.set_xlabel("training samples N")
-        panel(axes, LETTERS[k], literal(scene))
+        panel(axes, letter, literal(scene))
     handles = [handle(model) for model in models]
     title(figure, figure.axes[0], "Test accuracy by scene", every, models, models, handles)
 
@@ -285,64 +270,44 @@ def learning_curves(figure: Figure, results: Results) -> None:
 
 
 def positions(record: Finished) -> np.ndarray:
-    """Places along the line of contacts of a run on the scene ``spatial``: m [L]."""
+    """Places along the line of contacts of a run on the scene ``spatial``: mm [L]."""
     line = record.config["scene"]["classes"]
-    return np.linspace(0.0, math.dist(line["start"], line["stop"]), line["number"])
-
-
-def position_errors(record: Finished) -> np.ndarray:
-    """Predicted minus true position of each test sample: m [Q]."""
-    at = positions(record)
-    return at[record.predicted] - at[record.test_labels]
+    return np.linspace(0.0, 1e3 * math.dist(line["start"], line["stop"]), line["number"])
 
 
 @STUDY.figure(
     "fig7_spatial",
     caption="51 positions: correlations, confusion and error in millimetres (Fig. 7).",
-    size=(WIDTH, 5.2),
+    size=(WIDTH, 3.9),
     needs=lambda results: bool(results.group("spatial", "hdc").runs),
-    commands=(f"{RUN}scenes", f"{RUN}spatial_correlation"),
+    commands=(f"{RUN}scenes", SPATIAL_CORRELATION),
 )
 def spatial(figure: Figure, results: Results) -> None:
     """Fig. 7 and the error in millimetres."""
-    group, measured = results.group("spatial", "hdc"), results.measured("spatial_correlation")
-    grid = figure.add_gridspec(3, 2, height_ratios=(1.4, 1, 1))
-    left, right = (figure.add_subplot(grid[0, k]) for k in (0, 1))
-    if measured is None:
-        left.set_axis_off()
-        left.text(0.5, 0.5, "no measurement\nspatial_correlation", ha="center", va="center")
-    else:
-        rows = measured.frame
-        rows = rows[(rows["kind"] == "prototype") & (rows["samples"] == "held-out")]
-        pairs = rows.groupby(["class_i", "class_j"], sort=False)["value"].mean().unstack(sort=False)
-        matrix(left, pairs.to_numpy(float), [str(name) for name in pairs.index])
+    group, measured = results.group("spatial", "hdc"), dict(with_places(results, "correlation"))
+    grid = figure.add_gridspec(2, 2, height_ratios=(1.4, 1))
+    left, right, below = (figure.add_subplot(grid[at]) for at in ((0, 0), (0, 1), (1, slice(None))))
+    if "_spatial" in measured:
+        classes, values, _ = matrices(measured["_spatial"].frame, "prototype", "held-out")
+        matrix(left, values.mean(0), classes)
         left.set(xlabel="hypervectors of position (mm)", ylabel="prototype of position (mm)")
-    panel(left, "a", "correlation $C^p$, held out")
+    else:
+        left.set_axis_off()
+    panel(left, "a", "correlation $C^p$, held out" if left.axison else "no measurement")
     confusion(right, group)
     right.set(xlabel="predicted (mm)", ylabel="true position (mm)")
     panel(right, "b", "confusion (%)")
-    at = 1e3 * positions(group.runs[0].record)
+    at = positions(group.runs[0].record)
     truth = np.concatenate([run.record.test_labels for run in group.runs])
-    error = 1e3 * np.abs(np.concatenate([position_errors(run.record) for run in group.runs]))
-    n = np.bincount(truth, minlength=len(at))
-    axes = figure.add_subplot(grid[1, :])
-    axes.plot(at, np.bincount(truth, error, len(at)) / n, color="#0072B2", marker="o", ms=2)
-    axes.set(xlabel="true position (mm)", ylim=(0, None), ylabel="mean |error| (mm)")
-    panel(axes, "c", f"error against position, {n.min()} test samples each")
-    axes = figure.add_subplot(grid[2, :])
-    distances, counts = np.unique(error.round(6), return_counts=True)
-    axes.vlines(distances, 1e-3, 100 * counts / len(error), color="#0072B2", lw=3)
-    axes.set(xlabel="|error| (mm)", ylabel="test samples (%)", yscale="log")
-    axes.set_ylim(50 / len(error), 150)
-    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    values = error.mean(), *np.percentile(error, (50, 95))
-    text = "mean {:.2f} mm\nmedian {:.3g} mm\n95th percentile {:.3g} mm".format(*values)
-    axes.text(0.98, 0.95, text, transform=axes.transAxes, ha="right", va="top", fontsize=6)
-    panel(axes, "d", f"distribution of the error, {len(error):,} test samples")
+    error = np.abs(at[np.concatenate([run.record.predicted for run in group.runs])] - at[truth])
+    mean = np.bincount(truth, error, len(at)) / np.bincount(truth, minlength=len(at))
+    below.plot(at, mean, color="#0072B2", marker="o", ms=2)
+    below.set(xlabel="true position (mm)", ylim=(0, None), ylabel="mean |error| (mm)")
+    text = "mean {:.2f} mm, median {:.3g} mm, 95th percentile {:.3g} mm"
+    panel(below, "c", text.format(error.mean(), *np.percentile(error, (50, 95))))
     frames = rows_of.frames_of([{"origin": group.runs[0].record.scene.origin}])
-    head(
-        figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", [f"{frames}, {seeds_of(len(group.runs))}"]
-    )
+    details = [f"{frames}, {seeds_of(len(group.runs))}"]
+    head(figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", details)
 
 
 # Published numbers --------------------------------------------------------------------------------
@@ -350,32 +315,10 @@ def spatial(figure: Figure, results: Results) -> None:
 
 @STUDY.quantities()
 def quantities(results: Results) -> Iterator[Quantity]:
-    """Accuracies of the finger, the positions and the objects, and errors in millimetres."""
+    """Accuracies of the finger, the positions and the objects."""
     for scene in ("finger", "spatial", "tactile"):
         group = results.group(scene, "hdc")
         if group.runs:
-            yield Quantity.of(
-                f"{scene}/test_accuracy",
-                estimates.share_of_one_sensor(group),
-                ONE_SENSOR,
-                100,
-                n=len(group.right),
-                seeds=len(group.runs),
-                made_by=f"{RUN}scenes",
-            )
-    group = results.group("spatial", "hdc")
-    errors = [1e3 * np.abs(position_errors(run.record)) for run in group.runs]
-    summaries = {
-        "mean": [error.mean() for error in errors],
-        "median": [np.median(error) for error in errors],
-        "p95": [np.percentile(error, 95) for error in errors],
-    }
-    for name, values in summaries.items() if errors else ():
-        yield Quantity.of(
-            f"spatial/{name}_position_error",
-            estimates.one_sensor([float(value) for value in values]),
-            ONE_SENSOR,
-            n=sum(map(len, errors)),
-            seeds=len(group.runs),
-            made_by=f"{RUN}scenes",
-        )
+            share, n = estimates.share_of_one_sensor(group), len(group.right)
+            rest = {"n": n, "seeds": len(group.runs), "made_by": f"{RUN}scenes"}
+            yield Quantity.of(f"{scene}/test_accuracy", share, ONE_SENSOR, 100, **rest)

@@ -17,7 +17,8 @@ from experiments.protocol.clock import Clock
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.studies.correlation.measure import correlations
 from experiments.studies.correlation.sums import contrast
-from experiments.studies.drift.measure import Sessions, choose, updates
+from experiments.studies.drift.measure import choose, updates
+from experiments.studies.recordings.measure import Subsets
 from hdc import HDCClassifier
 from scenes.frames import Frames, Scene
 
@@ -106,9 +107,8 @@ def _of_drift(
 ) -> Iterator[Value]:
     """Accuracy in the second session, of the stored prototypes and after an update."""
     choice = choose(scene, split, n_test, "random", seed)
-    rows = updates(
-        Sessions(scene), choice, HDCClassifier(balance=False), [n_new], [p], "random", 1, seed
-    )
+    model = HDCClassifier(balance=False)
+    rows = updates(Subsets(scene), choice, model, [n_new], [p], "random", 1, seed)
     for row in rows:
         if kind := {"stored": "stored", "replace": "recovered"}.get(row["method"]):
             share = 100 * row["right_new"] / row["n_test_new"]

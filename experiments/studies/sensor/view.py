@@ -1,11 +1,10 @@
-"""The simulated sensor beside the paper: numbers that were fitted, errors and controls."""
+"""The simulated sensor beside the paper: which numbers were fitted."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from experiments import studies
@@ -13,25 +12,17 @@ from experiments.records.results import Results
 from experiments.reporting import published, study
 from experiments.reporting.columns import Column
 from experiments.reporting.comparison import compare
-from experiments.reporting.estimates import crossing, mean_share, share
+from experiments.reporting.estimates import crossing
 from experiments.reporting.study import RUN, Study
-from experiments.reporting.text import number, percent
+from experiments.reporting.text import number
 from experiments.studies.sensor.measure import CURVE
 
 STUDY = Study(
     "sensor",
     "The simulated sensor",
-    "How close is the simulated sensor to the paper, which of its numbers were fitted, and how "
-    "does it tell objects apart?",
+    "How close is the simulated sensor to the paper, and which of its numbers were fitted?",
     3.5,
 )
-_CONTROLS = {
-    "tactile": "nothing",
-    "tactile_texture": "texture only: all objects as thick",
-    "tactile_same_patch": "texture only, every touch meets the same patch",
-    "tactile_precise": "the same, depth repeated to 0.1 %, place to 10 µm",
-    "tactile_depth": "thickness only: all objects smooth",
-}
 _PLACES = ("smaller", "fitted", "larger")
 
 
@@ -126,52 +117,3 @@ def fitted_to(rows: pd.DataFrame) -> dict[str, float]:
         numbers["accuracy_vs_n/n_for_90_percent"] = crossing(sizes, accuracies, 90)
         numbers["table1/hdc_test_accuracy"] = accuracies[-1]
     return numbers
-
-
-@STUDY.table(
-    "finger_confusions", title="Confusions of the labels of the finger",
-    columns={"label": Column("Label"), "n": Column("Test samples"),
-             "accuracy": Column("Right, % [95 %]", percent), "taken_for": Column("Taken for")},
-    note="In the paper R1 is confused with R2, and None is taken for R2 or R3.",
-    commands=[f"{RUN}scenes"],
-)  # fmt: skip
-def confusions(results: Results) -> pd.DataFrame | None:
-    """Accuracy of HDC on each label, and the labels it is taken for, most often first."""
-    group = results.group("finger", "hdc")
-    if not group.runs:
-        return None
-    table = []
-    for k, (label, line) in enumerate(zip(group.classes, group.confusion(), strict=True)):
-        right = [run.record.right[np.equal(run.record.test_labels, k)] for run in group.runs]
-        n, tested = int(line.sum()), float(np.mean([len(part) for part in right]))
-        counts = {t: int(m) for t, m in zip(group.classes, line, strict=True) if m and t != label}
-        taken = sorted(counts, key=counts.__getitem__, reverse=True)
-        table.append({
-            "label": label, "n": n,
-            **mean_share([float(part.mean()) for part in right], tested).columns("accuracy"),
-            "taken_for": ", ".join(f"{t} {percent(counts[t] / n)} %" for t in taken) or None,
-        })  # fmt: skip
-    return pd.DataFrame(table)
-
-
-@STUDY.table(
-    "tactile_controls", title="Controls: how three objects are told apart",
-    shown=("scene", "changed", "seeds", "accuracy", "chance", "status"),
-    columns={"changed": Column("Changed"), "accuracy": Column("Test accuracy, % [95 %]", percent),
-             "chance": Column("Chance, %", percent), "status": Column("Status")},
-    note="The thickness of the three sheets is assumed; the paper gives none.",
-    commands=[f"{RUN}tactile_controls"],
-)  # fmt: skip
-def controls(results: Results) -> pd.DataFrame | None:
-    """Accuracy on the scene tactile and on what is left of it."""
-    groups = {scene: results.group(scene, "hdc") for scene in _CONTROLS}
-    if not any(group.runs for scene, group in groups.items() if scene != "tactile"):
-        return None
-    table = []
-    for scene, group in groups.items():
-        line: dict[str, Any] = {"scene": scene, "changed": _CONTROLS[scene]}
-        if group.runs:
-            line |= share(group).columns("accuracy")
-            line |= {"chance": 1 / len(group.classes), "n_test": len(group.right)}
-        table.append({**line, "seeds": len(group.runs), "status": group.status})
-    return pd.DataFrame(table)

@@ -128,22 +128,6 @@ def test_a_simulated_scene_refutes_or_ranks_nothing(write_run, judged, hdc, riva
     assert list(values.values()) == pytest.approx([rival - hdc])
 
 
-@pytest.mark.parametrize(("ordinary", "expected"), [(0.5, YES), (5, PARTLY), (None, UNDECIDABLE)])
-def test_time_is_judged_by_both_ways_to_compute_hdc(
-    write_run, write_measurement, judged, ordinary, expected
-):
-    for seed in range(3):
-        write_run("hdc", seed=seed, curve=[{"training_s": 0.5}])
-        for model in ("cnn1", "cnn3"):
-            curve = [{"training_s": 20.0, "loss": 1.0, "train_accuracy": 0.95}]
-            write_run(model, seed=seed, curve=curve)
-    if ordinary:
-        write_measurement("benchmark", [{
-            "operation": "train", "route": "torch.median, torchhd.multiset", "frames": "speckle",
-            "n": 400, "d": 250_000, "l": 5, "median_s": ordinary, "status": "ok"}])  # fmt: skip
-    assert judged("networks")[0] == expected
-
-
 @pytest.mark.parametrize(("updated", "expected"), [(90, YES), (31, NO)])
 def test_recalibration_is_what_an_update_gains(write_measurement, judged, updated, expected):
     of = {"origin": "simulated", "order": "time", "model": "hdc", "n_test_new": 100,

@@ -45,15 +45,6 @@ def test_class_sums_give_the_double_sum(n, d, seed, dtype):
         assert fast == pytest.approx(slow, abs=1e-12, nan_ok=True)
 
 
-def test_a_mean_of_a_million_deviations_loses_no_digits():
-    deviation = np.round(np.random.default_rng(0).standard_normal((3, 200)) * 2**20) / 2**20
-    exact = mean_pair_correlations(deviation, deviation)
-    shifted = deviation + 2.0**20  # exact in float64
-    assert mean_pair_correlations(shifted, shifted) == pytest.approx(exact, abs=1e-13)
-    naive = pair_correlations_double_sum(shifted, shifted, np.float32)
-    assert abs(naive - exact) > 1e-4
-
-
 def test_samples_without_variance_are_counted_and_leave_other_classes_alone():
     sums = CorrelationSums(3, 16)
     with np.errstate(all="raise"):
@@ -102,17 +93,14 @@ def test_every_row_is_the_mean_of_numpys_coefficients():
 def test_experiments(small_scene):
     rows = pd.DataFrame(measure.correlation.rows(Run(), small_scene, SPLIT, [0, 1]))
     assert len(rows) == 2 * 3 * 3 * 4
-    with pytest.raises(ValueError, match=r"task\.kinds: expected among .* found 'speckles'"):
+    with pytest.raises(ValueError, match=r"task\.kinds: expected among .* found \['speckles'\]"):
         next(measure.correlation.rows(Run(), small_scene, SPLIT, [0], ["speckles"]))
     pictures = list(measure.correlation_images.rows(Run(), small_scene, SPLIT, 0, [0, 8, 20]))
-    assert len(pictures) == 2 * 4
-    frame = Run().scene(small_scene, 0).frames([0]).numpy()[0]
+    assert [row["picture"] for row in pictures] == ["speckle", "hypervector", "prototype"] * 2
     for row in pictures:
         image = cv2.imdecode(np.frombuffer(base64.b64decode(row["png"]), np.uint8), -1)
-        assert image.shape == ((15, 15) if row["picture"] == "whole" else (20, 20))
-        assert image.dtype == frame.dtype
-    with pytest.raises(ValueError, match=r"task\.crop: .* 60 × 60 pixels, found \[50, 0, 20\]"):
-        next(measure.correlation_images.rows(Run(), small_scene, SPLIT, 0, [50, 0, 20]))
+        assert (image.shape, image.dtype) == ((20, 20), np.uint8)
+        assert row["picture"] == "speckle" or set(np.unique(image)) == {0, 255}
 
 
 def test_contrasts_are_means_over_seeds():

@@ -13,9 +13,9 @@ from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.studies.drift import view
-from experiments.studies.drift.measure import Sessions, choose, drift, drift_size, subsets, updates
-from hdc import HDCClassifier, bits
-from hdc.prototypes import recalibrate
+from experiments.studies.drift.measure import choose, drift, subsets, updates
+from experiments.studies.recordings.measure import Subsets
+from hdc import HDCClassifier
 from scenes.frames import Frames
 
 SPLIT = {"kind": "random", "test_fraction": 0.2, "n_train": None}
@@ -31,17 +31,6 @@ def scene():
     frames = base[session, labels] + rng.integers(0, 50, (120, 12, 12))
     samples = {"session": session, "order": np.tile(np.arange(60), 2)}
     return Frames(torch.from_numpy(frames.astype(np.uint8)), labels, ("A", "B", "C"), samples)
-
-
-@pytest.mark.parametrize("p", [0.25, 0.75])
-def test_replacing_bits_averages_distances(p):
-    # Ham(q, mixed) = (1 − p)·Ham(q, old) + p·Ham(q, new) on average.
-    dimension = 100_000
-    old, new, query = (bits.random_hypervector(dimension, seed)[None] for seed in range(3))
-    mixed = recalibrate(old, new, dimension, p)
-    expected = (1 - p) * bits.hamming(query, old) + p * bits.hamming(query, new)
-    deviation = (p * (1 - p) * int(bits.hamming(old, new))) ** 0.5
-    assert abs(float(bits.hamming(query, mixed) - expected)) < 4 * deviation
 
 
 @pytest.mark.parametrize("order", ["time", "random"])
@@ -64,7 +53,7 @@ def test_no_test_sample_is_learnt_from(scene, order):
 def scores(scene, model, n_new=30):
     """{(method, p): (right of the new, right of the old)}."""
     choice = choose(scene, SPLIT, 30, "time", seed=0)
-    rows = updates(Sessions(scene), choice, model, [n_new], (0, 0.5, 1), "time", 1, seed=0)
+    rows = updates(Subsets(scene), choice, model, [n_new], (0, 0.5, 1), "time", 1, seed=0)
     return {(row["method"], row["p"]): (row["right_new"], row["right_old"]) for row in rows}
 
 
@@ -96,7 +85,7 @@ def test_linear_models_start_from_old_weights(scene, kind):
         assert right["from_old", None] == (30, 12)
 
 
-def test_rows_of_small_experiments(small_scene):
+def test_rows_of_a_small_experiment(small_scene):
     rooms = [{"_target_": "scenes.sensor.environment.Room", "offset": k} for k in (0, 0.5)]
     two = {**small_scene, "sessions": rooms}
     common = {"scene": two, "old_split": SPLIT, "models": MODELS, "seeds": [0], "n_test": 8}
@@ -107,10 +96,7 @@ def test_rows_of_small_experiments(small_scene):
     assert len(rows) == 2 * 4 + 3 * 2 * 15
     assert (rows.right_new <= rows.n_test_new).all()
     assert ((rows.method == "stored") == (rows.n_new == 0)).all()
-    sizes = pd.DataFrame(drift_size.rows(Run(), **common, offsets=[0, 2], n_test_offset=4))
-    assert len(sizes) == 4 * 2 * 2
-    assert set(sizes.n_test) == {4}
-    with pytest.raises(ValueError, match=r"task\.order: expected among time, random, found 'late'"):
+    with pytest.raises(ValueError, match=r"task\.order: .* time, random, found \['late'\]"):
         next(drift.rows(Run(), **common, n_new=[2], p=[0.5], order=["late"]))
 
 

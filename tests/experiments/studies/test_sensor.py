@@ -1,4 +1,4 @@
-"""The simulated sensor beside the paper: the fit, and controls of the tactile scene."""
+"""The simulated sensor beside the paper: every fitted parameter beside its neighbours."""
 
 from __future__ import annotations
 
@@ -11,16 +11,9 @@ from experiments.studies.correlation.measure import correlations
 from experiments.studies.correlation.sums import contrast
 from experiments.studies.sensor import view
 from experiments.studies.sensor.measure import calibration
-from scenes.export import compose
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 SPLIT = {"kind": "random", "test_fraction": 0.25, "n_train": None}
-CHANGES = {
-    "tactile_texture": {"offset"},
-    "tactile_same_patch": {"offset", "fresh"},
-    "tactile_precise": {"offset", "fresh", "depth_spread", "position_spread"},
-    "tactile_depth": {"spacing"},
-}
 
 
 def test_every_parameter_is_beside_its_neighbours(small_scene):
@@ -59,15 +52,3 @@ def test_the_config_fits_parameters_that_the_sensor_has():
     del task["_target_"]
     assert not list(calibration.rows(Run(), **{**task, "seeds": []}))  # makes no frame
     assert min(task["seeds"]) >= 100
-
-
-@pytest.mark.parametrize("name", CHANGES)
-def test_a_control_differs_in_its_factor_alone(name):
-    whole, control = configs.of_scene("tactile"), configs.of_scene(name)
-    assert control["split"] == whole["split"]
-    changed = {key.split(".")[-1] for key in configs.differences(control, whole)}
-    assert changed == CHANGES[name]
-    made = compose([f"scene={name}"])
-    offsets, spacings = zip(*((c.offset, c.spacing) for c in made.contacts), strict=True)
-    assert (set(offsets) == {0.0}) == (name != "tactile_depth")
-    assert (set(spacings) == {None}) == (name == "tactile_depth")

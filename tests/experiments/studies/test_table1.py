@@ -15,8 +15,8 @@ def epochs(*accuracies):
     ]
 
 
-def table(folder):
-    (made,) = STUDY.tables_of(Results(folder))
+def table(folder, name="table1"):
+    (made,) = (t for t in STUDY.tables_of(Results(folder)) if t.name == name)
     return {row["model"]: row for row in records(made.data)}, made
 
 
@@ -93,6 +93,22 @@ def test_a_denominator_that_was_not_measured_is_missing(tmp_path, timed, number,
     assert ratio.value is None
     assert ratio.made_by == "python -m experiments.run experiment=benchmark"
     assert table(tmp_path)[0]["softmax"]["training_time_over_ordinary_hdc"] is None
+
+
+def test_the_time_to_hdcs_accuracy_is_that_of_the_first_report_that_has_it(tmp_path, write_run):
+    for seed in (0, 1):
+        write_run("hdc", seed=seed, curve=[{"training_s": 0.5}], wrong=range(4))
+        write_run("softmax", seed=seed, curve=epochs(0.5, 0.92, 0.96, 0.9)[seed:])
+        write_run("cnn1", seed=seed, curve=epochs(0.5, 0.94 + 0.02 * seed))
+        write_run("correlation", seed=seed, curve=[{"training_s": 2.0}], wrong=range(5))
+    write_run("ridge", seed=7)  # no HDC of its seed
+    rows, made = table(tmp_path, "equal_accuracy")
+    assert list(rows) == ["hdc", "softmax", "cnn1", "correlation"]
+    assert rows["hdc"]["ratio"] == 1
+    assert (rows["softmax"]["time"], rows["softmax"]["ratio"]) == (30, 60)
+    assert (rows["softmax"]["at_target"], rows["cnn1"]["at_target_low"]) == (0.92, 0.94)
+    assert (rows["cnn1"]["ratio_low"], rows["cnn1"]["ratio_high"]) == (40, np.inf)
+    assert [cells[3] for cells in made.cells()][2:] == ["never [20.0, never]", "never"]
 
 
 @pytest.mark.filterwarnings("error")
