@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 FORMAT = "hdc-model-3"
 FLOATS = {"scales", "intercepts", "penalty", "values", "residuals", "inverse", "means"}
-LARGEST = 2**53
-"""Integers of a header lie below this: every reader of JSON keeps them exactly."""
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
 
@@ -198,23 +197,6 @@ def test_what_is_written_into_the_state_counts_until_it_is_learnt_again(prototyp
         assert torch.equal(model._scores(frames), before)
 
 
-@pytest.mark.parametrize("order", ["rising", "falling", "shuffled"])
-@pytest.mark.parametrize("ties", bits.TIES)
-def test_classes_one_by_one_are_the_classes_at_once(order: str, ties: str) -> None:
-    frames, labels = touches(120, 40)
-    places = {"rising": np.arange(120), "falling": np.arange(120)[::-1],
-              "shuffled": np.random.default_rng(0).permutation(120)}[order]  # fmt: skip
-    model = HDCClassifier(ties=ties)
-    for i in places:
-        model.partial_fit(frames[i : i + 1], labels[i : i + 1])
-    whole = HDCClassifier(ties=ties).fit(frames, labels)
-    assert model.classes_.tolist() == whole.classes_.tolist()
-    assert torch.equal(model.counters_.counts(), whole.counters_.counts())
-    assert torch.equal(model.prototypes_, whole.prototypes_)
-    again = pickle.loads(pickle.dumps(model))
-    assert torch.equal(again.partial_fit(frames, labels).prototypes_, model.prototypes_)
-
-
 @pytest.mark.parametrize("prototype", classifier.PROTOTYPES)
 def test_told_classes_are_known_and_never_predicted_without_samples(
     prototype: str, tmp_path
@@ -241,26 +223,6 @@ def test_told_classes_are_known_and_never_predicted_without_samples(
 
 
 # Parts --------------------------------------------------------------------------------------------
-
-
-@given(st.lists(st.sampled_from("abcde"), min_size=4, max_size=60), st.integers(0, 60), st.data())
-@settings(max_examples=60, deadline=None)
-def test_merged_models_are_the_model_of_all_frames(names: list[str], cut: int, data) -> None:
-    names = ["a", "b", *names]
-    ties = data.draw(st.sampled_from(bits.TIES))
-    rng = np.random.default_rng(len(names))
-    frames = rng.integers(0, 255, (len(names), 9, 13), dtype=np.uint8)
-    cut = max(1, min(cut, len(names) - 1))
-    parts = [
-        HDCClassifier(ties=ties).partial_fit(frames[part], names[part])
-        for part in (slice(cut), slice(cut, None))
-    ]
-    whole = HDCClassifier(ties=ties).fit(frames, names)
-    for merged in (parts[0].merge(parts[1]), HDCClassifier(ties=ties).merge(whole)):
-        assert merged.classes_.tolist() == whole.classes_.tolist()
-        assert merged.counts_.tolist() == whole.counts_.tolist()
-        assert torch.equal(merged.prototypes_, whole.prototypes_)
-        assert merged.is_known(frames).shape == (len(names),)
 
 
 def test_what_cannot_be_merged_is_named() -> None:

@@ -47,9 +47,9 @@ def test_integer_labels_in_any_container(kind: str) -> None:
         (None, "expected 3, one a frame, found None"),
         ([0, 1], "expected 3, one a frame, found 2"),
         (np.zeros((3, 2)), r"labels\[0\]: expected a str, .* found \[0.0, 0.0\]"),
-        (["a", float("nan"), "b"], r"labels\[1\]: expected a str, .* found NaN"),
-        (np.array([0, 1, np.nan]), r"labels\[2\]: expected a str, .* found NaN"),
-        ([0, complex("nan"), 1], r"labels\[1\]: .*Complex data not supported"),
+        (["a", float("nan"), "b"], r"labels\[1\]: expected a str, .* found nan"),
+        (np.array([0, 1, np.nan]), r"labels\[2\]: expected a str, .* found nan"),
+        ([0, 1j, 1], "labels: .*Complex data not supported"),
         (
             np.array(["2024-01-01", "NaT", "2024-01-02"], "M8[D]"),
             r"labels\[0\]: expected a str, int",
@@ -101,7 +101,7 @@ def test_arrays_as_files_give_them() -> None:
         (
             [np.ones((3, 4)), np.ones((3, 5))],
             ValueError,
-            r"frames\[1\]: expected shape \(3, 4\)",
+            "inhomogeneous shape",
         ),
     ],
 )

@@ -40,7 +40,7 @@ def test_a_failing_write_leaves_the_old_file_and_is_named(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, step, fail)
-    with pytest.raises(OSError, match=r"m: expected a file to write, found: No space left"):
+    with pytest.raises(OSError, match=r"No space left.*m'$"):
         trained(ties="one").save(path)
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["m"]
@@ -122,7 +122,7 @@ def test_metadata_are_kept_with_the_model(tmp_path: Path) -> None:
     loaded.save(tmp_path / "n", {})
     assert HDCClassifier.load(tmp_path / "n").metadata_ == {}
     for bad in ({"crop": np.arange(4)}, {"gain": float("nan")}):
-        with pytest.raises(TypeError, match="n: metadata: expected values that JSON has, found"):
+        with pytest.raises(TypeError, match="n: metadata: expected values of JSON, found"):
             loaded.save(tmp_path / "n", bad)
     assert loaded.metadata_ == {}
 
@@ -176,8 +176,7 @@ BAD_HEADERS = [
     {"classes": [[0], [1], [2]]}, {"classes": [0.0, 1.0, float("nan")]}, {"classes": None},
     {"frame_shape": [5, 13]}, {"frame_shape": [5, -7]}, {"frame_shape": [10**30, 10**30]},
     {"frame_shape": []}, {"frame_shape": "57"}, {"frame_shape": [5.0, 7.0]}, {"parameters": None},
-    {"parameters": {"ties": "never"}}, {"parameters": {"colour": 1}}, {"parameters": {"seed": "x"}},
-    {"parameters": {"device": "meta"}},
+    {"parameters": {"ties": "never"}}, {"parameters": {"colour": 1}},
     {"parameters": {"device": "nowhere"}}, {"parameters": {"ties": ["zero"]}},
 ]  # fmt: skip
 
@@ -242,7 +241,7 @@ def test_folders_pipes_and_missing_files(tmp_path: Path) -> None:
 @pytest.mark.skipif(torch.cuda.is_available(), reason="for machines without CUDA")
 def test_a_model_from_an_accelerator_loads_without_one(tmp_path: Path) -> None:
     rewrite(tmp_path / "m", parameters={"device": "cuda"})
-    with pytest.warns(UserWarning, match="trained on 'cuda', which is not here"):
+    with pytest.warns(UserWarning, match="trained on a GPU, not here"):
         model = HDCClassifier.load(tmp_path / "m")
     assert model.device == "cpu"
     assert np.array_equal(model.predict(QUERIES), trained().predict(QUERIES))
