@@ -28,22 +28,42 @@ QUERIES = np.random.default_rng(1).integers(0, 255, (9, 5, 7), dtype=np.uint8)
 # Writing ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("step", ["fsync", "replace"])
-def test_a_failing_write_leaves_the_old_file_and_is_named(
-    tmp_path: Path, monkeypatch, step
+STEPS = [(Path, "mkdir"), (Path, "open"), (os, "fsync"), (os, "replace"), (Path, "unlink")]
+
+
+def test_whatever_step_of_a_write_fails_the_old_or_the_new_model_loads(
+    tmp_path: Path, monkeypatch
 ) -> None:
     path = tmp_path / "m"
-    trained().save(path)
-    before = path.read_bytes()
+    models = [trained(), trained(ties="one", seed=1)]
+    for failing in range(100):
+        models[0].save(path)
+        steps = iter(range(100))
 
-    def fail(*_):
-        raise OSError(28, "No space left on device")
+        def counted(call, failing=failing, steps=steps):
+            def step(*args, **options):
+                if next(steps) == failing:
+                    raise OSError(28, "No space left on device")
+                return call(*args, **options)
 
-    monkeypatch.setattr(os, step, fail)
-    with pytest.raises(OSError, match=r"No space left.*m'$"):
-        trained(ties="one").save(path)
-    assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["m"]
+            return step
+
+        with monkeypatch.context() as patch:
+            for owner, name in STEPS:
+                patch.setattr(owner, name, counted(getattr(owner, name)))
+            try:
+                models[1].save(path)
+            except OSError as error:
+                assert "No space left" in str(error)  # noqa: PT017
+            else:
+                break
+        loaded = HDCClassifier.load(path)
+        assert loaded.get_params() in [model.get_params() for model in models]
+        assert np.array_equal(
+            loaded.distances(QUERIES), models[loaded.get_params()["seed"]].distances(QUERIES)
+        )
+        assert len(list(tmp_path.iterdir())) == 1 or failing == len(STEPS) - 1
+    assert failing == len(STEPS)
 
 
 @posix
