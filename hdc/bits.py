@@ -114,8 +114,7 @@ def unpack(words: Tensor, dimension: int) -> Tensor:
 
 def popcount(words: Tensor) -> Tensor:
     """Number of ones of each word: int64 [...] to uint8 [...]."""
-    if words.device.type == "cpu":
-        # numpy counts the bits of the magnitude of a signed integer, hence the unsigned view.
+    if words.device.type == "cpu":  # numpy counts the magnitude of signed integers
         return torch.from_numpy(np.bitwise_count(words.numpy().view(np.uint64)))
     return _swar_popcount(words).to(torch.uint8)
 

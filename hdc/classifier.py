@@ -82,7 +82,7 @@ class HDCClassifier(Estimator):
     prototypes_: Tensor
     ridge_: Ridge
     _index: dict[Label, int]  # label → row
-    _size: int | None  # samples a class that prototypes count as; −1: all are to be made anew
+    _size: int | None  # samples a class that prototypes count as; −1: none are made yet
     _sample: Sample
     _deciding: Tensor | None  # [L, 5, W], see rejection.EXTRAS, where counters do not tell them
     _peers: list[Peers | None] | None  # made of the last two when asked for
@@ -205,11 +205,10 @@ class HDCClassifier(Estimator):
         Classes are united; parameters stay those of this model.
 
         Raises:
-            ValueError: for a model of another kind or frame shape, or one of the two that was not
-                trained or was recalibrated.
+            ValueError: for a model of another kind or frame shape, not trained, or recalibrated.
         """
-        if type(other) is not type(self) or self.readout != other.readout:
-            kinds = [f"{type(m).__name__} with readout {m.readout!r}" for m in (self, other)]
+        kinds = [f"{type(m).__name__} with readout {m.readout!r}" for m in (self, other)]
+        if kinds[0] != kinds[1]:
             raise ValueError(f"merge: expected a {kinds[0]}, found a {kinds[1]}")
         Estimator._check_is_trained(other)
         for model in (self, other):
@@ -253,9 +252,7 @@ class HDCClassifier(Estimator):
         if method not in METHODS:
             raise ValueError(f"method: expected one of {', '.join(METHODS)}, found {method!r}")
         if self.prototype != "binary" and self.readout == "prototype" and method == "replace":
-            raise ValueError(
-                "method: expected 'merge' for integer prototypes, found 'replace', of bits"
-            )
+            raise ValueError("method: expected 'merge' for integer prototypes, found 'replace'")
         frames, labels = self._samples(frames, y)
         inputs.check_among(labels, self._index)
         words = torch.cat(list(self._encoded(frames)))
@@ -367,8 +364,7 @@ class HDCClassifier(Estimator):
         D + 1, farther than anything, from a class without samples.
         """
         self._check_is_trained()
-        distances = [self._hamming(words) for words in self._encoded(frames)]
-        return torch.cat(distances).numpy(force=True)
+        return torch.cat([*map(self._hamming, self._encoded(frames))]).numpy(force=True)
 
     def state_tensors(self) -> dict[str, Tensor]:
         """The tensors that have to be stored to predict; they share memory with the model."""
@@ -457,14 +453,11 @@ class HDCClassifier(Estimator):
             return
         classes = inputs.classes_of([*self._index, *labels])
         index = {label: i for i, label in enumerate(classes.tolist())}
-        rows = [index[label] for label in self._index]
-        prototypes = self.prototypes_.new_zeros(len(index), self.prototypes_.shape[1])
-        prototypes[rows] = self.prototypes_
         counters = Counters(len(index), self.dimension_, self.device)
-        counters.merge(self.counters_, rows)
-        self._index, self.classes_, self.prototypes_ = index, classes, prototypes
-        self.counters_ = counters
-        self._size = -1  # a class's random ties and its thinned counts go by its row
+        counters.merge(self.counters_, [index[label] for label in self._index])
+        self._index, self.classes_, self.counters_ = index, classes, counters
+        self.prototypes_ = torch.zeros_like(counters.planes[:, 0])
+        self._size = -1  # all are to be made: random ties and thinned counts go by rows
 
     def _add(self, words: Tensor, labels: Sequence[Label], backend: str) -> list[int]:
         """Count hypervectors [N, W] of N labels; return the rows of these."""
@@ -485,9 +478,7 @@ class HDCClassifier(Estimator):
     def _targets(self, words: Tensor, labels: Sequence[Label]) -> tuple[Tensor, Tensor]:
         """Hypervectors, and 1 for the class of each and −1 for the others, float64 [N, L]."""
         rows = torch.tensor([self._index[label] for label in labels])
-        targets = -torch.ones(len(labels), len(self._index), dtype=torch.float64)
-        targets[torch.arange(len(labels)), rows] = 1
-        return words, targets
+        return words, 2 * torch.eye(len(self._index), dtype=torch.float64)[rows] - 1
 
     def _common_size(self) -> int | None:
         """Samples a class that prototypes count as, where some classes are thinned."""
@@ -560,7 +551,6 @@ class HDCClassifier(Estimator):
         return np.concatenate(parts)
 
     def _known_peers(self) -> list[Peers | None]:
-        self._check_is_trained()
         peers = self._peers  # another thread may be making them, too, and of the same
         if peers is None:
             prototypes, sample = self._deciding_prototypes(), self._sample

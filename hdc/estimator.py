@@ -1,6 +1,6 @@
-"""What both estimators share: scikit-learn's conventions, chunks of hypervectors, files.
+"""What both estimators share: chunks of hypervectors, files, and scikit-learn's conventions.
 
-scikit-learn is not imported: its base class takes as long as torch, and 100 MB.
+scikit-learn is not imported: it takes as long as torch, and 100 MB.
 """
 
 from __future__ import annotations
@@ -64,9 +64,8 @@ class Estimator:
         """Set constructor parameters by name."""
         for name, value in params.items():
             if name not in self.get_params():
-                raise ValueError(
-                    f"set_params: expected one of {', '.join(self.get_params())}, found {name!r}"
-                )
+                known = ", ".join(self.get_params())
+                raise ValueError(f"set_params: expected one of {known}, found {name!r}")
             setattr(self, name, value)
         return self
 

@@ -1,7 +1,4 @@
-"""Frames, labels and numbers as users give them, made into tensors and arrays.
-
-Some errors have words that scikit-learn's checks of an estimator look for.
-"""
+"""Frames, labels and numbers as users give them; some errors have words scikit-learn looks for."""
 
 from __future__ import annotations
 

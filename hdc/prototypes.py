@@ -26,15 +26,8 @@ _P_STEPS = 1000
 class Counters:
     """Counts of ones for L classes of D-bit hypervectors.
 
-    Args:
-        n_classes: L.
-        dimension: D.
-        device: where the counts live.
-        backend: ``"compiled"`` counts by :mod:`hdc.compiled`, to the same counts.
-
-    Attributes:
-        planes: int64 [L, P, W], the counts, bit-sliced.
-        n: int64 [L] (CPU), how many hypervectors each class has.
+    `planes` int64 [L, P, W] are the counts, bit-sliced, and `n` int64 [L] (CPU) says how many
+    hypervectors each class has. ``backend="compiled"`` counts by :mod:`hdc.compiled`.
     """
 
     def __init__(
@@ -134,11 +127,9 @@ class Counters:
         return torch.stack([bits.pack(drawn >> p & 1 == 1) for p in range(size.bit_length())])
 
     def majority(self, ties: str = "zero", seed: int = 0) -> Tensor:
-        """Prototypes int64 [L, W] by bitwise majority (paper, Eq. 1).
+        """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1).
 
-        Args:
-            ties: see :func:`hdc.bits.majority`.
-            seed: for ``ties="random"``; class c takes the random hypervector of (seed, c).
+        With ``ties="random"``, class c takes the random hypervector of (seed, c).
 
         Raises:
             ValueError: for a class without samples or an unknown rule.

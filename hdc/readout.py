@@ -197,9 +197,7 @@ def ridge(
     _, penalty, residuals = best
     inverse = (vectors / (values + penalty)) @ vectors.T
     dual = inverse @ (left - mean)
-    intercepts = mean - means @ dual
-    if prior is not None:
-        intercepts = intercepts + prior.intercepts
+    intercepts = mean - means @ dual + (0 if prior is None else prior.intercepts)
     fitted = _quantised(words, dual, intercepts, penalty, dimension, prior)
     return fitted, Residuals(words, inverse, means, residuals)
 

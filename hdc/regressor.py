@@ -200,9 +200,7 @@ class HDCRegressor(Estimator):
     def _means(self, words: Tensor, own: bool = False) -> tuple[Tensor, Tensor]:
         """Means of the nearest frames [Q, T], and those without each frame, [Q, N, T].
 
-        Args:
-            words: the queries.
-            own: the queries are the kept frames, none of which is its own neighbour.
+        With `own`, the queries are the kept frames, none of which is its own neighbour.
         """
         distances = bits.hamming(words, self._words, self._backend()).cpu().numpy()
         if own:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -110,30 +109,6 @@ def test_training_yields_once_all_classes_have_been_seen() -> None:
     assert seen == [768, 900]
 
 
-def test_memory_does_not_grow_with_the_number_of_frames() -> None:
-    class Made:
-        """Frames that exist only while they are counted."""
-
-        def __init__(self, n: int):
-            self.shape = (n, 40, 50)
-
-        def __len__(self) -> int:
-            return self.shape[0]
-
-        def __getitem__(self, part: slice) -> np.ndarray:
-            start, stop, _ = part.indices(len(self))
-            rng = np.random.default_rng(start)
-            return rng.integers(0, 255, (stop - start, 40, 50), dtype=np.uint8)
-
-    peaks = []
-    for n in (512, 512, 4096):  # the first warms up
-        tracemalloc.start()
-        HDCClassifier().fit(Made(n), np.arange(n) % 2)
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-    assert peaks[2] < peaks[1] + 4096 * 64 + 200_000, peaks  # labels, and not 7.7 MB of frames
-
-
 @given(st.integers(1, 12), st.integers(2, 40), st.integers(0, 99))
 @settings(max_examples=40, deadline=None)
 def test_integer_prototypes_against_floats(n: int, d: int, seed: int) -> None:
@@ -181,20 +156,6 @@ def test_bad_input_gets_one_clear_error(call, message: str) -> None:
 
 
 # Classes and their prototypes --------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("prototype", classifier.PROTOTYPES)
-def test_what_is_written_into_the_state_counts_until_it_is_learnt_again(prototype: str) -> None:
-    frames, labels = touches()
-    model = HDCClassifier(prototype=prototype).fit(frames, labels)
-    before = model._scores(frames)
-    state = next(iter(model.state_tensors().values()))
-    kept = state.clone()
-    for _ in range(2):
-        state.numpy()[:] = 0
-        assert not torch.equal(model._scores(frames), before)
-        state.numpy()[:] = kept.numpy()
-        assert torch.equal(model._scores(frames), before)
 
 
 @pytest.mark.parametrize("prototype", classifier.PROTOTYPES)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 import torch
@@ -152,14 +150,3 @@ def test_columns_of_a_data_frame_are_pixels_in_their_order() -> None:
     model = HDCClassifier().fit(table, labels)
     assert torch.equal(model.prototypes_, HDCClassifier().fit(frames, labels).prototypes_)
     assert model.score(table, labels) == 1
-
-
-def test_errors_of_scikit_learn_where_it_is_loaded(monkeypatch) -> None:
-    from sklearn.exceptions import NotFittedError
-
-    for call in ("predict", "predict_set", "decision_function", "is_known", "distances"):
-        with pytest.raises(NotFittedError, match="HDCClassifier: expected a trained model"):
-            getattr(HDCClassifier(), call)(touches()[0])
-    monkeypatch.delitem(sys.modules, "sklearn.exceptions")
-    with pytest.raises(ValueError, match="expected a trained model"):
-        HDCClassifier().predict(touches()[0])

@@ -117,21 +117,6 @@ def test_labels_come_back(tmp_path: Path, prototype: str, names: list) -> None:
     assert np.array_equal(loaded.is_known(QUERIES, 0.2), model.is_known(QUERIES, 0.2))
 
 
-@pytest.mark.parametrize("method", ["replace", "merge"])
-def test_a_recalibrated_model_comes_back(tmp_path: Path, method: str) -> None:
-    model = trained(seed=5).recalibrate(QUERIES[:6], [0, 1] * 3, 0.5, method=method)
-    model.save(tmp_path / "m")
-    loaded = HDCClassifier.load(tmp_path / "m")
-    assert loaded.get_params() == model.get_params()
-    assert np.array_equal(loaded.distances(QUERIES), model.distances(QUERIES))
-    assert torch.equal(loaded.counters_.counts(), model.counters_.counts())
-    for again in (loaded, model):
-        again.recalibrate(QUERIES, np.arange(9) % 3, 0.3, method=method)
-    assert np.array_equal(loaded.distances(QUERIES), model.distances(QUERIES))
-    found, expected = ([s.tolist() for s in m.predict_set(QUERIES, 0.3)] for m in (loaded, model))
-    assert found == expected
-
-
 def test_metadata_are_kept_with_the_model(tmp_path: Path) -> None:
     metadata = {"crop": [10, 20, 500, 500], "subsample": 2, "camera": {"name": "µEye", "gain": 0.5}}
     trained().save(tmp_path / "m", metadata)
@@ -145,17 +130,6 @@ def test_metadata_are_kept_with_the_model(tmp_path: Path) -> None:
         with pytest.raises(TypeError, match="n: metadata: expected values of JSON, found"):
             loaded.save(tmp_path / "n", bad)
     assert loaded.metadata_ == {}
-
-
-def test_a_model_of_another_class_is_named(tmp_path: Path) -> None:
-    class Other(HDCClassifier):
-        pass
-
-    Other().fit(QUERIES, np.arange(9) % 3).save(tmp_path / "other")
-    message = "expected a saved HDCClassifier, found a saved Other; load it with"
-    with pytest.raises(ValueError, match=message):
-        HDCClassifier.load(tmp_path / "other")
-    Other.load(tmp_path / "other").predict(QUERIES)
 
 
 # Files that are not such ones ---------------------------------------------------------------------
@@ -213,14 +187,9 @@ def long(*shape: int) -> torch.Tensor:
 
 
 BAD_TENSORS = {
-    "too few classes": {"n": torch.ones(2).long()},
     "negative counts": {"n": torch.tensor([4, -4, 4])},
-    "counts beyond arithmetic": {"n": torch.tensor([4, 2**62, 4])},
-    "no samples": {"n": long(3)},
     "other type": {"prototypes": torch.zeros(3, 1)},
     "too wide": {"prototypes": long(3, 2)},
-    "flat planes": {"planes": long(3, 1)},
-    "too few kept": {"sample": long(2, 1)},
     "another tensor": {"extra": long(1)},
 }
 
@@ -228,20 +197,6 @@ BAD_TENSORS = {
 @pytest.mark.parametrize("what", BAD_TENSORS)
 def test_tensors_that_do_not_fit_are_refused(tmp_path: Path, what: str) -> None:
     rewrite(tmp_path / "m", BAD_TENSORS[what])
-    with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
-        HDCClassifier.load(tmp_path / "m")
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"", b"\xff" * 8, struct.pack("<Q", 2**63), struct.pack("<Q", 99_999_999),
-        struct.pack("<Q", 100_000) + b"[" * 100_000, struct.pack("<Q", 4) + b"null",
-        b"\x89PNG\r\n\x1a\n" + b"\0" * 100, safetensors.save({}, {"model": "[" * 200_000}),
-    ],
-)  # fmt: skip
-def test_hostile_files_are_refused(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "m").write_bytes(content)
     with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
         HDCClassifier.load(tmp_path / "m")
 

@@ -113,27 +113,6 @@ def test_classes_without_new_frames_keep_their_prototypes() -> None:
         assert changed.tolist() == [False, True, False]
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_learning_on_is_refused_in_one_line(method: str, tmp_path) -> None:
-    (old, new), labels = sessions()
-    trained = HDCClassifier().fit(old, labels)
-    model = HDCClassifier().fit(old, labels).recalibrate(new, labels, method=method)
-    model.save(tmp_path / "m")
-    for again in (model, HDCClassifier.load(tmp_path / "m")):
-        for call in (
-            lambda m: m.partial_fit(new, labels),
-            lambda m: m.merge(trained),
-            lambda m: HDCClassifier().fit(old, labels).merge(m),
-        ):
-            with pytest.raises(ValueError, match="expected a model that was not recalibrated"):
-                call(again)
-        assert (again.predict(new) == labels).all()
-        again.recalibrate(old, labels, method=method)
-    model.fit(old, labels)
-    assert torch.equal(model.prototypes_, trained.prototypes_)
-    model.partial_fit(new, labels)
-
-
 def test_what_cannot_be_recalibrated_is_named() -> None:
     (old, new), labels = sessions()
     model = HDCClassifier().fit(old, labels)
