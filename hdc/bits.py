@@ -105,7 +105,7 @@ def unpack(words: Tensor, dimension: int) -> Tensor:
     """Unpack int64 words [..., W] into bool [..., D]."""
     check_width(words, dimension)
     if words.device.type != "cpu":
-        shifts = torch.arange(WORD, device=words.device)
+        shifts = torch.arange(WORD).to(words)
         return ((words.unsqueeze(-1) >> shifts) & 1).flatten(-2)[..., :dimension].bool()
     bytes_ = words.contiguous().numpy().view(np.uint8)
     ones = np.unpackbits(bytes_, axis=-1, count=dimension, bitorder="little")

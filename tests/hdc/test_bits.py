@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from hdc import bits
+from hdc import bits, planes
 
 
 def mask_of(shape: tuple[int, ...], seed: int = 0) -> Tensor:
@@ -44,6 +44,29 @@ def test_hamming_of_any_shape(q: int, n: int, d: int, seed: int) -> None:
     a, b = bits.pack(queries), bits.pack(prototypes)
     assert torch.equal(bits.hamming(a, b), expected)
     assert torch.equal(bits.unpack(a, d), queries)
+
+
+class Elsewhere(Tensor):
+    """A tensor that says that it is on another device."""
+
+    device = property(lambda self: torch.device("cuda"))
+
+
+@given(st.integers(1, 40), st.integers(1, 6), st.integers(1, 300), st.integers(0, 9))
+@settings(max_examples=60, deadline=None)
+def test_same_bits_on_other_devices(q: int, n: int, d: int, seed: int) -> None:
+    queries, prototypes = mask_of((q, d), seed), mask_of((n, d), seed + 1)
+    there = [bits.pack(mask.as_subclass(Elsewhere)) for mask in (queries, prototypes)]
+    here = [bits.pack(mask) for mask in (queries, prototypes)]
+    assert all(torch.equal(a, b) for a, b in zip(there, here, strict=True))
+    assert torch.equal(bits.unpack(there[0], d), queries)
+    assert torch.equal(bits.popcount(there[0]), bits.popcount(here[0]))
+    assert torch.equal(bits.count_ones(there[0]), queries.sum(-1))
+    assert torch.equal(bits.hamming(*there), bits.hamming(*here))
+    counts = torch.zeros(6, bits.words_for(d), dtype=torch.int64).as_subclass(Elsewhere)
+    planes.count_into(counts, there[0], range(q))
+    ones = sum(bits.unpack(plane, d).long() << p for p, plane in enumerate(counts))
+    assert torch.equal(torch.as_tensor(ones), queries.sum(0))
 
 
 def test_wrong_types_and_widths_are_named() -> None:
