@@ -202,9 +202,8 @@ def _add_ties(images, i, level, words, missing):
 def _encode(images, words, constant):
     """:func:`encode_uint8` in one thread.
 
-    The level of the frame before is tried first. If it is not that of this one, the counts of all
-    pixels say how many of them are too many or too few above it, and a sample which level has as
-    many; each trial is one pass over the frame, which is in the cache from the second on. What
+    The level of the frame before is tried first, in one pass over the frame. Then the counts of all
+    pixels say how many are too many or too few above it, and a sample which level has as many. What
     neither finds in some trials is found by halving.
     """
     dimension = images.shape[1]

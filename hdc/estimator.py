@@ -45,8 +45,7 @@ class Estimator:
         self._backend()
 
     def _check_is_trained(self) -> None:
-        if not hasattr(self, "dimension_"):
-            # Its own kind of error where scikit-learn is loaded.
+        if not hasattr(self, "dimension_"):  # scikit-learn's kind of error where it is loaded
             module = sys.modules.get("sklearn.exceptions")
             kind = getattr(module, "NotFittedError", ValueError)
             raise kind(f"{type(self).__name__}: expected a trained model; call fit first")

@@ -51,16 +51,13 @@ def check_replaceable(path: Path) -> None:
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path.parent}: expected a folder to save {path.name} in")
     if path.is_symlink() or (path.exists() and not path.is_file()):
-        raise FileExistsError(
-            f"{path}: expected a regular file or none, found another kind; not replaced"
-        )
+        raise FileExistsError(f"{path}: expected a regular file, found another kind; not replaced")
     if path.exists():
         try:
             read_model(path, tensors=False)
         except ValueError as error:
-            raise FileExistsError(
-                f"{path}: expected a saved model or no file, found another file; not replaced"
-            ) from error
+            expected = "expected a saved model or no file"
+            raise FileExistsError(f"{path}: {expected}, found another; not replaced") from error
 
 
 def write_model(path: Path, header: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> None:

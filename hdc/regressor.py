@@ -23,8 +23,8 @@ class HDCRegressor(Estimator):
     The hypervectors of all training frames are kept (31 kB each at D = 250,000).
 
     Args:
-        readout: ``"ridge"``: ridge regression on the bits (:mod:`hdc.readout`), its penalty the one
-            with the least leave-one-out error; or ``"neighbours"``: the mean of the nearest frames.
+        readout: ``"ridge"``: ridge regression on the bits (:mod:`hdc.readout`); or
+            ``"neighbours"``: the mean of the nearest frames.
         n_neighbours: how many nearest frames.
         device: where frames are encoded and hypervectors live.
         backend: see :class:`hdc.HDCClassifier`.

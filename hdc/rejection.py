@@ -139,11 +139,8 @@ def p_values(peers: Sequence[Peers | None], words: Tensor, alpha: float) -> np.n
     result = np.zeros((len(words), len(peers)))
     n = sum(len(own.constant) for own in peers if own is not None)
     if (n + 1) * alpha < 1:
-        warnings.warn(
-            f"{alpha:g} of known frames: expected at least {1 / (n + 1):.2g}, as {n} training "
-            "frames are kept; no frame is refused",
-            stacklevel=2,
-        )
+        least = f"expected at least {1 / (n + 1):.2g} with {n} frames kept; no frame is refused"
+        warnings.warn(f"{alpha:g} of known frames: {least}", stacklevel=2)
     for c, own in enumerate(peers):
         if own is None:
             continue
