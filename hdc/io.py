@@ -51,7 +51,7 @@ def check_replaceable(path: Path) -> None:
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path.parent}: expected a folder to save {path.name} in")
     if path.is_symlink() or (path.exists() and not path.is_file()):
-        raise FileExistsError(f"{path}: expected a regular file, found another kind; not replaced")
+        raise FileExistsError(f"{path}: expected a regular file or none; not replaced")
     if path.exists():
         try:
             read_model(path, tensors=False)
