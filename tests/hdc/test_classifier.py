@@ -21,33 +21,6 @@ def touches(n: int = 60, classes: int = 3, side: int = 12) -> tuple[np.ndarray, 
     return (base[labels] + rng.integers(0, 56, (n, side, side))).astype(np.uint8), labels
 
 
-labels_of_one_kind = st.one_of(
-    st.lists(kind, min_size=2, max_size=6, unique=True)
-    for kind in (
-        st.integers(), st.text(max_size=3), st.booleans(), st.floats(allow_nan=False),
-        st.one_of(st.integers(-9, 9), st.floats(-9, 9)),
-    )
-)  # fmt: skip
-
-
-@given(labels_of_one_kind, st.sampled_from([1, 2, 5, 128]))
-@settings(max_examples=100, deadline=None)
-def test_labels_of_each_type_come_back(names: list, batch: int) -> None:
-    """Every class once at least, equal in whole and in batches, exactly the labels given."""
-    rng = np.random.default_rng(len(names))
-    frames = rng.permutation(np.arange(64 * len(names)) % 251).reshape(-1, 64).astype(np.uint8)
-    model = HDCClassifier().fit(frames, names)
-    assert model.predict(frames).tolist() == names
-    assert model.score(frames, names) == 1
-    starts = range(0, len(names), batch)
-    parts = HDCClassifier()
-    for start in starts:
-        parts.partial_fit(frames[start : start + batch], names[start : start + batch])
-    assert parts.predict(frames).tolist() == names
-    assert parts.classes_.tolist() == model.classes_.tolist()
-    assert torch.equal(parts.prototypes_, model.prototypes_)
-
-
 def test_a_refused_first_batch_changes_nothing() -> None:
     frames, labels = touches()
     model = HDCClassifier().fit(frames, labels)
