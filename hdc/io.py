@@ -51,7 +51,8 @@ def check_replaceable(path: Path) -> None:
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path.parent}: expected a folder to save {path.name} in")
     if path.is_symlink() or (path.exists() and not path.is_file()):
-        raise FileExistsError(f"{path}: expected a regular file or none; not replaced")
+        expected = "expected a regular file or none"
+        raise FileExistsError(f"{path}: {expected}, found another kind; not replaced")
     if path.exists():
         try:
             read_model(path, tensors=False)
