@@ -25,10 +25,11 @@ from rich.console import Console
 from experiments import report, reproduce
 from experiments.prove import prove
 from experiments.records import record as records
-from experiments.records.files import REFERENCE, ROOT, results_dir, write_atomically
+from experiments.records.files import REFERENCE, ROOT, results_dir
 from experiments.records.results import Results, Run
 from experiments.reporting.study import with_places
 from experiments.reporting.text import markdown_text, number
+from hdc.io import write_atomically
 
 # Scenes of published data; other recordings are one's own.
 PUBLIC = ("scenes.fibre.", "scenes.measured.", "scenes.sessions.")

@@ -23,7 +23,7 @@ from rich.text import Text
 
 from experiments import studies
 from experiments.records import configs
-from experiments.records.files import REFERENCE, results_dir, write_atomically
+from experiments.records.files import REFERENCE, results_dir
 from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
 from experiments.reporting import comparison
@@ -36,6 +36,7 @@ from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table, beside, records
 from experiments.reporting.terminal import in_any_encoding
 from experiments.reporting.text import number, percent, printable
+from hdc.io import write_atomically
 
 WIDTH = 100  # columns of the terminal that Table I needs
 _NAMED = 3  # files of changed code that are named

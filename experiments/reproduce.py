@@ -26,8 +26,9 @@ from rich.console import Console
 from rich.table import Table
 
 from experiments.records import configs
-from experiments.records.files import ROOT, results_dir, write_atomically
+from experiments.records.files import ROOT, results_dir
 from experiments.reporting.terminal import in_any_encoding
+from hdc.io import write_atomically
 
 FILE = "reproduce.csv"
 WHAT = {

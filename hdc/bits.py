@@ -44,8 +44,7 @@ def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
     """The kernels of a backend: :mod:`hdc.compiled`, or None for numpy's and torch's operations.
 
     Raises:
-        ValueError: for an unknown backend, for compiled kernels on a device other than the CPU, or
-            without numba.
+        ValueError: for an unknown backend, or compiled kernels without CPU or numba.
     """
     if backend not in BACKENDS:
         raise ValueError(f"backend: expected one of auto, {', '.join(BACKENDS)}, found {backend!r}")
@@ -56,20 +55,16 @@ def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
     try:
         from hdc import compiled
     except ImportError as error:
-        install = "pip install 'speckle-hdc[compiled]'"
-        reason = f"backend: 'compiled' expects numba ({install}), found: {error}"
-        raise ValueError(reason) from error
+        install = "numba (pip install 'speckle-hdc[compiled]')"
+        raise ValueError(f"backend: 'compiled' expects {install}, found: {error}") from error
     return compiled
 
 
 def choose_backend(backend: str, device: torch.device | str, n_pixels: int = 0) -> str:
-    """The backend for so many pixels (frames × pixels of each), one of :data:`BACKENDS`.
+    """The backend for so many pixels (frames × pixels of each); errors as of :func:`kernels`.
 
     ``"auto"`` is ``"compiled"`` on the CPU where the kernels are loaded already, or where numba is
     installed and loading it pays: for more than about 4000 frames of 500 × 500.
-
-    Raises:
-        ValueError: for an unknown backend, or ``"compiled"`` where it is not to be had.
     """
     if backend == "auto":
         ready = "hdc.compiled" in sys.modules or (
@@ -93,43 +88,33 @@ def pack(mask: Tensor) -> Tensor:
     """
     if mask.dtype != torch.bool:
         raise TypeError(f"mask: expected dtype torch.bool, found {mask.dtype}")
-    if mask.device.type != "cpu":
-        return pack_torch(mask)
     *batch, dimension = mask.shape
+    width = words_for(dimension)
+    if mask.device.type != "cpu":
+        padded = mask.new_zeros(*batch, width * WORD)
+        padded[..., :dimension] = mask
+        top_bytes = (padded.view(torch.int64) * _GATHER_BYTE) >> 56
+        return top_bytes.to(torch.uint8).view(torch.int64)
     bytes_ = np.packbits(mask.numpy(), axis=-1, bitorder="little")
-    words = np.zeros((*batch, words_for(dimension)), np.int64)
+    words = np.zeros((*batch, width), np.int64)
     words.view(np.uint8)[..., : bytes_.shape[-1]] = bytes_
     return torch.from_numpy(words)
-
-
-def pack_torch(mask: Tensor) -> Tensor:
-    """:func:`pack` in torch alone, for any device."""
-    padded = mask.new_zeros(*mask.shape[:-1], words_for(mask.shape[-1]) * WORD)
-    padded[..., : mask.shape[-1]] = mask
-    top_bytes = (padded.view(torch.int64) * _GATHER_BYTE) >> 56
-    return top_bytes.to(torch.uint8).view(torch.int64)
 
 
 def unpack(words: Tensor, dimension: int) -> Tensor:
     """Unpack int64 words [..., W] into bool [..., D]."""
     check_width(words, dimension)
     if words.device.type != "cpu":
-        return unpack_torch(words, dimension)
+        shifts = torch.arange(WORD).to(words)
+        return ((words.unsqueeze(-1) >> shifts) & 1).flatten(-2)[..., :dimension].bool()
     bytes_ = words.contiguous().numpy().view(np.uint8)
     ones = np.unpackbits(bytes_, axis=-1, count=dimension, bitorder="little")
     return torch.from_numpy(ones.view(np.bool_))
 
 
-def unpack_torch(words: Tensor, dimension: int) -> Tensor:
-    """:func:`unpack` in torch alone, for any device."""
-    shifts = torch.arange(WORD, device=words.device)
-    return ((words.unsqueeze(-1) >> shifts) & 1).flatten(-2)[..., :dimension].bool()
-
-
 def popcount(words: Tensor) -> Tensor:
     """Number of ones of each word: int64 [...] to uint8 [...]."""
-    if words.device.type == "cpu":
-        # numpy counts the bits of the magnitude of a signed integer, hence the unsigned view.
+    if words.device.type == "cpu":  # numpy counts the magnitude of signed integers
         return torch.from_numpy(np.bitwise_count(words.numpy().view(np.uint64)))
     return _swar_popcount(words).to(torch.uint8)
 
@@ -148,13 +133,16 @@ def hamming(queries: Tensor, prototypes: Tensor, backend: str = "numpy") -> Tens
     Raises:
         ValueError: if the two do not have the same number of words.
     """
-    if queries.shape[-1] != prototypes.shape[-1]:
-        raise ValueError(
-            f"hamming: expected queries and prototypes of equal width, found "
-            f"{queries.shape[-1]} and {prototypes.shape[-1]} words"
-        )
+    widths = queries.shape[-1], prototypes.shape[-1]
+    if widths[0] != widths[1]:
+        raise ValueError("hamming: expected equal widths, found {} and {} words".format(*widths))
     if queries.device.type != "cpu":
-        return hamming_torch(queries, prototypes)
+        distances = queries.new_empty(len(queries), len(prototypes))
+        step = max(1, 2**23 // max(1, prototypes.numel()))  # at most about 256 MB
+        for start in range(0, len(queries), step):
+            differing = queries[start : start + step, None] ^ prototypes
+            distances[start : start + step] = _swar_popcount(differing).sum(-1)
+        return distances
     if compiled := kernels(backend, "cpu"):
         pair = (np.ascontiguousarray(words.numpy()) for words in (queries, prototypes))
         return torch.from_numpy(compiled.hamming(*pair))
@@ -167,16 +155,6 @@ def hamming(queries: Tensor, prototypes: Tensor, backend: str = "numpy") -> Tens
         for j, prototype in enumerate(p):
             np.bitwise_count(block ^ prototype).sum(-1, out=out[start : start + step, j])
     return torch.from_numpy(out)
-
-
-def hamming_torch(queries: Tensor, prototypes: Tensor) -> Tensor:
-    """:func:`hamming` in torch alone, for any device; working memory at most about 256 MB."""
-    out = queries.new_empty(len(queries), len(prototypes))
-    step = max(1, 2**23 // max(1, prototypes.numel()))  # some four such tensors at once
-    for start in range(0, len(queries), step):
-        differing = queries[start : start + step, None] ^ prototypes
-        out[start : start + step] = _swar_popcount(differing).sum(-1)
-    return out
 
 
 def majority(words: Tensor, ties: str = "zero", tie_breaker: Tensor | None = None) -> Tensor:
@@ -194,18 +172,13 @@ def majority(words: Tensor, ties: str = "zero", tie_breaker: Tensor | None = Non
     """
     if len(words) == 0:
         raise ValueError("majority: expected at least one hypervector, found none")
-    counts = planes.vertical_sum(words)
-    return majority_of_counts(counts, len(words), ties, tie_breaker)
+    return majority_of_counts(planes.vertical_sum(words), len(words), ties, tie_breaker)
 
 
 def majority_of_counts(
     counts: Tensor, n: int, ties: str = "zero", tie_breaker: Tensor | None = None
 ) -> Tensor:
-    """Majority from bit-sliced counts: int64 [P, W] of n hypervectors → [W]; see :func:`majority`.
-
-    Raises:
-        ValueError: for an unknown rule, or ``"random"`` without a tie breaker.
-    """
+    """:func:`majority` from bit-sliced counts, int64 [P, W] of n hypervectors."""
     if ties not in TIES:
         raise ValueError(f"ties: expected one of {', '.join(TIES)}, found {ties!r}")
     more = planes.greater(counts, n // 2)
@@ -223,12 +196,9 @@ def majority_of_counts(
 def random_hypervector(
     dimension: int, seed: int, p: float = 0.5, stream: tuple[int, ...] = ()
 ) -> Tensor:
-    """D independent bits that are one with probability p, from seed and stream alone: int64 [W].
+    """D independent bits that are one with probability p: int64 [W].
 
-    Args:
-        seed: any integer.
-        stream: non-negative integers that tell apart what is drawn from one seed. Every pair of
-            seed and stream is a source of its own.
+    Every pair of `seed` (any integer) and `stream` (non-negative ones) is a source of its own.
     """
     source = np.random.PCG64(seed_sequence(seed, stream))
     # A double has 53 random bits, and so has p.
@@ -253,13 +223,6 @@ def _swar_popcount(words: Tensor) -> Tensor:
 
 
 def check_width(words: Tensor, dimension: int) -> None:
-    """Check that hypervectors [..., W] have the words of D bits.
-
-    Raises:
-        ValueError: if they do not.
-    """
-    if words.shape[-1] != words_for(dimension):
-        raise ValueError(
-            f"words: expected {words_for(dimension)} words for D = {dimension}, "
-            f"found {words.shape[-1]}"
-        )
+    """Raise ValueError for hypervectors [..., W] that do not have the words of D bits."""
+    if (found := words.shape[-1]) != (width := words_for(dimension)):
+        raise ValueError(f"words: expected {width} words for D = {dimension}, found {found}")

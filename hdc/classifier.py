@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits, cosine, inputs, io
+from hdc import bits, inputs, io
 from hdc.estimator import CHUNK, Estimator, check_share
 from hdc.inputs import Label
 from hdc.prototypes import Counters, check_probability, merged, replaced_bits
-from hdc.readout import Ridge, ridge
+from hdc.readout import Ridge, cosines, ridge
 from hdc.rejection import EXTRAS, KEPT, RATE, Peers, Sample, deciding, p_values
 
 PROTOTYPES = ("binary", "integer")
@@ -27,39 +27,34 @@ class HDCClassifier(Estimator):
 
     A frame becomes a hypervector by thresholding at its own median (:func:`hdc.encode.encode`), a
     class prototype is the bitwise majority of its hypervectors (Eq. 1), and a query belongs to the
-    class whose prototype is nearest in Hamming distance (Eqs. 2, 3); among equally near ones, to
-    the first in ``classes_``. Memory of :meth:`fit`: a chunk of packed hypervectors, counters, and
-    up to 19 hypervectors a class for :meth:`is_known`, however many frames are given; other calls
-    that learn hold the hypervectors of their batch.
+    class whose prototype is nearest in Hamming distance (Eqs. 2, 3), the first of equally near
+    ones. :meth:`fit` needs memory for a chunk of packed hypervectors, counters, and up to 19
+    hypervectors a class, however many frames are given.
 
-    Frames are [N, H, W] or [N, D]; a model of images takes a single one, [H, W], as a batch of one,
-    images of no other shape, and flattened ones. Several threads may ask a model at once; while one
-    trains it, no other may use it. A process that is forked after torch has used its threads may
-    hang in any call of torch, and so in a model: start processes by ``spawn``.
+    Frames are [N, H, W] or [N, D]; a model of images also takes flattened ones and a single one,
+    [H, W]. Several threads may ask a model at once; while one trains it, no other may use it. Start
+    processes by ``spawn``: torch may hang in a forked one.
 
     Args:
-        ties: what a prototype bit becomes that as many hypervectors have as have not (even number
-            of samples): ``"zero"`` (default: 1 is taken only if the number of ones is larger, as
-            published), ``"one"``, or ``"random"``, which is the extra random vector of Schmuck et
-            al., ACM JETC 15, 32 (2019).
+        ties: a prototype bit with as many ones as zeros becomes ``"zero"`` (as published),
+            ``"one"``, or, with ``"random"``, that of an extra random vector (Schmuck et al., ACM
+            JETC 15, 32 (2019)).
         prototype: ``"binary"`` as published, or ``"integer"``: the counters themselves, compared
             by the cosine between 2·count − n and the bipolar query.
         readout: ``"prototype"`` as published; ``"ridge"``: ridge regression of ±1 a class on the
-            same bits in ±1, with an intercept, the penalty with the least leave-one-out error, and
-            weights of 8 bits (:mod:`hdc.readout`); or ``"neighbours"``: the class of most of the
+            same bits (:mod:`hdc.readout`); or ``"neighbours"``: the class of most of the
             `n_neighbours` nearest training frames, all of which are kept. Prototypes are made with
             each, for :meth:`distances` and :meth:`is_known`.
         balance: make classes of unequal size comparable. The majority raises a prototype's
             correlation with every frame, the more so the more frames it bundles, and a larger class
-            takes frames of the others. With True, classes count as if each had as many frames as
-            the smallest (:meth:`hdc.prototypes.Counters.thinned`); equal classes are as published.
-            False is the published rule. Other read-outs than prototypes have no such parameter.
+            takes frames of the others. With True, prototypes are made as if each class had as many
+            frames as the smallest (:meth:`hdc.prototypes.Counters.thinned`); equal classes are as
+            published. False is the published rule.
         n_neighbours: how many of the nearest frames vote; a tie goes to the nearest of them.
         seed: seed of the random vectors for ``ties="random"``, and of ``balance``.
         device: where frames are encoded and prototypes live.
-        backend: ``"numpy"``, or ``"compiled"`` for the CPU kernels of :mod:`hdc.compiled`, which
-            need numba and give the same model, bit for bit, in less time; ``"auto"`` is one of them
-            by :func:`hdc.bits.choose_backend`. A saved model does not remember it.
+        backend: ``"numpy"``, ``"compiled"`` (the same bits in less time, needs numba), or
+            ``"auto"``, by :func:`hdc.bits.choose_backend`. Not saved with the model.
 
     Attributes:
         classes_: array [L] of the labels, sorted: str, int, float or bool.
@@ -87,7 +82,7 @@ class HDCClassifier(Estimator):
     prototypes_: Tensor
     ridge_: Ridge
     _index: dict[Label, int]  # label → row
-    _size: int | None  # samples a class that prototypes count as; −1: all are to be made anew
+    _size: int | None  # samples a class that prototypes count as; −1: none are made yet
     _sample: Sample
     _deciding: Tensor | None  # [L, 5, W], see rejection.EXTRAS, where counters do not tell them
     _peers: list[Peers | None] | None  # made of the last two when asked for
@@ -125,7 +120,7 @@ class HDCClassifier(Estimator):
             ValueError: for no frames, one class only, lengths that differ, pixels that are not
                 finite, labels other than str, int, float or bool, or an unknown parameter value.
         """
-        trained = type(self)(**self.get_params())
+        trained = self._untrained()
         for _ in trained._train(frames, y):
             pass
         self._adopt(trained)
@@ -136,25 +131,21 @@ class HDCClassifier(Estimator):
 
         `frames` may be anything with ``shape`` and batches ``frames[a:b]``.
         """
-        trained = type(self)(**self.get_params())
+        trained = self._untrained()
         for seen in trained._train(frames, y):
             self._adopt(trained)
             yield {"samples_seen": seen}
 
     def _train(self, frames: Any, y: Any) -> Iterator[int]:
-        self._check_parameters()
-        frames = inputs.indexable(frames)
-        labels = inputs.label_array(y, len(frames)).tolist()
-        if not labels:
-            raise ValueError("frames: expected at least one frame, found none")
+        frames, labels = self._samples(frames, y)
         classes = inputs.classes_of(labels)
         inputs.check_two_classes(classes)
         backend = self._backend(frames)
         words: Tensor | None = None
-        kept = self.readout != "prototype"
         for start in range(0, len(frames), CHUNK):
             part = inputs.tensor(frames[start : start + CHUNK])
-            words = self._encode(part, start, backend, None if kept else words)
+            reused = words if self.readout == "prototype" else None
+            words = self._encode(part, start, backend, reused)
             if start == 0:  # room once for all that will come
                 self._start(part.shape[1:])
                 self._know(classes.tolist())
@@ -171,6 +162,15 @@ class HDCClassifier(Estimator):
                 self._update_prototypes(range(len(classes)))
                 yield seen
 
+    def _samples(self, frames: Any, y: Any) -> tuple[Any, list[Label]]:
+        """Frames with a shape, and their labels; at least one."""
+        self._check_parameters()
+        frames = inputs.indexable(frames, getattr(self, "frame_shape_", None))
+        labels = inputs.label_array(y, len(frames)).tolist()
+        if not labels:
+            raise ValueError("frames: expected at least one frame, found none")
+        return frames, labels
+
     def partial_fit(self, frames: Any, y: Any, classes: Any = None) -> Self:
         """Add a batch of frames to the counters; a label not met before becomes a new class.
 
@@ -179,19 +179,14 @@ class HDCClassifier(Estimator):
         Args:
             frames: the batch.
             y: its labels.
-            classes: all labels that may come. Those without samples are known (``classes_``) and
-                never predicted; a label that is not among them is refused.
+            classes: all labels that may come; those without samples are never predicted.
 
         Raises:
-            ValueError: as :meth:`fit`, or after :meth:`recalibrate`, whose prototypes are not those
-                of counted frames.
+            ValueError: as :meth:`fit`, for a label not among `classes`, or after
+                :meth:`recalibrate`, whose prototypes are not those of counted frames.
         """
-        self._check_parameters()
         self._check_learns("partial_fit")
-        frames = inputs.indexable(frames, getattr(self, "frame_shape_", None))
-        labels = inputs.label_array(y, len(frames)).tolist()
-        if not labels:
-            raise ValueError("frames: expected at least one frame, found none")
+        frames, labels = self._samples(frames, y)
         allowed = labels
         if classes is not None:
             allowed = inputs.label_array(classes, len(classes)).tolist()
@@ -210,11 +205,10 @@ class HDCClassifier(Estimator):
         Classes are united; parameters stay those of this model.
 
         Raises:
-            ValueError: for a model of another kind or frame shape, or one of the two that was not
-                trained or was recalibrated.
+            ValueError: for a model of another kind or frame shape, not trained, or recalibrated.
         """
-        if type(other) is not type(self) or self.readout != other.readout:
-            kinds = [f"{type(m).__name__} with readout {m.readout!r}" for m in (self, other)]
+        kinds = [f"{type(m).__name__} with readout {m.readout!r}" for m in (self, other)]
+        if kinds[0] != kinds[1]:
             raise ValueError(f"merge: expected a {kinds[0]}, found a {kinds[1]}")
         Estimator._check_is_trained(other)
         for model in (self, other):
@@ -235,13 +229,12 @@ class HDCClassifier(Estimator):
     def recalibrate(
         self, frames: Any, y: Any, p: float = 0.5, seed: int = 0, method: str = "replace"
     ) -> Self:
-        """Adapt to a changed environment by new frames; see :mod:`hdc.prototypes`.
+        """Adapt to a changed environment by new frames.
 
-        Classes without new frames keep their prototypes. :meth:`is_known` compares with the new
-        frames. A recalibrated model can be recalibrated again; ``partial_fit`` and ``merge`` refuse
-        it, as a frame's weight beside the shares is not defined. Ridge regression goes from its old
-        weights to those near them that fit the new frames; kept frames of classes with new ones
-        are replaced by the new ones. Neither depends on p.
+        Classes without new frames stay as they are; :meth:`is_known` compares with the new frames.
+        ``partial_fit`` and ``merge`` refuse a recalibrated model. Ridge regression goes from its
+        old weights to those near them that fit the new frames, which replace kept ones of their
+        classes; neither depends on p.
 
         Args:
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
@@ -249,26 +242,19 @@ class HDCClassifier(Estimator):
             p: share of the new: probability with which a bit is replaced, or share of the votes.
             seed: seed of the choice of bits that are replaced.
             method: ``"replace"`` as published, for binary prototypes only, or ``"merge"``, by
-                votes, which recovers more (of binary and of integer prototypes).
+                votes (:func:`hdc.prototypes.merged`), which recovers more.
 
         Raises:
             ValueError: if p is outside [0, 1], or a label is not among ``classes_``.
         """
         self._check_is_trained()
-        self._check_parameters()
         check_probability(p)
         if method not in METHODS:
             raise ValueError(f"method: expected one of {', '.join(METHODS)}, found {method!r}")
         if self.prototype != "binary" and self.readout == "prototype" and method == "replace":
-            raise ValueError(
-                f"prototype: replacing bits expects 'binary', found {self.prototype!r}; "
-                "method='merge' takes any"
-            )
-        frames = inputs.indexable(frames, self.frame_shape_)
-        labels = inputs.label_array(y, len(frames)).tolist()
+            raise ValueError("method: expected 'merge' for integer prototypes, found 'replace'")
+        frames, labels = self._samples(frames, y)
         inputs.check_among(labels, self._index)
-        if not labels:
-            raise ValueError("frames: expected at least one frame, found none")
         words = torch.cat(list(self._encoded(frames)))
         rows = sorted({self._index[label] for label in labels})
         new = Counters(len(rows), self.dimension_, self.device, self._backend(frames))
@@ -320,17 +306,14 @@ class HDCClassifier(Estimator):
         """
         share = None if reject is False else check_share(RATE if reject is True else reject)
         self._check_is_trained()
-        rows, known = [], []
+        labels = []
         for words in self._encoded(frames):
-            rows.append(self._scores_of(words).argmin(1).numpy(force=True))
+            found = self.classes_[self._scores_of(words).argmin(1).numpy(force=True)]
             if share is not None:
-                known.append(p_values(self._known_peers(), words, share).max(1) > share)
-        labels = self.classes_[np.concatenate(rows)]
-        if share is None:
-            return labels
-        labels = labels.astype(object)
-        labels[~np.concatenate(known)] = None
-        return labels
+                found = found.astype(object)
+                found[p_values(self._known_peers(), words, share).max(1) <= share] = None
+            labels.append(found)
+        return np.concatenate(labels)
 
     def score(self, frames: Any, y: Any) -> float:
         """Fraction of frames whose predicted label is right."""
@@ -342,43 +325,26 @@ class HDCClassifier(Estimator):
         """The classes that each of Q frames may be of: Q arrays of labels.
 
         For fresh frames exchangeable with the training frames of their class, the set has the right
-        label with probability 1 − alpha at least (:mod:`hdc.rejection` has theorem and limits). It
-        is empty for a frame that is like none of the classes.
+        label with probability 1 − alpha at least (:mod:`hdc.rejection`). It is empty for a frame
+        that is like none of the classes.
 
         Raises:
             ValueError: as :meth:`is_known`.
         """
         possible = self._p_values(frames, share := check_share(alpha)) > share
-        return [self.classes_[row] for row in list(possible)]
+        return [self.classes_[row] for row in possible]
 
     def is_known(self, frames: Any, reject: float = RATE) -> np.ndarray:
         """Whether frames are as near to a prototype as frames of its class are: bool [Q].
 
-        False where :meth:`predict_set` is empty. Of fresh frames of known classes a share `reject`
-        at most is refused, if they come as the training frames did; noise, a black frame, or an
-        object that was not trained is refused, as long as there are 1/reject training frames.
+        False where :meth:`predict_set` is empty: for a share `reject` of fresh frames of known
+        classes at most, if they come as the training frames did, and for noise, a black frame or an
+        object that was not trained, as long as there are 1/reject training frames.
 
         Raises:
             ValueError: for a share outside (0, 1).
         """
         return self._p_values(frames, share := check_share(reject)).max(1) > share
-
-    def limits(self, reject: float = RATE) -> np.ndarray:
-        """About the largest Hamming distance [L] at which :meth:`is_known` knows a frame.
-
-        The (1 − reject) quantile of leave-one-out distances, to be drawn beside distances; infinite
-        for a class of one frame. :meth:`is_known` decides by p-values.
-        """
-        share, peers = check_share(reject), self._known_peers()
-        pool = np.sort(np.concatenate([p.held_out for p in peers if p is not None]))
-        limits = np.full(len(peers), np.inf)
-        for c, own in enumerate(peers):
-            if own is not None and len(own.held_out):
-                enough = (len(own.constant) + 1) * share >= 1
-                spread = np.sort(own.held_out) if enough else pool
-                place = min(int(np.ceil((1 - share) * (len(spread) + 1))), len(spread)) - 1
-                limits[c] = own.mean + spread[place]
-        return limits
 
     def decision_function(self, frames: Any) -> np.ndarray:
         """How near each class is, [Q, L]: minus the distance as a share of the pixels.
@@ -388,7 +354,7 @@ class HDCClassifier(Estimator):
         """
         near = -self._scores(frames).numpy(force=True)
         if self.readout != "ridge":
-            integer = self.readout == "prototype" and self.prototype == "integer"
+            integer = (self.readout, self.prototype) == ("prototype", "integer")
             near = near / self.dimension_ ** (0.5 if integer else 1)
         return near[:, 1] - near[:, 0] if near.shape[1] == 2 else near
 
@@ -398,8 +364,7 @@ class HDCClassifier(Estimator):
         D + 1, farther than anything, from a class without samples.
         """
         self._check_is_trained()
-        distances = [self._hamming(words) for words in self._encoded(frames)]
-        return torch.cat(distances).numpy(force=True)
+        return torch.cat([*map(self._hamming, self._encoded(frames))]).numpy(force=True)
 
     def state_tensors(self) -> dict[str, Tensor]:
         """The tensors that have to be stored to predict; they share memory with the model."""
@@ -417,10 +382,9 @@ class HDCClassifier(Estimator):
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         classes = self.classes_.tolist()
         seen = [self._sample.seen.get(c, 0) for c in classes]
-        kept = [self._sample.of(c) for c, n in zip(classes, seen, strict=True) if n]
         tensors = {
             "planes": self.counters_.planes, "n": self.counters_.n, "prototypes": self.prototypes_,
-            "sample": torch.cat(kept),
+            "sample": torch.cat([self._sample.of(c) for c in classes if c in self._sample.seen]),
         }  # fmt: skip
         if self._deciding is not None:
             tensors["deciding"] = self._deciding
@@ -443,9 +407,7 @@ class HDCClassifier(Estimator):
             "rows": (n_frames,), "frames": (n_frames, width), "sample": (sum(kept), width),
             **Ridge.shapes(len(classes), width),
         })  # fmt: skip
-        if not all(isinstance(s, int) and 0 <= s < io.LARGEST for s in seen):
-            raise ValueError(f"seen {seen!r}")
-        if (n < 0).any() or (n >= io.LARGEST).any() or not n.any() or n_planes > 53:
+        if (n < 0).any() or (n >= 2**53).any() or not n.any():
             raise ValueError(f"sample counts {n.tolist()}")
         self._know(inputs.label_array(classes, len(classes)).tolist())
         if self.classes_.tolist() != classes or len(classes) < 2:
@@ -466,14 +428,10 @@ class HDCClassifier(Estimator):
 
     def _check_learns(self, action: str) -> None:
         if getattr(self, "_recalibrated", False):
-            raise ValueError(
-                f"{action}: expected a model of counted frames, found one that was recalibrated; "
-                "recalibrate it again, or fit anew"
-            )
+            raise ValueError(f"{action}: expected a model that was not recalibrated; fit anew")
         if self.readout == "ridge":
             raise ValueError(
-                f"{action}: expected readout 'prototype' or 'neighbours', found 'ridge', which "
-                "does not keep its frames; fit it with all of them"
+                f"{action}: expected readout 'prototype' or 'neighbours', found 'ridge'; fit anew"
             )
 
     def _check_is_trained(self) -> None:
@@ -486,8 +444,7 @@ class HDCClassifier(Estimator):
         self._index, self.classes_ = {}, np.empty(0, object)
         self.prototypes_ = self.counters_.planes[:, 0]
         self._size = None
-        self._sample, self._deciding, self._peers = Sample(), None, None
-        self._frames = None
+        self._sample, self._deciding, self._peers, self._frames = Sample(), None, None, None
         self._recalibrated = False
 
     def _know(self, labels: Iterable[Label]) -> None:
@@ -496,14 +453,11 @@ class HDCClassifier(Estimator):
             return
         classes = inputs.classes_of([*self._index, *labels])
         index = {label: i for i, label in enumerate(classes.tolist())}
-        rows = [index[label] for label in self._index]
-        prototypes = self.prototypes_.new_zeros(len(index), self.prototypes_.shape[1])
-        prototypes[rows] = self.prototypes_
         counters = Counters(len(index), self.dimension_, self.device)
-        counters.merge(self.counters_, rows)
-        self._index, self.classes_, self.prototypes_ = index, classes, prototypes
-        self.counters_ = counters
-        self._size = -1  # a class's random ties and its thinned counts go by its row
+        counters.merge(self.counters_, [index[label] for label in self._index])
+        self._index, self.classes_, self.counters_ = index, classes, counters
+        self.prototypes_ = torch.zeros_like(counters.planes[:, 0])
+        self._size = -1  # all are to be made: random ties and thinned counts go by rows
 
     def _add(self, words: Tensor, labels: Sequence[Label], backend: str) -> list[int]:
         """Count hypervectors [N, W] of N labels; return the rows of these."""
@@ -524,9 +478,7 @@ class HDCClassifier(Estimator):
     def _targets(self, words: Tensor, labels: Sequence[Label]) -> tuple[Tensor, Tensor]:
         """Hypervectors, and 1 for the class of each and −1 for the others, float64 [N, L]."""
         rows = torch.tensor([self._index[label] for label in labels])
-        targets = -torch.ones(len(labels), len(self._index), dtype=torch.float64)
-        targets[torch.arange(len(labels)), rows] = 1
-        return words, targets
+        return words, 2 * torch.eye(len(self._index), dtype=torch.float64)[rows] - 1
 
     def _common_size(self) -> int | None:
         """Samples a class that prototypes count as, where some classes are thinned."""
@@ -570,7 +522,7 @@ class HDCClassifier(Estimator):
         if self.prototype == "binary":
             return self._hamming(words)
         size = _smallest(self.counters_) if self.balance and not self._recalibrated else None
-        scores = cosine.scores(self.counters_, words, size)
+        scores = cosines(self.counters_, words, size)
         if (empty := self._empty()) is not None:
             scores[:, empty] = torch.inf
         return scores
@@ -599,7 +551,6 @@ class HDCClassifier(Estimator):
         return np.concatenate(parts)
 
     def _known_peers(self) -> list[Peers | None]:
-        self._check_is_trained()
         peers = self._peers  # another thread may be making them, too, and of the same
         if peers is None:
             prototypes, sample = self._deciding_prototypes(), self._sample
@@ -611,7 +562,7 @@ class HDCClassifier(Estimator):
         return peers
 
     def _deciding_prototypes(self) -> Tensor:
-        """Prototypes [L, 5, W] with the extras that :mod:`hdc.rejection` asks for."""
+        """Prototypes [L, 5, W] by :data:`hdc.rejection.EXTRAS`."""
         if self._deciding is not None:
             return self._deciding.clone()
         n_classes, width = self.prototypes_.shape

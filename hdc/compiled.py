@@ -1,15 +1,13 @@
-"""The inner loops on the CPU as machine code: encoding 8-bit frames, and counting hypervectors.
+"""The inner loops on the CPU as machine code: encoding 8-bit frames, counting, distances.
 
-Imported only where ``backend="compiled"`` is asked for, because numba takes as long to import as
-everything else here together. The results are those of the numpy routes, bit for bit. The first
-import on a machine compiles (some seconds) and keeps the code beside this file, or in the user's
-cache folder, or, where neither can be written, only for this process.
+Imported only for ``backend="compiled"``: numba takes as long to import as everything else here. The
+results are those of the numpy routes, bit for bit. The first import on a machine compiles (some
+seconds) and keeps the code beside this file, in the user's cache folder, or in this process only.
 
 One operation is spelled out for LLVM, which does not find it by itself: a comparison of 64 bytes
-whose outcome is one word of mask. It is defined on any processor; those with masks or wide
-registers need few instructions for it. It passes a frame of 500 × 500 in 6 µs; a plain loop over
-pixels takes 44 µs, and one over words of eight pixels 23 µs (one core of an AMD EPYC, Zen 4).
-Counting is plain loops over words, of which LLVM makes vectors.
+whose outcome is one word of mask. It passes a frame of 500 × 500 in 6 µs; a plain loop over pixels
+takes 44 µs, and one over words of eight pixels 23 µs (one core of an AMD EPYC, Zen 4). Counting is
+plain loops over words, of which LLVM makes vectors.
 
 Work is shared among `torch.get_num_threads()` threads of Python; numba lets go of the interpreter
 meanwhile, and no second runtime of threads competes with torch's.
@@ -34,7 +32,6 @@ from numba.extending import intrinsic
 _WORD = 64
 _BLOCK = 512  # words a row counted at a time: counters and rows of a block stay in the cache
 _SHARE_BYTES = 2**17  # of input that are worth another thread
-_AHEAD = 4096  # pixels: fetched from memory so long before they are compared
 _TRIALS = 4  # of levels that a sample proposes
 
 
@@ -42,67 +39,53 @@ def encode_uint8(images: np.ndarray, words: np.ndarray) -> list[int]:
     """Fill words [N, ⌈D/64⌉] with the hypervectors of images [N, D ≥ 2]; return constant frames."""
     constant = np.zeros(len(images), np.bool_)
     images = np.ascontiguousarray(images)
-    _share(
-        lambda start, stop: _encode(images[start:stop], words[start:stop], constant[start:stop]),
-        len(images),
-        images.nbytes,
-    )
+
+    def work(start: int, stop: int) -> None:
+        _encode(images[start:stop], words[start:stop], constant[start:stop])
+
+    _share(work, len(images), images.nbytes)
     return np.flatnonzero(constant).tolist()
 
 
 def count_into(counts: np.ndarray, words: np.ndarray, order: np.ndarray, ends: np.ndarray) -> None:
     """Add rows of words [N, W] to bit-sliced counters [L, P, W], in place, all classes at once.
 
-    Args:
-        order: row numbers, class by class.
-        ends: int64 [L], where in `order` the rows of each class end.
+    `order` has row numbers, class by class; the rows of class c end at ends[c] of it.
     """
     words = np.ascontiguousarray(words)
-    n_blocks = -(-words.shape[1] // _BLOCK)
-    _share(
-        lambda start, stop: _count(counts, words, order, ends, start * _BLOCK, stop * _BLOCK),
-        n_blocks,
-        len(order) * words.shape[1] * 8,
-    )
+
+    def work(start: int, stop: int) -> None:
+        _count(counts, words, order, ends, start * _BLOCK, stop * _BLOCK)
+
+    _share(work, -(-words.shape[1] // _BLOCK), len(order) * words.shape[1] * 8)
 
 
 def hamming(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
     """Hamming distances int64 [Q, L] of words [Q, W] and [L, W]."""
     distances = np.empty((len(queries), len(prototypes)), np.int64)
-    _share(
-        lambda start, stop: _hamming(queries[start:stop], prototypes, distances[start:stop]),
-        len(queries),
-        queries.nbytes * max(1, len(prototypes)),
-    )
+
+    def work(start: int, stop: int) -> None:
+        _hamming(queries[start:stop], prototypes, distances[start:stop])
+
+    _share(work, len(queries), queries.nbytes * max(1, len(prototypes)))
     return distances
 
 
 def _share(work: Callable[[int, int], object], n: int, n_bytes: int) -> None:
-    """work(start, stop) on consecutive pieces of range(n); every thread takes the next one."""
+    """work(start, stop) on consecutive pieces of range(n), one a thread."""
     n_threads = max(1, min(torch.get_num_threads(), n, n_bytes // _SHARE_BYTES))
-    if n_threads == 1:
-        work(0, n)
-        return
-    # More pieces than threads: one whose core is also wanted by others does fewer.
-    n_pieces = min(n, 4 * n_threads)
-    turn = itertools.count()
-
-    def take() -> None:
-        while (i := next(turn)) < n_pieces:
-            work(n * i // n_pieces, n * (i + 1) // n_pieces)
-
-    pool = _pool(os.getpid(), n_threads - 1)
-    others = [pool.submit(take) for _ in range(n_threads - 1)]
-    take()
+    cuts = [n * i // n_threads for i in range(n_threads + 1)]
+    pool = _pool(os.getpid())
+    others = [pool.submit(work, *cut) for cut in itertools.pairwise(cuts[1:])]
+    work(0, cuts[1])
     for other in others:
-        if not other.cancel():  # it has begun
-            other.result()
+        other.result()
 
 
 @functools.cache
-def _pool(process: int, n_threads: int) -> ThreadPoolExecutor:
+def _pool(process: int) -> ThreadPoolExecutor:
     """Threads of this process; a forked one has the pool of its parent but not its threads."""
-    return ThreadPoolExecutor(n_threads, thread_name_prefix="compiled")
+    return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="compiled")
 
 
 # Operations for LLVM -----------------------------------------------------------------------------
@@ -140,24 +123,6 @@ _equal = _compare("==")
 
 
 @_operation
-def _prefetch(typing_context, pixels, row, start):
-    """Have the processor fetch a pixel that is needed soon; one beyond the frames does no harm."""
-
-    def code(context, builder, signature, arguments):
-        pixels, row, start = arguments
-        view = context.make_array(signature.args[0])(context, builder, pixels)
-        place = cgutils.get_item_pointer(context, builder, signature.args[0], view, (row, start))
-        i8p, i32 = ir.IntType(8).as_pointer(), ir.IntType(32)
-        function = cgutils.get_or_insert_function(
-            builder.module, ir.FunctionType(ir.VoidType(), [i8p, i32, i32, i32]), "llvm.prefetch.p0"
-        )
-        builder.call(function, [builder.bitcast(place, i8p), i32(0), i32(3), i32(1)])
-        return context.get_dummy_value()
-
-    return types.void(pixels, types.intp, types.intp), code
-
-
-@_operation
 def _ones(typing_context, word):
     """The number of ones of a word."""
 
@@ -186,13 +151,11 @@ def _compile(signature):
 def _threshold(images, i, level, words, sample, sampled):
     """Fill row i with the pixels above a level; return how many there are, and how many equal.
 
-    Where it is to be `sampled`, one pixel of each word is counted in sample [256]: while a frame
-    comes from memory there is time for it.
+    Where it is to be `sampled`, one pixel of each word is counted in sample [256].
     """
     whole, rest = divmod(images.shape[1], _WORD)
     n_greater = n_equal = 0
     for w in range(whole):
-        _prefetch(images, i, w * _WORD + _AHEAD)
         greater = _greater(images, i, w * _WORD, level)
         words[i, w] = np.int64(greater)
         n_greater += _ones(greater)
@@ -239,9 +202,8 @@ def _add_ties(images, i, level, words, missing):
 def _encode(images, words, constant):
     """:func:`encode_uint8` in one thread.
 
-    The level of the frame before is tried first. If it is not that of this one, the counts of all
-    pixels say how many of them are too many or too few above it, and a sample which level has as
-    many; each trial is one pass over the frame, which is in the cache from the second on. What
+    The level of the frame before is tried first, in one pass over the frame. Then the counts of all
+    pixels say how many are too many or too few above it, and a sample which level has as many. What
     neither finds in some trials is found by halving.
     """
     dimension = images.shape[1]

@@ -1,18 +1,20 @@
-"""What both estimators share: scikit-learn's conventions, chunks of hypervectors, files.
+"""What both estimators share: chunks of hypervectors, files, and scikit-learn's conventions.
 
-scikit-learn is not imported: its base class takes as long as torch, and 100 MB.
+scikit-learn is not imported: it takes as long as torch, and 100 MB.
 """
 
 from __future__ import annotations
 
 import inspect
 import sys
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from math import prod
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from hdc import bits, inputs, io
@@ -38,16 +40,12 @@ class Estimator:
             if (value := getattr(self, name)) not in valid:
                 listed = ", ".join(map(str, valid))
                 raise ValueError(f"{name}: expected one of {listed}, found {value!r}")
-        k = self.n_neighbours
-        if isinstance(k, bool) or not isinstance(k, int | np.integer) or k < 1:
-            raise ValueError(f"n_neighbours: expected an integer from 1, found {k!r}")
-        if not isinstance(getattr(self, "seed", 0), int | np.integer):
-            raise ValueError(f"seed: expected an integer, found {getattr(self, 'seed', 0)!r}")
+        if not isinstance(self.n_neighbours, int | np.integer) or self.n_neighbours < 1:
+            raise ValueError(f"n_neighbours: expected an integer ≥ 1, found {self.n_neighbours!r}")
         self._backend()
 
     def _check_is_trained(self) -> None:
-        if not hasattr(self, "dimension_"):
-            # Its own kind of error where scikit-learn is loaded.
+        if not hasattr(self, "dimension_"):  # scikit-learn's kind of error where it is loaded
             module = sys.modules.get("sklearn.exceptions")
             kind = getattr(module, "NotFittedError", ValueError)
             raise kind(f"{type(self).__name__}: expected a trained model; call fit first")
@@ -65,9 +63,8 @@ class Estimator:
         """Set constructor parameters by name."""
         for name, value in params.items():
             if name not in self.get_params():
-                raise ValueError(
-                    f"set_params: expected one of {', '.join(self.get_params())}, found {name!r}"
-                )
+                known = ", ".join(self.get_params())
+                raise ValueError(f"set_params: expected one of {known}, found {name!r}")
             setattr(self, name, value)
         return self
 
@@ -90,6 +87,18 @@ class Estimator:
         for start in range(0, max(1, len(frames)), CHUNK):
             yield self._encode(frames[start : start + CHUNK], start, backend)
 
+    def _untrained(self) -> Self:
+        """A model of the same parameters that has learned nothing."""
+        return type(self)(**self.get_params())
+
+    def _adopt(self, trained: Self) -> None:
+        """Take over all that another model of the same parameters has learned."""
+        parameters = self.get_params()
+        learned = {k: v for k, v in vars(trained).items() if k not in parameters}
+        for name in [n for n in vars(self) if n.endswith("_") and n not in learned]:
+            delattr(self, name)
+        vars(self).update(learned)
+
     # Files ---------------------------------------------------------------------------------------
 
     def save(self, path: str | Path, metadata: Mapping[str, Any] | None = None) -> None:
@@ -97,17 +106,17 @@ class Estimator:
 
         Args:
             path: file name, in a folder that exists; an older model of that name is replaced.
-            metadata: values that JSON has, to be kept with the model, such as how frames are
-                cropped. By default those of the file the model was read from.
+            metadata: JSON values to keep with the model, such as how frames are cropped. By default
+                those of the file the model was read from.
 
         Raises:
-            TypeError: for metadata that JSON has not.
+            TypeError: for metadata that are no JSON.
             FileNotFoundError: for a folder that does not exist.
             FileExistsError: where something other than a saved model has the name.
         """
         self._check_is_trained()
         metadata = dict(getattr(self, "metadata_", {}) if metadata is None else metadata)
-        # The backend is this machine's; the model is the same with any.
+        # Not the backend: the best one depends on the machine, and the model does not.
         parameters = {k: v for k, v in self.get_params().items() if k != "backend"}
         parameters |= {"device": str(self.device)}
         for name in parameters.keys() & {"seed", "n_neighbours"}:
@@ -120,7 +129,7 @@ class Estimator:
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read a model that :meth:`save` wrote.
+        """Read a model that :meth:`save` wrote; one of a missing GPU computes on the CPU.
 
         Raises:
             ValueError: if the file is not such a model, of another class, or damaged; it is named.
@@ -130,7 +139,9 @@ class Estimator:
             if header["kind"] != cls.__name__:
                 raise ValueError(f"a saved {header['kind']}; load it with {header['kind']}.load")
             model = cls().set_params(**header["parameters"])
-            io.move_to_cpu_without_cuda(model)
+            if model.device.startswith("cuda") and not torch.cuda.is_available():
+                warnings.warn(f"{path}: trained on a GPU, not here: on the CPU", stacklevel=2)
+                model.device = "cpu"
             model._check_parameters()
             shape = header["frame_shape"]
             if not 1 <= len(shape) <= 2 or not all(isinstance(n, int) and n > 0 for n in shape):
@@ -145,20 +156,12 @@ class Estimator:
             raise ValueError(f"{path}: expected a saved {cls.__name__}, found {error}") from error
 
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
-        raise AssertionError("of the estimator itself")
+        """Header and tensors of the estimator itself."""
+        raise NotImplementedError
 
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
-        raise AssertionError("of the estimator itself")
-
-    # Training ------------------------------------------------------------------------------------
-
-    def _adopt(self, trained: Self) -> None:
-        """Take over all that another model of the same parameters has learned."""
-        parameters = self.get_params()
-        learned = {k: v for k, v in vars(trained).items() if k not in parameters}
-        for name in [n for n in vars(self) if n.endswith("_") and n not in learned]:
-            delattr(self, name)
-        vars(self).update(learned)
+        """Become the model of :meth:`_stored`."""
+        raise NotImplementedError
 
     def __repr__(self) -> str:
         parameters = ", ".join(f"{k}={v!r}" for k, v in self.get_params().items())

@@ -1,7 +1,4 @@
-"""Frames, labels and numbers as users give them, made into tensors and arrays.
-
-Some errors have words that scikit-learn's checks of an estimator look for.
-"""
+"""Frames, labels and numbers as users give them; some errors have words scikit-learn looks for."""
 
 from __future__ import annotations
 
@@ -17,8 +14,7 @@ Label = str | int | float | bool
 
 
 class FrameSource(Protocol):
-    """Frames uint8 or uint16 [N, H, W] or [N, D]: an array, a tensor, or an object that gives a
-    batch of either when indexed by a slice or an index tensor."""
+    """Frames [N, H, W] or [N, D]: an array, a tensor, or an object whose slices are either."""
 
     @property
     def shape(self) -> Any: ...
@@ -27,11 +23,10 @@ class FrameSource(Protocol):
 
 
 def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
-    """Frames with a shape [N, ...]: arrays, tensors and lazy sources as they are, others as arrays.
+    """Frames with a shape [N, ...]: a :class:`FrameSource` as it is, others as arrays.
 
     Args:
-        frames: anything with ``shape`` and batches ``frames[a:b]``, a sequence of frames, or a data
-            frame, whose columns are taken in their order.
+        frames: a :class:`FrameSource`, a sequence of frames, or a data frame of a column a pixel.
         shape: shape (H, W) of a frame, where it is known: a single frame is then a batch of one.
 
     Raises:
@@ -40,17 +35,8 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
     """
     if hasattr(frames, "toarray"):
         raise TypeError("frames: expected a dense array, found a sparse one; use its toarray()")
-    if hasattr(frames, "iloc") or (hasattr(frames, "__array__") and not hasattr(frames, "shape")):
-        frames = np.asarray(frames)
-    elif not hasattr(frames, "shape"):
-        frames = list(frames)
-        shapes = [tuple(np.shape(frame)) for frame in frames]
-        for i, other in enumerate(shapes):
-            if other != shapes[0]:
-                expected = f"expected shape {shapes[0]} as of frames[0]"
-                raise ValueError(f"frames[{i}]: {expected}, found {other}")
-        of_tensors = bool(frames) and isinstance(frames[0], Tensor)
-        frames = torch.stack(frames) if of_tensors else np.asarray(frames)
+    if hasattr(frames, "iloc") or not hasattr(frames, "shape"):
+        frames = np.asarray(frames if hasattr(frames, "__array__") else list(frames))
     if len(frames.shape) == 1 and frames.shape[0]:
         raise ValueError(
             f"frames: expected shape [N, H, W] or [N, D], found {tuple(frames.shape)}; "
@@ -90,9 +76,7 @@ def tensor(frames: Any) -> Tensor:
 
 
 def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> None:
-    """Check the shape of a frame against that of the frames a model was trained on.
-
-    Flattened frames, (D,), fit those of any shape with as many pixels.
+    """Check the shape of a frame against that of training; (D,) fits any of as many pixels.
 
     Raises:
         ValueError: for another number of pixels, or an image of another shape.
@@ -121,10 +105,7 @@ def label_array(labels: Any, n: int) -> np.ndarray:
         items = [x.item() if isinstance(x, np.generic | Tensor) else x for x in labels]
     for i, label in enumerate(items):
         if not isinstance(label, Label) or label != label:
-            found = "NaN" if isinstance(label, float) else repr(label)
-            if isinstance(label, complex):
-                found += "; Complex data not supported"
-            raise ValueError(f"labels[{i}]: expected a str, int, float or bool, found {found}")
+            raise ValueError(f"labels[{i}]: expected a str, int, float or bool, found {label!r}")
     array = np.array(items) if len(set(map(type, items))) == 1 else np.array(items, object)
     # numpy drops null characters at the end of a string.
     return array if array.tolist() == items else np.array(items, object)
@@ -137,8 +118,6 @@ def targets(values: Any, n: int) -> np.ndarray:
         ValueError: for a wrong number of them, or values that are not finite numbers.
     """
     values = _one_a_frame("targets", values, n)
-    if np.iscomplexobj(values):
-        raise ValueError("targets: expected real numbers, found Complex data not supported")
     array = np.asarray(values, dtype=np.float64)
     if array.ndim > 2:
         raise ValueError(f"targets: expected shape [N] or [N, T], found {array.shape}")
@@ -158,6 +137,8 @@ def _one_a_frame(name: str, values: Any, n: int) -> Any:
     values = np.asarray(values) if hasattr(values, "__array__") else list(values)
     if len(values) != n:
         raise ValueError(f"{name}: expected {n}, one a frame, found {len(values)}")
+    if np.iscomplexobj(values):
+        raise ValueError(f"{name}: expected real ones, found Complex data not supported")
     return values
 
 
@@ -175,22 +156,14 @@ def classes_of(labels: Iterable[Label]) -> np.ndarray:
 
 
 def check_among(labels: Iterable[Label], classes: Iterable[Label]) -> None:
-    """Check that labels are among the classes of a model.
-
-    Raises:
-        ValueError: if some are not.
-    """
+    """Raise ValueError for the first label that is not among the classes of a model."""
     known = set(classes)
     if unknown := [label for label in labels if label not in known]:
         raise ValueError(f"labels: expected classes among {sorted(known)}, found {unknown[0]!r}")
 
 
 def check_two_classes(classes: np.ndarray) -> None:
-    """Check that there is something to tell apart.
-
-    Raises:
-        ValueError: for one class only.
-    """
+    """Raise ValueError where there is only one class to tell apart."""
     if len(classes) == 1:
         found = classes.tolist()[0]
         raise ValueError(f"labels: expected at least two classes, found one class, {found!r}")

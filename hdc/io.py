@@ -8,37 +8,27 @@ from __future__ import annotations
 import json
 import os
 import secrets
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import torch
-from torch import Tensor
+if TYPE_CHECKING:
+    from torch import Tensor
 
 FORMAT = "hdc-model-3"
 FLOATS = {"scales", "intercepts", "penalty", "values", "residuals", "inverse", "means"}
-LARGEST = 2**53
-"""Integers of a header lie below this: every reader of JSON keeps them exactly."""
 
 
-def write_atomically(path: str | Path, content: str | bytes) -> None:
-    """Write a file: under a temporary name beside it, flushed to disk, renamed.
+def write_atomically(path: Path, content: str | bytes) -> None:
+    """Write a file under a temporary name beside it, flush it to disk, rename it.
 
-    A reader sees the old file or the new one.
-
-    Args:
-        path: name of the file, in a folder that exists.
-        content: text is written as UTF-8.
+    A reader sees the old file or the new one. Missing folders are made; text is written as UTF-8.
 
     Raises:
-        FileNotFoundError: if the folder does not exist.
-        OSError: if the file cannot be written; it is named.
+        OSError: naming the file; the old one is untouched.
     """
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path.parent}: expected a folder to save {path.name} in")
-    temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
         with temporary.open("xb") as file:
             file.write(content.encode() if isinstance(content, str) else content)
@@ -46,50 +36,47 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
             os.fsync(file.fileno())
         os.replace(temporary, path)
     except OSError as error:
-        raise OSError(
-            f"{path}: expected a file to write, found: {error.strerror or error}"
-        ) from error
+        raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def check_replaceable(path: Path) -> None:
-    """Refuse a name that is taken by anything but a saved model.
+    """Check that a model may be written here: a folder, and no file that is not a saved model.
 
     Raises:
-        FileExistsError: naming it.
+        FileNotFoundError: if the folder does not exist.
+        FileExistsError: for anything but a saved model; it is never replaced.
     """
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path.parent}: expected a folder to save {path.name} in")
     if path.is_symlink() or (path.exists() and not path.is_file()):
-        raise FileExistsError(
-            f"{path}: expected a regular file or none, found another kind; not replaced"
-        )
+        expected = "expected a regular file or none"
+        raise FileExistsError(f"{path}: {expected}, found another kind; not replaced")
     if path.exists():
         try:
             read_model(path, tensors=False)
         except ValueError as error:
-            raise FileExistsError(
-                f"{path}: expected a saved model or no file, found another file; not replaced"
-            ) from error
+            expected = "expected a saved model or no file"
+            raise FileExistsError(f"{path}: {expected}, found another; not replaced") from error
 
 
 def write_model(path: Path, header: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> None:
-    """Save the header (values that JSON has) and the tensors of a model.
+    """Save the header and the tensors of a model.
 
     Raises:
-        TypeError: for a header that JSON has not.
-        FileExistsError: for a name that is taken by anything but a saved model.
-        FileNotFoundError, OSError: as :func:`write_atomically`.
+        TypeError: for metadata that are no JSON.
+        FileNotFoundError, FileExistsError: as :func:`check_replaceable`.
+        OSError: as :func:`write_atomically`.
     """
     from safetensors.torch import save
 
     check_replaceable(path)
     try:
-        text = json.dumps({"format": FORMAT, **header})
-        json.dumps(header.get("metadata"), allow_nan=False)
+        json.dumps(header["metadata"], allow_nan=False)
     except (TypeError, ValueError) as error:
-        raise TypeError(
-            f"{path}: metadata: expected values that JSON has, found: {error}"
-        ) from error
+        raise TypeError(f"{path}: metadata: expected values of JSON, found: {error}") from error
+    text = json.dumps({"format": FORMAT, **header})
     content = save({name: t.cpu().contiguous() for name, t in tensors.items()}, {"model": text})
     write_atomically(path, content)
 
@@ -99,11 +86,10 @@ def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[s
 
     Raises:
         FileNotFoundError: if there is no such file.
-        ValueError: if it is not such a file, or damaged; says what was found.
+        ValueError: says what was found instead of a whole model.
     """
     from safetensors import safe_open
 
-    # Anything else that can be opened might never end, or never begin.
     if path.exists() and not path.is_file():
         raise ValueError("what is not a regular file")
     try:
@@ -128,17 +114,5 @@ def check_tensors(tensors: Mapping[str, Tensor], shapes: Mapping[str, tuple[int,
     """
     for name, tensor in tensors.items():
         fits = tuple(tensor.shape) == shapes.get(name) and tensor.isfinite().all()
-        if not fits or tensor.dtype != (torch.float64 if name in FLOATS else torch.int64):
+        if not fits or str(tensor.dtype) != f"torch.{'float64' if name in FLOATS else 'int64'}":
             raise ValueError(f"{name}: {tensor.dtype} {tuple(tensor.shape)}")
-
-
-def move_to_cpu_without_cuda(model: Any) -> None:
-    """Have a model from a machine with CUDA compute on the CPU where there is none.
-
-    Raises:
-        RuntimeError: for another device that is not to be had.
-    """
-    if torch.device(model.device).type == "cuda" and not torch.cuda.is_available():
-        warnings.warn(f"trained on {model.device!r}, which is not here: on the CPU", stacklevel=4)
-        model.device = "cpu"
-    torch.zeros(1, device=model.device).item()

@@ -9,6 +9,7 @@ instead of 64 n additions.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -37,46 +38,22 @@ def count_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:
 
     The counters must have planes enough for the largest sum; none is checked.
     """
-    if counts.device.type == "cpu":
-        # Row by row, without a copy of the chosen rows, and without torch's threads: handing one
-        # row to them takes longer than the row.
-        into, source = counts.numpy(), words.numpy()
-        for start in range(0, into.shape[1], _BLOCK):
-            block = slice(start, start + _BLOCK)
-            _count_into(into[:, block], source[:, block], rows)
+    if counts.device.type != "cpu":
+        _count_into(counts, words, rows)
         return
-    chosen = words[torch.as_tensor(rows, device=words.device)]
-    total = add(counts, vertical_sum_torch(chosen))
-    counts.copy_(total[: len(counts)])
+    # Not by torch's threads: handing one row to them takes longer than the row.
+    into, source = counts.numpy(), words.numpy()
+    for start in range(0, words.shape[1], _BLOCK):
+        block = slice(start, start + _BLOCK)
+        _count_into(into[:, block], source[:, block], rows)
 
 
-def vertical_sum_torch(words: Tensor) -> Tensor:
-    """:func:`vertical_sum` in torch alone: all triples of a weight at a time, for wide devices."""
-    n, width = words.shape
-    result = words.new_zeros(max(1, n.bit_length()), width)
-    rows = words
-    for plane in result:
-        carries: list[Tensor] = []
-        while len(rows) > 2:
-            third = len(rows) // 3
-            total, carry = _full_adder(*rows[: 3 * third].view(3, third, width))
-            carries.append(carry)
-            rows = torch.cat((total, rows[3 * third :]))
-        if len(rows) == 2:
-            carries.append((rows[0] & rows[1]).unsqueeze(0))
-            plane.copy_(rows[0] ^ rows[1])
-        elif len(rows) == 1:
-            plane.copy_(rows[0])
-        rows = torch.cat(carries) if carries else rows[:0]
-    return result
-
-
-def _count_into(counts: np.ndarray, words: np.ndarray, rows: Sequence[int]) -> None:
+def _count_into(counts: Any, words: Any, rows: Sequence[int]) -> None:
     """:func:`count_into` by a carry-save adder tree whose state is the counters themselves."""
     n_planes = len(counts)
     # waiting[p] holds at most two rows of weight 2^p; a third one turns the three into one row of
     # that weight and a carry. A carry out of the last plane is zero.
-    waiting: list[list[np.ndarray]] = [[plane] if plane.any() else [] for plane in counts]
+    waiting: list[list[Any]] = [[plane] if plane.any() else [] for plane in counts]
     waiting.append([])
     for i in rows:
         row, p = words[i], 0

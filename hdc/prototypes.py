@@ -26,15 +26,8 @@ _P_STEPS = 1000
 class Counters:
     """Counts of ones for L classes of D-bit hypervectors.
 
-    Args:
-        n_classes: L.
-        dimension: D.
-        device: where the counts live.
-        backend: ``"compiled"`` counts by :mod:`hdc.compiled`, to the same counts.
-
-    Attributes:
-        planes: int64 [L, P, W], the counts, bit-sliced.
-        n: int64 [L] (CPU), how many hypervectors each class has.
+    `planes` int64 [L, P, W] are the counts, bit-sliced, and `n` int64 [L] (CPU) says how many
+    hypervectors each class has. ``backend="compiled"`` counts by :mod:`hdc.compiled`.
     """
 
     def __init__(
@@ -44,8 +37,6 @@ class Counters:
         device: torch.device | str = "cpu",
         backend: str = "numpy",
     ):
-        if dimension < 1:
-            raise ValueError(f"dimension: expected at least 1, found {dimension}")
         self.dimension = dimension
         self.backend = backend
         self.n = torch.zeros(n_classes, dtype=torch.int64)
@@ -58,15 +49,13 @@ class Counters:
             ValueError: if lengths or widths disagree or a label is outside [0, L).
         """
         bits.check_width(words, self.dimension)
-        labels = labels.cpu()
+        labels, n_classes = labels.cpu(), len(self.n)
         if len(words) != len(labels):
             raise ValueError(f"labels: expected {len(words)}, one a sample, found {len(labels)}")
-        outside = labels[(labels < 0) | (labels >= len(self.n))]
-        if len(outside):
-            raise ValueError(
-                f"labels: expected class indices in [0, {len(self.n)}), found {int(outside[0])}"
-            )
-        n = torch.bincount(labels, minlength=len(self.n)) if len(labels) else self.n * 0
+        if len(outside := labels[(labels < 0) | (labels >= n_classes)]):
+            found = int(outside[0])
+            raise ValueError(f"labels: expected class indices in [0, {n_classes}), found {found}")
+        n = torch.bincount(labels, minlength=n_classes)
         total = self.n + n
         self.reserve(max(total.tolist(), default=0))
         order = labels.argsort(stable=True)
@@ -81,22 +70,17 @@ class Counters:
         self.n = total
 
     def merge(self, other: Counters, rows: Sequence[int] | None = None) -> None:
-        """Add another set of counters of the same dimension to this one.
-
-        Args:
-            other: counters of the same classes, or of some of them.
-            rows: places here of the other's classes; by default, the same places.
+        """Add another set of counters, whose classes have these rows here (default: the same).
 
         Raises:
             ValueError: if dimensions or numbers of classes disagree.
         """
-        n_classes = len(self.n) if rows is None else len(rows)
-        if (n_classes, self.dimension) != (len(other.n), other.dimension):
+        rows = range(len(self.n)) if rows is None else rows
+        if (len(rows), self.dimension) != (len(other.n), other.dimension):
             raise ValueError(
-                f"merge: expected {n_classes} classes of D = {self.dimension}, "
+                f"merge: expected {len(rows)} classes of D = {self.dimension}, "
                 f"found {len(other.n)} of D = {other.dimension}"
             )
-        rows = range(n_classes) if rows is None else rows
         total = self.n.clone()
         total[list(rows)] += other.n
         self.reserve(max(total.tolist(), default=0))
@@ -122,8 +106,8 @@ class Counters:
         """Counters of `size` samples for every class that has more.
 
         Each bit's count is drawn from those of a random subset of the samples (hypergeometric),
-        independently of the other bits. A prototype then correlates with any frame as one of
-        `size` samples is expected to, and still averages over all samples.
+        independently of the other bits: a prototype then correlates with any frame as one of `size`
+        samples does, and still averages over all samples.
         """
         thinned = Counters(len(self.n), self.dimension, self.device)
         thinned.n = self.n.clamp(max=size)
@@ -143,11 +127,9 @@ class Counters:
         return torch.stack([bits.pack(drawn >> p & 1 == 1) for p in range(size.bit_length())])
 
     def majority(self, ties: str = "zero", seed: int = 0) -> Tensor:
-        """Prototypes int64 [L, W] by bitwise majority (paper, Eq. 1).
+        """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1).
 
-        Args:
-            ties: what becomes of a bit with as many ones as zeros; see :func:`hdc.bits.majority`.
-            seed: for ``ties="random"``; class c takes the random hypervector of (seed, c).
+        With ``ties="random"``, class c takes the random hypervector of (seed, c).
 
         Raises:
             ValueError: for a class without samples or an unknown rule.
@@ -166,19 +148,13 @@ class Counters:
     def prototype(
         self, c: int, ties: str = "zero", seed: int = 0, extra: int = 0, size: int | None = None
     ) -> Tensor:
-        """The majority of one class, int64 [W]; arguments as of :meth:`majority`.
+        """The majority of class c, int64 [W]; arguments as of :meth:`majority` and :meth:`thinned`.
 
-        A prototype without one hypervector of the class has the bits of ``extra=1`` where that
-        hypervector has ones, and of ``extra=-1`` where it has zeros: 2·(count − 1) > n − 1 if and
-        only if 2·count > n + 1, and 2·count > n − 1. With another hypervector in its place it has
-        those of ``extra=2`` where a one becomes a zero, and of ``extra=-2`` where a zero becomes a
+        A bit needs more than (n + extra)/2 ones. Without one hypervector of the class it is that of
+        ``extra=1`` where the hypervector has a one, of ``extra=-1`` where it has a zero: 2·(count −
+        1) > n − 1 if and only if 2·count > n + 1, and 2·count > n − 1. With another in its place it
+        is that of ``extra=2`` where a one becomes a zero, of ``extra=-2`` where a zero becomes a
         one.
-
-        Args:
-            c: row of the class.
-            ties, seed: see :meth:`majority`.
-            extra: a bit needs more than (n + extra)/2 ones.
-            size: as of :meth:`thinned`; by default all samples count.
         """
         n, counts, breaker = int(self.n[c]), self.planes[c], None
         if size is not None and n > size:
@@ -216,17 +192,8 @@ def recalibrate(stored: Tensor, new: Tensor, dimension: int, p: float, seed: int
     """Replace each bit of the stored prototypes by the new ones' with probability p.
 
     The adaptive update of the paper's Section III.B (Fig. 8(a)): ``p = 0`` keeps the stored
-    prototypes int64 [L, W], ``p = 1`` takes the new ones.
-
-    Raises:
-        ValueError: if p is not in [0, 1] or the shapes differ.
+    prototypes int64 [L, W], ``p = 1`` takes the new ones. Other p are a ValueError.
     """
-    check_probability(p)
-    if stored.shape != new.shape:
-        raise ValueError(
-            f"recalibrate: expected prototypes of one shape, found {tuple(stored.shape)} "
-            f"and {tuple(new.shape)}"
-        )
     mask = replaced_bits(len(stored), dimension, p, seed)
     return stored ^ ((stored ^ new) & mask.to(stored.device))
 
@@ -236,13 +203,10 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
 
     Where a class has hypervectors on one side only, those decide. p is taken as the nearest
     fraction with a denominator of at most 1000, and votes are integers: no rounding decides a tie.
-    Votes above 2^24, after some merges, are halved until they fit.
+    Votes above 2^24, after some merges, are halved until they fit. Other p are a ValueError.
 
     Returns:
         The votes, and how many a new hypervector of each class has.
-
-    Raises:
-        ValueError: if p is not in [0, 1].
     """
     check_probability(p)
     share = Fraction(p).limit_denominator(_P_STEPS)
@@ -262,23 +226,13 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
 
 
 def replaced_bits(n_classes: int, dimension: int, p: float, seed: int) -> Tensor:
-    """The bits that :func:`recalibrate` replaces: int64 [L, W] (CPU), ones with probability p.
-
-    Class c draws its bits from (seed, c).
-    """
+    """The bits that :func:`recalibrate` replaces, drawn class by class: int64 [L, W] (CPU)."""
     check_probability(p)
-    chosen = (
-        bits.random_hypervector(dimension, seed, p, stream=(_RECALIBRATION, c))
-        for c in range(n_classes)
-    )
-    return torch.stack(list(chosen))
+    streams = [(_RECALIBRATION, c) for c in range(n_classes)]
+    return torch.stack([bits.random_hypervector(dimension, seed, p, s) for s in streams])
 
 
 def check_probability(p: float) -> None:
-    """Check that p is a probability.
-
-    Raises:
-        ValueError: if it is not in [0, 1].
-    """
+    """Raise ValueError for p outside [0, 1]."""
     if not 0 <= p <= 1:
         raise ValueError(f"p: expected a probability in [0, 1], found {p}")

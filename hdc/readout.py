@@ -1,4 +1,6 @@
-"""Read-outs beside prototypes: ridge regression on the bits, and nearest frames.
+"""Read-outs beside binary prototypes: the counts themselves, and ridge regression on the bits.
+
+Integer prototypes are the counts c of n frames, compared by the cosine of 2c − n and a query.
 
 Ridge regression of targets y on bits x ∈ {−1, 1}^D with an intercept,
 
@@ -12,14 +14,15 @@ with the least Σ r_i² is taken.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits, cosine
+from hdc import bits
+from hdc.prototypes import Counters
 
 PENALTIES = tuple(10.0**k for k in range(-4, 5))
 """Penalties tried, in units of the mean of K's diagonal."""
@@ -28,30 +31,83 @@ _STEP = 256  # words unpacked at a time
 _ROWS = 64  # of a Gram matrix at a time
 
 
+def dot(planes: Tensor, n: Tensor, words: Tensor, dimension: int, backend: str = "numpy") -> Tensor:
+    """(2v − 1)·(2c − n) of queries v, int64 [Q, L], from bit-sliced c, int64 [L, P, W].
+
+    A query v ∈ {0, 1} has v·c = Σ_p 2^p |v ∧ plane_p| and |v ∧ b| = (|v| + |b| − Ham(v, b))/2.
+    """
+    n_classes, n_planes, width = planes.shape
+    weights = 2 ** torch.arange(n_planes, device=words.device)
+    ones, plane_ones = bits.count_ones(words), bits.count_ones(planes)
+    distances = bits.hamming(words, planes.reshape(-1, width), backend)
+    distances = distances.view(-1, n_classes, n_planes)
+    overlap = (ones[:, None, None] + plane_ones - distances) // 2
+    products, total = (overlap * weights).sum(2), (plane_ones * weights).sum(1)
+    return 4 * products - 2 * total - n.to(words.device) * (2 * ones[:, None] - dimension)
+
+
+def moments(planes: Tensor) -> tuple[int, int]:
+    """Σ_j c_j and Σ_j c_j² of bit-sliced counts [P, W], in integers.
+
+    c² = Σ_p Σ_q 2^(p+q) b_p b_q, and the sum of b_p b_q over j is a count of ones.
+    """
+    first = second = 0
+    for p, plane in enumerate(planes):
+        ones = bits.count_ones(plane & planes[p:]).tolist()
+        first += ones[0] << p
+        second += ones[0] << 2 * p
+        second += sum(n << (2 * p + k + 1) for k, n in enumerate(ones[1:], 1))
+    return first, second
+
+
+def norms(counters: Counters, size: int | None = None) -> list[float]:
+    """‖2c − n‖ of each class, correctly rounded; see :func:`cosines` for `size`."""
+    lengths = []
+    for planes, n in zip(counters.planes, counters.n.tolist(), strict=True):
+        total, square = moments(planes)
+        length = 4 * square - 4 * n * total + n * n * counters.dimension
+        if size is not None and 1 < n > size:
+            # n·D + Σ_{i≠k} x_i·x_k = ‖s‖², and the mean product of a pair is that of a subset's.
+            diagonal = n * counters.dimension
+            pairs = (length - diagonal) * size * (size - 1) / (n * (n - 1))
+            lengths.append(math.sqrt(max(0.0, size * counters.dimension + pairs)) * n / size)
+        else:
+            lengths.append(math.sqrt(length))
+    return lengths
+
+
+def cosines(counters: Counters, words: Tensor, size: int | None = None) -> Tensor:
+    """Minus √D times the cosine of queries int64 [Q, W] and 2c − n: float64 [Q, L].
+
+    A class of more than `size` samples is compared as a random subset of so many is expected to be.
+
+    Raises:
+        ValueError: for counts so large that 64 bits do not hold their products.
+    """
+    if counters.n.max() >= 2**60 // counters.dimension:
+        raise ValueError(f"counters: expected fewer samples, found {int(counters.n.max())}")
+    lengths = torch.tensor(norms(counters, size), dtype=torch.float64, device=words.device)
+    return -dot(counters.planes, counters.n, words, counters.dimension) / lengths.clamp(min=1)
+
+
 @dataclass(frozen=True)
 class Ridge:
-    """T linear functions of packed bits, with weights of 8 bits each.
+    """T linear functions of packed bits, with weights of 8 bits each: scale·q_j for pixel j."""
 
-    Attributes:
-        planes: int64 [T, 8, W], bit-sliced q + 128; the weight of pixel j is scale·q_j.
-        scales, intercepts: float64 [T].
-        penalty: λ.
-    """
-
-    planes: Tensor
-    scales: Tensor
-    intercepts: Tensor
-    penalty: float
+    planes: Tensor  # int64 [T, 8, W], bit-sliced q + 128
+    scales: Tensor  # float64 [T]
+    intercepts: Tensor  # float64 [T]
+    penalty: float  # λ
     dimension: int
 
     def scores(self, words: Tensor, backend: str = "numpy") -> Tensor:
         """w·x + b of hypervectors int64 [Q, W], float64 [Q, T]; the products are exact."""
         n = torch.full((len(self.planes),), 2 * _OFFSET)
-        products = cosine.dot(self.planes, n, words, self.dimension, backend) // 2
+        products = dot(self.planes, n, words, self.dimension, backend) // 2
         return products * self.scales.to(words.device) + self.intercepts.to(words.device)
 
     def tensors(self) -> dict[str, Tensor]:
-        """What a file has to hold."""
+        """The tensors of a file."""
         penalty = torch.tensor(self.penalty, dtype=torch.float64)
         values = {"scales": self.scales, "intercepts": self.intercepts, "penalty": penalty}
         return {"weights": self.planes, **values}
@@ -64,9 +120,8 @@ class Ridge:
     @classmethod
     def of(cls, tensors: Mapping[str, Tensor], dimension: int) -> Ridge:
         """From :meth:`tensors`."""
-        values = (tensors[name] for name in ("weights", "scales", "intercepts"))
-        planes, scales, intercepts = values
-        return cls(planes, scales, intercepts, float(tensors["penalty"]), dimension)
+        weights, scales, intercepts, penalty = (tensors[name] for name in cls.shapes(0, 0))
+        return cls(weights, scales, intercepts, float(penalty), dimension)
 
     def weights(self, start: int, stop: int) -> Tensor:
         """Weights float64 [T, B] of the bits in words start to stop."""
@@ -78,19 +133,12 @@ class Ridge:
 
 @dataclass(frozen=True)
 class Residuals:
-    """What the leave-one-out predictions of a ridge regression need besides it.
+    """What the leave-one-out predictions of a ridge regression need besides it."""
 
-    Attributes:
-        words: hypervectors of the frames, int64 [N, W].
-        inverse: (K + λ)⁻¹, float64 [N, N].
-        means: mean of each row of the Gram matrix, [N].
-        residuals: r_i, float64 [N, T].
-    """
-
-    words: Tensor
-    inverse: Tensor
-    means: Tensor
-    residuals: Tensor
+    words: Tensor  # hypervectors of the frames, int64 [N, W]
+    inverse: Tensor  # (K + λ)⁻¹, float64 [N, N]
+    means: Tensor  # of each row of the Gram matrix, [N]
+    residuals: Tensor  # r_i, float64 [N, T]
 
     def changes(self, words: Tensor, dimension: int, backend: str = "numpy") -> Tensor:
         """f(x) − f₋ᵢ(x) of Q hypervectors and each frame left out, float64 [Q, N, T].
@@ -122,15 +170,10 @@ def ridge(
     prior: Ridge | None = None,
     backend: str = "numpy",
 ) -> tuple[Ridge, Residuals]:
-    """Fit float64 targets [N, T] to hypervectors int64 [N, W].
+    """Fit float64 targets [N, T] to hypervectors int64 [N, W] of D bits.
 
-    Args:
-        words: the hypervectors.
-        targets: a column for each function.
-        dimension: D.
-        prior: weights to stay near, with the penalty they were fitted with; by default zero, and
-            the penalty of :data:`PENALTIES` with the least leave-one-out error.
-        backend: of the Gram matrix.
+    Weights stay near those of a `prior`, with its penalty; by default near zero, with the penalty
+    of :data:`PENALTIES` that has the least leave-one-out error.
     """
     n = len(words)
     left = targets if prior is None else targets - prior.scores(words, backend).cpu()
@@ -154,9 +197,7 @@ def ridge(
     _, penalty, residuals = best
     inverse = (vectors / (values + penalty)) @ vectors.T
     dual = inverse @ (left - mean)
-    intercepts = mean - means @ dual
-    if prior is not None:
-        intercepts = intercepts + prior.intercepts
+    intercepts = mean - means @ dual + (0 if prior is None else prior.intercepts)
     fitted = _quantised(words, dual, intercepts, penalty, dimension, prior)
     return fitted, Residuals(words, inverse, means, residuals)
 
@@ -188,8 +229,3 @@ def _quantised(
             packed = bits.pack((q >> p) & 1 == 1).to(words.device)
             planes[:, p, start : start + packed.shape[1]] = packed
     return Ridge(planes, scales, intercepts, penalty, dimension)
-
-
-def nearest(distances: np.ndarray, k: int) -> np.ndarray:
-    """Indices [Q, k] of the smallest of distances [Q, N], nearest first, of equal ones in order."""
-    return np.argsort(distances, axis=1, kind="stable")[:, :k]

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from hdc import bits, inputs, io
 from hdc.estimator import Estimator, check_share
-from hdc.readout import Residuals, Ridge, nearest, ridge
+from hdc.readout import Residuals, Ridge, ridge
 
 READOUTS = ("ridge", "neighbours")
 
@@ -20,12 +20,11 @@ READOUTS = ("ridge", "neighbours")
 class HDCRegressor(Estimator):
     """Predicts one or several numbers a frame, such as a position in mm, from its hypervector.
 
-    A frame becomes a hypervector as in :class:`hdc.HDCClassifier`. The hypervectors of all training
-    frames are kept (31 kB each at D = 250,000), for intervals and for :meth:`partial_fit`.
+    The hypervectors of all training frames are kept (31 kB each at D = 250,000).
 
     Args:
-        readout: ``"ridge"``: ridge regression on the bits (:mod:`hdc.readout`), its penalty the one
-            with the least leave-one-out error; or ``"neighbours"``: the mean of the nearest frames.
+        readout: ``"ridge"``: ridge regression on the bits (:mod:`hdc.readout`); or
+            ``"neighbours"``: the mean of the nearest frames.
         n_neighbours: how many nearest frames.
         device: where frames are encoded and hypervectors live.
         backend: see :class:`hdc.HDCClassifier`.
@@ -53,6 +52,7 @@ class HDCRegressor(Estimator):
     _words: Tensor
     _values: Tensor  # float64 [N, T]
     _one: bool  # targets have one dimension
+    _recalibrated: bool
 
     def __init__(
         self,
@@ -75,7 +75,7 @@ class HDCRegressor(Estimator):
             ValueError: for fewer than two frames, lengths that differ, or pixels or numbers that
                 are not finite.
         """
-        trained = type(self)(**self.get_params())
+        trained = self._untrained()
         trained._learn(*trained._pairs(frames, y))
         self._adopt(trained)
         return self
@@ -86,24 +86,19 @@ class HDCRegressor(Estimator):
         Raises:
             ValueError: as :meth:`fit`, or after :meth:`recalibrate`, which keeps new frames only.
         """
-        if getattr(self, "_recalibrated", False):
+        if not hasattr(self, "_words"):
+            return self.fit(frames, y)
+        if self._recalibrated:
             raise ValueError("partial_fit: expected a model that was not recalibrated; fit anew")
-        trained = type(self)(**self.get_params())
-        vars(trained).update(vars(self))
-        words, values = trained._pairs(frames, y)
-        if hasattr(self, "_words"):
-            words = torch.cat((self._words, words))
-            values = torch.cat((self._values, values))
-        trained._learn(words, values)
-        self._adopt(trained)
+        words, values = self._pairs(frames, y)
+        self._learn(torch.cat((self._words, words)), torch.cat((self._values, values)))
         return self
 
     def recalibrate(self, frames: Any, y: Any) -> Self:
         """Adapt to a changed environment by few new frames.
 
-        Ridge regression goes from its old weights to those near them that fit the new frames
-        (with the penalty of training); intervals are those of the new frames, which replace the
-        kept ones. With ``readout="neighbours"`` the new frames replace all.
+        Ridge regression goes from its old weights to those near them that fit the new frames, with
+        the penalty of training. The new frames replace those that are kept.
 
         Raises:
             ValueError: as :meth:`fit`.
@@ -145,10 +140,9 @@ class HDCRegressor(Estimator):
             return_interval: also return lower and upper ends, of the same shape, of jackknife+
                 intervals (Barber et al., Ann. Stat. 49, 486 (2021)). If queries and training frames
                 are exchangeable, a number lies in its interval with probability 1 − 2·alpha at
-                least, and 1 − alpha in practice; for ridge regression as far as leaving one frame
-                out changes neither the penalty nor, by more than rounding, the weights of 8 bits.
-                After drift nothing is guaranteed. Ends are infinite with fewer than 1/alpha − 1
-                training frames.
+                least, and 1 − alpha in practice (ridge regression: as far as leaving one frame out
+                changes neither the penalty nor the rounding of weights). After drift nothing is
+                guaranteed. Ends are infinite with fewer than 1/alpha − 1 training frames.
             alpha: share of the numbers that may lie outside, each of T numbers for itself.
 
         Raises:
@@ -158,16 +152,15 @@ class HDCRegressor(Estimator):
         alpha = check_share(alpha)
         parts: list[tuple[Tensor, ...]] = []
         for words in self._encoded(frames):
-            if not return_interval:
-                parts.append((self._values_of(words),))
-                continue
-            if self.readout == "ridge":
-                centre = self._values_of(words)
-                change = self._held.changes(words, self.dimension_, self._backend())
-                without = centre[:, None] - change
-            else:
+            if self.readout == "neighbours":
                 centre, without = self._means(words)
-            parts.append((centre, *_ends(without, torch.from_numpy(self.residuals_), alpha)))
+            else:
+                centre = self.ridge_.scores(words, self._backend()).cpu()
+                if return_interval:
+                    change = self._held.changes(words, self.dimension_, self._backend())
+                    without = centre[:, None] - change
+            ends = _ends(without, self.residuals_, alpha) if return_interval else ()
+            parts.append((centre, *ends))
         answers = [torch.cat(part).numpy() for part in zip(*parts, strict=True)]
         answers = [answer[:, 0] if self._one else answer for answer in answers]
         return tuple(answers) if return_interval else answers[0]
@@ -204,23 +197,16 @@ class HDCRegressor(Estimator):
             parts = (tensors[name] for name in ("inverse", "means", "residuals"))
             self._held = Residuals(self._words, *parts)
 
-    def _values_of(self, words: Tensor) -> Tensor:
-        if self.readout == "ridge":
-            return self.ridge_.scores(words, self._backend()).cpu()
-        return self._means(words)[0]
-
     def _means(self, words: Tensor, own: bool = False) -> tuple[Tensor, Tensor]:
         """Means of the nearest frames [Q, T], and those without each frame, [Q, N, T].
 
-        Args:
-            words: the queries.
-            own: the queries are the kept frames, none of which is its own neighbour.
+        With `own`, the queries are the kept frames, none of which is its own neighbour.
         """
         distances = bits.hamming(words, self._words, self._backend()).cpu().numpy()
         if own:
             np.fill_diagonal(distances, self.dimension_ + 1)
         k = min(self.n_neighbours, len(self._words) - 1)
-        places = torch.from_numpy(nearest(distances, k + 1))
+        places = torch.from_numpy(distances.argsort(axis=1, kind="stable")[:, : k + 1])
         values = self._values[places]  # [Q, k + 1, T]
         means = values[:, :k].mean(1)
         if own:
@@ -232,11 +218,10 @@ class HDCRegressor(Estimator):
         return means, without
 
 
-def _ends(without: Tensor, residuals: Tensor, alpha: float) -> tuple[Tensor, Tensor]:
+def _ends(without: Tensor, residuals: np.ndarray, alpha: float) -> tuple[Tensor, Tensor]:
     """Jackknife+ ends [Q, T] of predictions without each frame [Q, N, T] and errors [N, T]."""
-    n = len(residuals)
+    n, spread = len(residuals), torch.from_numpy(residuals).abs()
     low, high = floor(alpha * (n + 1)), ceil((1 - alpha) * (n + 1))
-    spread = residuals.abs()
     if low < 1 or high > n:
         infinite = torch.full_like(without[:, 0], torch.inf)
         return -infinite, infinite

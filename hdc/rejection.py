@@ -11,15 +11,15 @@ decides. The p-value is the share of frames that are as far out as x, x included
 
     p_c(x) = (1 + #{i: d_i ≥ d}) / (m + 1)        m frames kept.
 
-If x and the training frames of class c are exchangeable (drawn alike, in no telling order), then
-P(p_c(x) ≤ α) ≤ α for every α, n and D, whatever the distribution of frames: full conformal
-prediction (Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World, 2005, Prop. 2.3), class
-by class. It holds on average over training sets; after drift it does not hold at all.
+If x and the training frames of class c are exchangeable, then P(p_c(x) ≤ α) ≤ α for every α, n and
+D, whatever the distribution of frames: full conformal prediction (Vovk, Gammerman, Shafer,
+Algorithmic Learning in a Random World, 2005, Prop. 2.3), class by class. It holds on average over
+training sets; after drift it does not hold at all.
 
-A p-value is at least 1/(m + 1). Where that is above α, so that the class alone could never refuse
-a frame, x is compared with the kept frames of all classes: their leave-one-out distances less the
-mean of their class, and those of class c less the mean of all m + 1. Coverage is then that of all
-classes together, not of each, and holds as far as their distances spread alike.
+A p-value is at least 1/(m + 1). Where that is above α, x is compared with the kept frames of all
+classes: their leave-one-out distances less the mean of their class, and those of class c less the
+mean of all m + 1. Coverage is then that of all classes together, not of each, and holds as far as
+their distances spread alike.
 """
 
 from __future__ import annotations
@@ -52,14 +52,10 @@ def deciding(counters: Counters, c: int, ties: str, seed: int, weight: int = 1) 
 
 
 class Sample:
-    """Up to 19 hypervectors of each class, every one with the same chance, in any batches.
-
-    Attributes:
-        seen: how many of each class came by.
-    """
+    """Up to 19 hypervectors of each class, every one with the same chance, in any batches."""
 
     def __init__(self) -> None:
-        self.seen: dict[Label, int] = {}
+        self.seen: dict[Label, int] = {}  # how many of each class came by
         self._words: dict[Label, Tensor] = {}
 
     def add(self, words: Tensor, labels: Sequence[Label]) -> None:
@@ -86,44 +82,31 @@ class Sample:
 
     def put(self, label: Label, words: Tensor, seen: int) -> None:
         """Keep these hypervectors, of so many, for a class."""
-        if seen:
-            self._words[label] = words.new_zeros(KEPT, words.shape[1])
-            self._words[label][: len(words)] = words
+        self._words[label] = words.new_zeros(KEPT, words.shape[1])
+        self._words[label][: len(words)] = words
         self.seen[label] = seen
 
     def merge(self, other: Sample) -> None:
         """Make this a sample of all that came by either."""
         for label, n_other in other.seen.items():
-            n = self.seen.get(label, 0)
-            if not n or not n_other:
-                words = other.of(label) if n_other else self.of(label)
-            else:
-                mine, theirs = self.of(label), other.of(label)
+            words, n = other.of(label), self.seen.get(label, 0)
+            if n:
+                mine = self.of(label)
                 share = max(round(KEPT * n_other / (n + n_other)), KEPT - len(mine))
-                theirs = theirs[:share]
-                words = torch.cat((mine[: KEPT - len(theirs)], theirs))
+                words = torch.cat((mine[: KEPT - len(words[:share])], words[:share]))
             self.put(label, words, n + n_other)
 
 
 @dataclass(frozen=True)
 class Peers:
-    """The kept frames of one class, and what a new frame changes for them.
+    """The kept frames of one class, and what a new frame changes for them."""
 
-    Attributes:
-        prototype: int64 [W].
-        constant: [m], distances d_i for a black frame x.
-        gained: [W], bits of the prototype that become one if x has a one where x_i has none.
-        shared: [m, W], bits of x_i that are not lost, or not gained, where x has a one, too.
-        held_out: [m], leave-one-out distances less their mean; none of a single frame.
-        mean: of the leave-one-out distances.
-    """
-
-    prototype: Tensor
-    constant: np.ndarray
-    gained: Tensor
-    shared: Tensor
-    held_out: np.ndarray
-    mean: float
+    prototype: Tensor  # int64 [W]
+    constant: np.ndarray  # [m], distances d_i for a black frame x
+    gained: Tensor  # [W], bits of the prototype that become one if x has a one where x_i has none
+    shared: Tensor  # [m, W], bits of x_i that are not lost, or not gained, where x has a one, too
+    held_out: np.ndarray  # [m], leave-one-out distances less their mean; none of a single frame
+    mean: float  # of the leave-one-out distances
 
     @classmethod
     def of(cls, words: Tensor, prototypes: Tensor) -> Peers:
@@ -133,17 +116,10 @@ class Peers:
         constant = bits.count_ones(words ^ prototype) + bits.count_ones(words & lost)
         without = (words & if_one) | (~words & if_zero)
         held_out = bits.count_ones(words ^ without).numpy(force=True).astype(np.float64)
-        if len(held_out) < 2:
-            held_out = held_out[:0]
+        held_out = held_out if len(held_out) > 1 else held_out[:0]
         mean = float(held_out.mean()) if len(held_out) else np.nan
-        return cls(
-            prototype,
-            constant.numpy(force=True),
-            gained,
-            words & (lost | gained),
-            held_out - mean,
-            mean,
-        )
+        shared, d_i = words & (lost | gained), constant.numpy(force=True)
+        return cls(prototype, d_i, gained, shared, held_out - mean, mean)
 
     def compare(self, words: Tensor) -> tuple[np.ndarray, np.ndarray]:
         """Distances d [Q] of hypervectors [Q, W] as if of this class, and d_i [Q, m]."""
@@ -163,11 +139,8 @@ def p_values(peers: Sequence[Peers | None], words: Tensor, alpha: float) -> np.n
     result = np.zeros((len(words), len(peers)))
     n = sum(len(own.constant) for own in peers if own is not None)
     if (n + 1) * alpha < 1:
-        warnings.warn(
-            f"{alpha:g} of known frames: expected at least {1 / (n + 1):.2g}, as {n} training "
-            "frames are kept; no frame is refused",
-            stacklevel=2,
-        )
+        least = f"expected at least {1 / (n + 1):.2g} with {n} frames kept; no frame is refused"
+        warnings.warn(f"{alpha:g} of known frames: {least}", stacklevel=2)
     for c, own in enumerate(peers):
         if own is None:
             continue

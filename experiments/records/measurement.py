@@ -25,8 +25,9 @@ from rich.console import Console
 
 from experiments.records import locks, sources
 from experiments.records.environment import command, environment
-from experiments.records.files import remove_leftovers, results_dir, write_atomically
+from experiments.records.files import remove_leftovers, results_dir
 from experiments.records.record import SCHEMA, Environment, convert, to_json
+from hdc.io import write_atomically
 
 Row = dict[str, Any]
 """Values of a row by column: int, float, str, bool, None, or a short list of numbers."""

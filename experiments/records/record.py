@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 
 from experiments.records import locks
-from experiments.records.files import write_atomically
+from hdc.io import write_atomically
 
 SCHEMA = 3
 RUNS, CODE = "runs.jsonl", "code.json"

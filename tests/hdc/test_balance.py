@@ -54,32 +54,6 @@ def test_equal_classes_are_as_published(ties: str, prototype: str) -> None:
     assert torch.equal(models[0].prototypes_, models[1].prototypes_)
 
 
-def test_order_batches_merging_and_files_change_nothing(tmp_path) -> None:
-    frames, labels = frames_of([9, 4, 6, 4, 12], 1)
-    whole = HDCClassifier().fit(frames, labels)
-    order = np.random.default_rng(0).permutation(len(labels))
-    parts = HDCClassifier()
-    for i in order[:20]:
-        parts.partial_fit(frames[i : i + 1], labels[i : i + 1])
-    parts.save(tmp_path / "m")
-    parts = HDCClassifier.load(tmp_path / "m")
-    parts.merge(HDCClassifier().partial_fit(frames[order[20:]], labels[order[20:]]))
-    assert torch.equal(parts.prototypes_, whole.prototypes_)
-
-
-def test_both_ways_of_recalibration_are_balanced() -> None:
-    for method in ("replace", "merge"):
-        scores = []
-        for seed in range(4):
-            old, test = frames_of([4] * 5, seed), frames_of([60] * 5, seed)
-            new = frames_of([5, 4, 4, 4, 4], seed)
-            for b in (False, True):
-                model = HDCClassifier(balance=b).fit(*old)
-                scores.append(model.recalibrate(*new, p=0.9, method=method).score(*test))
-        published, balanced = np.mean(np.reshape(scores, (4, 2)), 0)
-        assert balanced > published + 0.02
-
-
 def test_thinned_counts_are_those_of_random_subsets() -> None:
     n, size = 12, 5
     ones = torch.arange(13).repeat(4000)[None]  # each count 4000 times

@@ -16,18 +16,6 @@ def mask_of(shape: tuple[int, ...], seed: int = 0) -> Tensor:
     return torch.from_numpy(np.random.default_rng(seed).random(shape) < 0.5)
 
 
-@given(st.lists(st.integers(0, 4), max_size=2), st.integers(1, 300), st.integers(0, 9))
-@settings(max_examples=60, deadline=None)
-def test_torch_routes_pack_and_unpack_as_numpy_does(batch: list[int], d: int, seed: int) -> None:
-    mask = mask_of((*batch, d), seed)
-    words = bits.pack(mask)
-    assert words.dtype == torch.int64
-    assert words.shape == (*batch, bits.words_for(d))
-    assert torch.equal(bits.pack_torch(mask), words)
-    assert torch.equal(bits.unpack_torch(words, d), mask)
-    assert torch.equal(bits.unpack(words, d), mask)
-
-
 def test_bit_j_lies_in_word_j_over_64_least_significant_first() -> None:
     for j in range(130):
         mask = torch.zeros(130, dtype=torch.bool)
@@ -45,18 +33,40 @@ def test_population_counts_of_any_word(values: list[int]) -> None:
     words = torch.tensor(values)
     expected = [(v & (2**64 - 1)).bit_count() for v in values]
     assert bits.popcount(words).tolist() == expected
-    assert bits._swar_popcount(words).tolist() == expected
     assert bits.count_ones(words).item() == sum(expected)
 
 
 @given(st.integers(0, 40), st.integers(0, 6), st.integers(1, 300), st.integers(0, 9))
 @settings(max_examples=60, deadline=None)
-def test_hamming_of_any_shape_on_every_route(q: int, n: int, d: int, seed: int) -> None:
+def test_hamming_of_any_shape(q: int, n: int, d: int, seed: int) -> None:
     queries, prototypes = mask_of((q, d), seed), mask_of((n, d), seed + 1)
     expected = (queries[:, None] ^ prototypes).sum(-1)
     a, b = bits.pack(queries), bits.pack(prototypes)
-    for route in (bits.hamming, bits.hamming_torch):
-        assert torch.equal(route(a, b), expected), route.__name__
+    assert torch.equal(bits.hamming(a, b), expected)
+    assert torch.equal(bits.unpack(a, d), queries)
+
+
+class Elsewhere(Tensor):
+    """A tensor that says that it is on another device."""
+
+    device = property(lambda self: torch.device("cuda"))
+
+
+@given(st.integers(1, 40), st.integers(1, 6), st.integers(1, 300), st.integers(0, 9))
+@settings(max_examples=60, deadline=None)
+def test_same_bits_on_other_devices(q: int, n: int, d: int, seed: int) -> None:
+    queries, prototypes = mask_of((q, d), seed), mask_of((n, d), seed + 1)
+    there = [bits.pack(mask.as_subclass(Elsewhere)) for mask in (queries, prototypes)]
+    here = [bits.pack(mask) for mask in (queries, prototypes)]
+    assert all(torch.equal(a, b) for a, b in zip(there, here, strict=True))
+    assert torch.equal(bits.unpack(there[0], d), queries)
+    assert torch.equal(bits.popcount(there[0]), bits.popcount(here[0]))
+    assert torch.equal(bits.count_ones(there[0]), queries.sum(-1))
+    assert torch.equal(bits.hamming(*there), bits.hamming(*here))
+    counts = torch.zeros(6, bits.words_for(d), dtype=torch.int64).as_subclass(Elsewhere)
+    planes.count_into(counts, there[0], range(q))
+    ones = sum(bits.unpack(plane, d).long() << p for p, plane in enumerate(counts))
+    assert torch.equal(torch.as_tensor(ones), queries.sum(0))
 
 
 def test_wrong_types_and_widths_are_named() -> None:
@@ -118,7 +128,3 @@ def test_majority_is_the_count_compared_with_half(n: int, ties: str) -> None:
     expected = (2 * counts > n) | ((2 * counts == n) & tied)
     words = bits.pack(vectors)
     assert torch.equal(bits.unpack(bits.majority(words, ties, bits.pack(breaker)), d), expected)
-    torch_route = bits.majority_of_counts(
-        planes.vertical_sum_torch(words), n, ties, bits.pack(breaker)
-    )
-    assert torch.equal(bits.unpack(torch_route, d), expected)

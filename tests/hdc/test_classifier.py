@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
-import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -21,33 +19,6 @@ def touches(n: int = 60, classes: int = 3, side: int = 12) -> tuple[np.ndarray, 
     labels = np.arange(n) % classes
     base = rng.integers(0, 200, (classes, side, side))
     return (base[labels] + rng.integers(0, 56, (n, side, side))).astype(np.uint8), labels
-
-
-labels_of_one_kind = st.one_of(
-    st.lists(kind, min_size=2, max_size=6, unique=True)
-    for kind in (
-        st.integers(), st.text(max_size=3), st.booleans(), st.floats(allow_nan=False),
-        st.one_of(st.integers(-9, 9), st.floats(-9, 9)),
-    )
-)  # fmt: skip
-
-
-@given(labels_of_one_kind, st.sampled_from([1, 2, 5, 128]))
-@settings(max_examples=100, deadline=None)
-def test_labels_of_each_type_come_back(names: list, batch: int) -> None:
-    """Every class once at least, equal in whole and in batches, exactly the labels given."""
-    rng = np.random.default_rng(len(names))
-    frames = rng.permutation(np.arange(64 * len(names)) % 251).reshape(-1, 64).astype(np.uint8)
-    model = HDCClassifier().fit(frames, names)
-    assert model.predict(frames).tolist() == names
-    assert model.score(frames, names) == 1
-    starts = range(0, len(names), batch)
-    parts = HDCClassifier()
-    for start in starts:
-        parts.partial_fit(frames[start : start + batch], names[start : start + batch])
-    assert parts.predict(frames).tolist() == names
-    assert parts.classes_.tolist() == model.classes_.tolist()
-    assert torch.equal(parts.prototypes_, model.prototypes_)
 
 
 def test_a_refused_first_batch_changes_nothing() -> None:
@@ -111,30 +82,6 @@ def test_training_yields_once_all_classes_have_been_seen() -> None:
     assert seen == [768, 900]
 
 
-def test_memory_does_not_grow_with_the_number_of_frames() -> None:
-    class Made:
-        """Frames that exist only while they are counted."""
-
-        def __init__(self, n: int):
-            self.shape = (n, 40, 50)
-
-        def __len__(self) -> int:
-            return self.shape[0]
-
-        def __getitem__(self, part: slice) -> np.ndarray:
-            start, stop, _ = part.indices(len(self))
-            rng = np.random.default_rng(start)
-            return rng.integers(0, 255, (stop - start, 40, 50), dtype=np.uint8)
-
-    peaks = []
-    for n in (512, 512, 4096):  # the first warms up
-        tracemalloc.start()
-        HDCClassifier().fit(Made(n), np.arange(n) % 2)
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-    assert peaks[2] < peaks[1] + 4096 * 64 + 200_000, peaks  # labels, and not 7.7 MB of frames
-
-
 @given(st.integers(1, 12), st.integers(2, 40), st.integers(0, 99))
 @settings(max_examples=40, deadline=None)
 def test_integer_prototypes_against_floats(n: int, d: int, seed: int) -> None:
@@ -185,37 +132,6 @@ def test_bad_input_gets_one_clear_error(call, message: str) -> None:
 
 
 @pytest.mark.parametrize("prototype", classifier.PROTOTYPES)
-def test_what_is_written_into_the_state_counts_until_it_is_learnt_again(prototype: str) -> None:
-    frames, labels = touches()
-    model = HDCClassifier(prototype=prototype).fit(frames, labels)
-    before = model._scores(frames)
-    state = next(iter(model.state_tensors().values()))
-    kept = state.clone()
-    for _ in range(2):
-        state.numpy()[:] = 0
-        assert not torch.equal(model._scores(frames), before)
-        state.numpy()[:] = kept.numpy()
-        assert torch.equal(model._scores(frames), before)
-
-
-@pytest.mark.parametrize("order", ["rising", "falling", "shuffled"])
-@pytest.mark.parametrize("ties", bits.TIES)
-def test_classes_one_by_one_are_the_classes_at_once(order: str, ties: str) -> None:
-    frames, labels = touches(120, 40)
-    places = {"rising": np.arange(120), "falling": np.arange(120)[::-1],
-              "shuffled": np.random.default_rng(0).permutation(120)}[order]  # fmt: skip
-    model = HDCClassifier(ties=ties)
-    for i in places:
-        model.partial_fit(frames[i : i + 1], labels[i : i + 1])
-    whole = HDCClassifier(ties=ties).fit(frames, labels)
-    assert model.classes_.tolist() == whole.classes_.tolist()
-    assert torch.equal(model.counters_.counts(), whole.counters_.counts())
-    assert torch.equal(model.prototypes_, whole.prototypes_)
-    again = pickle.loads(pickle.dumps(model))
-    assert torch.equal(again.partial_fit(frames, labels).prototypes_, model.prototypes_)
-
-
-@pytest.mark.parametrize("prototype", classifier.PROTOTYPES)
 def test_told_classes_are_known_and_never_predicted_without_samples(
     prototype: str, tmp_path
 ) -> None:
@@ -241,26 +157,6 @@ def test_told_classes_are_known_and_never_predicted_without_samples(
 
 
 # Parts --------------------------------------------------------------------------------------------
-
-
-@given(st.lists(st.sampled_from("abcde"), min_size=4, max_size=60), st.integers(0, 60), st.data())
-@settings(max_examples=60, deadline=None)
-def test_merged_models_are_the_model_of_all_frames(names: list[str], cut: int, data) -> None:
-    names = ["a", "b", *names]
-    ties = data.draw(st.sampled_from(bits.TIES))
-    rng = np.random.default_rng(len(names))
-    frames = rng.integers(0, 255, (len(names), 9, 13), dtype=np.uint8)
-    cut = max(1, min(cut, len(names) - 1))
-    parts = [
-        HDCClassifier(ties=ties).partial_fit(frames[part], names[part])
-        for part in (slice(cut), slice(cut, None))
-    ]
-    whole = HDCClassifier(ties=ties).fit(frames, names)
-    for merged in (parts[0].merge(parts[1]), HDCClassifier(ties=ties).merge(whole)):
-        assert merged.classes_.tolist() == whole.classes_.tolist()
-        assert merged.counts_.tolist() == whole.counts_.tolist()
-        assert torch.equal(merged.prototypes_, whole.prototypes_)
-        assert merged.is_known(frames).shape == (len(names),)
 
 
 def test_what_cannot_be_merged_is_named() -> None:

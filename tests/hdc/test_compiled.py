@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
-from itertools import product
 
 import numpy as np
 import pytest
@@ -76,19 +74,6 @@ def prototypes(words, labels, n_classes: int, d: int, backend: str) -> torch.Ten
 
 @needs_numba
 @pytest.mark.filterwarnings(NEAR)
-@pytest.mark.parametrize("d", [1, 2, 7, 63, 64, 65, 127, 1000, 250_000])
-@pytest.mark.parametrize("n", [1, 2, 3, 80, 255, 256])
-def test_same_words_and_same_counts(n: int, d: int, threads: int) -> None:
-    expected, found = both(frames_of(n, d))
-    assert torch.equal(found, expected)
-    for n_classes in (1, 2, 5, 51):
-        labels = torch.arange(n) * 7 % n_classes
-        counts = [prototypes(expected, labels, n_classes, d, b) for b in bits.BACKENDS]
-        assert torch.equal(*counts)
-
-
-@needs_numba
-@pytest.mark.filterwarnings(NEAR)
 @settings(max_examples=200, deadline=None)
 @given(
     arrays(np.uint8, array_shapes(min_dims=2, max_dims=2, max_side=200),
@@ -116,23 +101,6 @@ def test_constant_frames_are_named_and_have_half_ones(threads: int) -> None:
 
 
 @needs_numba
-def test_nothing_beyond_a_frame_is_read_or_written() -> None:
-    """Frames inside a larger array, whose surroundings must neither matter nor change."""
-    for offset, d in product((0, 1, 13), (64, 65, 191)):
-        inner = frames_of(5, d)
-        for around in (0, 255):
-            memory = np.full(offset + inner.numel() + 64, around, np.uint8)
-            memory[offset : offset + inner.numel()] = inner.numpy().ravel()
-            frames = memory[offset : offset + inner.numel()].reshape(5, d)
-            words = np.full((7, bits.words_for(d)), -1, np.int64)
-            from hdc import compiled
-
-            assert compiled.encode_uint8(frames, words[1:6]) == []
-            assert np.array_equal(words[1:6], encode(inner).numpy())
-            assert (words[[0, 6]] == -1).all()
-
-
-@needs_numba
 @pytest.mark.parametrize("ties", bits.TIES)
 @pytest.mark.parametrize("prototype", ["binary", "integer"])
 def test_the_same_model(ties: str, prototype: str, threads: int) -> None:
@@ -148,19 +116,6 @@ def test_the_same_model(ties: str, prototype: str, threads: int) -> None:
         for model in models:
             model.recalibrate(frames[:40], labels[:40], 0.5, seed=1)
         assert np.array_equal(models[0].distances(frames), models[1].distances(frames))
-
-
-@needs_numba
-def test_a_file_does_not_remember_the_backend(tmp_path) -> None:
-    pytest.importorskip("safetensors")
-    frames, labels = frames_of(12, 100), np.arange(12) % 3
-    files = [tmp_path / backend for backend in bits.BACKENDS]
-    for path in files:
-        HDCClassifier(backend=path.name).fit(frames, labels).save(path)
-    assert files[0].read_bytes() == files[1].read_bytes()
-    loaded = HDCClassifier.load(files[1])
-    assert loaded.backend == "auto"
-    loaded.set_params(backend="compiled").partial_fit(frames, labels)
 
 
 def test_without_numba_the_parameter_is_named(monkeypatch) -> None:
@@ -187,22 +142,6 @@ def test_other_backends_and_devices_are_refused() -> None:
         HDCClassifier(backend="compiled", device="meta").fit(frames, [0, 1, 0, 1])
     with pytest.raises(ValueError, match=message):
         encode(frames.to("meta"), backend="compiled")
-
-
-def test_few_frames_load_nothing_in_the_midst_of_them() -> None:
-    code = """
-import sys, numpy as np
-from hdc import HDCClassifier
-frames = np.random.default_rng(0).integers(0, 256, (4, 50, 50), np.uint8)
-model = HDCClassifier().fit(frames, [0, 1, 0, 1])
-stream = HDCClassifier()
-for frame, label in zip(frames, [0, 1, 0, 1]):
-    stream.partial_fit(frame[None], [label])
-stream.predict(frames)
-print("numba" in sys.modules, "llvmlite" in sys.modules)
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", "False"]
 
 
 @needs_numba

@@ -10,9 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sklearn.base import clone, is_classifier
-from sklearn.calibration import CalibratedClassifierCV
-from sklearn.ensemble import VotingClassifier
-from sklearn.model_selection import GridSearchCV, cross_val_score, learning_curve
+from sklearn.model_selection import GridSearchCV, learning_curve
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.estimator_checks import check_estimator
@@ -81,17 +79,6 @@ def test_parameters_are_set_and_searched() -> None:
     assert scores[-1].min() > 0.9
     flat = frames.reshape(60, -1)
     assert make_pipeline(FunctionTransformer(), model).fit(flat, y=labels).score(flat, labels) == 1
-
-
-def test_decisions_serve_scores_and_calibration() -> None:
-    frames, labels = touches()
-    two = labels < 2
-    scores = cross_val_score(HDCClassifier(), frames[two], labels[two], cv=3, scoring="roc_auc")
-    assert scores.min() == 1
-    flat = frames.reshape(60, -1)
-    votes = VotingClassifier([("a", HDCClassifier()), ("b", HDCClassifier("one"))])
-    assert votes.fit(flat, labels).score(flat, labels) == 1
-    assert CalibratedClassifierCV(HDCClassifier(), cv=3).fit(flat, labels).score(flat, labels) == 1
 
 
 def test_importing_loads_neither_images_nor_tables() -> None:

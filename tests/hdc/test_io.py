@@ -28,22 +28,42 @@ QUERIES = np.random.default_rng(1).integers(0, 255, (9, 5, 7), dtype=np.uint8)
 # Writing ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("step", ["fsync", "replace"])
-def test_a_failing_write_leaves_the_old_file_and_is_named(
-    tmp_path: Path, monkeypatch, step
+STEPS = [(Path, "mkdir"), (Path, "open"), (os, "fsync"), (os, "replace"), (Path, "unlink")]
+
+
+def test_whatever_step_of_a_write_fails_the_old_or_the_new_model_loads(
+    tmp_path: Path, monkeypatch
 ) -> None:
     path = tmp_path / "m"
-    trained().save(path)
-    before = path.read_bytes()
+    models = [trained(), trained(ties="one", seed=1)]
+    for failing in range(100):
+        models[0].save(path)
+        steps = iter(range(100))
 
-    def fail(*_):
-        raise OSError(28, "No space left on device")
+        def counted(call, failing=failing, steps=steps):
+            def step(*args, **options):
+                if next(steps) == failing:
+                    raise OSError(28, "No space left on device")
+                return call(*args, **options)
 
-    monkeypatch.setattr(os, step, fail)
-    with pytest.raises(OSError, match=r"m: expected a file to write, found: No space left"):
-        trained(ties="one").save(path)
-    assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["m"]
+            return step
+
+        with monkeypatch.context() as patch:
+            for owner, name in STEPS:
+                patch.setattr(owner, name, counted(getattr(owner, name)))
+            try:
+                models[1].save(path)
+            except OSError as error:
+                assert "No space left" in str(error)  # noqa: PT017
+            else:
+                break
+        loaded = HDCClassifier.load(path)
+        assert loaded.get_params() in [model.get_params() for model in models]
+        assert np.array_equal(
+            loaded.distances(QUERIES), models[loaded.get_params()["seed"]].distances(QUERIES)
+        )
+        assert len(list(tmp_path.iterdir())) == 1 or failing == len(STEPS) - 1
+    assert failing == len(STEPS)
 
 
 @posix
@@ -97,21 +117,6 @@ def test_labels_come_back(tmp_path: Path, prototype: str, names: list) -> None:
     assert np.array_equal(loaded.is_known(QUERIES, 0.2), model.is_known(QUERIES, 0.2))
 
 
-@pytest.mark.parametrize("method", ["replace", "merge"])
-def test_a_recalibrated_model_comes_back(tmp_path: Path, method: str) -> None:
-    model = trained(seed=5).recalibrate(QUERIES[:6], [0, 1] * 3, 0.5, method=method)
-    model.save(tmp_path / "m")
-    loaded = HDCClassifier.load(tmp_path / "m")
-    assert loaded.get_params() == model.get_params()
-    assert np.array_equal(loaded.distances(QUERIES), model.distances(QUERIES))
-    assert torch.equal(loaded.counters_.counts(), model.counters_.counts())
-    for again in (loaded, model):
-        again.recalibrate(QUERIES, np.arange(9) % 3, 0.3, method=method)
-    assert np.array_equal(loaded.distances(QUERIES), model.distances(QUERIES))
-    found, expected = ([s.tolist() for s in m.predict_set(QUERIES, 0.3)] for m in (loaded, model))
-    assert found == expected
-
-
 def test_metadata_are_kept_with_the_model(tmp_path: Path) -> None:
     metadata = {"crop": [10, 20, 500, 500], "subsample": 2, "camera": {"name": "µEye", "gain": 0.5}}
     trained().save(tmp_path / "m", metadata)
@@ -122,20 +127,9 @@ def test_metadata_are_kept_with_the_model(tmp_path: Path) -> None:
     loaded.save(tmp_path / "n", {})
     assert HDCClassifier.load(tmp_path / "n").metadata_ == {}
     for bad in ({"crop": np.arange(4)}, {"gain": float("nan")}):
-        with pytest.raises(TypeError, match="n: metadata: expected values that JSON has, found"):
+        with pytest.raises(TypeError, match="n: metadata: expected values of JSON, found"):
             loaded.save(tmp_path / "n", bad)
     assert loaded.metadata_ == {}
-
-
-def test_a_model_of_another_class_is_named(tmp_path: Path) -> None:
-    class Other(HDCClassifier):
-        pass
-
-    Other().fit(QUERIES, np.arange(9) % 3).save(tmp_path / "other")
-    message = "expected a saved HDCClassifier, found a saved Other; load it with"
-    with pytest.raises(ValueError, match=message):
-        HDCClassifier.load(tmp_path / "other")
-    Other.load(tmp_path / "other").predict(QUERIES)
 
 
 # Files that are not such ones ---------------------------------------------------------------------
@@ -176,8 +170,7 @@ BAD_HEADERS = [
     {"classes": [[0], [1], [2]]}, {"classes": [0.0, 1.0, float("nan")]}, {"classes": None},
     {"frame_shape": [5, 13]}, {"frame_shape": [5, -7]}, {"frame_shape": [10**30, 10**30]},
     {"frame_shape": []}, {"frame_shape": "57"}, {"frame_shape": [5.0, 7.0]}, {"parameters": None},
-    {"parameters": {"ties": "never"}}, {"parameters": {"colour": 1}}, {"parameters": {"seed": "x"}},
-    {"parameters": {"device": "meta"}},
+    {"parameters": {"ties": "never"}}, {"parameters": {"colour": 1}},
     {"parameters": {"device": "nowhere"}}, {"parameters": {"ties": ["zero"]}},
 ]  # fmt: skip
 
@@ -194,14 +187,9 @@ def long(*shape: int) -> torch.Tensor:
 
 
 BAD_TENSORS = {
-    "too few classes": {"n": torch.ones(2).long()},
     "negative counts": {"n": torch.tensor([4, -4, 4])},
-    "counts beyond arithmetic": {"n": torch.tensor([4, 2**62, 4])},
-    "no samples": {"n": long(3)},
     "other type": {"prototypes": torch.zeros(3, 1)},
     "too wide": {"prototypes": long(3, 2)},
-    "flat planes": {"planes": long(3, 1)},
-    "too few kept": {"sample": long(2, 1)},
     "another tensor": {"extra": long(1)},
 }
 
@@ -209,20 +197,6 @@ BAD_TENSORS = {
 @pytest.mark.parametrize("what", BAD_TENSORS)
 def test_tensors_that_do_not_fit_are_refused(tmp_path: Path, what: str) -> None:
     rewrite(tmp_path / "m", BAD_TENSORS[what])
-    with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
-        HDCClassifier.load(tmp_path / "m")
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"", b"\xff" * 8, struct.pack("<Q", 2**63), struct.pack("<Q", 99_999_999),
-        struct.pack("<Q", 100_000) + b"[" * 100_000, struct.pack("<Q", 4) + b"null",
-        b"\x89PNG\r\n\x1a\n" + b"\0" * 100, safetensors.save({}, {"model": "[" * 200_000}),
-    ],
-)  # fmt: skip
-def test_hostile_files_are_refused(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "m").write_bytes(content)
     with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
         HDCClassifier.load(tmp_path / "m")
 
@@ -242,7 +216,7 @@ def test_folders_pipes_and_missing_files(tmp_path: Path) -> None:
 @pytest.mark.skipif(torch.cuda.is_available(), reason="for machines without CUDA")
 def test_a_model_from_an_accelerator_loads_without_one(tmp_path: Path) -> None:
     rewrite(tmp_path / "m", parameters={"device": "cuda"})
-    with pytest.warns(UserWarning, match="trained on 'cuda', which is not here"):
+    with pytest.warns(UserWarning, match="trained on a GPU, not here"):
         model = HDCClassifier.load(tmp_path / "m")
     assert model.device == "cpu"
     assert np.array_equal(model.predict(QUERIES), trained().predict(QUERIES))

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from experiments.records import sources
-from experiments.records.files import write_atomically
 from experiments.records.results import Results
 from experiments.reporting.runs import runs_table
+from hdc.io import write_atomically
 
 
 @pytest.fixture
