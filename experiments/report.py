@@ -22,7 +22,6 @@ from rich.table import Table as TerminalTable
 from rich.text import Text
 
 from experiments import studies
-from experiments.records import configs
 from experiments.records.files import REFERENCE, results_dir, write_atomically
 from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
@@ -33,7 +32,7 @@ from experiments.reporting.page.page import Block, Picture, Section
 from experiments.reporting.runs import runs_table
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.study import studies as studies_of
-from experiments.reporting.table import Table, beside, records
+from experiments.reporting.table import Table, records
 from experiments.reporting.terminal import in_any_encoding
 from experiments.reporting.text import number, percent, printable
 
@@ -142,18 +141,17 @@ def write(folder: Path, device: str, console: Console) -> Path:
     mine.draw()
     reference.draw(REFERENCE / "figures")
     (mine if mine.results else reference).write(folder)
-    compared = _side_by_side(sets, "comparison")
-    sections = [_section(study, sets) for study in questions]
-    sections.insert(
-        sum(study.front for study in questions),
-        Section("comparison", "Every published number", "", [Block("", [compared])]),
-    )
+    sections = [
+        Section(s.name, s.title, s.question, _blocks(s.name, sets), s.front) for s in questions
+    ]
+    compared = Section("comparison", "Every published number", "", _blocks("comparison", sets))
+    sections.insert(sum(study.front for study in questions), compared)
     if mine in sets:
-        sections.append(Section("runs", "Every run", "", [Block("", mine.tables["runs"])]))
+        sections.append(Section("runs", "Every run", "", _blocks("runs", [mine])))
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"
-    write_atomically(path, page.render(sections, problems, about, configs.minutes()))
+    write_atomically(path, page.render(sections, problems, about))
     console.print(terminal_table(sets))
     for name, text in about.items():
         console.print(Text(printable(f"{name}: {text}"), "dim"))
@@ -162,23 +160,14 @@ def write(folder: Path, device: str, console: Console) -> Path:
     return path
 
 
-def _section(study: Study, sets: Sequence[Answers]) -> Section:
-    """A study's answers: Table I of all sets in one, else one set after another."""
-    joined = {"table1"} if len(sets) > 1 else set()
-    there = joined & {table.name for a in sets for table in a.tables[study.name]}
-    blocks = [Block("", [_side_by_side(sets, name)]) for name in sorted(there)]
+def _blocks(name: str, sets: Sequence[Answers]) -> list[Block]:
+    """Tables and figures of a study, of one set of results after another."""
+    blocks = []
     for answers in reversed(sets):  # the complete reference stands before first looks
-        tables = [table for table in answers.tables[study.name] if table.name not in joined]
-        pictures = answers.pictures[study.name]
+        tables, pictures = answers.tables[name], answers.pictures.get(name, [])
         if tables or pictures:
             blocks.append(Block(answers.name if len(sets) > 1 else "", tables, pictures))
-    return Section(study.name, study.title, study.question, blocks, study.front)
-
-
-def _side_by_side(sets: Sequence[Answers], name: str) -> Table:
-    """The table of all sets of results that has this name."""
-    tables = [t for a in sets for same in a.tables.values() for t in same if t.name == name]
-    return tables[0] if len(tables) == 1 else beside(tables[0], tables[1])
+    return blocks
 
 
 def _about(answers: Answers) -> str:

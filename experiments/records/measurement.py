@@ -26,7 +26,7 @@ from rich.console import Console
 from experiments.records import locks, sources
 from experiments.records.environment import command, environment
 from experiments.records.files import remove_leftovers, results_dir, write_atomically
-from experiments.records.record import SCHEMA, Environment, convert, to_json
+from experiments.records.record import SCHEMA, Environment, convert, plain
 
 Row = dict[str, Any]
 """Values of a row by column: int, float, str, bool, None, or a short list of numbers."""
@@ -183,26 +183,28 @@ def _carry_out(folder: Path, entry: Row, compute: Callable[[], Iterable[Row]]) -
 def write(folder: Path, entry: Mapping[str, Any], rows: Iterable[Row]) -> None:
     """Write rows.jsonl and record.json; a crash in between leaves no record that vouches for rows
     of another call."""
-    unsure = {**entry, "status": "running"}
-    write_atomically(folder / "record.json", to_json(unsure))
+    write_atomically(folder / "record.json", _to_json({**entry, "status": "running"}))
     write_atomically(folder / "rows.jsonl", to_lines(rows))
-    write_atomically(folder / "record.json", to_json(entry))
+    write_atomically(folder / "record.json", _to_json(entry))
+
+
+def _to_json(entry: Mapping[str, Any]) -> str:
+    """An entry of plain values, a line a key; numbers that JSON lacks become null."""
+    lines = (
+        f"{json.dumps(key)}: {msgspec.json.encode(value, enc_hook=plain).decode()}"
+        for key, value in sorted(entry.items())
+    )
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def to_lines(rows: Iterable[Row]) -> str:
     """Rows as JSON lines; numbers that JSON lacks (NaN, infinities) become null."""
-    return "".join(f"{msgspec.json.encode(row, enc_hook=_plain).decode()}\n" for row in rows)
+    return "".join(f"{msgspec.json.encode(row, enc_hook=plain).decode()}\n" for row in rows)
 
 
 def from_lines(text: str) -> list[Row]:
     """The rows in a text of JSON lines."""
     return [msgspec.json.decode(line) for line in text.splitlines()]
-
-
-def _plain(value: Any) -> Any:
-    if hasattr(value, "tolist"):  # numpy and torch
-        return value.tolist()
-    raise TypeError(f"row: expected plain values, found {type(value).__name__}")
 
 
 def part(name: str, config: Mapping[str, Any], compute: Callable[[], Iterable[Row]]) -> list[Row]:
@@ -233,7 +235,7 @@ def read(folder: Path) -> Measured | None:
         entry = msgspec.json.decode(path.read_bytes())
         if not isinstance(entry, dict) or entry.get("schema") != SCHEMA:
             raise ValueError(f"expected a record of schema {SCHEMA}, found another")
-        record = convert(entry, Entry, "")
+        record = convert(entry, Entry)
         path = folder / "rows.jsonl"
         rows = from_lines(path.read_text(encoding="utf-8")) if path.exists() else []
         return Measured(rows, record, folder)

@@ -269,7 +269,7 @@ class Results:
     def _take(self, entry: Record) -> None:
         if entry.config["device"] != self.device:
             return
-        if entry.display and configs.of_model(entry.choices.model) is None:
+        if entry.display and configs.part("model", entry.choices.model) is None:
             configs.show_as(entry.choices.model, entry.display)
         if isinstance(entry, Finished):
             curve = records.curve_of(entry)
@@ -305,11 +305,11 @@ def _overrides(record: Record, curve: Curve) -> dict[str, str]:
     learns in one pass ends by itself, whatever the stopping rule.
     """
     known = {
-        ("scene", "split"): configs.of_scene(record.choices.scene),
-        ("model",): configs.of_model(record.choices.model),
+        ("scene", "split"): configs.part("scene", record.choices.scene),
+        ("model",): configs.part("model", record.choices.model),
     }
     if not curve or _iterative(curve):
-        known["stop",] = configs.of_stop(record.choices.stop or "")
+        known["stop",] = configs.part("stop", record.choices.stop or "")
     found: dict[str, str] = {}
     for keys, reference in known.items():
         if reference is None:

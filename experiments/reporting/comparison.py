@@ -98,7 +98,6 @@ def compare(quantities: Iterable[Quantity]) -> Table:
             "note": Column("Note", lambda text: text or "–"),
         },
         HOW,
-        key=("quantity",),
     )
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from experiments.records import configs
-from experiments.records.record import Finished
 from experiments.records.results import Group, Results
 from experiments.reporting.columns import COLUMNS, display_name
 from experiments.reporting.estimates import Estimate
@@ -88,41 +86,5 @@ def stop_note(rows: Iterable[Mapping[str, Any]]) -> str:
 
 
 def commands(groups: Iterable[Group]) -> list[str]:
-    """Commands that make the runs of these groups again: one for all models with the same seeds,
-    on the same frames, with the same overrides."""
-    alike: dict[tuple[Any, ...], list[Group]] = {}
-    for group in groups:
-        if group.runs:
-            seeds = {(run.record.choices.stop, run.record.seed) for run in group.runs}
-            changed = {(_path(run.record), *run.overrides.items()) for run in group.runs}
-            key = *sorted(map(str, seeds)), *sorted(map(str, changed))
-            alike.setdefault(key, []).append(group)
-    return [_command(groups_alike) for groups_alike in alike.values()]
-
-
-def _command(groups: Sequence[Group]) -> str:
-    runs = [run for group in groups for run in group.runs]
-
-    def values(get: Callable[[Any], Any]) -> list[Any]:
-        return sorted({get(run.record) for run in runs}, key=lambda v: (v is None, v))
-
-    words = ["python -m experiments.run -m"]
-    for key, get in (
-        ("scene", lambda r: r.choices.scene),
-        ("scene.path", _path),
-        ("model", lambda r: r.choices.model),
-        ("stop", lambda r: r.choices.stop),
-        ("seed.run", lambda r: r.seed),
-        ("split.n_train", lambda r: r.config["split"]["n_train"]),
-        ("data.pixels", lambda r: r.config["data"]["pixels"]),
-    ):
-        if (distinct := values(get)) != [None]:
-            text = ",".join("null" if value is None else str(value) for value in distinct)
-            words.append(shlex.quote(f"{key}={text}"))
-    changed = {key: value for run in runs for key, value in run.overrides.items()}
-    return " ".join([*words, *(shlex.quote(f"{key}={value}") for key, value in changed.items())])
-
-
-def _path(record: Finished) -> str | None:
-    """Where a recording lies, or lay."""
-    return record.config["scene"].get("path")
+    """Commands that made the runs of these groups."""
+    return list(dict.fromkeys(run.record.command for group in groups for run in group.runs))

@@ -121,7 +121,6 @@ class Study:
         note: str = "",
         shown: Sequence[str] = (),
         columns: Mapping[str, Column] | None = None,
-        key: Sequence[str] = (),
         folded: bool = False,
         commands: Sequence[str] = (),
     ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -135,7 +134,7 @@ class Study:
             title, note: may hold ``{frames}`` and ``{machine}`` of the measurement.
             of: name of the measurement, or of several on the same frames, whose rows the function
                 takes, followed by the config of the first; None for a function of the results.
-            shown, columns, key, folded, commands: as :class:`Table` has them.
+            shown, columns, folded, commands: as :class:`Table` has them.
         """
 
         def register(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -153,7 +152,6 @@ class Study:
                         columns or {},
                         source.fill(said["note"]),
                         tuple(said.get("commands", ())) or tuple(commands) or source.commands,
-                        tuple(key),
                         folded,
                     )
 

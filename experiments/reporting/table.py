@@ -10,7 +10,7 @@ import pandas as pd
 
 from experiments.records.configs import CONFIGS
 from experiments.reporting.columns import COLUMNS, Column, display_name
-from experiments.reporting.text import markdown_text, number, percent, printable, tex
+from experiments.reporting.text import markdown_text, percent, printable, tex
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,6 @@ class Table:
         columns: how they are shown, before :data:`COLUMNS`.
         note: how to read it.
         commands: what makes it again.
-        key: names of the columns that tell its rows apart, for :func:`beside`.
         folded: whether the page shows it only when it is asked for.
     """
 
@@ -36,7 +35,6 @@ class Table:
     columns: Mapping[str, Column] = field(default_factory=dict)
     note: str = ""
     commands: Sequence[str] = ()
-    key: Sequence[str] = ()
     folded: bool = False
 
     @property
@@ -135,39 +133,9 @@ def records(data: pd.DataFrame) -> list[dict[str, Any]]:
     ]
 
 
-def beside(mine: Table, reference: Table) -> Table:
-    """Two tables of the same columns as one: each column that is no key stands twice."""
-    key = list(reference.key)
-    names = [name for name in reference.names if name not in key]
-    rows: dict[tuple[str, ...], dict[str, str]] = {}
-    for where, table in (("reference", reference), ("mine", mine)):
-        for row in records(table.data):
-            texts = {name: table.column(name).text(name, row) for name in (*key, *names)}
-            entry = rows.setdefault(tuple(texts[k] for k in key), {k: texts[k] for k in key})
-            entry |= {f"{name} {where}": texts[name] for name in names}
-    shown = [*key, *(f"{name} {where}" for name in names for where in ("reference", "mine"))]
-    columns = {k: Column(reference.column(k).head) for k in key} | {
-        f"{name} {where}": Column(f"{reference.column(name).head}, {where}")
-        for name in names
-        for where in ("reference", "mine")
-    }
-    return Table(
-        reference.name,
-        reference.title,
-        frame(rows.values(), shown),
-        columns=columns,
-        note=reference.notes,
-        commands=reference.commands,
-        folded=reference.folded,
-    )
-
-
 def _exact(value: Any) -> str:
     if value is None or value is pd.NA or value != value:
         return ""
     if isinstance(value, float):
         return f"{value:.6g}"
     return printable(str(value))
-
-
-__all__ = ["COLUMNS", "Column", "Table", "beside", "frame", "number", "records"]

@@ -123,7 +123,6 @@ def few_samples(results: Results) -> dict[str, list[Row]]:
     note="Fibre: frames computed from measured transmission matrices. Each model on all pixels of "
     "a scene and the most training samples that it was given.",
     shown=SHOWN,
-    key=("scene", "model"),
 )
 def all_scenes(results: Results) -> pd.DataFrame | None:
     """One row a scene and model."""

@@ -105,7 +105,6 @@ COLUMNS = {
     title="Table I, published and measured",
     shown=SHOWN,
     columns=COLUMNS,
-    key=("model",),
 )
 def table1(results: Results) -> pd.DataFrame | None:
     """Table I, and below it the same softmax regression solved directly and one's own models."""
