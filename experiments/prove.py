@@ -19,8 +19,8 @@ import msgspec
 from omegaconf import OmegaConf
 from rich.console import Console
 
-from experiments.protocol import scenes as scenes_of
 from experiments.protocol.experiment import Run as Runner
+from experiments.protocol.model import instantiate
 from experiments.protocol.trial import train_and_test
 from experiments.records import measurement, sources
 from experiments.records import record as records
@@ -81,7 +81,7 @@ def _run_differs(run: Run) -> str:
     """How a run differs when it is computed again; nothing where it does not."""
     record, again = run.record, dict[str, Any]()
     cfg = OmegaConf.create({**record.config, "cache": False})
-    scene = scenes_of.instantiate(cfg.scene, "scene")
+    scene = instantiate(cfg.scene, "scene")
     names = msgspec.to_builtins(record.choices)
     train_and_test(cfg, scene, names, [], again, None, Console(quiet=True))
     plain = msgspec.json.decode(records.to_line({**again, "environment": {}}, []))

@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.console import Console
 
-from experiments.protocol import scenes as scenes_of
+from experiments.protocol import data
 from experiments.records import measurement
 from experiments.records.configs import without_display
 from experiments.records.measurement import Row, measure
@@ -50,7 +50,7 @@ class Run:
 
     def scene(self, config: Mapping[str, Any], seed: int) -> Scene:
         """The scene of a resolved config at a seed."""
-        return scenes_of.scene_at(config, seed, self.cache, self.console)
+        return data.scene_at(config, seed, self.cache, self.console)
 
     def scenes(
         self, config: Mapping[str, Any], seeds: Sequence[int]

@@ -7,7 +7,7 @@ same code made them. The rest of a row's choice is a preference among such group
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -126,11 +126,6 @@ class Group:
         if beside := sum(not run.record.environment.exclusive for run in self.runs):
             notes.append(f"{beside} timed beside other runs")
         return "; ".join(notes) or "ok"
-
-    @property
-    def outdated(self) -> list[str]:
-        """The files of code that have changed since these runs."""
-        return self.runs[0].outdated if self.runs else []
 
     @property
     def right(self) -> np.ndarray:
@@ -261,10 +256,6 @@ class Results:
         none."""
         fitting = (m for m in self.measurements if m.record.name == name)
         return next((m for m in fitting if not m.of_other_frames), None)
-
-    def measured_elsewhere(self, name: str) -> Iterable[Measured]:
-        """Those of the same experiment on other frames."""
-        return (m for m in self.measurements if m.record.name == name and m.of_other_frames)
 
     def _take(self, entry: Record) -> None:
         if entry.config["device"] != self.device:

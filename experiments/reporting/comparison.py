@@ -50,21 +50,8 @@ HOW = (
     "runs), all seeds together."
 )
 COLUMNS = (
-    "experiment",
-    "quantity",
-    "condition",
-    "unit",
-    "published",
-    "published_low",
-    "published_high",
-    "measured",
-    "low",
-    "high",
-    "margin",
-    "n",
-    "seeds",
-    "verdict",
-    "made_by",
+    *("experiment", "quantity", "condition", "unit", "published", "published_low"),
+    *("published_high", "measured", "low", "high", "margin", "n", "seeds", "verdict", "made_by"),
     "note",
 )
 _SETTINGS = ("table1/learning_rate", "touch/labels")

@@ -18,6 +18,7 @@ import pkgutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice
 from types import ModuleType
 from typing import Any
 
@@ -137,28 +138,23 @@ class Study:
             shown, columns, folded, commands: as :class:`Table` has them.
         """
 
-        def register(function: Callable[..., Any]) -> Callable[..., Any]:
-            def make(results: Results) -> Iterator[Table]:
-                for source in _sources(results, of):
-                    data = function(*source.arguments)
-                    if data is None or not len(data):
-                        continue
-                    said = {"title": title, "note": note, "shown": shown} | data.attrs
-                    yield Table(
-                        f"{name}{source.suffix}",
-                        source.fill(said["title"]),
-                        data,
-                        tuple(said["shown"]),
-                        columns or {},
-                        source.fill(said["note"]),
-                        tuple(said.get("commands", ())) or tuple(commands) or source.commands,
-                        folded,
-                    )
+        def make(source: _Source, function: Callable[..., Any]) -> Iterator[Table]:
+            data = function(*source.arguments)
+            if data is None or not len(data):
+                return
+            texts = {"title": title, "note": note, "shown": shown} | data.attrs
+            yield Table(
+                f"{name}{source.suffix}",
+                source.fill(texts["title"]),
+                data,
+                tuple(texts["shown"]),
+                columns or {},
+                source.fill(texts["note"]),
+                tuple(texts.get("commands", ())) or tuple(commands) or source.commands,
+                folded,
+            )
 
-            self._tables.append(make)
-            return function
-
-        return register
+        return _registering(self._tables, of, make)
 
     def figure(
         self,
@@ -181,38 +177,28 @@ class Study:
             needs: of the function's other arguments: whether there is anything to draw.
         """
 
-        def register(function: Callable[..., Any]) -> Callable[..., Any]:
-            def make(results: Results) -> Iterator[Plot]:
-                for source in _sources(results, of):
-                    if needs is None or needs(*source.arguments):
-                        yield Plot(
-                            f"{name}{source.suffix}",
-                            source.fill(caption),
-                            partial(_draw, function, source.arguments, size),
-                            tuple(commands) or source.commands,
-                            kind,
-                        )
+        def make(source: _Source, function: Callable[..., Any]) -> Iterator[Plot]:
+            if needs is None or needs(*source.arguments):
+                yield Plot(
+                    f"{name}{source.suffix}",
+                    source.fill(caption),
+                    partial(_draw, function, source.arguments, size),
+                    tuple(commands) or source.commands,
+                    kind,
+                )
 
-            self._plots.append(make)
-            return function
-
-        return register
+        return _registering(self._plots, of, make)
 
     def quantities(
         self, *, of: str | Sequence[str] | None = None
     ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         """Register a generator of :class:`Quantity`; of measurements on their own frames only."""
 
-        def register(function: Callable[..., Any]) -> Callable[..., Any]:
-            def make(results: Results) -> Iterator[Quantity]:
-                for source in _sources(results, of):
-                    if not source.suffix:
-                        yield from function(*source.arguments)
+        def make(source: _Source, function: Callable[..., Any]) -> Iterator[Quantity]:
+            if not source.suffix:
+                yield from function(*source.arguments)
 
-            self._quantities.append(make)
-            return function
-
-        return register
+        return _registering(self._quantities, of, make)
 
     # Answers -----------------------------------------------------------------------------------
 
@@ -246,6 +232,24 @@ class _Source:
         return text.replace("{frames}", frames).replace("{machine}", machine)
 
 
+def _registering(
+    makers: list[Callable[[Results], Any]],
+    of: str | Sequence[str] | None,
+    make: Callable[[_Source, Callable[..., Any]], Iterator[Any]],
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """A decorator that adds a function's answers to those of its study."""
+
+    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+        makers.append(
+            lambda results: (
+                answer for source in _sources(results, of) for answer in make(source, function)
+            )
+        )
+        return function
+
+    return register
+
+
 def _sources(results: Results, of: str | Sequence[str] | None) -> Iterator[_Source]:
     if of is None:
         if results:
@@ -253,20 +257,19 @@ def _sources(results: Results, of: str | Sequence[str] | None) -> Iterator[_Sour
         return
     names = [of] if isinstance(of, str) else list(of)
     for suffix, first in with_places(results, names[0]):
-        scene = first.record.config.get("scene")
-        rest = [
-            next(
-                (m for _, m in with_places(results, name) if m.record.config.get("scene") == scene),
-                None,
-            )
-            for name in names[1:]
-        ]
-        if None in rest:
+        every = [first]
+        for name in names[1:]:
+            others = (m for _, m in with_places(results, name) if _scene(m) == _scene(first))
+            every += islice(others, 1)
+        if len(every) < len(names):
             continue
-        every = [first, *(m for m in rest if m is not None)]
         commands = tuple(dict.fromkeys(m.record.command for m in every))
         arguments = (*(m.frame for m in every), first.record.config)
         yield _Source(arguments, suffix, commands, first)
+
+
+def _scene(measured: Measured) -> Any:
+    return measured.record.config.get("scene")
 
 
 def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
@@ -275,7 +278,9 @@ def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
     suffixes: set[str] = set()
     if (measured := results.measured(name)) is not None:
         yield "", measured
-    for measured in results.measured_elsewhere(name):
+    for measured in results.measurements:
+        if measured.record.name != name or not measured.of_other_frames:
+            continue
         suffix = f"_{measured.record.scene or measured.folder.name}"
         if suffix in suffixes:  # the same scene with other settings
             suffix = f"_{measured.folder.name}"
@@ -294,9 +299,7 @@ def machine_of(measured: Measured) -> str:
 def _draw(
     function: Callable[..., Any], arguments: tuple[Any, ...], size: tuple[float, float]
 ) -> Any:
-    from matplotlib import pyplot as plt
-
-    from experiments.reporting.style import STYLE
+    from experiments.reporting.plot import STYLE, plt  # --help does not wait for matplotlib
 
     with plt.rc_context(STYLE):
         figure = plt.figure(figsize=size, layout="constrained")

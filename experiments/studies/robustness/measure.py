@@ -18,9 +18,9 @@ from torch import Tensor
 
 from experiments.protocol import data
 from experiments.protocol.clock import Clock
+from experiments.protocol.data import at_seed
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model
-from experiments.protocol.scenes import at_seed
 from experiments.protocol.trial import instantiate, stop_rule, train_until
 from experiments.studies.robustness.disturbances import (
     OF_FRAMES,
