@@ -83,9 +83,8 @@ class Answers:
             texts[f"tables/{table.name}.csv"] = table.csv()
             if table.name != "runs":
                 texts[f"tables/{table.name}.md"] = table.markdown()
+            if table.name == "table1":  # the one that a paper prints
                 texts[f"tables/{table.name}.tex"] = table.latex()
-        if self.name == "reference":  # Table I is the one that a paper prints
-            texts = {k: v for k, v in texts.items() if not k.endswith(".tex") or "table1." in k}
         for name, text in texts.items():
             write_atomically(folder / name, text)
         written = [folder / name for name in texts]
@@ -119,22 +118,17 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _write_reference(device: str, console: Console) -> None:
-    answers = Answers("reference", Results(REFERENCE, device), all_studies())
+    answers = Answers("reference", Results(REFERENCE, device), studies_of(studies))
     answers.draw()
     written = answers.write(REFERENCE)
     _print_problems(console, [answers])
     console.print(f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True)
 
 
-def all_studies() -> list[Study]:
-    """Every study, in the order of the page."""
-    return studies_of(studies)
-
-
 def write(folder: Path, device: str, console: Console) -> Path:
     """Write tables, figures and the page into a folder of own results; the page's file."""
     folder.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written fails first
-    questions = all_studies()
+    questions = studies_of(studies)
     reference = Answers("reference", Results(REFERENCE, device), questions)
     mine = Answers("mine", Results(folder, device), questions)
     sets = [answers for answers in (mine, reference) if answers.results] or [mine]
@@ -195,13 +189,11 @@ def terminal_table(sets: Sequence[Answers]) -> TerminalTable:
     """Table I for the terminal: times and accuracies of the paper and of each set of results."""
     tables = {a.name: table for a in sets for table in a.tables["table1"] if table.name == "table1"}
     rows = {name: {r["model"]: r for r in records(t.data)} for name, t in tables.items()}
-    shown = TerminalTable(
-        title="Table I", title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0)
-    )
+    shown = TerminalTable(title="Table I", title_justify="left", box=box.SIMPLE_HEAD)
     shown.add_column("model")
     for head in ("training, s", "test, %"):
-        for k, name in enumerate(("paper", *rows)):
-            shown.add_column(f"{head if not k else ''}\n{name}", justify="right", no_wrap=True)
+        for name in ("paper", *rows):
+            shown.add_column(f"{head}\n{name}", justify="right")
     for model in dict.fromkeys(model for of_set in rows.values() for model in of_set):
         lines = [of_set.get(model, {}) for of_set in rows.values()]
         known = next(line for line in lines if line)

@@ -61,13 +61,13 @@ class Entry(msgspec.Struct, kw_only=True):
 
 @dataclass(frozen=True)
 class Measured:
-    """A finished or interrupted measurement.
+    """A measurement.
 
     Attributes:
         rows: typed, in the order in which they were made.
         record: content of record.json.
         folder: where both lie.
-        overrides: what its config has that the experiment's in ``configs/`` has not, by key.
+        overrides: values of its config that differ from the experiment's in ``configs/``, by key.
     """
 
     rows: list[Row]
@@ -103,17 +103,13 @@ def measure(
 ) -> Path:
     """Write the rows of a measurement, unless the same code did for the same config.
 
-    Rows that were computed before an error or an interruption are kept beside a finished
-    measurement of before, which stays what it is.
-
     Args:
         name: that of the experiment.
-        config: everything that determines the rows; each ``_target_`` in it says which code makes
-            them.
+        config: everything that determines the rows; each ``_target_`` in it names code.
         compute: makes the rows.
         scene: name of the scene's config, where it has one.
-        device: where it does so.
-        force: compute even if the same code did so for the same config.
+        device: as torch names it.
+        force: compute again.
         console: for a line at the end.
 
     Returns:
@@ -126,7 +122,7 @@ def measure(
     torch = sys.modules.get("torch")
     made_by = environment(device, torch.get_num_threads() if torch else 1, config)
     config = {key: value for key, value in config.items() if key != "_target_"}
-    folder = folder_of(name, config)
+    folder = results_dir() / "measured" / f"{name}-{digest_of(config)}"
     entry: Row = {
         "schema": SCHEMA,
         "name": name,
@@ -139,20 +135,13 @@ def measure(
     with locks.held(folder / locks.FILE, folder.name):
         remove_leftovers(folder)
         known = None if force else read(folder)
-        if known and (known.record.status, known.record.identity) == (
-            "finished",
-            entry["identity"],
-        ):
+        wanted = "finished", entry["identity"]
+        if known and (known.record.status, known.record.identity) == wanted:
             console.print(f"{name}: finished before (force=true runs it again)")
             return folder
         rows = _carry_out(folder, entry, compute)
     console.print(f"{name}: {len(rows)} rows in {entry['seconds']:.1f} s, {folder}")
     return folder
-
-
-def folder_of(name: str, config: Mapping[str, Any]) -> Path:
-    """Where a measurement with this config lies, or will."""
-    return results_dir() / "measured" / f"{name}-{digest_of(config)}"
 
 
 def digest_of(value: Any) -> str:
@@ -210,10 +199,7 @@ def from_lines(text: str) -> list[Row]:
 def part(name: str, config: Mapping[str, Any], compute: Callable[[], Iterable[Row]]) -> list[Row]:
     """The rows of a part of a long measurement, kept in ``cache/parts`` once they are complete.
 
-    Args:
-        name: that of the experiment.
-        config: everything that determines the rows, as in :func:`measure`.
-        compute: makes the rows.
+    Arguments are those of :func:`measure`.
     """
     code = sources.code_hash(sources.sources(config))
     path = results_dir() / "cache" / "parts" / f"{name}-{digest_of([config, code])}.jsonl"
@@ -231,16 +217,15 @@ def read(folder: Path) -> Measured | None:
         ValueError: naming the file, if it is no record.
     """
     path = folder / "record.json"
+    if not path.exists():
+        return None
     try:
-        entry = msgspec.json.decode(path.read_bytes())
-        if not isinstance(entry, dict) or entry.get("schema") != SCHEMA:
-            raise ValueError(f"expected a record of schema {SCHEMA}, found another")
-        record = convert(entry, Entry)
+        record = convert(msgspec.json.decode(path.read_bytes()), Entry)
+        if record.schema != SCHEMA:
+            raise ValueError(f"expected a record of schema {SCHEMA}, found {record.schema}")
         path = folder / "rows.jsonl"
         rows = from_lines(path.read_text(encoding="utf-8")) if path.exists() else []
         return Measured(rows, record, folder)
-    except FileNotFoundError:
-        return None
     except (ValueError, OSError) as error:
         raise ValueError(f"{path}: expected a record of a measurement, found: {error}") from error
 

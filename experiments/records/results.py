@@ -7,6 +7,7 @@ same code made them. The rest of a row's choice is a preference among such group
 from __future__ import annotations
 
 import json
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -99,8 +100,8 @@ class Group:
         pixels: pixels seen; None for all.
         runs: finished runs, one for each set of seeds, in their order.
         failed: records of runs that did not finish and have no finished one of their seeds.
-        others: finished runs of this row left out because their code, or their stopping rule or
-            number of threads, is another.
+        others: number of finished runs left out because their code, stopping rule or number of
+            threads differs.
     """
 
     scene: str
@@ -109,7 +110,7 @@ class Group:
     pixels: int | None = None
     runs: list[Run] = field(default_factory=list)
     failed: list[Record] = field(default_factory=list)
-    others: list[Run] = field(default_factory=list)
+    others: int = 0
 
     @property
     def status(self) -> str:
@@ -122,7 +123,7 @@ class Group:
             return text if not self.runs else f"{len(self.failed)} more {text}"
         notes = []
         if self.others:
-            notes.append(f"{len(self.others)} more left out: of other code or settings")
+            notes.append(f"{self.others} more left out: of other code or settings")
         if beside := sum(not run.record.environment.exclusive for run in self.runs):
             notes.append(f"{beside} timed beside other runs")
         return "; ".join(notes) or "ok"
@@ -135,8 +136,7 @@ class Group:
     @property
     def machines(self) -> set[tuple[str, int]]:
         """(processor, threads) of its runs: times of different ones do not compare."""
-        environments = (run.record.environment for run in self.runs)
-        return {(environment.cpu, environment.threads) for environment in environments}
+        return {(r.record.environment.cpu, r.record.environment.threads) for r in self.runs}
 
     @property
     def classes(self) -> list[str]:
@@ -176,9 +176,9 @@ class Results:
                 self._take(entry)
             except (ValueError, HydraException, OmegaConfBaseException) as error:
                 self.problems.append(str(error))
-        self._groups: dict[tuple[Any, ...], list[Run]] = {}
+        self._groups = defaultdict[tuple[Any, ...], list[Run]](list)
         for run in self.runs:
-            self._groups.setdefault(self._row(run), []).append(run)
+            self._groups[self._row(run)].append(run)
 
     def __bool__(self) -> bool:
         """Whether there is anything in it."""
@@ -187,26 +187,23 @@ class Results:
     def group(
         self, scene: str, model: str, n_train: int | None = None, pixels: int | None = None
     ) -> Group:
-        """The runs of one row: of its groups, one of today's code, then by stopping rule, then the
-        largest.
+        """The runs of one row: of those that are alike, those of today's code, then by stopping
+        rule, then the most.
 
         Args:
             scene, model: as :class:`Run` names them: the name of a config for what was not changed.
             n_train, pixels: as :class:`Group` has them.
         """
         wanted = (scene, model, self._all_as_none(scene, n_train), pixels)
-        found: dict[tuple[str, str], list[Run]] = {}
-        for run in self._groups.get(wanted, []):
-            key = run.configuration, run.record.environment.code
-            found.setdefault(key, []).append(run)
-        group = Group(scene, model, n_train, pixels)
-        if found:
-            best = min(found.values(), key=_preference)
-            by_seeds = {json.dumps(_seeds(run.record.config)): run for run in best}
-            group.runs.extend(sorted(by_seeds.values(), key=lambda run: run.record.seed))
-            others = (run for same in found.values() if same is not best for run in same)
-            group.others.extend(sorted(others, key=lambda run: run.record.seed))
-        done = {run.seeds for run in self._groups.get(wanted, [])}
+        runs = self._groups.get(wanted, [])
+        alike = defaultdict[tuple[str, str], list[Run]](list)
+        for run in runs:
+            alike[run.configuration, run.record.environment.code].append(run)
+        best = min(alike.values(), key=_preference, default=[])
+        by_seeds = {json.dumps(_seeds(run.record.config)): run for run in best}
+        ordered = sorted(by_seeds.values(), key=lambda run: run.record.seed)
+        group = Group(scene, model, n_train, pixels, ordered, [], len(runs) - len(best))
+        done = {run.seeds for run in runs}
         for record in self.unfinished:
             lost = Run(record, [], _overrides(record, []))  # type: ignore[arg-type]
             if self._row(lost) == wanted and lost.seeds not in done:
@@ -220,11 +217,8 @@ class Results:
 
     def models(self, scene: str) -> set[str]:
         """Models that were run on a scene with all of its training samples and pixels."""
-        return {
-            model
-            for place, model, n, pixels in self._groups
-            if (place, n, pixels) == (scene, None, None)
-        }
+        whole = scene, None, None
+        return {model for place, model, *sizes in self._groups if (place, *sizes) == whole}
 
     def extra_models(self, scene: str) -> list[str]:
         """Models on a scene that no experiment of ``configs/`` sweeps over: one's own, and those

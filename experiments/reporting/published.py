@@ -24,13 +24,9 @@ from experiments.records.files import ROOT
 from hdc.accuracy import wilson
 
 PATH = ROOT / "results" / "published.csv"
-TOUCH_TEST_SAMPLES = 100  # Fig. 5(a)
 # Samples behind a published accuracy, where the paper says how many.
 _SAMPLES = {
-    **{
-        f"table1/{model}_test_accuracy": TOUCH_TEST_SAMPLES
-        for model in ("hdc", "softmax", "cnn1", "cnn3")
-    },
+    **{f"table1/{model}_test_accuracy": 100 for model in ("hdc", "softmax", "cnn1", "cnn3")},
     **{f"table1/{model}_training_accuracy": 400 for model in ("softmax", "cnn1", "cnn3")},
     "finger/test_accuracy": 140,  # 20 samples for each of 7 labels
     "tactile/test_accuracy": 120,

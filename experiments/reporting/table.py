@@ -10,7 +10,7 @@ import pandas as pd
 
 from experiments.records.configs import CONFIGS
 from experiments.reporting.columns import COLUMNS, Column, display_name
-from experiments.reporting.text import markdown_text, percent, printable, tex
+from experiments.reporting.text import markdown_text, percent, printable
 
 
 @dataclass(frozen=True)
@@ -83,31 +83,9 @@ class Table:
         return "\n\n".join(filter(None, parts)) + "\n"
 
     def latex(self) -> str:
-        """The table for LaTeX (package booktabs), caption above, note below."""
-        broken = (tex(head).replace(", ", r" \\ ") for head in self.heads)
-        heads = [rf"\shortstack{{{head}}}" for head in broken]
-        body = [" & ".join(map(tex, row)) + r" \\" for row in self.cells()]
-        return "\n".join(
-            [
-                "% needs \\usepackage{booktabs}",
-                r"\begin{table*}",
-                r"\centering",
-                r"\scriptsize",
-                rf"\caption{{{tex(self.title)}}}",
-                rf"\label{{tab:{self.name}}}",
-                rf"\begin{{tabular}}{{l{'r' * (len(heads) - 1)}}}",
-                r"\toprule",
-                " & ".join(heads) + r" \\",
-                r"\midrule",
-                *body,
-                r"\bottomrule",
-                r"\end{tabular}",
-                "",
-                rf"\medskip\raggedright {tex(self.notes)}",
-                r"\end{table*}",
-                "",
-            ]
-        )
+        """The cells as a tabular for LaTeX (package booktabs)."""
+        cells = pd.DataFrame(self.cells(), columns=self.heads).map(printable)
+        return str(cells.to_latex(index=False, escape=True))
 
 
 def frame(rows: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()) -> pd.DataFrame:

@@ -11,10 +11,11 @@ import sys
 import pytest
 from rich.console import Console
 
-from experiments import report
+from experiments import report, studies
 from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
-from experiments.report import Answers, all_studies
+from experiments.report import Answers
+from experiments.reporting.study import studies as studies_of
 
 
 @pytest.fixture
@@ -36,14 +37,14 @@ def rows_of(data):
 
 
 def test_no_committed_record_is_left_out():
-    answers = Answers("reference", Results(REFERENCE), all_studies())
+    answers = Answers("reference", Results(REFERENCE), studies_of(studies))
     assert answers.results.problems == []
     names = [cells[0] for cells in answers.tables["comparison"][0].cells()]
     assert len(set(names)) == len(names)
 
 
 def test_the_committed_tables_are_those_of_the_committed_records():
-    answers = Answers("reference", Results(REFERENCE), all_studies())
+    answers = Answers("reference", Results(REFERENCE), studies_of(studies))
     made = {t.name: t.csv() for same in answers.tables.values() for t in same if t.name != "runs"}
     committed = {path.stem: path.read_text() for path in (REFERENCE / "tables").glob("*.csv")}
     assert set(made) == set(committed)

@@ -151,7 +151,7 @@ def accuracy(results: Results) -> Iterator[Evidence]:
         ceiling = all(group.right.mean() >= SATURATED for group in groups)
         yield _row(
             f"{scene}{', saturated' * ceiling}", SIMULATED, quantity,
-            _points(paired.share), UNDECIDABLE if ceiling else rules.more_accurate(paired.share),
+            _points(paired), UNDECIDABLE if ceiling else rules.more_accurate(paired),
             n=f"{len(groups[0].runs)} seeds", rule="more_accurate",
             command=f"{RUN}all_scenes scene={scene}",
         )  # fmt: skip

@@ -149,12 +149,3 @@ def test_long_tables_are_folded_away_whole(rows, asked, folded):
     parts = [tag == "details" and "class" not in attrs for tag, attrs in found.elements]
     assert sum(parts) == 2 + folded  # contents and the section, too
     assert len(found.tables["table-some"]) == 1 + rows
-
-
-@pytest.mark.parametrize(("columns", "hidden"), [(8, 0), (9, 1)])
-def test_of_a_wide_table_eight_columns_are_shown_first(columns, hidden):
-    rows = [{f"column {k}": k for k in range(columns)}] * 2
-    found = built(Block("", [Table("some", "T", frame(rows))]))
-    cells = [attrs for tag, attrs in found.elements if tag in ("td", "th")]
-    assert sum("more" in attrs["class"].split() for attrs in cells) == 3 * hidden
-    assert sum(tag == "input" for tag, _ in found.elements) == hidden

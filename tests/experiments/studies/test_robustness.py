@@ -113,7 +113,7 @@ def scene():
     "name", ["hdc", "linear_bits_1bit", "softmax", "ridge", "nearest_neighbour", "cnn1_fast"]
 )
 def test_every_model_is_measured_and_left_as_it_was(name, scene):
-    part = OmegaConf.create(configs.of_model(name)["model"])
+    part = OmegaConf.create(configs.part("model", name)["model"])
     if name in ("softmax", "cnn1_fast"):
         part.lr = 1e-2
     model = instantiate(part, "model")
