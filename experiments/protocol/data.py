@@ -40,17 +40,7 @@ def at_seed(config: Any, seed: int) -> Any:
 
 
 def scene_at(config: Mapping[str, Any], seed: int, cache: bool, console: Console) -> Scene:
-    """The scene of a resolved config at a seed.
-
-    Args:
-        config: ``scene`` of a resolved config.
-        seed: seed of sensor and samples.
-        cache: keep the frames in ``cache/`` of the results folder, where runs find them.
-        console: shows the progress of making frames.
-
-    Raises:
-        ValueError: naming the key that is wrong.
-    """
+    """The scene of a resolved config at a seed of sensor and samples, cached where asked for."""
     scene: Scene = instantiate(OmegaConf.create(at_seed(dict(config), seed)), "scene")
     return cached(scene, results_dir() / "cache", console) if cache else scene
 

@@ -20,13 +20,13 @@ __all__ = ["Row", "Run", "experiment"]
 
 
 class Run:
-    """One call of an experiment: how rows are made, which determines none of them.
+    """One call of an experiment: how its rows are made; no row depends on it.
 
     Args:
         name: name of the measurement.
         config: bound arguments of the experiment, with its ``_target_``.
         device: as torch names it.
-        cache: keep frames on disk, where other runs find them.
+        cache: keep frames on disk.
         force: make kept parts again.
         console: shows progress.
     """
@@ -60,9 +60,7 @@ class Run:
             yield seed, self.scene(config, seed)
 
     def part(self, key: Mapping[str, Any], compute: Callable[[], Iterable[Row]]) -> Iterator[Row]:
-        """Rows of one part of a long experiment, kept once they are complete.
-
-        An interrupted experiment starts again with the first part that is not.
+        """Rows of one part of a long experiment, kept once complete: an interrupted one resumes.
 
         Args:
             key: tells the part from others of the same experiment and config.

@@ -36,10 +36,10 @@ def stop_rule(node: DictConfig) -> StopRule:
     Raises:
         ValueError: naming a key that it does not have.
     """
-    known = [field.name for field in fields(StopRule)]
-    if unknown := sorted(set(map(str, node)) - set(known)):
-        raise ValueError(f"stop.{unknown[0]}: expected one of {', '.join(known)}")
     values: Any = OmegaConf.to_container(node, resolve=True)
+    known = [field.name for field in fields(StopRule)]
+    if unknown := sorted(values.keys() - set(known)):
+        raise ValueError(f"stop.{unknown[0]}: expected one of {', '.join(known)}")
     return StopRule(**values)
 
 

@@ -115,9 +115,7 @@ def test_a_model_that_learns_in_one_pass_is_evaluated_a_few_times(
     predicted = []
     real = hdc.HDCClassifier.predict
     monkeypatch.setattr(
-        hdc.HDCClassifier,
-        "predict",
-        lambda self, X: predicted.append(len(X)) or real(self, X),
+        hdc.HDCClassifier, "predict", lambda self, X: predicted.append(len(X)) or real(self, X)
     )
     entry = carry_out("exclusive=false", scene=recording(n, 2, 4))
     seen = [row["samples_seen"] for row in curve_of(entry)]

@@ -64,10 +64,7 @@ def test_a_failure_leaves_what_was_finished(results, monkeypatch):
     monkeypatch.setattr(measurement, "write", lambda *_: pytest.fail("written"))
     with pytest.raises(OSError, match="the disk is full"):
         measurement.measure(
-            "powers",
-            {"base": 2, "most": 3, "fail_at": None},
-            lambda: broken(None),
-            force=True,
+            "powers", {"base": 2, "most": 3, "fail_at": None}, lambda: broken(None), force=True
         )
     assert (path / "rows.jsonl").read_bytes() == rows
     assert read(path).record.status == "finished"
