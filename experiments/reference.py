@@ -33,6 +33,7 @@ from experiments.reporting.text import markdown_text, number
 # Scenes of published data; other recordings are one's own.
 PUBLIC = ("scenes.fibre.", "scenes.measured.", "scenes.sessions.")
 README = ROOT / "README.md"
+COMMANDS = {"table1": "make table1", "full": "make reproduce", "quick": "make reproduce QUICK=1"}
 _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 
 
@@ -139,7 +140,7 @@ def fill(text: str, contents: dict[str, Callable[[], str]]) -> str:
 
 def blocks() -> dict[str, Callable[[], str]]:
     """What each marked block of README.md is made from."""
-    return {"claims": _claims, "table1": lambda: _table("table1"), "reproduction": _reproduction}
+    return {"claims": _claims, "table1": _table1, "reproduction": _reproduction}
 
 
 def _claims() -> str:
@@ -180,23 +181,16 @@ def _evidence(row: dict[str, str]) -> str:
     return markdown_text(f"{name}: {shown}{known}".replace("-", "−"))
 
 
-def _table(name: str) -> str:
-    path = REFERENCE / "tables" / f"{name}.md"
-    if not path.exists():
-        return f"*missing: {path.parent.name}/{path.name} has not been made*"
-    return path.read_text(encoding="utf-8").strip()
+def _table1() -> str:
+    path = REFERENCE / "tables" / "table1.md"
+    return path.read_text("utf-8").strip() if path.exists() else "*missing: no run of Table I*"
 
 
 def _reproduction() -> str:
     """What the steps took, added up, and the two that needed most memory."""
     rows = list(reproduce.read(REFERENCE).values())
     lines = ["| command | steps | time | most memory |", "|---|---:|---:|---|"]
-    commands = {
-        "table1": "make table1",
-        "full": "make reproduce",
-        "quick": "make reproduce QUICK=1",
-    }
-    for mode, command in commands.items():
+    for mode, command in COMMANDS.items():
         done = [row for row in rows if row["mode"] == mode and row["status"] == "finished"]
         if done:
             most = sorted(done, key=lambda row: -int(row["peak_bytes"]))[:2]

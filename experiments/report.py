@@ -37,7 +37,6 @@ from experiments.reporting.terminal import in_any_encoding
 from experiments.reporting.text import number, percent, printable
 
 WIDTH = 100  # columns of the terminal that Table I needs
-_NAMED = 3  # files of changed code that are named
 
 
 @dataclass
@@ -175,8 +174,7 @@ def _about(answers: Answers) -> str:
     if not old:
         return f"{counts}, all by this code or code proven to compute the same"
     files = sorted({name for record in old for name in record.outdated})
-    more = f" and {len(files) - _NAMED} more" if len(files) > _NAMED else ""
-    return f"{counts}; {len(old)} by other code: {', '.join(files[:_NAMED])}{more} changed since"
+    return f"{counts}; {len(old)} by other code, {len(files)} files changed since: {files[0]} …"
 
 
 def _drawn(plot: Plot) -> bytes:

@@ -39,9 +39,9 @@ class Plot:
 
     Attributes:
         name: stem of its file, and its anchor on the page.
-        caption: what it shows; also used as alternative text.
+        caption: also used as alternative text.
         draw: makes the matplotlib figure.
-        commands: what makes the results again that it is drawn from.
+        commands: make its results again.
         kind: ``svg``, or ``webp`` for a figure made of pixels.
     """
 
@@ -110,8 +110,6 @@ class Study:
     _tables: list[Callable[[Results], Iterable[Table]]] = field(default_factory=list)
     _plots: list[Callable[[Results], Iterable[Plot]]] = field(default_factory=list)
     _quantities: list[Callable[[Results], Iterable[Quantity]]] = field(default_factory=list)
-
-    # Registering -------------------------------------------------------------------------------
 
     def table(
         self,
@@ -200,8 +198,6 @@ class Study:
 
         return _registering(self._quantities, of, make)
 
-    # Answers -----------------------------------------------------------------------------------
-
     def tables_of(self, results: Results) -> Iterator[Table]:
         """Its tables of these results."""
         return (table for make in self._tables for table in make(results))
@@ -217,7 +213,7 @@ class Study:
 
 @dataclass(frozen=True)
 class _Source:
-    """Arguments of a registered function, and how its answer is called."""
+    """Arguments of a registered function, and the suffix of its answer's name."""
 
     arguments: tuple[Any, ...]
     suffix: str = ""
@@ -228,8 +224,11 @@ class _Source:
         """A text with the frames and the machine of the measurement put in."""
         if self.measured is None:
             return text
-        frames, machine = frames_of(self.measured.rows), machine_of(self.measured)
-        return text.replace("{frames}", frames).replace("{machine}", machine)
+        env = self.measured.record.environment
+        accelerator = [env.device] if env.device not in (None, "cpu") else []
+        threads = f"{env.threads} thread{'s' * (env.threads != 1)}"
+        machine = ", ".join([*accelerator, env.cpu, threads])
+        return text.replace("{frames}", frames_of(self.measured.rows)).replace("{machine}", machine)
 
 
 def _registering(
@@ -286,14 +285,6 @@ def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
             suffix = f"_{measured.folder.name}"
         suffixes.add(suffix)
         yield suffix, measured
-
-
-def machine_of(measured: Measured) -> str:
-    """``AMD EPYC, 2 threads``, after an accelerator if there is one."""
-    env = measured.record.environment
-    accelerator = [env.device] if env.device not in (None, "cpu") else []
-    threads = f"{env.threads} thread{'s' * (env.threads != 1)}"
-    return ", ".join([*accelerator, env.cpu, threads])
 
 
 def _draw(

@@ -79,17 +79,6 @@ def test_own_numbers_stand_beside_the_reference(tmp_path, write_run):
     assert max(map(len, text.splitlines()[:8])) <= report.WIDTH
 
 
-def test_a_changed_model_is_never_taken_for_the_published_one(tmp_path, write_run, alone):
-    write_run("hdc")
-    write_run("softmax", wrong=range(5), change={"model.lr": 0.01})
-    _, files = written(tmp_path)
-    changed = next(row for row in rows_of(files["runs.csv"]) if row["model"] == "softmax")
-    assert changed["overrides"] == "model.lr=0.01"
-    rows = {row["model"]: row for row in rows_of(files["table1.csv"])}
-    assert rows["softmax"]["status"] == "missing"
-    assert rows["softmax (lr=0.01)"]["test_accuracy_final"] == "0.95"
-
-
 BAD = [
     ("stop", 5, True),
     ("environment.cpu", "A\nCPU | <b>\x1b[31m` \\", False),
