@@ -77,14 +77,6 @@ def webp(colour):
     return stream.getvalue()
 
 
-def test_numbers_are_those_of_the_tables():
-    made = a_table(verdict="differs")
-    found = built(Block("", [made]))
-    assert found.tables["table-some"] == [made.heads, *made.cells()]
-    for text in ("How to read it.", "make it", "What it asks.", "5 runs"):
-        assert text in found.text
-
-
 def test_it_needs_no_network_and_every_picture_is_whole():
     pictures = [picture(), picture("photograph", webp("red"), "webp")]
     found = built(Block("", [a_table()], pictures))

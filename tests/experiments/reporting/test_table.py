@@ -7,13 +7,11 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
 from experiments.reporting.columns import Column
 from experiments.reporting.table import Table, frame, records
-from experiments.reporting.text import number, percent, points, printable, size
+from experiments.reporting.text import number, percent, printable
 
 HOSTILE = [
     "</script><script>alert(1)</script> a | b, ends in a backslash \\",
@@ -68,12 +66,6 @@ def test_nothing_comes_of_what_a_record_quotes(text):
         assert all(c.isprintable() or c == "\n" for c in form)
 
 
-@given(st.text(min_size=1, max_size=40))
-def test_no_text_makes_another_row_or_column_of_markdown(text):
-    _, shown, following = Cells(a_table([text, "next"]).markdown()).rows
-    assert (len(shown), following) == (2, ["next", "1"])
-
-
 def test_csv_keeps_integers_exact_numbers_to_six_digits_and_nothing_empty():
     rows = [{"a": 2**53, "b": 1 / 3, "c": None}, {"a": np.int64(1), "b": math.nan, "d": True}]
     lines = list(csv.reader(io.StringIO(Table("t", "T", frame(rows)).csv())))
@@ -98,9 +90,3 @@ def test_bounds_stand_in_the_cell_of_their_value():
 )  # fmt: skip
 def test_three_digits(value, text):
     assert number(value) == text
-
-
-def test_percents_points_and_sizes():
-    assert [percent(x) for x in (None, 0.992, 1.0, 0.25)] == ["–", "99.2", "100", "25"]
-    assert [points(x) for x in (None, 0.0, 0.0311, -0.02)] == ["–", "0", "+3.1", "−2.0"]
-    assert [size(x) for x in (None, 80, 156_000, 20e6)] == ["unknown", "80 B", "156 kB", "20.0 MB"]
