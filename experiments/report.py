@@ -41,13 +41,7 @@ WIDTH = 100  # columns of the terminal that Table I needs
 
 @dataclass
 class Answers:
-    """The tables and figures of every study for one set of results.
-
-    Args:
-        name: ``reference`` or ``mine``.
-        results: the records.
-        questions: the studies.
-    """
+    """Tables and figures of every study for one set of results, ``reference`` or ``mine``."""
 
     name: str
     results: Results

@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m experiments.reproduce", description=__doc__)
     which = parser.add_mutually_exclusive_group()
     for mode in ("quick", "table1"):
-        flag = {"dest": "mode", "action": "store_const", "const": mode, "help": WHAT[mode]}
+        flag: Any = {"dest": "mode", "action": "store_const", "const": mode, "help": WHAT[mode]}
         which.add_argument(f"--{mode}", default="full", **flag)
     parser.add_argument("--list", action="store_true", help="show the steps, run none")
     chosen = parser.parse_args(arguments)

@@ -178,25 +178,21 @@ def run_id(scene: str, model: str, config: Mapping[str, Any], fingerprint: str) 
 
 
 def append(folder: Path, entry: Mapping[str, Any], curve: Curve) -> None:
-    """Add a record to the runs of a results folder.
+    """Add a record to the runs of a results folder, and its digests of code to code.json.
 
     Args:
         folder: results folder.
-        entry: the record as plain values, without its curve; ``environment.sources`` goes to
-            code.json.
+        entry: the record as plain values, without its curve.
         curve: rows of numbers.
 
     Raises:
         OSError: naming the file.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    line = to_line(entry, curve)
-    environment = entry["environment"]
+    line, environment = to_line(entry, curve), entry["environment"]
     with locks.held(folder / "cache" / "locks" / RUNS, timeout_s=-1):
         code = read_code(folder)
         if environment["code"] not in code:
-            code[environment["code"]] = environment["sources"]
-            write_atomically(folder / CODE, json.dumps(code, indent=1, sort_keys=True) + "\n")
+            _write_code(folder, {**code, environment["code"]: environment["sources"]})
         with (folder / RUNS).open("a+b") as file:
             end = file.seek(0, 2)
             if end:  # a line that a kill cut short must not spoil the next
@@ -289,9 +285,13 @@ def curve_of(record: Record) -> Curve:
     ]
 
 
+def _write_code(folder: Path, code: Mapping[str, Mapping[str, str]]) -> None:
+    write_atomically(folder / CODE, json.dumps(code, indent=1, sort_keys=True) + "\n")
+
+
 def write_all(folder: Path, lines: Iterable[str], code: Mapping[str, Mapping[str, str]]) -> None:
     """Replace the runs of a folder: for the committed reference, whose lines are sorted."""
-    write_atomically(folder / CODE, json.dumps(code, indent=1, sort_keys=True) + "\n")
+    _write_code(folder, code)
     write_atomically(folder / RUNS, "".join(f"{line}\n" for line in lines))
 
 

@@ -38,7 +38,7 @@ class Run:
     Attributes:
         record: its line of runs.jsonl.
         curve: one dict a report of the model.
-        overrides: what its scene, split and model have that ``configs/`` has not, by key.
+        overrides: values of its scene, split, model and stop that differ from ``configs/``, by key.
     """
 
     record: Finished
@@ -62,10 +62,7 @@ class Run:
 
     @cached_property
     def scene(self) -> str:
-        """Which scene it saw: the name of its config, and what was changed of it.
-
-        A recording is told apart by its content, a scene or a split of one's own by its config.
-        """
+        """Name of the scene's config, for a recording with its fingerprint, and its overrides."""
         changed = {k: v for k, v in self.overrides.items() if not k.startswith(_OF_MODEL)}
         name = self.record.scene.name
         if self.record.scene.origin == "recorded":
@@ -75,7 +72,7 @@ class Run:
 
     @cached_property
     def model(self) -> str:
-        """Which model it is: the name of its config, and what was changed of it and of its end."""
+        """Name of the model's config, and its overrides and those of the stopping rule."""
         changed = {k: v for k, v in self.overrides.items() if k.startswith(_OF_MODEL)}
         return _labelled(self.record.choices.model, changed)
 
@@ -284,10 +281,10 @@ def _preference(runs: list[Run]) -> tuple[bool, int, int, str]:
 
 
 def _overrides(record: Record, curve: Curve) -> dict[str, str]:
-    """What the config of a run has that ``configs/`` has not, by key.
+    """Values of a run's config that differ from ``configs/``, by key.
 
-    Of a scene or a model that ``configs/`` does not have, it is what the command line said. What
-    learns in one pass ends by itself, whatever the stopping rule.
+    Of a scene or a model that ``configs/`` lacks, those of the command line. The stopping rule does
+    not matter to a model that learns in one pass.
     """
     known = {
         ("scene", "split"): configs.part("scene", record.choices.scene),
@@ -324,13 +321,9 @@ def _core(config: Any) -> Any:
 
 
 def _seeds(config: Any) -> list[Any]:
-    """Every seed in a config, in the order of its sorted keys."""
+    """Every seed in a config, in the order of its keys."""
     if isinstance(config, Mapping):
-        return [
-            config[key] if key in configs.SEEDS else _seeds(config[key])
-            for key in sorted(config)
-            if key in configs.SEEDS or isinstance(config[key], Mapping | list | tuple)
-        ]
+        return [config[k] if k in configs.SEEDS else _seeds(config[k]) for k in sorted(config)]
     return [_seeds(part) for part in config] if isinstance(config, list | tuple) else []
 
 

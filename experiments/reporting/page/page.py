@@ -92,7 +92,6 @@ def render(sections: Sequence[Section], problems: Sequence[str], about: Mapping[
         trim_blocks=True,
         lstrip_blocks=True,
     )
-
     environment.filters |= {"tone": _tone, "kinds": _kinds}
     return environment.get_template("report.html").render(
         sections=sections, problems=problems, about=about, most_rows=ROWS, most_columns=COLUMNS
