@@ -118,9 +118,7 @@ def _rewrite(folder: Path, adopted: Mapping[str, Mapping[str, Any]]) -> None:
             code[entry["environment"]["code"]] = new["sources"]
             entry |= {key: new[key] for key in ("times_by", "proven")}
         lines.append(entry)
-    used = {entry["environment"]["code"] for entry in lines}
-    texts = [msgspec.json.encode(entry, order="sorted").decode() for entry in lines]
-    records.write_all(folder, texts, {name: files for name, files in code.items() if name in used})
+    records.write_all(folder, lines, code)
 
 
 def _measurement_differs(measured: Measured, console: Console) -> str:

@@ -86,13 +86,10 @@ def adopt(own: Path, reference: Path) -> None:
         path = folder / records.RUNS
         for line in path.read_bytes().splitlines() if path.is_file() else ():
             entry = msgspec.json.decode(line)
-            if (folder == own and entry["id"] in ours and entry["status"] == "finished") or (
-                folder == reference and entry["id"] not in gone
-            ):
-                lines[entry["id"]] = entry
-    used = {entry["environment"]["code"] for entry in lines.values()}
-    texts = [msgspec.json.encode(lines[name], order="sorted").decode() for name in sorted(lines)]
-    records.write_all(reference, texts, {name: code[name] for name in used})
+            name, finished = entry["id"], entry["status"] == "finished"
+            if (name in ours and finished) if folder == own else (name not in gone):
+                lines[name] = entry
+    records.write_all(reference, (lines[name] for name in sorted(lines)), code)
     for name in sorted({measured.record.name for measured in results.measurements}):
         for place, measured in with_places(results, name):
             scene = measured.record.config.get("scene", {})

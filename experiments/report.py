@@ -61,11 +61,7 @@ class Answers:
     def draw(self, drawn: Path | None = None) -> None:
         """Draw every figure, or take it from a folder where it was drawn before."""
         for study, plots in self.plots.items():
-            files = [drawn / f"{plot.name}.{plot.kind}" if drawn else None for plot in plots]
-            self.pictures[study] = [
-                Picture(plot, file.read_bytes() if file and file.exists() else _drawn(plot))
-                for plot, file in zip(plots, files, strict=True)
-            ]
+            self.pictures[study] = [Picture(plot, _drawn(plot, drawn)) for plot in plots]
 
     def write(self, folder: Path) -> list[Path]:
         """Write tables and figures as files, and remove those of an earlier report; the files."""
@@ -103,19 +99,15 @@ def main(arguments: list[str] | None = None) -> None:
     console = Console(width=WIDTH, highlight=False)
     try:
         if chosen.reference:
-            _write_reference(chosen.device, console)
+            answers = Answers("reference", Results(REFERENCE, chosen.device), studies_of(studies))
+            answers.draw()
+            written = answers.write(REFERENCE)
+            _print_problems(console, [answers])
+            console.print(f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True)
         else:
             write(results_dir(), chosen.device, console)
     except (OSError, ValueError) as error:  # a full disk, a missing published.csv
         sys.exit(f"error: {error}")
-
-
-def _write_reference(device: str, console: Console) -> None:
-    answers = Answers("reference", Results(REFERENCE, device), studies_of(studies))
-    answers.draw()
-    written = answers.write(REFERENCE)
-    _print_problems(console, [answers])
-    console.print(f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True)
 
 
 def write(folder: Path, device: str, console: Console) -> Path:
@@ -171,10 +163,12 @@ def _about(answers: Answers) -> str:
     return f"{counts}; {len(old)} by other code, {len(files)} files changed since: {files[0]} …"
 
 
-def _drawn(plot: Plot) -> bytes:
+def _drawn(plot: Plot, folder: Path | None) -> bytes:
+    """The file of a figure: drawn, or from a folder that has it."""
     from experiments.reporting.plot import save  # --help does not wait for matplotlib
 
-    return save(plot.draw(), plot.kind)
+    file = folder and folder / f"{plot.name}.{plot.kind}"
+    return file.read_bytes() if file and file.exists() else save(plot.draw(), plot.kind)
 
 
 def terminal_table(sets: Sequence[Answers]) -> TerminalTable:

@@ -289,9 +289,14 @@ def _write_code(folder: Path, code: Mapping[str, Mapping[str, str]]) -> None:
     write_atomically(folder / CODE, json.dumps(code, indent=1, sort_keys=True) + "\n")
 
 
-def write_all(folder: Path, lines: Iterable[str], code: Mapping[str, Mapping[str, str]]) -> None:
-    """Replace the runs of a folder: for the committed reference, whose lines are sorted."""
-    _write_code(folder, code)
+def write_all(
+    folder: Path, entries: Iterable[Mapping[str, Any]], code: Mapping[str, Mapping[str, str]]
+) -> None:
+    """Replace the runs of a folder by decoded lines, and its code by what of it they need."""
+    entries = list(entries)
+    used = {entry["environment"]["code"] for entry in entries}
+    _write_code(folder, {name: code[name] for name in used})
+    lines = (msgspec.json.encode(entry, order="sorted").decode() for entry in entries)
     write_atomically(folder / RUNS, "".join(f"{line}\n" for line in lines))
 
 
