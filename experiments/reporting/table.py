@@ -102,13 +102,7 @@ def frame(rows: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()) -> pd.
 
 def records(data: pd.DataFrame) -> list[dict[str, Any]]:
     """The rows of a data frame as mappings; a missing value is None."""
-    return [
-        {
-            str(key): None if value is None or value is pd.NA or value != value else value
-            for key, value in row.items()
-        }
-        for row in data.to_dict("records")
-    ]
+    return data.astype(object).where(data.notna(), None).to_dict("records")
 
 
 def _exact(value: Any) -> str:

@@ -80,11 +80,8 @@ def test_own_numbers_stand_beside_the_reference(tmp_path, write_run):
 
 
 BAD = [
-    ("stop", 5, True),
     ("environment.cpu", "A\nCPU | <b>\x1b[31m` \\", False),
-    ("choices.stop", {"a": 1}, True),
     ("choices.stop", "\x1b[31m<b>", False),
-    ("command", ["python"], True),
     ("scene.classes", ["<b>", "$x_{$", "\x1b[31m", "\\", "a\nb"], False),
     ("predicted", [0], True),
     ("config", None, True),

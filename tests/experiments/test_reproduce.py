@@ -133,14 +133,3 @@ def test_the_rest_of_an_interrupted_step_adds_up(tmp_path):
         reproduce.note(tmp_path, {**ROW, "seconds": seconds, "peak_bytes": 7, "status": status})
     (row,) = reproduce.read(tmp_path).values()
     assert (float(row["seconds"]), row["status"]) == (75, "finished")
-
-
-def test_a_step_found_finished_keeps_the_time_of_the_whole(tmp_path):
-    row = {**ROW, "status": "finished"}
-    for seconds, peak in ((100.0, 10), (2.0, 20)):
-        reproduce.note(tmp_path, {**row, "seconds": seconds, "peak_bytes": peak})
-    (found,) = reproduce.read(tmp_path).values()
-    assert (float(found["seconds"]), int(found["peak_bytes"])) == (100, 20)
-    reproduce.note(tmp_path, {**row, "command": "other", "seconds": 2.0, "peak_bytes": 5})
-    (found,) = reproduce.read(tmp_path).values()
-    assert (float(found["seconds"]), int(found["peak_bytes"])) == (2, 5)

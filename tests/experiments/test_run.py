@@ -117,25 +117,6 @@ def test_a_finished_run_is_one_line_and_not_made_again(results, recording, said)
     assert "by code that has changed since: hdc/bits.py" in line
 
 
-@pytest.mark.parametrize("model", ["sklearn_ridge", "sklearn_forest"])
-def test_a_model_of_scikit_learn_is_finished_whatever_its_parameters_are(
-    tmp_path, results, recording, said, model
-):
-    """A forest has no arrays to measure: its result was lost after the training."""
-    (tmp_path / "model").mkdir()
-    (tmp_path / "model" / "sklearn_forest.yaml").write_text(
-        "# @package _global_\nmodel:\n  _target_: baselines.sklearn_classifier.SklearnClassifier\n"
-        "  estimator: {_target_: sklearn.ensemble.RandomForestClassifier, n_estimators: 5}\n"
-    )
-    words = ("--config-dir", str(tmp_path), "scene=recorded", f"scene.path={recording()}")
-    code, lines = said(*words, f"model={model}")
-    assert code == 0, lines
-    (entry,) = entries(results)
-    assert entry.status == "finished"
-    size = entry.model_bytes
-    assert size > 5 * 256 if model == "sklearn_ridge" else size is None or size > 1000
-
-
 # What the user did wrong --------------------------------------------------------------------------
 
 

@@ -11,12 +11,10 @@ import sys
 import time
 from pathlib import Path
 
-import cloudpickle
 import msgspec
 import psutil
 import pytest
 
-from experiments import run
 from experiments.protocol import machine
 from experiments.records import record
 
@@ -148,10 +146,6 @@ def test_runs_wait_for_free_cores_unless_told_not_to(results, scene, start, monk
     assert "waiting" not in beside.out.read_text()
     exclusive = {entry.seed: entry.environment.exclusive for entry in record.read(results)}
     assert exclusive == {0: True, 1: False}
-
-
-def test_launchers_can_send_the_job_to_their_workers():
-    assert cloudpickle.loads(cloudpickle.dumps(run.main.__wrapped__)).__name__ == "main"
 
 
 @pytest.mark.slow

@@ -124,12 +124,6 @@ def test_frames_wanted_by_several_processes_are_made_by_one(tmp_path):
     assert ([process.exitcode for process in processes], scene.made.value) == ([0, 0, 0], 60)
 
 
-def test_recorded_frames_are_not_copied(tmp_path):
-    scene = make_scene(origin="recorded")
-    assert data.cached(scene, tmp_path / "cache", QUIET) is scene
-    assert not (tmp_path / "cache").exists()
-
-
 @pytest.mark.parametrize("damage", ["truncated", "other"])
 def test_a_damaged_cache_file_is_named(tmp_path, damage):
     scene = make_scene()

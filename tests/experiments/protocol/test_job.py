@@ -168,24 +168,3 @@ def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(carry_ou
 def test_a_wrong_value_is_named_by_its_key(carry_out, results, overrides, message):
     with pytest.raises(ValueError, match=message):
         carry_out(*overrides)
-
-
-# Frames that cannot be read -----------------------------------------------------------------------
-
-
-def test_a_run_stops_at_a_bad_frame_or_lists_what_it_skipped(carry_out, tmp_path):
-    import cv2
-
-    folder = tmp_path / "frames"
-    for k in range(12):
-        (folder / "ab"[k % 2]).mkdir(parents=True, exist_ok=True)
-        frame = np.add.outer(np.arange(8), np.arange(8) * k).astype(np.uint8)
-        cv2.imwrite(str(folder / "ab"[k % 2] / f"{k}.png"), frame)
-    bad = folder / "b" / "[bold]7.png"
-    bad.write_bytes(b"")
-    with pytest.raises(ValueError, match=r"b/\[bold\]7.png: expected an image"):
-        carry_out(scene=folder)
-    entry = carry_out("scene.on_bad_frame=skip", scene=folder)
-    assert entry.scene.n == 12
-    (skipped,) = entry.scene.skipped
-    assert skipped.startswith(f"{bad}: expected an image")

@@ -18,16 +18,6 @@ def stops(rule, losses, accuracies=None, *, seconds=1.0, steps=1):
     return None
 
 
-def test_the_rule_does_not_know_how_many_samples_there_are():
-    """Five reports were one epoch of 400 samples, and five gradient steps of few."""
-    rule = StopRule(loss=0.1, least_steps=20)
-    falling = [1.0 / (k + 1) for k in range(100)]
-    for reports_a_step in (1, 5):
-        at, name = stops(rule, falling[::reports_a_step], steps=reports_a_step)
-        assert name == "trained"
-        assert (at + 1) * reports_a_step == 20
-
-
 @pytest.mark.parametrize("loss", [math.nan, math.inf, -math.inf])
 def test_diverged_comes_before_every_other_reason(loss):
     rule = StopRule(reached_after_s=0, least_steps=0, most_steps=1, budget_s=1e-9)

@@ -17,21 +17,6 @@ def curve_of(entry):
     return [{key: value for key, value in row if value is not None} for row in rows]
 
 
-def test_a_model_that_diverges_keeps_its_curve(carry_out, fake):
-    fake(
-        {"samples_seen": 20, "loss": 2.0},
-        {"samples_seen": 40, "loss": float("nan")},
-        {"samples_seen": 60, "loss": 1.0},
-    )
-    entry = carry_out()
-    assert (entry.status, entry.stop) == ("finished", "diverged")
-    assert entry.curve["columns"][1:] == ["samples_seen", "loss", "train_accuracy", "test_accuracy"]
-    assert [row[1:] for row in entry.curve["rows"]] == [
-        [20, 2.0, 0.2, 0.2],
-        [40, "nan", None, None],
-    ]
-
-
 @pytest.mark.parametrize(
     ("overrides", "stop", "reports"),
     [

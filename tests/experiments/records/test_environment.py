@@ -64,9 +64,3 @@ def test_commit_and_dirt_and_code_hash(checkout):
     assert changed["dirty"] is True
     assert changed["commit"] == clean["commit"]
     assert changed["code"] != clean["code"]
-
-
-def test_without_git_the_code_hash_remains(tmp_path, monkeypatch, checkout):
-    monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
-    told = now()
-    assert (told["commit"], told["dirty"], len(told["code"])) == (None, None, 64)

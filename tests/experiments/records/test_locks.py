@@ -42,23 +42,6 @@ def test_a_killed_holder_holds_no_more_and_who_waits_has_it_then(tmp_path, secon
     assert process.exitcode == -signal.SIGKILL
 
 
-def come_and_go(folder, n):
-    """Take the lock n times; whoever finds another's mark inside fails."""
-    for _ in range(n):
-        with locks.held(folder / locks.FILE, timeout_s=-1):
-            os.close(os.open(folder / "inside", os.O_CREAT | os.O_EXCL))
-            (folder / "inside").unlink()
-
-
-def test_never_two_at_once(tmp_path):
-    processes = [FORK.Process(target=come_and_go, args=(tmp_path, 20)) for _ in range(3)]
-    for process in processes:
-        process.start()
-    for process in processes:
-        process.join(60)
-    assert [process.exitcode for process in processes] == [0] * 3
-
-
 def test_without_locks_on_the_file_system_nothing_goes_on(tmp_path, monkeypatch):
     def none(*_):
         raise OSError(errno.ENOLCK, "No locks")

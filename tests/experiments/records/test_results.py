@@ -117,12 +117,6 @@ def test_a_failed_run_counts_until_one_of_its_seeds_is_finished(tmp_path, write_
     assert Results(tmp_path).group("touch", "hdc").status == "ok"
 
 
-def test_runs_merely_timed_beside_others_are_no_failures(tmp_path, write_run):
-    write_run("hdc", seed=0, environment={"exclusive": False})
-    group = Results(tmp_path).group("touch", "hdc")
-    assert (group.failed, group.status) == ([], "1 timed beside other runs")
-
-
 def test_all_training_samples_are_one_row_however_they_were_asked_for(tmp_path, write_run):
     write_run("hdc", seed=0)
     write_run("hdc", seed=1, n_train=400)

@@ -6,7 +6,6 @@ from matplotlib import pyplot as plt
 
 from experiments.records import configs
 from experiments.reporting import plot
-from experiments.reporting.estimates import Estimate
 
 MODELS = sorted(path.stem for path in (configs.CONFIGS / "model").glob("*.yaml"))
 
@@ -58,9 +57,3 @@ def test_no_error_lies_below_one_error_of_all_samples(figure):
     drawn = np.concatenate([np.asarray(x.get_ydata(), float) for x in axes.lines[1:]])
     assert np.min(drawn) == pytest.approx(floor)
     assert 1 / 500 in np.round(drawn, 12)  # a single error is drawn where it is
-
-
-def test_bounds_that_are_not_known_have_no_length():
-    value, spread = plot.errors([Estimate(0.5, 0.4, 0.7), Estimate(0.2)], 100)
-    assert value.tolist() == [50, 20]
-    assert spread.tolist() == [pytest.approx([10, 0]), pytest.approx([20, 0])]
