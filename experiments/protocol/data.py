@@ -83,11 +83,7 @@ class DerivedScene:
 
 
 class CachedScene(DerivedScene):
-    """A scene whose frames lie in one file on disk.
-
-    Args:
-        scene: the scene they were made from.
-        path: uint8 or uint16 .npy [N, H, W].
+    """A scene whose frames lie in one file on disk, uint8 or uint16 .npy [N, H, W].
 
     Raises:
         ValueError: naming the file, if it is not that.
@@ -113,13 +109,8 @@ class CachedScene(DerivedScene):
 def cached(scene: Scene, folder: Path, console: Console) -> Scene:
     """The scene with its frames on disk, made there first if need be, whole or not at all.
 
-    Recorded and measured scenes stay as they are: their frames lie on disk already.
-
-    Args:
-        scene: any scene.
-        folder: folder of the cache; a file is named after the scene's fingerprint, the scene's
-            code, the libraries and the kind of processor.
-        console: shows the progress.
+    Recorded and measured scenes stay as they are. A file is named after the scene's fingerprint and
+    code, the libraries and the kind of processor.
 
     Raises:
         OSError: naming the file, if it cannot be written.
@@ -164,11 +155,6 @@ def _make(scene: Scene, path: Path, console: Console) -> None:
 
 class PixelSubset(DerivedScene):
     """A scene of which D pixels are seen, in one row; a smaller D sees some of a larger one's.
-
-    Args:
-        scene: any scene.
-        pixels: D.
-        seed: of the choice.
 
     Raises:
         ValueError: if the frames have fewer pixels.

@@ -61,17 +61,12 @@ def _leaves(node: Any, key: str = "") -> Iterator[tuple[str, Any]]:
         yield from _leaves(value, f"{key}.{name}".lstrip("."))
 
 
-def _check_kinds(part: DictConfig, group: str, name: str | None) -> None:
+def _check_kinds(config: Mapping[str, Any], group: str, name: str | None) -> None:
     """Refuse a text where the file of ``configs/`` has a number: models fail of it late, or not."""
-    path = configs.CONFIGS / group / f"{name}.yaml"
-    if not path.is_file():
-        return
-    tree: Any = OmegaConf.to_container(OmegaConf.load(path))
-    expected = dict(_leaves(tree.get(group, tree), group))
-    for key, value in _leaves(OmegaConf.to_container(part, resolve=True), group):
-        default = expected.get(key)
-        number = type(default) in (int, float) or str(default).startswith("${seed.")
-        if number and isinstance(value, str) and value != "???":
+    known = configs.part(group, name or "")
+    expected = dict(_leaves(known[group], group)) if known else {}
+    for key, value in _leaves(config[group], group):
+        if type(expected.get(key)) in (int, float) and isinstance(value, str):
             raise ValueError(f"{key}: expected a number, found {value!r}")
 
 
@@ -94,9 +89,9 @@ def run(
         ValueError: if the config is wrong; the key is named.
     """
     check(cfg)
-    for group in ("scene", "model"):
-        _check_kinds(cfg[group], group, choices.get(group))
     config: Any = OmegaConf.to_container(cfg, resolve=True)
+    for group in ("scene", "model"):
+        _check_kinds(config, group, choices.get(group))
     display = config.get("display") or {}
     for key in records.NOT_IDENTITY:
         config.pop(key, None)

@@ -43,7 +43,7 @@ class Entry(msgspec.Struct, kw_only=True):
         config: everything that determines the rows.
         scene: name of the scene's config, where it has one.
         seconds: of the call that made the rows.
-        proven: how code that differs was shown to compute the same, see experiments.reference.
+        proven: how later code was shown to compute the same (experiments.reference --prove).
     """
 
     schema: int

@@ -47,11 +47,7 @@ def mean_interval(values: Sequence[float], least: float = 0.0) -> Estimate:
 
 
 def one_sensor(values: Sequence[float], least: float = 0.0) -> Estimate:
-    """Mean of independent values and Student's interval for one more of them.
-
-    mean ± t·s·√(1 + 1/n): in it lies a value that is measured on one more sensor in the same way,
-    on as many test samples. Arguments are those of :func:`mean_interval`.
-    """
+    """As :func:`mean_interval`, with the interval for one more value: mean ± t·s·√(1 + 1/n)."""
     return _student(values, least, 1 + 1 / len(values))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -25,21 +26,14 @@ def row(group: Group, hdc: Group, paper: bool = False) -> Row:
         hdc: runs of HDC on the same frames, with which times and right samples are compared.
         paper: whether the numbers of the paper's Table I are wanted, too.
     """
-    if not group.runs:
-        place = {"scene": group.scene, "model": group.model, "n_train": group.n_train}
-        values: Row = {**place, "pixels": group.pixels, "seeds": 0, "status": group.status}
-        return values | (_of_columns(group, hdc, "published_") if paper else {})
-    values = {key: v for key, v in _of_columns(group, hdc).items() if not key.startswith("publ")}
-    return values | (_of_columns(group, hdc, "published_") if paper else {})
-
-
-def _of_columns(group: Group, hdc: Group, start: str = "") -> Row:
     values: Row = {}
+    if not group.runs:
+        values = {"scene": group.scene, "model": group.model, "n_train": group.n_train}
+        values |= {"pixels": group.pixels, "seeds": 0, "status": group.status}
     for name, column in COLUMNS.items():
-        if column.of is None or not name.startswith(start):
-            continue
-        value = column.of(group, hdc)
-        values |= value.columns(name) if isinstance(value, Estimate) else {name: value}
+        if column.of is not None and (paper if name.startswith("published_") else group.runs):
+            value = column.of(group, hdc)
+            values |= value.columns(name) if isinstance(value, Estimate) else {name: value}
     return values
 
 
@@ -48,13 +42,11 @@ def swept(results: Results, experiments: Sequence[str]) -> list[Row]:
     rows: dict[tuple[Any, ...], Row] = {}
     for experiment in experiments:
         params = configs.sweep(experiment)
-        for scene in params["scene"]:
-            for model in params["model"]:
-                for n in configs.numbers(params.get("split.n_train", ["null"])):
-                    for pixels in configs.numbers(params.get("data.pixels", ["null"])):
-                        hdc = results.group(scene, "hdc", n, pixels)
-                        key = (scene, model, n, pixels)
-                        rows[key] = row(results.group(*key), hdc)
+        sizes = (configs.numbers(params.get(k, ["null"])) for k in ("split.n_train", "data.pixels"))
+        every: Iterable[Any] = itertools.product(params["scene"], params["model"], *sizes)
+        for scene, model, *place in every:
+            hdc = results.group(scene, "hdc", *place)
+            rows[scene, model, *place] = row(results.group(scene, model, *place), hdc)
     return list(rows.values())
 
 
