@@ -63,23 +63,16 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def adopt(own: Path, reference: Path) -> None:
-    """Take over runs and measurements of configs as they are; other records of the same configs
-    stay, and records go whose config has changed since, or that were made again.
+    """Take over runs and measurements of configs as they are, and measurements on published data.
 
-    Recordings and changed configs are nobody's reference, but for measurements on published data.
+    Of the reference those go whose config has changed since, or that were made again.
     """
     results, before = Results(own), Results(reference)
-    ours = {
-        run.record.id: run
-        for run in results.runs
-        if not run.overrides and run.record.scene.origin != "recorded"
-    }
+    plain = (run for run in results.runs if not run.overrides)
+    ours = {run.record.id: run for run in plain if run.record.scene.origin != "recorded"}
     again = set(map(_place, ours.values()))
-    gone = {
-        run.record.id
-        for run in before.runs
-        if run.overrides or (run.outdated and _place(run) in again)
-    }
+    replaced = (r for r in before.runs if r.overrides or (r.outdated and _place(r) in again))
+    gone = {run.record.id for run in replaced}
     code = records.read_code(reference) | records.read_code(own)
     lines: dict[str, dict[str, Any]] = {}
     for folder in (reference, own):

@@ -1,8 +1,8 @@
 """The paper's numbers, from results/published.csv.
 
 - ``value`` is a number, or the quotient ``A/B`` of two others of the same experiment.
-- ``calibration``: ``fitted`` where the number chose a parameter of the sensor, ``watched`` where the
-  fit looked at it and it chose none, empty where no fit has seen it.
+- ``calibration``: ``fitted`` where the number chose a parameter of the sensor, ``watched`` where
+  the fit looked at it and it chose none, empty where no fit has seen it.
 - ``expected_low``, ``expected_high``: the range that the calibration accepts.
 - ``margin``: how far another sensor's number may be off and still mean the same, in the number's
   unit: half of the smallest difference from which the paper concludes anything, rounded down (of
