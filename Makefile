@@ -7,7 +7,7 @@ INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check -c constraints
 HARNESS := .venv/.harness
 VENV := .venv/.everything
 
-.PHONY: help table1 test slow lint benchmark stability report reproduce reference docs
+.PHONY: help table1 test slow lint benchmark stability report reproduce reference docs mutants
 
 help:  ## show this list
 	@grep -hE '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -50,6 +50,11 @@ docs: $(VENV)  ## the documentation, into site/; any warning stops it
 
 slow: $(VENV)  ## the tests that are marked slow
 	$(BIN)/pytest -m slow
+
+mutants: $(VENV)  ## weigh the tests: change the arithmetic line by line, count what they notice (an hour)
+	$(INSTALL) '.[mutation]'
+	OMP_NUM_THREADS=1 $(BIN)/mutmut run --max-children 2
+	$(BIN)/mutmut results
 
 test: $(VENV)  ## every test but the slow ones
 	$(BIN)/pytest -m "not slow"

@@ -25,6 +25,8 @@ from baselines.dual import Products
 from experiments.protocol import data, trial
 from experiments.protocol.data import at_seed
 from experiments.protocol.experiment import Row, Run, experiment
+from experiments.studies.crossing import theory
+from experiments.studies.crossing.measure import bit_correlations
 from hdc import HDCClassifier, bits
 from hdc.encode import encode
 from hdc.prototypes import Counters
@@ -125,6 +127,42 @@ def recording_distances(
                     "origin": recording.origin, "seed": seed, "kind": kind, "pairs": len(values),
                     "low": float(low), "high": float(high), "count": int(count), **moments,
                 }  # fmt: skip
+
+
+@experiment
+def recording_theory(
+    run: Run,
+    scene: Mapping[str, Any],
+    n_per_class: Sequence[int],
+    seeds: Sequence[int] = (0,),
+    draws: int = 20,
+    sample: int = 10,
+) -> Iterator[Row]:
+    """One row: accuracies that theory expects of ``hdc`` and of the mean image (``mean_image``)
+    after ``n`` frames of every class, from the pairs of only ``sample`` frames of every class.
+
+    No frame is classified. See :mod:`experiments.studies.crossing.theory`.
+    Arguments: configs/experiment/recording_theory.yaml.
+    """
+    for seed, recording in run.scenes(scene, seeds):
+        subsets, n_classes = Subsets(recording), len(recording.classes)
+        every = np.arange(len(subsets.labels))
+        for k in range(draws):
+            order, _ = nested(every, subsets.labels, (), (seed, k))
+            few = np.concatenate([of_class[:sample] for of_class in order])
+            labels = subsets.labels[few]
+            of_bits = theory.correlations(
+                bit_correlations(subsets.words[few], subsets.dimension), labels
+            )
+            inside, _ = subsets.products.kernel(few, few[:0], "standardised")
+            of_frames = theory.correlations(inside.numpy() / subsets.dimension, labels)
+            for n in n_per_class:
+                yield {
+                    "origin": recording.origin, "seed": seed, "draw": k, "n": n,
+                    "hdc": theory.hdc_accuracy(of_bits, n * n_classes, subsets.dimension),
+                    "mean_image": theory.mean_image_accuracy(of_frames, n * n_classes),
+                }  # fmt: skip
+        run.note(f"seed {seed}")
 
 
 class Subsets:

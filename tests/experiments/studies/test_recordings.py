@@ -14,12 +14,13 @@ from experiments.studies.recordings.measure import (
     draw_split,
     nested,
     recording_distances,
+    recording_theory,
     recordings,
 )
 from scenes.frames import Frames
 
 RANDOM = {"kind": "random", "test_fraction": 0.5}
-MODELS = {name: configs.of_model(name) for name in ("hdc", "hdc_integer", "ridge")}
+MODELS = {name: configs.part("model", name) for name in ("hdc", "hdc_integer", "ridge")}
 
 
 @pytest.fixture
@@ -56,7 +57,7 @@ def test_models_on_subsets_are_those_trained_on_the_frames(scene, model):
 
 
 def test_rows_of_a_small_recording(scene, recording):
-    of = configs.of_scene("recorded")["scene"] | {"path": str(recording(60, 3))}
+    of = configs.part("scene", "recorded")["scene"] | {"path": str(recording(60, 3))}
     run = Run(console=Console(quiet=True), force=True)
     rows = list(recordings.rows(run, of, {"random": RANDOM}, MODELS, [1, 5], draws=2))
     assert len(rows) == 2 * len(MODELS)
@@ -67,6 +68,37 @@ def test_rows_of_a_small_recording(scene, recording):
     for kind, pairs in (("intra", 3 * 20 * 19 / 2), ("inter", 3 * 20 * 20)):
         counts = [row["count"] for row in distances if row["kind"] == kind]
         assert sum(counts) == pairs
+    expected = list(recording_theory.rows(run, of, [1, 5], draws=2))
+    assert [(row["draw"], row["n"]) for row in expected] == [(0, 1), (0, 5), (1, 1), (1, 5)]
+    for few, more in zip(expected[::2], expected[1::2], strict=True):
+        for model in ("hdc", "mean_image"):
+            assert 1 / 3 < few[model] < more[model] + 1e-9 <= 1 + 2e-9
+
+
+def test_theory_stands_beside_what_was_measured(tmp_path, write_measurement):
+    of = {"draw": 0, "seed": 0}
+    rows = [
+        of | {"model": name, "split": "random", "n_test": 100, "n": [1, 5], "right": right}
+        for name, right in (("hdc", [50, 70]), ("correlation", [60, 75]))
+    ]
+    write_measurement("recordings", rows, scene="gelsight")
+    write_measurement(
+        "recording_theory", [of | {"n": 5, "hdc": 0.68, "mean_image": 0.7}], scene="gelsight"
+    )
+    (row,) = view.foretold(Results(tmp_path)).to_dict("records")
+    assert (row["n"], row["hdc"], row["hdc_theory"]) == (5, 0.7, 0.68)
+    assert row["cost"] == pytest.approx(0.05)
+    assert row["cost_theory"] == pytest.approx(0.02)
+
+
+def test_one_fibre_seen_through_more_fields_is_one_recording(tmp_path, write_measurement):
+    row = {"draw": 0, "seed": 0, "model": "hdc", "split": "counts", "n_test": 10, "n": [1]}
+    for scene in view.FIELDS:
+        config = {"scene": configs.part("scene", scene)["scene"]}
+        write_measurement("recordings", [row | {"right": [5]}], config=config, scene=scene)
+    results = Results(tmp_path)
+    assert list(view.recordings(results)) == ["fibre_grouped"]
+    assert view.fields(results).pixels.tolist() == [3362, 13448, 53792]
 
 
 def test_a_change_of_settings_does_not_displace_the_whole_measurement(tmp_path, write_measurement):

@@ -63,7 +63,7 @@ def test_the_config_fits_parameters_that_the_sensor_has():
 
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_control_differs_in_its_factor_alone(name):
-    whole, control = configs.of_scene("tactile"), configs.of_scene(name)
+    whole, control = configs.part("scene", "tactile"), configs.part("scene", name)
     assert control["split"] == whole["split"]
     changed = {key.split(".")[-1] for key in configs.differences(control, whole)}
     assert changed == CHANGES[name]

@@ -1,0 +1,60 @@
+"""The library beside other implementations of the same read-outs."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from experiments.records.results import Results
+from experiments.reporting.columns import Column
+from experiments.reporting.study import RUN, Study
+from experiments.reporting.text import number
+
+STUDY = Study(
+    "library",
+    "The library's read-outs",
+    "Do the library's read-outs give the answers of other implementations, and in what time?",
+    4.2,
+)
+
+
+def _ms(seconds: float) -> str:
+    return number(1000 * seconds, 2)
+
+
+@STUDY.table(
+    "library",
+    title="The library's read-outs beside other implementations",
+    columns={
+        "recording": Column("Frames"),
+        "readout": Column("Read-out"),
+        "peer": Column("Beside"),
+        "same": Column("Same answers"),
+        "fit_s": Column("Training, ms", _ms),
+        "peer_fit_s": Column("… beside", _ms),
+        "predict_s": Column("One prediction, ms", _ms),
+        "peer_predict_s": Column("… beside", _ms),
+    },
+    note="From frames to answers, on as many threads, the shortest of three; one frame at a time. "
+    "Prototypes are exact. Ridge: the library keeps weights of 8 bits, so an answer between two "
+    "classes may differ; a nearest neighbour may differ where two are equally near.",
+    folded=True,
+)
+def library(results: Results) -> pd.DataFrame | None:
+    """A row for each kind of frames, read-out and implementation, over all seeds."""
+    table = []
+    for measured in results.measurements:
+        if measured.record.name != "library":
+            continue
+        for (readout, peer), rows in measured.frame.groupby(["readout", "peer"], sort=False):
+            times = ("fit_s", "peer_fit_s", "predict_s", "peer_predict_s")
+            table.append({
+                "recording": measured.record.scene, "readout": readout, "peer": peer,
+                "same": f"{rows.same.sum()} of {rows.n_test.sum()}",
+                **{name: rows[name].median() for name in times},
+            })  # fmt: skip
+    if not table:
+        return None
+    data = pd.DataFrame(table)
+    scenes = data.recording.unique()
+    data.attrs["commands"] = [f"{RUN}library scene={scene}" for scene in scenes]
+    return data
