@@ -131,9 +131,8 @@ class Finished(Record, kw_only=True):
         training_s: seconds of training.
         time_to_target_train_s, time_to_target_test_s: seconds until an accuracy first exceeded
             ``config.stop.target``, if it did.
-        train_accuracy_at_target, test_accuracy_at_target: accuracies when that of training first
-            did.
-        train_accuracy_max, test_accuracy_max: largest accuracies of the curve, if it has any.
+        train_accuracy_at_target, test_accuracy_at_target: when that of training first did.
+        train_accuracy_max, test_accuracy_max: largest of the curve.
         model_bytes: size of what was learnt; None where it is not known.
         test_labels, predicted: class of each test sample, true and predicted by the last model.
         times_by: digest of the code that was timed, where later code was shown to compute the same.

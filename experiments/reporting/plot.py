@@ -1,5 +1,4 @@
-"""How figures look: one column wide (3.4 in), the same file every time, a head that says what a
-reader has to know.
+"""How figures look: one column wide (3.4 in), the same file every time.
 
 An accuracy on n test samples cannot tell an error below 1/n from none: errors of zero are drawn in
 a grey strip of their own below 1/n, labelled 0. Intervals are those of the tables.
@@ -32,20 +31,12 @@ from experiments.reporting.text import printable
 
 plt.switch_backend("Agg")  # without a display
 STYLE: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 7,
-    "axes.titlesize": 7,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "lines.linewidth": 1.1,
-    "lines.markersize": 3.5,
-    "legend.fontsize": 6,
-    "legend.frameon": False,
+    **{"font.family": "DejaVu Sans", "font.size": 7, "axes.titlesize": 7, "axes.linewidth": 0.6},
+    **{"axes.spines.top": False, "axes.spines.right": False, "lines.linewidth": 1.1},
+    **{"lines.markersize": 3.5, "legend.fontsize": 6, "legend.frameon": False},
     "legend.handlelength": 3.0,
     "svg.fonttype": "none",  # text stays text: smaller, and it can be searched and copied
     "svg.hashsalt": "optical-hdc",
-    "pdf.fonttype": 42,
 }
 WIDTH = 3.4  # in, one column
 # Light to dark in any colour vision, and in grey.

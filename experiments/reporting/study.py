@@ -54,13 +54,12 @@ class Plot:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number that the paper gives, too, or that stands for a claim of it.
+    """A number that the paper gives, too.
 
     Attributes:
         name: ``experiment/quantity`` of published.csv.
-        value: as measured, in the unit of published.csv; a text where it was not reached, None
-            where it was not measured.
-        low, high: within these one more sensor's number lies, at 95 %; None where unknown.
+        value: in the unit of published.csv; a text where it was not reached, None if not measured.
+        low, high: 95 % interval of one more sensor's number; None where unknown.
         interval: what the bounds are.
         condition: tells values of one quantity apart where the paper leaves it open.
         n: test samples, or frames, of all seeds.
