@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import datetime
 import importlib
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,8 @@ import msgspec
 from omegaconf import OmegaConf
 from rich.console import Console
 
-from experiments.protocol import scenes as scenes_of
 from experiments.protocol.experiment import Run as Runner
+from experiments.protocol.model import instantiate
 from experiments.protocol.trial import train_and_test
 from experiments.records import measurement, sources
 from experiments.records import record as records
@@ -44,7 +45,7 @@ def prove(folder: Path, console: Console, chosen: Callable[[str], bool] = lambda
         int: how many rows and measurements could not be proven.
     """
     results, failed = Results(folder), 0
-    adopted: dict[str, dict[str, Any]] = {}
+    adopted: dict[str, str] = {}
     for runs in _rows(results):
         cheapest = min(runs, key=lambda run: run.record.training_s)
         name = f"{cheapest.record.choices.scene}-{cheapest.record.choices.model}"
@@ -54,7 +55,7 @@ def prove(folder: Path, console: Console, chosen: Callable[[str], bool] = lambda
         console.print(f"{name}: {difference or 'computes the same'}", soft_wrap=True)
         failed += bool(difference)
         if not difference:
-            adopted |= {run.record.id: _adoption(cheapest.record.id, run.record) for run in runs}
+            adopted |= {run.record.id: cheapest.record.id for run in runs}
     if adopted:
         _rewrite(folder, adopted)
     for measured in results.measurements:
@@ -69,11 +70,9 @@ def prove(folder: Path, console: Console, chosen: Callable[[str], bool] = lambda
 
 def _rows(results: Results) -> Iterator[list[Run]]:
     """Runs of the same configuration and code, whatever their seeds, N and D."""
-    rows: dict[tuple[str, str, str, str], list[Run]] = {}
+    rows = defaultdict[tuple[Any, ...], list[Run]](list)
     for run in results.runs:
-        record = run.record
-        key = run.scene, run.model, str(record.choices.stop), record.environment.code
-        rows.setdefault(key, []).append(run)
+        rows[run.scene, run.model, run.record.choices.stop, run.record.environment.code].append(run)
     yield from rows.values()
 
 
@@ -81,7 +80,7 @@ def _run_differs(run: Run) -> str:
     """How a run differs when it is computed again; nothing where it does not."""
     record, again = run.record, dict[str, Any]()
     cfg = OmegaConf.create({**record.config, "cache": False})
-    scene = scenes_of.instantiate(cfg.scene, "scene")
+    scene = instantiate(cfg.scene, "scene")
     names = msgspec.to_builtins(record.choices)
     train_and_test(cfg, scene, names, [], again, None, Console(quiet=True))
     plain = msgspec.json.decode(records.to_line({**again, "environment": {}}, []))
@@ -93,34 +92,25 @@ def _run_differs(run: Run) -> str:
     return f"differs in {', '.join(differing)}" if differing else ""
 
 
-def _adoption(proof: str, record: records.Finished) -> dict[str, Any]:
-    """The fields of a record that change by a proof."""
-    files = sources.sources(record.config)
-    timed = sources.closure(*_TIMED, *sources.targets(record.config["model"]))
-    same_time = timed.items() <= record.environment.sources.items()
-    return {
-        "sources": files,
-        "times_by": record.times_by if same_time else record.times_by or record.environment.code,
-        "proven": _proof(proof, record.environment.code),
-    }
-
-
 def _proof(by: str, code: str) -> dict[str, str]:
     return {"by": by, "made_by_code": code, "on": datetime.date.today().isoformat()}
 
 
-def _rewrite(folder: Path, adopted: Mapping[str, Mapping[str, Any]]) -> None:
+def _rewrite(folder: Path, adopted: Mapping[str, str]) -> None:
+    """Adopt today's code for records; `adopted`: id of a record → id of the run that proves it."""
     code, lines = records.read_code(folder), []
     for line in (folder / records.RUNS).read_bytes().splitlines():
         entry = msgspec.json.decode(line)
-        if (new := adopted.get(entry["id"])) is not None:
-            entry["environment"]["code"] = sources.code_hash(new["sources"])
-            code[entry["environment"]["code"]] = new["sources"]
-            entry |= {key: new[key] for key in ("times_by", "proven")}
+        if proof := adopted.get(entry["id"]):
+            before, files = entry["environment"]["code"], sources.sources(entry["config"])
+            timed = sources.closure(*_TIMED, *sources.targets(entry["config"]["model"]))
+            if not timed.items() <= code[before].items():
+                entry["times_by"] = entry.get("times_by") or before
+            entry["proven"] = _proof(proof, before)
+            entry["environment"]["code"] = sources.code_hash(files)
+            code[entry["environment"]["code"]] = files
         lines.append(entry)
-    used = {entry["environment"]["code"] for entry in lines}
-    texts = [msgspec.json.encode(entry, order="sorted").decode() for entry in lines]
-    records.write_all(folder, texts, {name: files for name, files in code.items() if name in used})
+    records.write_all(folder, lines, code)
 
 
 def _measurement_differs(measured: Measured, console: Console) -> str:

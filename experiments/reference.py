@@ -34,6 +34,7 @@ from hdc.io import write_atomically
 # Scenes of published data; other recordings are one's own.
 PUBLIC = ("scenes.fibre.", "scenes.measured.", "scenes.sessions.")
 README = ROOT / "README.md"
+COMMANDS = {"table1": "make table1", "full": "make reproduce", "quick": "make reproduce QUICK=1"}
 _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 
 
@@ -63,36 +64,26 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def adopt(own: Path, reference: Path) -> None:
-    """Take over runs and measurements of configs as they are; other records of the same configs
-    stay, and records go whose config has changed since, or that were made again.
+    """Take over runs and measurements of configs as they are, and measurements on published data.
 
-    Recordings and changed configs are nobody's reference, but for measurements on published data.
+    Of the reference those go whose config has changed since, or that were made again.
     """
     results, before = Results(own), Results(reference)
-    ours = {
-        run.record.id: run
-        for run in results.runs
-        if not run.overrides and run.record.scene.origin != "recorded"
-    }
+    plain = (run for run in results.runs if not run.overrides)
+    ours = {run.record.id: run for run in plain if run.record.scene.origin != "recorded"}
     again = set(map(_place, ours.values()))
-    gone = {
-        run.record.id
-        for run in before.runs
-        if run.overrides or (run.outdated and _place(run) in again)
-    }
+    replaced = (r for r in before.runs if r.overrides or (r.outdated and _place(r) in again))
+    gone = {run.record.id for run in replaced}
     code = records.read_code(reference) | records.read_code(own)
     lines: dict[str, dict[str, Any]] = {}
     for folder in (reference, own):
         path = folder / records.RUNS
         for line in path.read_bytes().splitlines() if path.is_file() else ():
             entry = msgspec.json.decode(line)
-            if (folder == own and entry["id"] in ours and entry["status"] == "finished") or (
-                folder == reference and entry["id"] not in gone
-            ):
-                lines[entry["id"]] = entry
-    used = {entry["environment"]["code"] for entry in lines.values()}
-    texts = [msgspec.json.encode(lines[name], order="sorted").decode() for name in sorted(lines)]
-    records.write_all(reference, texts, {name: code[name] for name in used})
+            name, finished = entry["id"], entry["status"] == "finished"
+            if (name in ours and finished) if folder == own else (name not in gone):
+                lines[name] = entry
+    records.write_all(reference, (lines[name] for name in sorted(lines)), code)
     for name in sorted({measured.record.name for measured in results.measurements}):
         for place, measured in with_places(results, name):
             scene = measured.record.config.get("scene", {})
@@ -140,7 +131,7 @@ def fill(text: str, contents: dict[str, Callable[[], str]]) -> str:
 
 def blocks() -> dict[str, Callable[[], str]]:
     """What each marked block of README.md is made from."""
-    return {"claims": _claims, "table1": lambda: _table("table1"), "reproduction": _reproduction}
+    return {"claims": _claims, "table1": _table1, "reproduction": _reproduction}
 
 
 def _claims() -> str:
@@ -181,23 +172,16 @@ def _evidence(row: dict[str, str]) -> str:
     return markdown_text(f"{name}: {shown}{known}".replace("-", "−"))
 
 
-def _table(name: str) -> str:
-    path = REFERENCE / "tables" / f"{name}.md"
-    if not path.exists():
-        return f"*missing: {path.parent.name}/{path.name} has not been made*"
-    return path.read_text(encoding="utf-8").strip()
+def _table1() -> str:
+    path = REFERENCE / "tables" / "table1.md"
+    return path.read_text("utf-8").strip() if path.exists() else "*missing: no run of Table I*"
 
 
 def _reproduction() -> str:
     """What the steps took, added up, and the two that needed most memory."""
     rows = list(reproduce.read(REFERENCE).values())
     lines = ["| command | steps | time | most memory |", "|---|---:|---:|---|"]
-    commands = {
-        "table1": "make table1",
-        "full": "make reproduce",
-        "quick": "make reproduce QUICK=1",
-    }
-    for mode, command in commands.items():
+    for mode, command in COMMANDS.items():
         done = [row for row in rows if row["mode"] == mode and row["status"] == "finished"]
         if done:
             most = sorted(done, key=lambda row: -int(row["peak_bytes"]))[:2]

@@ -22,7 +22,6 @@ from rich.table import Table as TerminalTable
 from rich.text import Text
 
 from experiments import studies
-from experiments.records import configs
 from experiments.records.files import REFERENCE, results_dir
 from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
@@ -33,24 +32,17 @@ from experiments.reporting.page.page import Block, Picture, Section
 from experiments.reporting.runs import runs_table
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.study import studies as studies_of
-from experiments.reporting.table import Table, beside, records
+from experiments.reporting.table import Table, records
 from experiments.reporting.terminal import in_any_encoding
 from experiments.reporting.text import number, percent, printable
 from hdc.io import write_atomically
 
 WIDTH = 100  # columns of the terminal that Table I needs
-_NAMED = 3  # files of changed code that are named
 
 
 @dataclass
 class Answers:
-    """The tables and figures of every study for one set of results.
-
-    Args:
-        name: ``reference`` or ``mine``.
-        results: the records.
-        questions: the studies.
-    """
+    """Tables and figures of every study for one set of results, ``reference`` or ``mine``."""
 
     name: str
     results: Results
@@ -70,11 +62,7 @@ class Answers:
     def draw(self, drawn: Path | None = None) -> None:
         """Draw every figure, or take it from a folder where it was drawn before."""
         for study, plots in self.plots.items():
-            files = [drawn / f"{plot.name}.{plot.kind}" if drawn else None for plot in plots]
-            self.pictures[study] = [
-                Picture(plot, file.read_bytes() if file and file.exists() else _drawn(plot))
-                for plot, file in zip(plots, files, strict=True)
-            ]
+            self.pictures[study] = [Picture(plot, _drawn(plot, drawn)) for plot in plots]
 
     def write(self, folder: Path) -> list[Path]:
         """Write tables and figures as files, and remove those of an earlier report; the files."""
@@ -85,9 +73,8 @@ class Answers:
             texts[f"tables/{table.name}.csv"] = table.csv()
             if table.name != "runs":
                 texts[f"tables/{table.name}.md"] = table.markdown()
+            if table.name == "table1":  # the one that a paper prints
                 texts[f"tables/{table.name}.tex"] = table.latex()
-        if self.name == "reference":  # Table I is the one that a paper prints
-            texts = {k: v for k, v in texts.items() if not k.endswith(".tex") or "table1." in k}
         for name, text in texts.items():
             write_atomically(folder / name, text)
         written = [folder / name for name in texts]
@@ -113,48 +100,38 @@ def main(arguments: list[str] | None = None) -> None:
     console = Console(width=WIDTH, highlight=False)
     try:
         if chosen.reference:
-            _write_reference(chosen.device, console)
+            answers = Answers("reference", Results(REFERENCE, chosen.device), studies_of(studies))
+            answers.draw()
+            written = answers.write(REFERENCE)
+            _print_problems(console, [answers])
+            console.print(f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True)
         else:
             write(results_dir(), chosen.device, console)
     except (OSError, ValueError) as error:  # a full disk, a missing published.csv
         sys.exit(f"error: {error}")
 
 
-def _write_reference(device: str, console: Console) -> None:
-    answers = Answers("reference", Results(REFERENCE, device), all_studies())
-    answers.draw()
-    written = answers.write(REFERENCE)
-    _print_problems(console, [answers])
-    console.print(f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True)
-
-
-def all_studies() -> list[Study]:
-    """Every study, in the order of the page."""
-    return studies_of(studies)
-
-
 def write(folder: Path, device: str, console: Console) -> Path:
     """Write tables, figures and the page into a folder of own results; the page's file."""
     folder.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written fails first
-    questions = all_studies()
+    questions = studies_of(studies)
     reference = Answers("reference", Results(REFERENCE, device), questions)
     mine = Answers("mine", Results(folder, device), questions)
     sets = [answers for answers in (mine, reference) if answers.results] or [mine]
     mine.draw()
     reference.draw(REFERENCE / "figures")
     (mine if mine.results else reference).write(folder)
-    compared = _side_by_side(sets, "comparison")
-    sections = [_section(study, sets) for study in questions]
-    sections.insert(
-        sum(study.front for study in questions),
-        Section("comparison", "Every published number", "", [Block("", [compared])]),
-    )
+    sections = [
+        Section(s.name, s.title, s.question, _blocks(s.name, sets), s.front) for s in questions
+    ]
+    compared = Section("comparison", "Every published number", "", _blocks("comparison", sets))
+    sections.insert(sum(study.front for study in questions), compared)
     if mine in sets:
-        sections.append(Section("runs", "Every run", "", [Block("", mine.tables["runs"])]))
+        sections.append(Section("runs", "Every run", "", _blocks("runs", [mine])))
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"
-    write_atomically(path, page.render(sections, problems, about, configs.minutes()))
+    write_atomically(path, page.render(sections, problems, about))
     console.print(terminal_table(sets))
     for name, text in about.items():
         console.print(Text(printable(f"{name}: {text}"), "dim"))
@@ -163,23 +140,14 @@ def write(folder: Path, device: str, console: Console) -> Path:
     return path
 
 
-def _section(study: Study, sets: Sequence[Answers]) -> Section:
-    """A study's answers: Table I of all sets in one, else one set after another."""
-    joined = {"table1"} if len(sets) > 1 else set()
-    there = joined & {table.name for a in sets for table in a.tables[study.name]}
-    blocks = [Block("", [_side_by_side(sets, name)]) for name in sorted(there)]
+def _blocks(name: str, sets: Sequence[Answers]) -> list[Block]:
+    """Tables and figures of a study, of one set of results after another."""
+    blocks = []
     for answers in reversed(sets):  # the complete reference stands before first looks
-        tables = [table for table in answers.tables[study.name] if table.name not in joined]
-        pictures = answers.pictures[study.name]
+        tables, pictures = answers.tables[name], answers.pictures.get(name, [])
         if tables or pictures:
             blocks.append(Block(answers.name if len(sets) > 1 else "", tables, pictures))
-    return Section(study.name, study.title, study.question, blocks, study.front)
-
-
-def _side_by_side(sets: Sequence[Answers], name: str) -> Table:
-    """The table of all sets of results that has this name."""
-    tables = [t for a in sets for same in a.tables.values() for t in same if t.name == name]
-    return tables[0] if len(tables) == 1 else beside(tables[0], tables[1])
+    return blocks
 
 
 def _about(answers: Answers) -> str:
@@ -193,27 +161,26 @@ def _about(answers: Answers) -> str:
     if not old:
         return f"{counts}, all by this code or code proven to compute the same"
     files = sorted({name for record in old for name in record.outdated})
-    more = f" and {len(files) - _NAMED} more" if len(files) > _NAMED else ""
-    return f"{counts}; {len(old)} by other code: {', '.join(files[:_NAMED])}{more} changed since"
+    return f"{counts}; {len(old)} by other code, {len(files)} files changed since: {files[0]} …"
 
 
-def _drawn(plot: Plot) -> bytes:
+def _drawn(plot: Plot, folder: Path | None) -> bytes:
+    """The file of a figure: drawn, or from a folder that has it."""
     from experiments.reporting.plot import save  # --help does not wait for matplotlib
 
-    return save(plot.draw(), plot.kind)
+    file = folder and folder / f"{plot.name}.{plot.kind}"
+    return file.read_bytes() if file and file.exists() else save(plot.draw(), plot.kind)
 
 
 def terminal_table(sets: Sequence[Answers]) -> TerminalTable:
     """Table I for the terminal: times and accuracies of the paper and of each set of results."""
     tables = {a.name: table for a in sets for table in a.tables["table1"] if table.name == "table1"}
     rows = {name: {r["model"]: r for r in records(t.data)} for name, t in tables.items()}
-    shown = TerminalTable(
-        title="Table I", title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0)
-    )
+    shown = TerminalTable(title="Table I", title_justify="left", box=box.SIMPLE_HEAD)
     shown.add_column("model")
     for head in ("training, s", "test, %"):
-        for k, name in enumerate(("paper", *rows)):
-            shown.add_column(f"{head if not k else ''}\n{name}", justify="right", no_wrap=True)
+        for name in ("paper", *rows):
+            shown.add_column(f"{head}\n{name}", justify="right")
     for model in dict.fromkeys(model for of_set in rows.values() for model in of_set):
         lines = [of_set.get(model, {}) for of_set in rows.values()]
         known = next(line for line in lines if line)

@@ -71,12 +71,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the steps; 1 if one failed, 130 after an interruption."""
     parser = argparse.ArgumentParser(prog="python -m experiments.reproduce", description=__doc__)
     which = parser.add_mutually_exclusive_group()
-    for mode, what in WHAT.items():
-        if mode != "full":
-            which.add_argument(
-                f"--{mode}", dest="mode", action="store_const", const=mode, help=what
-            )
-    parser.set_defaults(mode="full")
+    for mode in ("quick", "table1"):
+        flag: Any = {"dest": "mode", "action": "store_const", "const": mode, "help": WHAT[mode]}
+        which.add_argument(f"--{mode}", default="full", **flag)
     parser.add_argument("--list", action="store_true", help="show the steps, run none")
     chosen = parser.parse_args(arguments)
     in_any_encoding()
@@ -92,28 +89,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def steps(mode: str = "full") -> list[Step]:
     """The steps of one of :data:`WHAT`."""
     return [
-        Step(
-            step["name"],
-            tuple(shlex.split(step[mode])),
-            step["minutes"][mode],
-            step.get("needs"),
-        )
-        for step in configs.reproduction()
-        if mode in step
+        Step(s["name"], tuple(shlex.split(s[mode])), s["minutes"][mode], s.get("needs"))
+        for s in configs.reproduction()
+        if mode in s
     ]
 
 
 def overview(found: Sequence[Step], mode: str) -> Table:
     """What will run, and about how long it takes."""
     total = span(60 * sum(step.minutes for step in found))
+    title = f"{mode}: {WHAT[mode]}; about {total} from nothing on 2 cores"
     table = Table(
-        title=f"{mode}: {WHAT[mode]}; about {total} from nothing on 2 cores",
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
+        "step", "about", "command", title=title, title_justify="left", box=box.SIMPLE_HEAD
     )
-    for head in ("step", "about", "command"):
-        table.add_column(head, justify="right" if head == "about" else "left")
     for step in found:
         table.add_row(step.name, span(60 * step.minutes), step.skipped or step.command)
     return table
@@ -125,11 +113,7 @@ def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> in
     left = 60 * sum(step.minutes for step in found)
     try:
         for k, step in enumerate(found, 1):
-            console.rule(
-                f"{k} of {len(found)}: {step.name}, about {span(60 * step.minutes)}; with all that "
-                f"follows about {span(left)}",
-                align="left",
-            )
+            console.rule(f"{k} of {len(found)}: {step.name}; {span(left)} left", align="left")
             left -= 60 * step.minutes
             if step.skipped:
                 console.print(f"[yellow]{step.name}: {step.skipped}[/yellow]")
@@ -163,17 +147,9 @@ def measured(step: Step, mode: str, results: Path) -> str:
         process.wait()
         raise
     finally:
-        note(
-            results,
-            {
-                "step": step.name,
-                "mode": mode,
-                "command": step.command,
-                "seconds": time.perf_counter() - start,
-                "peak_bytes": peak,
-                "status": status,
-            },
-        )
+        row = {"step": step.name, "mode": mode, "command": step.command}
+        seconds = time.perf_counter() - start
+        note(results, {**row, "seconds": seconds, "peak_bytes": peak, "status": status})
     return status
 
 

@@ -8,7 +8,6 @@ at is left to it.
 
 from __future__ import annotations
 
-import difflib
 import os
 import signal
 import sys
@@ -81,16 +80,19 @@ def _job(cfg: DictConfig) -> None:
     except locks.Held as held:
         console.print(str(held), style="yellow", markup=False, soft_wrap=True)
     except Exception as error:
-        if _TRACEBACKS in os.environ or not _first:
+        if not _first:
             raise
         _complain(error)
-        _failures.append(error)
 
 
 _first = False  # whether this process was given the command line
 
 
-def _complain(error: BaseException) -> None:
+def _complain(error: Exception) -> None:
+    """Show an error and go on: the user's as one line, others with their traceback."""
+    if _TRACEBACKS in os.environ:
+        raise error
+    _failures.append(error)
     if isinstance(error, _USER_ERRORS):
         text = "\n".join(map(printable, _message(error).splitlines()))
         stderr.print("[red]error:[/red]", escape(text), soft_wrap=True, emoji=False)
@@ -107,9 +109,7 @@ def _message(error: BaseException) -> str:
     """The message of an error, in one line where it is Hydra's."""
     if isinstance(error, MissingConfigException) and error.options:
         group, _, name = str(error.missing_cfg_file).rpartition("/")
-        near = difflib.get_close_matches(name, error.options, 1)
-        hint = f" (did you mean {near[0]}?)" if near else ""
-        return f"{group}: expected one of {', '.join(error.options)}, found {name}{hint}"
+        return f"{group}: expected one of {', '.join(error.options)}, found {name}"
     if isinstance(error, HydraException | OmegaConfBaseException):
         lines = (line.strip() for line in str(error).splitlines())
         skipped = ("See https:", "object_type=")  # name nothing of the user's
@@ -136,10 +136,7 @@ def entry_point() -> None:
         stderr.print("interrupted; the same command resumes")
         sys.exit(128 + signal.SIGINT)
     except Exception as error:
-        if _TRACEBACKS in os.environ:
-            raise
         _complain(error)
-        _failures.append(error)
     sys.exit(1 if _failures else 0)
 
 

@@ -1,4 +1,4 @@
-"""From a scene to the frames a run trains and tests on: split, memory, disk cache."""
+"""From a config to a scene, and on to the frames of a run: split, memory, disk cache."""
 
 from __future__ import annotations
 
@@ -7,24 +7,42 @@ import math
 import os
 import platform
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from filelock import FileLock
+from omegaconf import OmegaConf
 from rich.console import Console
 from rich.progress import Progress
 from torch import Tensor
 
 from experiments.protocol.clock import Clock
+from experiments.protocol.model import instantiate
 from experiments.records import sources
+from experiments.records.configs import SEEDS
+from experiments.records.files import results_dir
 from scenes.frames import Scene
 from scenes.split import KINDS, by_session, learning_curve_subsets, neighbours_leak, split
 
 IN_MEMORY_BYTES = 512 * 2**20  # more frames than this are read while the model asks for them
 _BATCH = 16
 _LEAK = 0.5  # share of test frames beside a training frame, above which a user is warned
+
+
+def at_seed(config: Any, seed: int) -> Any:
+    """The resolved config of a scene with every seed in it set, as ``seed.run`` sets them."""
+    if isinstance(config, Mapping):
+        return {k: seed if k in SEEDS else at_seed(v, seed) for k, v in config.items()}
+    return [at_seed(part, seed) for part in config] if isinstance(config, list | tuple) else config
+
+
+def scene_at(config: Mapping[str, Any], seed: int, cache: bool, console: Console) -> Scene:
+    """The scene of a resolved config at a seed of sensor and samples, cached where asked for."""
+    scene: Scene = instantiate(OmegaConf.create(at_seed(dict(config), seed)), "scene")
+    return cached(scene, results_dir() / "cache", console) if cache else scene
 
 
 class LazyFrames:
@@ -65,11 +83,7 @@ class DerivedScene:
 
 
 class CachedScene(DerivedScene):
-    """A scene whose frames lie in one file on disk.
-
-    Args:
-        scene: the scene they were made from.
-        path: uint8 or uint16 .npy [N, H, W].
+    """A scene whose frames lie in one file on disk, uint8 or uint16 .npy [N, H, W].
 
     Raises:
         ValueError: naming the file, if it is not that.
@@ -95,13 +109,8 @@ class CachedScene(DerivedScene):
 def cached(scene: Scene, folder: Path, console: Console) -> Scene:
     """The scene with its frames on disk, made there first if need be, whole or not at all.
 
-    Recorded and measured scenes stay as they are: their frames lie on disk already.
-
-    Args:
-        scene: any scene.
-        folder: folder of the cache; a file is named after the scene's fingerprint, the scene's
-            code, the libraries and the kind of processor.
-        console: shows the progress.
+    Recorded and measured scenes stay as they are. A file is named after the scene's fingerprint and
+    code, the libraries and the kind of processor.
 
     Raises:
         OSError: naming the file, if it cannot be written.
@@ -130,14 +139,13 @@ def _make(scene: Scene, path: Path, console: Console) -> None:
         # Written, not mapped: a full disk is then an error and not a signal.
         with partial.open("wb") as file, bars:
             for start in bars.track(range(0, n, _BATCH), description=f"make {scene.origin} frames"):
-                indices = np.arange(start, min(n, start + _BATCH))
-                frames = scene.frames(indices).contiguous().numpy(force=True)
+                frames = scene.frames(np.arange(start, min(n, start + _BATCH)))
+                pixels = frames.contiguous().numpy(force=True)
                 if start == 0:
-                    header = np.lib.format.header_data_from_array_1_0(frames)
-                    np.lib.format.write_array_header_1_0(
-                        file, {**header, "shape": (n, *scene.shape)}
-                    )
-                file.write(frames.data)
+                    header = np.lib.format.header_data_from_array_1_0(pixels)
+                    header["shape"] = n, *scene.shape
+                    np.lib.format.write_array_header_1_0(file, header)
+                file.write(pixels.data)
             file.flush()
             os.fsync(file.fileno())
         partial.replace(path)
@@ -147,11 +155,6 @@ def _make(scene: Scene, path: Path, console: Console) -> None:
 
 class PixelSubset(DerivedScene):
     """A scene of which D pixels are seen, in one row; a smaller D sees some of a larger one's.
-
-    Args:
-        scene: any scene.
-        pixels: D.
-        seed: of the choice.
 
     Raises:
         ValueError: if the frames have fewer pixels.

@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.console import Console
 
-from experiments.protocol import scenes as scenes_of
+from experiments.protocol import data
 from experiments.records import measurement
 from experiments.records.configs import without_display
 from experiments.records.measurement import Row, measure
@@ -20,13 +20,13 @@ __all__ = ["Row", "Run", "experiment"]
 
 
 class Run:
-    """One call of an experiment: how rows are made, which determines none of them.
+    """One call of an experiment: how its rows are made; no row depends on it.
 
     Args:
         name: name of the measurement.
         config: bound arguments of the experiment, with its ``_target_``.
         device: as torch names it.
-        cache: keep frames on disk, where other runs find them.
+        cache: keep frames on disk.
         force: make kept parts again.
         console: shows progress.
     """
@@ -50,7 +50,7 @@ class Run:
 
     def scene(self, config: Mapping[str, Any], seed: int) -> Scene:
         """The scene of a resolved config at a seed."""
-        return scenes_of.scene_at(config, seed, self.cache, self.console)
+        return data.scene_at(config, seed, self.cache, self.console)
 
     def scenes(
         self, config: Mapping[str, Any], seeds: Sequence[int]
@@ -60,9 +60,7 @@ class Run:
             yield seed, self.scene(config, seed)
 
     def part(self, key: Mapping[str, Any], compute: Callable[[], Iterable[Row]]) -> Iterator[Row]:
-        """Rows of one part of a long experiment, kept once they are complete.
-
-        An interrupted experiment starts again with the first part that is not.
+        """Rows of one part of a long experiment, kept once complete: an interrupted one resumes.
 
         Args:
             key: tells the part from others of the same experiment and config.

@@ -44,15 +44,12 @@ def check(cfg: DictConfig) -> None:
         if not isinstance(seed, int) or isinstance(seed, bool) or abs(seed) > 2**53:
             raise ValueError(f"seed.{key}: expected an integer of at most 2^53, found {seed!r}")
     for key in ("device", "model.device"):
-        _check_device(key, OmegaConf.select(cfg, key, default="cpu"))
-
-
-def _check_device(key: str, name: Any) -> None:
-    try:
-        torch.empty(0, device=torch.device(name)).cpu()
-    except (RuntimeError, AssertionError, NotImplementedError, TypeError, ValueError) as error:
-        there = ["cpu", *(f"cuda:{k}" for k in range(torch.cuda.device_count()))]
-        raise ValueError(f"{key}: expected one of {', '.join(there)}, found {name!r}") from error
+        name = OmegaConf.select(cfg, key, default="cpu")
+        try:
+            torch.empty(0, device=torch.device(name)).cpu()
+        except (RuntimeError, AssertionError, NotImplementedError, TypeError) as error:
+            there = ", ".join(["cpu", *(f"cuda:{k}" for k in range(torch.cuda.device_count()))])
+            raise ValueError(f"{key}: expected one of {there}, found {name!r}") from error
 
 
 def _leaves(node: Any, key: str = "") -> Iterator[tuple[str, Any]]:
@@ -64,25 +61,17 @@ def _leaves(node: Any, key: str = "") -> Iterator[tuple[str, Any]]:
         yield from _leaves(value, f"{key}.{name}".lstrip("."))
 
 
-def _check_kinds(part: DictConfig, group: str, name: str | None) -> None:
+def _check_kinds(config: Mapping[str, Any], group: str, name: str | None) -> None:
     """Refuse a text where the file of ``configs/`` has a number: models fail of it late, or not."""
-    path = configs.CONFIGS / group / f"{name}.yaml"
-    if not path.is_file():
-        return
-    tree: Any = OmegaConf.to_container(OmegaConf.load(path))
-    expected = dict(_leaves(tree.get(group, tree), group))
-    for key, value in _leaves(OmegaConf.to_container(part, resolve=True), group):
-        default = expected.get(key)
-        number = type(default) in (int, float) or str(default).startswith("${seed.")
-        if number and isinstance(value, str) and value != "???":
+    known = configs.part(group, name or "")
+    expected = dict(_leaves(known[group], group)) if known else {}
+    for key, value in _leaves(config[group], group):
+        if type(expected.get(key)) in (int, float) and isinstance(value, str):
             raise ValueError(f"{key}: expected a number, found {value!r}")
 
 
 def run(
-    cfg: DictConfig,
-    choices: Mapping[str, str | None],
-    overrides: Sequence[str],
-    console: Console,
+    cfg: DictConfig, choices: Mapping[str, str | None], overrides: Sequence[str], console: Console
 ) -> tuple[Finished, bool]:
     """Carry out one run, or find that it is finished.
 
@@ -100,9 +89,9 @@ def run(
         ValueError: if the config is wrong; the key is named.
     """
     check(cfg)
-    for group in ("scene", "model"):
-        _check_kinds(cfg[group], group, choices.get(group))
     config: Any = OmegaConf.to_container(cfg, resolve=True)
+    for group in ("scene", "model"):
+        _check_kinds(config, group, choices.get(group))
     display = config.get("display") or {}
     for key in records.NOT_IDENTITY:
         config.pop(key, None)
@@ -135,7 +124,7 @@ def run(
     if not cfg.force and (known := records.find(folder, identity)):
         return known, True
     with locks.held(folder / "cache" / "locks" / identity, identity):
-        if not cfg.force and (known := records.find(folder, identity)):  # by now
+        if not cfg.force and (known := records.find(folder, identity)):  # finished meanwhile
             return known, True
         with (
             exclusive(cfg, console),
@@ -157,12 +146,8 @@ def exclusive(cfg: DictConfig, console: Console) -> AbstractContextManager[None]
     n = torch.get_num_threads()
 
     def waiting() -> None:
-        console.print(
-            f"waiting for {n} free cores: another run is being timed "
-            "(exclusive=false runs beside it)",
-            style="yellow",
-            soft_wrap=True,
-        )
+        text = f"waiting for {n} free cores: another run is timed (exclusive=false runs beside it)"
+        console.print(text, style="yellow", soft_wrap=True)
 
     return machine.held(n, cfg.device, waiting) if cfg.exclusive else nullcontext()
 
@@ -177,7 +162,10 @@ def _carry_out(
         cache = folder / "cache" if cfg.cache else None
         train_and_test(cfg, scene, entry["choices"], curve, entry, cache, console)
         entry["status"] = "finished"
-        _check_predictions(entry)
+        classes = len(scene.classes)
+        for label in entry["predicted"]:
+            if not 0 <= label < classes:
+                raise ValueError(f"predicted: expected labels below {classes}, found {label}")
     except BaseException as error:
         entry["status"] = "failed" if isinstance(error, Exception) else "interrupted"
         text = "".join(traceback.format_exception_only(error)).strip()
@@ -186,10 +174,3 @@ def _carry_out(
             records.append(folder, entry, curve)
         raise
     records.append(folder, entry, curve)
-
-
-def _check_predictions(entry: Mapping[str, Any]) -> None:
-    classes = len(entry["scene"]["classes"])
-    for label in entry["predicted"]:
-        if not 0 <= label < classes:
-            raise ValueError(f"predicted: expected labels below {classes}, found {label}")

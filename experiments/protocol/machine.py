@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib
+import itertools
 import os
 import random
 import resource
@@ -32,9 +33,8 @@ _MALLOPT = {-4: 0, -1: 2**31 - 1, -2: 64 * 2**20}  # M_MMAP_MAX, M_TRIM_THRESHOL
 def keep_memory() -> bool:
     """Let glibc keep freed memory for the next allocation; False where the C library is another.
 
-    By default it returns every large block to the system at once, which clears the pages when they
-    are allocated again: a third of the processor time of a network's training. The process keeps
-    its peak of memory until it ends.
+    By default the system clears the pages of every large block that is allocated: a third of the
+    processor time of a network's training. The process keeps its peak of memory until it ends.
     """
     if sys.platform != "linux" or (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is None:
         return False
@@ -85,17 +85,15 @@ def held(n: int, device: str, waiting: Callable[[], None]) -> Iterator[None]:
     folder.mkdir(parents=True, exist_ok=True)
     cores = [FileLock(folder / f"core-{core}", timeout=0) for core in available()]
     gpus = [FileLock(folder / _gpu(device), timeout=0)] if device.startswith("cuda") else []
-    called = False
-    while True:
+    for attempt in itertools.count():
         with ExitStack() as stack:
             if _locked(stack, gpus, 1) and _locked(stack, cores, n):
                 yield
                 return
         # All were given back, so that two runs that wait for each other's cores cannot lock up;
         # at random times, so that they do not go on meeting.
-        if not called:
+        if attempt == 0:
             waiting()
-            called = True
         time.sleep(_POLL_S * random.uniform(0.5, 1.5))
 
 
@@ -103,11 +101,10 @@ def _locked(stack: ExitStack, locks: list[FileLock], n: int) -> bool:
     """Whether n of these locks were free, or all if there are fewer; the stack holds them."""
     missing = min(n, len(locks))
     for lock in locks:
-        if not missing:
-            break
         with suppress(Timeout):
-            stack.enter_context(lock)
-            missing -= 1
+            if missing:
+                stack.enter_context(lock)
+                missing -= 1
     return not missing
 
 

@@ -46,19 +46,12 @@ class Model(Protocol):
 
 def check_model(model: Any) -> None:
     """Raise ValueError, saying what to write instead, unless the object can train and predict."""
-    missing = [name for name in ("train", "predict") if not callable(getattr(model, name, None))]
-    if not missing:
-        return
-    kind = type(model).__name__
-    hint = ""
-    if hasattr(model, "fit"):
-        hint = "; an estimator of scikit-learn goes into baselines.sklearn_classifier"
-    elif isinstance(model, Mapping):
-        hint = "; model._target_ names the class, below a first line '# @package _global_'"
-    raise ValueError(
-        f"model: expected an object with train and predict, found {kind} without "
-        f"{' and '.join(missing)}{hint}"
-    )
+    if not all(callable(getattr(model, name, None)) for name in ("train", "predict")):
+        raise ValueError(
+            f"model: expected an object with train and predict, found {type(model).__name__}; "
+            "model._target_ names a class, below a first line '# @package _global_'; an estimator "
+            "of scikit-learn goes into baselines.sklearn_classifier"
+        )
 
 
 def instantiate(node: DictConfig, key: str) -> Any:

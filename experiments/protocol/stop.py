@@ -21,15 +21,14 @@ class StopRule:
     ``budget``    it has used up its training time
     ============  ==================================================================================
 
-    A model that reports no loss learns in one pass; only its budget ends it early. Steps are those
-    of the optimiser, the same for any number of training samples. The test accuracy never decides.
+    A model that reports no loss learns in one pass; only its budget ends it early. The test
+    accuracy never decides.
 
     Args:
         target: accuracy in (0, 1) to exceed.
         reached_after_s: seconds of training from which exceeding it ends a run; None for never.
-        loss: mean training loss of an epoch, at least 0 and small where all is learnt.
-        least_steps: a small training set has a small loss after a few steps, long before the model
-            has settled.
+        loss: mean training loss of an epoch.
+        least_steps: of the optimiser: a small training set has a small loss after a few.
         most_steps: at least `least_steps`.
         budget_s: seconds of training time.
 
@@ -46,7 +45,7 @@ class StopRule:
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            if not (isinstance(value, int | float) or (value is None and "after" in name)):
+            if not isinstance(value, int | float) and (name, value) != ("reached_after_s", None):
                 raise ValueError(f"stop.{name}: expected a number, found {value!r}")
         least, after = max(1, self.least_steps), self.reached_after_s
         for name, valid, expected in (

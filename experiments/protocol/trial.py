@@ -13,7 +13,8 @@ import numpy as np
 import torch
 from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
-from rich.progress import Progress, TimeElapsedColumn
+from rich.live import Live
+from rich.text import Text
 from torch import Tensor
 
 from experiments.protocol import data
@@ -35,10 +36,10 @@ def stop_rule(node: DictConfig) -> StopRule:
     Raises:
         ValueError: naming a key that it does not have.
     """
-    known = [field.name for field in fields(StopRule)]
-    if unknown := sorted(set(map(str, node)) - set(known)):
-        raise ValueError(f"stop.{unknown[0]}: expected one of {', '.join(known)}")
     values: Any = OmegaConf.to_container(node, resolve=True)
+    known = [field.name for field in fields(StopRule)]
+    if unknown := sorted(values.keys() - set(known)):
+        raise ValueError(f"stop.{unknown[0]}: expected one of {', '.join(known)}")
     return StopRule(**values)
 
 
@@ -50,11 +51,8 @@ class _Part:
     labels: np.ndarray
     frames: Tensor | data.LazyFrames
 
-    def predicted_by(self, model: Model) -> np.ndarray:
-        return np.asarray(model.predict(self.frames))
-
     def accuracy(self, model: Model) -> float:
-        return accuracy(self.predicted_by(model), self.labels)
+        return accuracy(model.predict(self.frames), self.labels)
 
 
 def train_and_test(
@@ -72,9 +70,8 @@ def train_and_test(
         cfg: the composed config.
         scene: where the frames come from.
         names: which file of each group the config was composed from.
-        curve: gets one row a report of the model, whatever happens later.
-        results: gets the record's times, accuracies and predictions, part by part, so that an
-            error after the training costs none of it.
+        curve: gets one row a report of the model.
+        results: gets times, accuracies and predictions, part by part: an error costs the rest.
         cache: folder in which frames are kept, or None.
         console: shows the progress.
 
@@ -99,18 +96,11 @@ def train_and_test(
     _warm_up(unused, scene, min(len(train.labels), _WARM_UP_FRAMES))
     model: Model = instantiate(cfg.model, "model")
     digests = _digests(train, test)
-    with Progress(
-        "{task.description}",
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-        auto_refresh=False,  # no thread draws while the clock runs
-    ) as progress:
-        bar = progress.add_task("", total=None)
+    # Without automatic refreshing: no thread draws while the clock runs.
+    with Live(console=console, transient=True, auto_refresh=False) as live:
 
         def show(text: str) -> None:
-            progress.update(bar, description=f"train {names['model']} {text}", refresh=True)
+            live.update(Text(f"train {names['model']} {text}"), refresh=True)
 
         show("")
         reason = _train(model, names["model"], train, test, clock, stop, curve, show)
@@ -124,7 +114,7 @@ def train_and_test(
         "test_labels": test.labels,
         "data_sha256": digests,
     }
-    predicted = test.predicted_by(model)
+    predicted = np.asarray(model.predict(test.frames))
     results |= {
         "predicted": predicted,
         "test_accuracy_final": accuracy(predicted, test.labels),

@@ -1,10 +1,9 @@
-"""What ``configs/`` says today: the config of a scene and a model, of a task, and what is swept."""
+"""Configs as ``configs/`` has them today: of a scene, a model or a task, and of a sweep."""
 
 from __future__ import annotations
 
 import functools
 import json
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -30,36 +29,19 @@ def _composed(*overrides: str) -> dict[str, Any]:
     return OmegaConf.to_container(cfg, resolve=True, throw_on_missing=False)  # type: ignore[return-value]
 
 
-def of_scene(name: str) -> dict[str, Any] | None:
-    """The resolved parts ``scene`` and ``split`` for a file of ``configs/scene/``, if it is there.
+def part(group: str, name: str) -> dict[str, Any] | None:
+    """The resolved part of a config that a file of ``configs/<group>/`` makes, if it is there.
 
-    What the user has to set is ``???``.
+    A scene brings its ``split``. Required values that are not set are ``???``.
     """
-    if not (CONFIGS / "scene" / f"{name}.yaml").is_file():
+    if not (CONFIGS / group / f"{name}.yaml").is_file():
         return None
-    whole = _composed(f"scene={name}")
-    return {key: whole[key] for key in ("scene", "split")}
-
-
-def of_model(name: str) -> dict[str, Any] | None:
-    """The resolved part ``model`` of a config of ``configs/model/``, if there is one."""
-    if not (CONFIGS / "model" / f"{name}.yaml").is_file():
-        return None
-    return {"model": _composed(f"model={name}")["model"]}
-
-
-def of_stop(name: str) -> dict[str, Any] | None:
-    """The resolved part ``stop`` of a config of ``configs/stop/``, if there is one."""
-    if not (CONFIGS / "stop" / f"{name}.yaml").is_file():
-        return None
-    return {"stop": _composed(f"stop={name}")["stop"]}
+    whole = _composed(f"{group}={name}")
+    return {key: whole[key] for key in (group, *(["split"] if group == "scene" else []))}
 
 
 def task(experiment: str) -> dict[str, Any]:
-    """The resolved task of an experiment; empty for an experiment that only sweeps.
-
-    How its models are shown is no part of it.
-    """
+    """The resolved task of an experiment, without displays; empty where it only sweeps."""
     if not (CONFIGS / "experiment" / f"{experiment}.yaml").is_file():
         return {}
     return without_display(_composed(f"experiment={experiment}")["task"] or {})
@@ -83,8 +65,7 @@ def sweep(experiment: str) -> dict[str, list[str]]:
 @functools.cache
 def swept_models() -> frozenset[str]:
     """Every model that an experiment sweeps over."""
-    names = [path.stem for path in (CONFIGS / "experiment").glob("*.yaml")]
-    trees = (OmegaConf.load(CONFIGS / "experiment" / f"{name}.yaml") for name in names)
+    trees = map(OmegaConf.load, (CONFIGS / "experiment").glob("*.yaml"))
     sweeps = (OmegaConf.select(tree, "hydra.sweeper.params.model", default="") for tree in trees)
     return frozenset(model.strip() for text in sweeps for model in str(text).split(","))
 
@@ -103,15 +84,6 @@ def reproduction() -> tuple[dict[str, Any], ...]:
     return tuple(OmegaConf.to_container(OmegaConf.load(CONFIGS / "reproduce.yaml")))  # type: ignore[arg-type]
 
 
-def minutes() -> dict[str, float]:
-    """About what each experiment takes on 2 cores: all of its steps in the full reproduction."""
-    found: dict[str, float] = {}
-    for step in reproduction():
-        if name := re.search(r"\bexperiment=(\w+)", step.get("full", "")):
-            found[name[1]] = found.get(name[1], 0) + step["minutes"]["full"]
-    return found
-
-
 def numbers(values: Sequence[str]) -> list[int | None]:
     """Values of a sweep as integers; null is None."""
     return [None if value == "null" else int(value) for value in values]
@@ -125,10 +97,10 @@ def show_as(model: str, display: Mapping[str, str]) -> None:
     _own_displays[model] = display
 
 
-def display(model: str) -> Mapping[str, str]:
+def display(model: str) -> dict[str, str]:
     """How tables and figures show a model: ``name``, ``colour``, ``marker``, ``line``, ``group``.
 
-    A model that says nothing of it has the name it was called by, in grey.
+    A model without a display is shown by its name, in grey.
     """
     return _display(model) | dict(_own_displays.get(model, {}))
 
@@ -137,21 +109,18 @@ def display(model: str) -> Mapping[str, str]:
 def _display(model: str) -> dict[str, str]:
     shown = {"name": model, "colour": "#666666", "marker": ".", "line": ":", "group": "other"}
     path = CONFIGS / "model" / f"{model}.yaml"
-    if not path.is_file():
-        return shown
-    tree: Any = OmegaConf.load(path)
+    tree: Any = OmegaConf.load(path) if path.is_file() else {}
     return shown | dict(tree.get("display") or {})
 
 
 def differences(config: Any, reference: Any, key: str = "") -> dict[str, str]:
-    """What a config has that its reference has not, by dotted key; a part that is gone is null."""
+    """Values of a config that differ from its reference, by dotted key; a missing one is null."""
     if isinstance(config, Mapping) and isinstance(reference, Mapping):
-        return {
-            name: text
-            for part in dict.fromkeys([*config, *reference])
-            for name, text in differences(
-                config.get(part), reference.get(part), f"{key}.{part}".lstrip(".")
-            ).items()
-        }
-    # What the user has to set is no difference: a recording is known by its content.
+        names = dict.fromkeys([*config, *reference])
+        parts = (
+            differences(config.get(name), reference.get(name), f"{key}.{name}".lstrip("."))
+            for name in names
+        )
+        return {name: text for part in parts for name, text in part.items()}
+    # A required value is no difference: a recording is known by its content.
     return {} if config == reference or reference == "???" else {key: json.dumps(config)}

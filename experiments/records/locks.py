@@ -16,15 +16,7 @@ FILE = ".lock"  # in the folder that it guards
 
 
 class Held(Exception):
-    """Another process has the lock.
-
-    Args:
-        what: what it guards.
-    """
-
-    def __init__(self, what: str):
-        super().__init__(f"{what}: being run by another process")
-        self.what = what
+    """Another process has the lock."""
 
 
 @contextmanager
@@ -45,7 +37,7 @@ def held(path: Path, what: str | None = None, timeout_s: float = 0) -> Iterator[
     try:
         lock.acquire()
     except Timeout:
-        raise Held(what or path.parent.name) from None
+        raise Held(f"{what or path.parent.name}: being run by another process") from None
     except OSError as error:
         text = f"{path}: expected a file system with locks, found {error.strerror}"
         raise error if error.filename else OSError(error.errno, text) from error

@@ -26,7 +26,7 @@ from rich.console import Console
 from experiments.records import locks, sources
 from experiments.records.environment import command, environment
 from experiments.records.files import remove_leftovers, results_dir
-from experiments.records.record import SCHEMA, Environment, convert, to_json
+from experiments.records.record import SCHEMA, Environment, convert, plain
 from hdc.io import write_atomically
 
 Row = dict[str, Any]
@@ -44,7 +44,7 @@ class Entry(msgspec.Struct, kw_only=True):
         config: everything that determines the rows.
         scene: name of the scene's config, where it has one.
         seconds: of the call that made the rows.
-        proven: how code that differs was shown to compute the same, see experiments.reference.
+        proven: how later code was shown to compute the same (experiments.reference --prove).
     """
 
     schema: int
@@ -62,13 +62,13 @@ class Entry(msgspec.Struct, kw_only=True):
 
 @dataclass(frozen=True)
 class Measured:
-    """A finished or interrupted measurement.
+    """A measurement.
 
     Attributes:
         rows: typed, in the order in which they were made.
         record: content of record.json.
         folder: where both lie.
-        overrides: what its config has that the experiment's in ``configs/`` has not, by key.
+        overrides: values of its config that differ from the experiment's in ``configs/``, by key.
     """
 
     rows: list[Row]
@@ -104,17 +104,13 @@ def measure(
 ) -> Path:
     """Write the rows of a measurement, unless the same code did for the same config.
 
-    Rows that were computed before an error or an interruption are kept beside a finished
-    measurement of before, which stays what it is.
-
     Args:
         name: that of the experiment.
-        config: everything that determines the rows; each ``_target_`` in it says which code makes
-            them.
+        config: everything that determines the rows; each ``_target_`` in it names code.
         compute: makes the rows.
         scene: name of the scene's config, where it has one.
-        device: where it does so.
-        force: compute even if the same code did so for the same config.
+        device: as torch names it.
+        force: compute again.
         console: for a line at the end.
 
     Returns:
@@ -127,7 +123,7 @@ def measure(
     torch = sys.modules.get("torch")
     made_by = environment(device, torch.get_num_threads() if torch else 1, config)
     config = {key: value for key, value in config.items() if key != "_target_"}
-    folder = folder_of(name, config)
+    folder = results_dir() / "measured" / f"{name}-{digest_of(config)}"
     entry: Row = {
         "schema": SCHEMA,
         "name": name,
@@ -140,20 +136,13 @@ def measure(
     with locks.held(folder / locks.FILE, folder.name):
         remove_leftovers(folder)
         known = None if force else read(folder)
-        if known and (known.record.status, known.record.identity) == (
-            "finished",
-            entry["identity"],
-        ):
+        wanted = "finished", entry["identity"]
+        if known and (known.record.status, known.record.identity) == wanted:
             console.print(f"{name}: finished before (force=true runs it again)")
             return folder
         rows = _carry_out(folder, entry, compute)
     console.print(f"{name}: {len(rows)} rows in {entry['seconds']:.1f} s, {folder}")
     return folder
-
-
-def folder_of(name: str, config: Mapping[str, Any]) -> Path:
-    """Where a measurement with this config lies, or will."""
-    return results_dir() / "measured" / f"{name}-{digest_of(config)}"
 
 
 def digest_of(value: Any) -> str:
@@ -184,15 +173,23 @@ def _carry_out(folder: Path, entry: Row, compute: Callable[[], Iterable[Row]]) -
 def write(folder: Path, entry: Mapping[str, Any], rows: Iterable[Row]) -> None:
     """Write rows.jsonl and record.json; a crash in between leaves no record that vouches for rows
     of another call."""
-    unsure = {**entry, "status": "running"}
-    write_atomically(folder / "record.json", to_json(unsure))
+    write_atomically(folder / "record.json", _to_json({**entry, "status": "running"}))
     write_atomically(folder / "rows.jsonl", to_lines(rows))
-    write_atomically(folder / "record.json", to_json(entry))
+    write_atomically(folder / "record.json", _to_json(entry))
+
+
+def _to_json(entry: Mapping[str, Any]) -> str:
+    """An entry of plain values, a line a key; numbers that JSON lacks become null."""
+    lines = (
+        f"{json.dumps(key)}: {msgspec.json.encode(value, enc_hook=plain).decode()}"
+        for key, value in sorted(entry.items())
+    )
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def to_lines(rows: Iterable[Row]) -> str:
     """Rows as JSON lines; numbers that JSON lacks (NaN, infinities) become null."""
-    return "".join(f"{msgspec.json.encode(row, enc_hook=_plain).decode()}\n" for row in rows)
+    return "".join(f"{msgspec.json.encode(row, enc_hook=plain).decode()}\n" for row in rows)
 
 
 def from_lines(text: str) -> list[Row]:
@@ -200,19 +197,10 @@ def from_lines(text: str) -> list[Row]:
     return [msgspec.json.decode(line) for line in text.splitlines()]
 
 
-def _plain(value: Any) -> Any:
-    if hasattr(value, "tolist"):  # numpy and torch
-        return value.tolist()
-    raise TypeError(f"row: expected plain values, found {type(value).__name__}")
-
-
 def part(name: str, config: Mapping[str, Any], compute: Callable[[], Iterable[Row]]) -> list[Row]:
     """The rows of a part of a long measurement, kept in ``cache/parts`` once they are complete.
 
-    Args:
-        name: that of the experiment.
-        config: everything that determines the rows, as in :func:`measure`.
-        compute: makes the rows.
+    Arguments are those of :func:`measure`.
     """
     code = sources.code_hash(sources.sources(config))
     path = results_dir() / "cache" / "parts" / f"{name}-{digest_of([config, code])}.jsonl"
@@ -230,16 +218,15 @@ def read(folder: Path) -> Measured | None:
         ValueError: naming the file, if it is no record.
     """
     path = folder / "record.json"
+    if not path.exists():
+        return None
     try:
-        entry = msgspec.json.decode(path.read_bytes())
-        if not isinstance(entry, dict) or entry.get("schema") != SCHEMA:
-            raise ValueError(f"expected a record of schema {SCHEMA}, found another")
-        record = convert(entry, Entry, "")
+        record = convert(msgspec.json.decode(path.read_bytes()), Entry)
+        if record.schema != SCHEMA:
+            raise ValueError(f"expected a record of schema {SCHEMA}, found {record.schema}")
         path = folder / "rows.jsonl"
         rows = from_lines(path.read_text(encoding="utf-8")) if path.exists() else []
         return Measured(rows, record, folder)
-    except FileNotFoundError:
-        return None
     except (ValueError, OSError) as error:
         raise ValueError(f"{path}: expected a record of a measurement, found: {error}") from error
 

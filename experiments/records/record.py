@@ -131,9 +131,8 @@ class Finished(Record, kw_only=True):
         training_s: seconds of training.
         time_to_target_train_s, time_to_target_test_s: seconds until an accuracy first exceeded
             ``config.stop.target``, if it did.
-        train_accuracy_at_target, test_accuracy_at_target: accuracies when that of training first
-            did.
-        train_accuracy_max, test_accuracy_max: largest accuracies of the curve, if it has any.
+        train_accuracy_at_target, test_accuracy_at_target: when that of training first did.
+        train_accuracy_max, test_accuracy_max: largest of the curve.
         model_bytes: size of what was learnt; None where it is not known.
         test_labels, predicted: class of each test sample, true and predicted by the last model.
         times_by: digest of the code that was timed, where later code was shown to compute the same.
@@ -178,25 +177,21 @@ def run_id(scene: str, model: str, config: Mapping[str, Any], fingerprint: str) 
 
 
 def append(folder: Path, entry: Mapping[str, Any], curve: Curve) -> None:
-    """Add a record to the runs of a results folder.
+    """Add a record to the runs of a results folder, and its digests of code to code.json.
 
     Args:
         folder: results folder.
-        entry: the record as plain values, without its curve; ``environment.sources`` goes to
-            code.json.
+        entry: the record as plain values, without its curve.
         curve: rows of numbers.
 
     Raises:
         OSError: naming the file.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    line = to_line(entry, curve)
-    environment = entry["environment"]
+    line, environment = to_line(entry, curve), entry["environment"]
     with locks.held(folder / "cache" / "locks" / RUNS, timeout_s=-1):
         code = read_code(folder)
         if environment["code"] not in code:
-            code[environment["code"]] = environment["sources"]
-            write_atomically(folder / CODE, json.dumps(code, indent=1, sort_keys=True) + "\n")
+            _write_code(folder, {**code, environment["code"]: environment["sources"]})
         with (folder / RUNS).open("a+b") as file:
             end = file.seek(0, 2)
             if end:  # a line that a kill cut short must not spoil the next
@@ -213,7 +208,7 @@ def to_line(entry: Mapping[str, Any], curve: Curve) -> str:
     rows = [[_number(row.get(column)) for column in columns] for row in curve]
     environment = {k: v for k, v in entry["environment"].items() if k != "sources"}
     whole = {**entry, "environment": environment, "curve": {"columns": columns, "rows": rows}}
-    return msgspec.json.encode(whole, enc_hook=_plain, order="sorted").decode()
+    return msgspec.json.encode(whole, enc_hook=plain, order="sorted").decode()
 
 
 def _number(value: Any) -> float | str | None:
@@ -222,19 +217,10 @@ def _number(value: Any) -> float | str | None:
     return value if value is None or math.isfinite(value) else str(value)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     if hasattr(value, "tolist"):  # numpy and torch
         return value.tolist()
     raise TypeError(f"record: expected plain values, found {type(value).__name__}")
-
-
-def to_json(entry: Mapping[str, Any]) -> str:
-    """An entry of plain values, a line a key; numbers that JSON lacks become null."""
-    lines = (
-        f"{json.dumps(key)}: {msgspec.json.encode(value, enc_hook=_plain).decode()}"
-        for key, value in sorted(entry.items())
-    )
-    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def read_code(folder: Path) -> dict[str, dict[str, str]]:
@@ -243,17 +229,21 @@ def read_code(folder: Path) -> dict[str, dict[str, str]]:
     return msgspec.json.decode(path.read_bytes()) if path.is_file() else {}
 
 
-def read(folder: Path) -> Iterator[Record | ValueError]:
+def read(folder: Path, name: str = "") -> Iterator[Record | ValueError]:
     """Every run of a results folder, by id: the last finished record of each, else its last.
 
     A line that is no record gives an error that names it.
+
+    Args:
+        folder: results folder.
+        name: read only lines that contain this text.
     """
-    path = folder / RUNS
-    if not path.is_file():
-        return
-    code = read_code(folder)
+    path, code = folder / RUNS, read_code(folder)
     records: dict[str, Record] = {}
-    for number, line in enumerate(path.read_bytes().splitlines(), 1):
+    lines = path.read_bytes().splitlines() if path.is_file() else []
+    for number, line in enumerate(lines, 1):
+        if name.encode() not in line:
+            continue
         try:
             record = from_json(line, code)
         except (ValueError, RecursionError) as error:
@@ -266,19 +256,8 @@ def read(folder: Path) -> Iterator[Record | ValueError]:
 
 def find(folder: Path, name: str) -> Finished | None:
     """The finished record of a run, or None."""
-    path, needle = folder / RUNS, json.dumps(name).encode()
-    if not path.is_file():
-        return None
-    code = read_code(folder)
-    for line in reversed(path.read_bytes().splitlines()):
-        if needle in line:
-            try:
-                record = from_json(line, code)
-            except ValueError:  # the report names it
-                continue
-            if isinstance(record, Finished) and record.id == name:
-                return record
-    return None
+    found = (record for record in read(folder, name) if isinstance(record, Finished))
+    return next((record for record in found if record.id == name), None)
 
 
 def from_json(line: bytes, code: Mapping[str, dict[str, str]]) -> Record:
@@ -291,7 +270,7 @@ def from_json(line: bytes, code: Mapping[str, dict[str, str]]) -> Record:
     schema = entry.get("schema") if isinstance(entry, dict) else None
     if schema != SCHEMA:
         raise ValueError(f"expected a record of schema {SCHEMA}, found {schema!r}")
-    record = convert(entry, Finished if entry.get("status") == "finished" else Record, "")
+    record = convert(entry, Finished if entry.get("status") == "finished" else Record)
     record.environment.sources = code.get(record.environment.code, {})
     return record
 
@@ -305,19 +284,26 @@ def curve_of(record: Record) -> Curve:
     ]
 
 
-def write_all(folder: Path, lines: Iterable[str], code: Mapping[str, Mapping[str, str]]) -> None:
-    """Replace the runs of a folder: for the committed reference, whose lines are sorted."""
+def _write_code(folder: Path, code: Mapping[str, Mapping[str, str]]) -> None:
     write_atomically(folder / CODE, json.dumps(code, indent=1, sort_keys=True) + "\n")
+
+
+def write_all(
+    folder: Path, entries: Iterable[Mapping[str, Any]], code: Mapping[str, Mapping[str, str]]
+) -> None:
+    """Replace the runs of a folder by decoded lines, and its code by what of it they need."""
+    entries = list(entries)
+    used = {entry["environment"]["code"] for entry in entries}
+    _write_code(folder, {name: code[name] for name in used})
+    lines = (msgspec.json.encode(entry, order="sorted").decode() for entry in entries)
     write_atomically(folder / RUNS, "".join(f"{line}\n" for line in lines))
 
 
-def convert(value: Any, kind: Any, key: str) -> Any:
+def convert(value: Any, kind: Any) -> Any:
     """The value as that type; an error names the key as a config does."""
     try:
         return msgspec.convert(value, kind, strict=False)
     except msgspec.ValidationError as error:
-        what, _, where = str(error).partition(" - at `$")
-        place = ".".join(filter(None, [key, where.rstrip("`").lstrip(".")]))
-        text = what[0].lower() + what[1:200]
-        text = text.replace("object missing required field", "expected the key")
-        raise ValueError(f"{place}: {text}" if place else text) from None
+        problem, _, place = str(error).partition(" - at `$")
+        problem = problem[0].lower() + problem[1:200]
+        raise ValueError(": ".join(filter(None, [place.strip("`."), problem]))) from None

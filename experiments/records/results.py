@@ -7,7 +7,8 @@ same code made them. The rest of a row's choice is a preference among such group
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -37,7 +38,7 @@ class Run:
     Attributes:
         record: its line of runs.jsonl.
         curve: one dict a report of the model.
-        overrides: what its scene, split and model have that ``configs/`` has not, by key.
+        overrides: values of its scene, split, model and stop that differ from ``configs/``, by key.
     """
 
     record: Finished
@@ -61,10 +62,7 @@ class Run:
 
     @cached_property
     def scene(self) -> str:
-        """Which scene it saw: the name of its config, and what was changed of it.
-
-        A recording is told apart by its content, a scene or a split of one's own by its config.
-        """
+        """Name of the scene's config, for a recording with its fingerprint, and its overrides."""
         changed = {k: v for k, v in self.overrides.items() if not k.startswith(_OF_MODEL)}
         name = self.record.scene.name
         if self.record.scene.origin == "recorded":
@@ -74,7 +72,7 @@ class Run:
 
     @cached_property
     def model(self) -> str:
-        """Which model it is: the name of its config, and what was changed of it and of its end."""
+        """Name of the model's config, and its overrides and those of the stopping rule."""
         changed = {k: v for k, v in self.overrides.items() if k.startswith(_OF_MODEL)}
         return _labelled(self.record.choices.model, changed)
 
@@ -99,8 +97,8 @@ class Group:
         pixels: pixels seen; None for all.
         runs: finished runs, one for each set of seeds, in their order.
         failed: records of runs that did not finish and have no finished one of their seeds.
-        others: finished runs of this row left out because their code, or their stopping rule or
-            number of threads, is another.
+        others: number of finished runs left out because their code, stopping rule or number of
+            threads differs.
     """
 
     scene: str
@@ -109,7 +107,7 @@ class Group:
     pixels: int | None = None
     runs: list[Run] = field(default_factory=list)
     failed: list[Record] = field(default_factory=list)
-    others: list[Run] = field(default_factory=list)
+    others: int = 0
 
     @property
     def status(self) -> str:
@@ -122,15 +120,10 @@ class Group:
             return text if not self.runs else f"{len(self.failed)} more {text}"
         notes = []
         if self.others:
-            notes.append(f"{len(self.others)} more left out: of other code or settings")
+            notes.append(f"{self.others} more left out: of other code or settings")
         if beside := sum(not run.record.environment.exclusive for run in self.runs):
             notes.append(f"{beside} timed beside other runs")
         return "; ".join(notes) or "ok"
-
-    @property
-    def outdated(self) -> list[str]:
-        """The files of code that have changed since these runs."""
-        return self.runs[0].outdated if self.runs else []
 
     @property
     def right(self) -> np.ndarray:
@@ -140,8 +133,7 @@ class Group:
     @property
     def machines(self) -> set[tuple[str, int]]:
         """(processor, threads) of its runs: times of different ones do not compare."""
-        environments = (run.record.environment for run in self.runs)
-        return {(environment.cpu, environment.threads) for environment in environments}
+        return {(r.record.environment.cpu, r.record.environment.threads) for r in self.runs}
 
     @property
     def classes(self) -> list[str]:
@@ -181,9 +173,9 @@ class Results:
                 self._take(entry)
             except (ValueError, HydraException, OmegaConfBaseException) as error:
                 self.problems.append(str(error))
-        self._groups: dict[tuple[Any, ...], list[Run]] = {}
+        self._groups = defaultdict[tuple[Any, ...], list[Run]](list)
         for run in self.runs:
-            self._groups.setdefault(self._row(run), []).append(run)
+            self._groups[self._row(run)].append(run)
 
     def __bool__(self) -> bool:
         """Whether there is anything in it."""
@@ -192,26 +184,23 @@ class Results:
     def group(
         self, scene: str, model: str, n_train: int | None = None, pixels: int | None = None
     ) -> Group:
-        """The runs of one row: of its groups, one of today's code, then by stopping rule, then the
-        largest.
+        """The runs of one row: of those that are alike, those of today's code, then by stopping
+        rule, then the most.
 
         Args:
             scene, model: as :class:`Run` names them: the name of a config for what was not changed.
             n_train, pixels: as :class:`Group` has them.
         """
         wanted = (scene, model, self._all_as_none(scene, n_train), pixels)
-        found: dict[tuple[str, str], list[Run]] = {}
-        for run in self._groups.get(wanted, []):
-            key = run.configuration, run.record.environment.code
-            found.setdefault(key, []).append(run)
-        group = Group(scene, model, n_train, pixels)
-        if found:
-            best = min(found.values(), key=_preference)
-            by_seeds = {json.dumps(_seeds(run.record.config)): run for run in best}
-            group.runs.extend(sorted(by_seeds.values(), key=lambda run: run.record.seed))
-            others = (run for same in found.values() if same is not best for run in same)
-            group.others.extend(sorted(others, key=lambda run: run.record.seed))
-        done = {run.seeds for run in self._groups.get(wanted, [])}
+        runs = self._groups.get(wanted, [])
+        alike = defaultdict[tuple[str, str], list[Run]](list)
+        for run in runs:
+            alike[run.configuration, run.record.environment.code].append(run)
+        best = min(alike.values(), key=_preference, default=[])
+        by_seeds = {json.dumps(_seeds(run.record.config)): run for run in best}
+        ordered = sorted(by_seeds.values(), key=lambda run: run.record.seed)
+        group = Group(scene, model, n_train, pixels, ordered, [], len(runs) - len(best))
+        done = {run.seeds for run in runs}
         for record in self.unfinished:
             lost = Run(record, [], _overrides(record, []))  # type: ignore[arg-type]
             if self._row(lost) == wanted and lost.seeds not in done:
@@ -225,11 +214,8 @@ class Results:
 
     def models(self, scene: str) -> set[str]:
         """Models that were run on a scene with all of its training samples and pixels."""
-        return {
-            model
-            for place, model, n, pixels in self._groups
-            if (place, n, pixels) == (scene, None, None)
-        }
+        whole = scene, None, None
+        return {model for place, model, *sizes in self._groups if (place, *sizes) == whole}
 
     def extra_models(self, scene: str) -> list[str]:
         """Models on a scene that no experiment of ``configs/`` sweeps over: one's own, and those
@@ -262,14 +248,10 @@ class Results:
         fitting = (m for m in self.measurements if m.record.name == name)
         return next((m for m in fitting if not m.of_other_frames), None)
 
-    def measured_elsewhere(self, name: str) -> Iterable[Measured]:
-        """Those of the same experiment on other frames."""
-        return (m for m in self.measurements if m.record.name == name and m.of_other_frames)
-
     def _take(self, entry: Record) -> None:
         if entry.config["device"] != self.device:
             return
-        if entry.display and configs.of_model(entry.choices.model) is None:
+        if entry.display and configs.part("model", entry.choices.model) is None:
             configs.show_as(entry.choices.model, entry.display)
         if isinstance(entry, Finished):
             curve = records.curve_of(entry)
@@ -299,17 +281,17 @@ def _preference(runs: list[Run]) -> tuple[bool, int, int, str]:
 
 
 def _overrides(record: Record, curve: Curve) -> dict[str, str]:
-    """What the config of a run has that ``configs/`` has not, by key.
+    """Values of a run's config that differ from ``configs/``, by key.
 
-    Of a scene or a model that ``configs/`` does not have, it is what the command line said. What
-    learns in one pass ends by itself, whatever the stopping rule.
+    Of a scene or a model that ``configs/`` lacks, those of the command line. The stopping rule does
+    not matter to a model that learns in one pass.
     """
     known = {
-        ("scene", "split"): configs.of_scene(record.choices.scene),
-        ("model",): configs.of_model(record.choices.model),
+        ("scene", "split"): configs.part("scene", record.choices.scene),
+        ("model",): configs.part("model", record.choices.model),
     }
     if not curve or _iterative(curve):
-        known["stop",] = configs.of_stop(record.choices.stop or "")
+        known["stop",] = configs.part("stop", record.choices.stop or "")
     found: dict[str, str] = {}
     for keys, reference in known.items():
         if reference is None:
@@ -339,13 +321,9 @@ def _core(config: Any) -> Any:
 
 
 def _seeds(config: Any) -> list[Any]:
-    """Every seed in a config, in the order of its sorted keys."""
+    """Every seed in a config, in the order of its keys."""
     if isinstance(config, Mapping):
-        return [
-            config[key] if key in configs.SEEDS else _seeds(config[key])
-            for key in sorted(config)
-            if key in configs.SEEDS or isinstance(config[key], Mapping | list | tuple)
-        ]
+        return [config[k] if k in configs.SEEDS else _seeds(config[k]) for k in sorted(config)]
     return [_seeds(part) for part in config] if isinstance(config, list | tuple) else []
 
 

@@ -49,8 +49,9 @@ def code_hash(files: Mapping[str, str]) -> str:
 
 def outdated(files: Mapping[str, str]) -> list[str]:
     """The files of a record whose code this checkout does not have, at that or another address."""
-    moved = (name for name, known in sorted(files.items()) if _now(name) != known)
-    return [name for name in moved if files[name] not in _all_now()]
+    gone = (ROOT / name for name, known in sorted(files.items()) if known not in _all_now())
+    changed = (path for path in gone if not path.is_file() or digest(path) != files[_address(path)])
+    return [_address(path) for path in changed]
 
 
 class _Computing(ast.NodeTransformer):
@@ -81,12 +82,6 @@ def digest(path: Path) -> str:
 def _all_now() -> frozenset[str]:
     """Digests of all code of this checkout."""
     return frozenset(digest(path) for name in PACKAGES for path in (ROOT / name).rglob("*.py"))
-
-
-@functools.cache
-def _now(name: str) -> str | None:
-    path = ROOT / name
-    return digest(path) if path.is_file() else None
 
 
 def targets(node: Any) -> set[str]:

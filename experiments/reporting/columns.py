@@ -117,10 +117,7 @@ def _over_hdc(group: Group, hdc: Group) -> float | None:
 
 
 def _difference(group: Group, hdc: Group) -> estimates.Estimate | None:
-    if group.model == "hdc":
-        return None
-    difference = estimates.difference(group.runs, hdc.runs)
-    return None if difference is None else difference.share
+    return None if group.model == "hdc" else estimates.difference(group.runs, hdc.runs)
 
 
 def _published(quantity: str) -> Callable[[Group, Group], float | None]:

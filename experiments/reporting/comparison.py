@@ -1,10 +1,7 @@
-"""Every published number beside ours.
+"""Every published number beside ours: one row for each line of published.csv.
 
-One row for each line of published.csv. The paper has one sensor, so a number of it is judged by
-what one more sensor of ours would give: an interval over our sensors for one more of them
-(:func:`experiments.reporting.estimates.one_sensor`), measured on about as many test samples as the
-published one, so that it holds the sampling of that, too. The verdict, from the first of these that
-applies:
+The paper has one sensor, so a number of it is judged by the interval of one more sensor of ours
+(:func:`experiments.reporting.estimates.one_sensor`). The verdict is the first that applies:
 
 - ``missing``: nothing was measured.
 - ``setting``: the paper's choice and not its result (learning rate, number of labels): the ``same``
@@ -14,13 +11,11 @@ applies:
 - ``no interval``: measured, but not often enough for one.
 - ``differs``: the published number is outside the interval, and further off than the margin that
   published.csv states for it.
-- ``uninformative``: an end of the interval is further off than the margin, so that a sensor of
-  another kind would not be noticed.
+- ``uninformative``: an end of the interval is further off than the margin.
 - ``agrees``: the published number is within the margin, or the interval, which is narrower.
 
-Before it stands what the simulated sensor's calibration did with the number: ``fitted`` chose a
-parameter, so a fitted number that agrees is called ``fitted`` and no more; ``watched`` was looked
-at in the fit and chose none. Neither was foretold.
+Before it stands the number's part in the calibration of the simulated sensor: ``fitted`` chose a
+parameter, and where it agrees it is ``fitted`` and no more; ``watched`` chose none.
 """
 
 from __future__ import annotations
@@ -50,21 +45,8 @@ HOW = (
     "runs), all seeds together."
 )
 COLUMNS = (
-    "experiment",
-    "quantity",
-    "condition",
-    "unit",
-    "published",
-    "published_low",
-    "published_high",
-    "measured",
-    "low",
-    "high",
-    "margin",
-    "n",
-    "seeds",
-    "verdict",
-    "made_by",
+    *("experiment", "quantity", "condition", "unit", "published", "published_low"),
+    *("published_high", "measured", "low", "high", "margin", "n", "seeds", "verdict", "made_by"),
     "note",
 )
 _SETTINGS = ("table1/learning_rate", "touch/labels")
@@ -98,7 +80,6 @@ def compare(quantities: Iterable[Quantity]) -> Table:
             "note": Column("Note", lambda text: text or "–"),
         },
         HOW,
-        key=("quantity",),
     )
 
 

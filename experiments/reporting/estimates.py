@@ -9,7 +9,7 @@ takes the place of theirs.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -36,21 +36,6 @@ class Estimate(NamedTuple):
         return dict(zip((name, f"{name}_low", f"{name}_high"), self, strict=True))
 
 
-class Difference(NamedTuple):
-    """How much more a model has right than another on the same test samples.
-
-    Attributes:
-        share: mean over seeds, with Student's interval.
-        above, below: seeds in which it has more, and fewer.
-        each: the difference in each seed that both have.
-    """
-
-    share: Estimate
-    above: int
-    below: int
-    each: Mapping[str, float]
-
-
 def mean_interval(values: Sequence[float], least: float = 0.0) -> Estimate:
     """Mean of independent values and Student's interval of their expectation.
 
@@ -62,11 +47,7 @@ def mean_interval(values: Sequence[float], least: float = 0.0) -> Estimate:
 
 
 def one_sensor(values: Sequence[float], least: float = 0.0) -> Estimate:
-    """Mean of independent values and Student's interval for one more of them.
-
-    mean ± t·s·√(1 + 1/n): in it lies a value that is measured on one more sensor in the same way,
-    on as many test samples. Arguments are those of :func:`mean_interval`.
-    """
+    """As :func:`mean_interval`, with the interval for one more value: mean ± t·s·√(1 + 1/n)."""
     return _student(values, least, 1 + 1 / len(values))
 
 
@@ -123,25 +104,19 @@ def share_of_one_sensor(group: Group) -> Estimate:
     return one_sensor(shares, least_variance(shares, n)).within(0, 1)
 
 
-def difference(runs: Sequence[Run], reference: Sequence[Run]) -> Difference | None:
-    """Differences in test accuracy, of each seed that both have; None without any.
+def difference(runs: Sequence[Run], reference: Sequence[Run]) -> Estimate | None:
+    """How much more accurate a model is than another, paired by seed; None without a pair.
 
     That test samples are the same is proven by the digest of their frames and labels.
     """
     theirs = {(run.seeds, run.record.data_sha256.test): run.record.right for run in reference}
-    pairs = {
-        run.seeds: (run.record.right, theirs[key])
-        for run in runs
-        if (key := (run.seeds, run.record.data_sha256.test)) in theirs
-    }
+    keys = ((run, (run.seeds, run.record.data_sha256.test)) for run in runs)
+    pairs = [(run.record.right, theirs[key]) for run, key in keys if key in theirs]
     if not pairs:
         return None
-    each = {seeds: float(a.mean() - b.mean()) for seeds, (a, b) in pairs.items()}
-    n = float(np.mean([len(a) for a, _ in pairs.values()]))
-    disagree = sum(int((a != b).sum()) for a, b in pairs.values())
-    above, below = (sum(sign * d > 0 for d in each.values()) for sign in (1, -1))
-    share = mean_difference(list(each.values()), n, disagree)
-    return Difference(share, above, below, each)
+    each = [float(a.mean() - b.mean()) for a, b in pairs]
+    disagree = sum(int((a != b).sum()) for a, b in pairs)
+    return mean_difference(each, float(np.mean([len(a) for a, _ in pairs])), disagree)
 
 
 def crossing(n: Sequence[float], accuracy: Sequence[float], level: float = 0.9) -> float:

@@ -1,5 +1,4 @@
-"""How figures look: one column wide (3.4 in), the same file every time, a head that says what a
-reader has to know.
+"""How figures look: one column wide (3.4 in), the same file every time.
 
 An accuracy on n test samples cannot tell an error below 1/n from none: errors of zero are drawn in
 a grey strip of their own below 1/n, labelled 0. Intervals are those of the tables.
@@ -28,22 +27,25 @@ from experiments.records import configs
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import Estimate, mean_interval
 from experiments.reporting.rows import Row, frames_of
-from experiments.reporting.style import STYLE
 from experiments.reporting.text import printable
 
+plt.switch_backend("Agg")  # without a display
+STYLE: dict[Any, Any] = {
+    **{"font.family": "DejaVu Sans", "font.size": 7, "axes.titlesize": 7, "axes.linewidth": 0.6},
+    **{"axes.spines.top": False, "axes.spines.right": False, "lines.linewidth": 1.1},
+    **{"lines.markersize": 3.5, "legend.fontsize": 6, "legend.frameon": False},
+    "legend.handlelength": 3.0,
+    "svg.fonttype": "none",  # text stays text: smaller, and it can be searched and copied
+    "svg.hashsalt": "optical-hdc",
+}
 WIDTH = 3.4  # in, one column
 # Light to dark in any colour vision, and in grey.
 CORRELATION_MAP, CONFUSION_MAP = "cividis", "Blues"
-PAPER: dict[str, Any] = {
-    "ls": "",
-    "marker": "*",
-    "mfc": "white",
-    "mec": "black",
-    "ms": 7,
-    "mew": 0.7,
-}
+PAPER: Any = {"ls": "", "marker": "*", "mfc": "white", "mec": "black", "ms": 7, "mew": 0.7}
 PRINTED = 12  # classes up to which every one is named, and its cells have room for numbers
 _LINE = 66  # characters of a head's line
+_STYLE = re.compile(r' style="([^"]*)"')
+_REFERENCE = re.compile(r'(?<=href="#)[^"]*|(?<=url\(#)[^)]*')
 
 
 def save(figure: Figure, kind: str) -> bytes:
@@ -59,30 +61,18 @@ def save(figure: Figure, kind: str) -> bytes:
 
 
 def _smaller(svg: bytes) -> bytes:
-    """Without what nobody sees: metadata, names that nothing refers to, indentation, of coordinates
-    what is below a hundredth of a point; every style is written once."""
+    """Half of the bytes for the same picture: each style once, coordinates to 0.01 pt, no names and
+    metadata that nothing refers to."""
     text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", svg.decode(), flags=re.DOTALL)
-    text = re.sub(r' transform="rotate\(-0 [^"]*"', "", text)
-    place = r'((?:href="|url\()#)([^")]*)'
-    short = {name: f"i{k}" for k, (_, name) in enumerate(dict.fromkeys(re.findall(place, text)))}
-    text = re.sub(place, lambda m: f"{m[1]}{short[m[2]]}", text)
-    text = re.sub(r' id="([^"]*)"', lambda m: f' id="{short[m[1]]}"' if m[1] in short else "", text)
-    styles = dict.fromkeys(re.findall(r' style="([^"]*)"', text))
-    known = {style: f"s{k}" for k, style in enumerate(styles)}
-    text = re.sub(r' style="([^"]*)"', lambda m: f' class="{known[m[1]]}"', text)
-    rules = "".join(f".{name}{{{style}}}" for style, name in known.items())
+    styles = {style: f"s{k}" for k, style in enumerate(dict.fromkeys(_STYLE.findall(text)))}
+    text = _STYLE.sub(lambda m: f' class="{styles[m[1]]}"', text)
+    rules = "".join(f".{name}{{{style}}}" for style, name in styles.items())
     text = text.replace("</style>", f"{rules}</style>", 1)
+    names = {m: f"i{k}" for k, m in enumerate(dict.fromkeys(_REFERENCE.findall(text)))}
+    text = _REFERENCE.sub(lambda m: names[m[0]], text)
+    text = re.sub(r' id="([^"]*)"', lambda m: f' id="{names[m[1]]}"' if m[1] in names else "", text)
     text = re.sub(r'\b(d|x|y|points)="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)
     text = re.sub(r'(?<= d=")[^"]*', lambda m: re.sub(r"\s*([A-Za-z])\s*", r"\1", m[0]), text)
-    opened: list[bool] = []  # of the groups around a place, which say something
-
-    def group(tag: re.Match[str]) -> str:
-        if tag[0] == "</g>":
-            return tag[0] * opened.pop()
-        opened.append(tag[0] != "<g>")
-        return tag[0] * opened[-1]
-
-    text = re.sub(r"<g( [^>]*[^/])?>|</g>", group, text)
     return re.sub(r"\n\s*", "\n", text).encode()
 
 
@@ -95,17 +85,16 @@ def style_of(model: str) -> tuple[str, str, str]:
     return shown["colour"], shown["marker"], shown["line"]
 
 
-def fill_of(model: str) -> str:
-    """Colour inside markers: none for a dashed line, so that lone markers differ too."""
-    colour, _, line = style_of(model)
-    return "white" if line == "--" else colour
+def look_of(model: str) -> dict[str, Any]:
+    """Arguments of ``plot`` for a model; markers of a dashed line are empty: alone they differ."""
+    colour, marker, line = style_of(model)
+    fill = "white" if line == "--" else colour
+    return {"color": colour, "marker": marker, "ls": line, "mfc": fill}
 
 
 def handle(model: str) -> Line2D:
     """The legend's entry of a model."""
-    colour, marker, line = style_of(model)
-    label = literal(display_name(model))
-    return Line2D([], [], color=colour, marker=marker, ls=line, mfc=fill_of(model), label=label)
+    return Line2D([], [], label=literal(display_name(model)), **look_of(model))
 
 
 def star(label: str) -> Line2D:
@@ -149,17 +138,17 @@ def title(
 ) -> None:
     """Title with the origin of the frames and what has no record; a legend below the axes."""
     seeds = sorted({line["seeds"] for line in rows if line["seeds"]})
-    strip = ", grey: no error" if axes.get_yscale() == "log" else ""
-    lines = textwrap.wrap(text, _LINE)
+    details = []
     if seeds:
         count = seeds_of(seeds[0]) if len(seeds) == 1 else f"{seeds[0]}–{seeds[-1]} seeds"
-        lines += textwrap.wrap(f"{frames_of(rows)}, {count}, 95 % intervals{strip}", _LINE)
+        strip = ", grey: no error" if axes.get_yscale() == "log" else ""
+        details.append(f"{frames_of(rows)}, {count}, 95 % intervals{strip}")
     # Lines break between names, not within one.
     missing = [literal(display_name(m)) for m in dict.fromkeys(wanted) if m not in shown]
     if missing:
         names = "; ".join(name.replace(" ", "\xa0") for name in missing)
-        lines += textwrap.wrap(f"no records: {names}", 64)
-    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=7)
+        details.append(f"no records: {names}")
+    head(figure, text, details)
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=2)
     figure.set_layout_engine("constrained")
@@ -227,10 +216,8 @@ def errors(found: Sequence[Estimate], scale: float = 1.0) -> tuple[NDArray, NDAr
 
 
 def bars(axes: Axes, model: str, x: Any, y: Any, spread: Any, **look: Any) -> None:
-    """Points with error bars as a model is drawn everywhere; `look` says what is otherwise."""
-    colour, marker, line = style_of(model)
-    own: dict[str, Any] = {"color": colour, "marker": marker, "mfc": fill_of(model), "ls": line}
-    axes.errorbar(x, y, yerr=spread, **{"lw": 0.9, **own, **look})
+    """Points with error bars in the look of a model; `look` overrides it."""
+    axes.errorbar(x, y, yerr=spread, **{"lw": 0.9, **look_of(model), **look})
 
 
 def line_plot(
@@ -261,10 +248,7 @@ def line_plot(
         places = np.array(list(means.groups), float)
         value, spread = errors([mean_interval(list(values)) for _, values in means])
         look = dict((looks or {}).get(str(name), {}))
-        if not look:
-            colour, marker, line = style_of(str(name))
-            look = {"color": colour, "marker": marker, "ls": line, "mfc": fill_of(str(name))}
-            look["label"] = literal(display_name(str(name)))
+        look = look or {**look_of(str(name)), "label": literal(display_name(str(name)))}
         axes.errorbar(places, value, yerr=spread, elinewidth=0.5, **{"lw": 0.9, **look, **style})
         shown = {key: look[key] for key in look if key in ("color", "marker", "ls", "mfc", "label")}
         handles.append(Line2D([], [], **shown))

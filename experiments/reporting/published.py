@@ -1,17 +1,14 @@
-"""The paper's numbers, what the sensor's calibration did with each, and how they are judged.
-
-results/published.csv says all three:
+"""The paper's numbers, from results/published.csv.
 
 - ``value`` is a number, or the quotient ``A/B`` of two others of the same experiment.
-- ``calibration`` is ``fitted`` where the number chose a parameter of the sensor, ``watched`` where
-  the fit looked at it and it chose none, and empty where no fit has seen it; between
-  ``expected_low`` and ``expected_high`` the simulated number was to lie.
-- ``margin`` is how far another sensor's number may be off and still mean the same, in the number's
-  unit: half of the smallest difference from which the paper concludes anything, rounded down. Of
-  accuracies that is HDC's lead over the networks (7 points in Table I), of correlations what the
-  prototypes' contrast has over the speckle's (0.045 in Fig. 4(e)). A number of samples may be off
-  by half; a ratio of times by a factor of 2, which another way to compute either is good for.
-- ``not_comparable`` says why a number is shown and not judged.
+- ``calibration``: ``fitted`` where the number chose a parameter of the sensor, ``watched`` where
+  the fit looked at it and it chose none, empty where no fit has seen it.
+- ``expected_low``, ``expected_high``: the range that the calibration accepts.
+- ``margin``: how far another sensor's number may be off and still mean the same, in the number's
+  unit: half of the smallest difference from which the paper concludes anything, rounded down (of
+  accuracies 7 points, Table I; of correlations 0.045, Fig. 4(e)); of numbers of samples half; of
+  ratios of times a factor of 2.
+- ``not_comparable``: why a number is shown and not judged.
 """
 
 from __future__ import annotations
@@ -24,13 +21,9 @@ from experiments.records.files import ROOT
 from hdc.accuracy import wilson
 
 PATH = ROOT / "results" / "published.csv"
-TOUCH_TEST_SAMPLES = 100  # Fig. 5(a)
 # Samples behind a published accuracy, where the paper says how many.
 _SAMPLES = {
-    **{
-        f"table1/{model}_test_accuracy": TOUCH_TEST_SAMPLES
-        for model in ("hdc", "softmax", "cnn1", "cnn3")
-    },
+    **{f"table1/{model}_test_accuracy": 100 for model in ("hdc", "softmax", "cnn1", "cnn3")},
     **{f"table1/{model}_training_accuracy": 400 for model in ("softmax", "cnn1", "cnn3")},
     "finger/test_accuracy": 140,  # 20 samples for each of 7 labels
     "tactile/test_accuracy": 120,
@@ -46,12 +39,8 @@ class Published:
         value: in `unit`.
         unit: ``s``, ``%``, ``samples``, ``classes``, ``×`` or ``1``.
         low, high: 95 % Wilson interval of a share of samples, else None.
-        calibration: ``fitted``, ``watched`` or nothing.
-        expected: the range that the calibration accepts, in `unit`; None where it has none.
-        note: what a reader of the calibration has to know.
-        margin: how far another number may be off and still mean the same, in `unit`; a factor for
-            ratios (unit ``×``).
-        not_comparable: why it is not judged, if it is not.
+        calibration, expected, margin, not_comparable: as in the file.
+        note: of the calibration.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Every run in a plain table: what it was, what was changed of the configs, what came of it."""
+"""Every run in a plain table: its config, what was changed of it, and its results."""
 
 from __future__ import annotations
 
@@ -10,19 +10,8 @@ from experiments.reporting.columns import Column
 from experiments.reporting.table import Table, frame
 from experiments.reporting.text import number
 
-SHOWN = (
-    "id",
-    "scene",
-    "model",
-    "overrides",
-    "stop_rule",
-    "n_train",
-    "seed",
-    "status",
-    "test_accuracy_final",
-    "training_s",
-    "code",
-)
+SHOWN = ("id", "scene", "model", "overrides", "stop_rule", "n_train", "seed", "status",
+         "test_accuracy_final", "training_s", "code")  # fmt: skip
 
 
 def runs_table(results: Results) -> Table:
@@ -30,30 +19,26 @@ def runs_table(results: Results) -> Table:
     rows: list[dict[str, Any]] = []
     done = [(run.record, run.overrides, run.outdated) for run in results.runs]
     for record, overrides, changed in [*done, *((r, {}, []) for r in results.unfinished)]:
-        config = record.config
-        status = record.status if record.error is None else f"{record.status}: {record.error}"
-        rows.append(
-            {
-                "id": record.id,
-                "scene": record.choices.scene,
-                "model": record.choices.model,
-                "overrides": " ".join(f"{key}={value}" for key, value in overrides.items()),
-                "stop_rule": record.choices.stop,
-                "n_train": getattr(record, "n_train", config["split"]["n_train"]),
-                "pixels": config["data"]["pixels"],
-                "seed": record.seed,
-                "status": status,
-                "test_accuracy_final": getattr(record, "test_accuracy_final", None),
-                "training_s": getattr(record, "training_s", None),
-                "origin": record.scene.origin,
-                "cpu": record.environment.cpu,
-                "threads": record.environment.threads,
-                "exclusive": record.environment.exclusive,
-                "code": ", ".join(changed) or "current",
-                "command": record.command,
-                **overrides,
-            }
-        )
+        row = {
+            "id": record.id,
+            "scene": record.choices.scene,
+            "model": record.choices.model,
+            "overrides": " ".join(f"{key}={value}" for key, value in overrides.items()),
+            "stop_rule": record.choices.stop,
+            "n_train": getattr(record, "n_train", record.config["split"]["n_train"]),
+            "pixels": record.config["data"]["pixels"],
+            "seed": record.seed,
+            "status": ": ".join(filter(None, [record.status, record.error])),
+            "test_accuracy_final": getattr(record, "test_accuracy_final", None),
+            "training_s": record.training_s,
+            "origin": record.scene.origin,
+            "cpu": record.environment.cpu,
+            "threads": record.environment.threads,
+            "exclusive": record.environment.exclusive,
+            "code": ", ".join(changed) or "current",
+            "command": record.command,
+        }
+        rows.append(row | dict(overrides))
     rows.sort(key=lambda row: (row["scene"], row["model"], row["id"]))
     four = {name: Column(name.replace("_", " "), partial(number, digits=4)) for name in SHOWN}
     note = "tables/runs.csv has a column for every key that was changed, processor and command."

@@ -18,6 +18,7 @@ import pkgutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice
 from types import ModuleType
 from typing import Any
 
@@ -38,9 +39,9 @@ class Plot:
 
     Attributes:
         name: stem of its file, and its anchor on the page.
-        caption: what it shows; also used as alternative text.
+        caption: also used as alternative text.
         draw: makes the matplotlib figure.
-        commands: what makes the results again that it is drawn from.
+        commands: make its results again.
         kind: ``svg``, or ``webp`` for a figure made of pixels.
     """
 
@@ -53,13 +54,12 @@ class Plot:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number that the paper gives, too, or that stands for a claim of it.
+    """A number that the paper gives, too.
 
     Attributes:
         name: ``experiment/quantity`` of published.csv.
-        value: as measured, in the unit of published.csv; a text where it was not reached, None
-            where it was not measured.
-        low, high: within these one more sensor's number lies, at 95 %; None where unknown.
+        value: in the unit of published.csv; a text where it was not reached, None if not measured.
+        low, high: 95 % interval of one more sensor's number; None where unknown.
         interval: what the bounds are.
         condition: tells values of one quantity apart where the paper leaves it open.
         n: test samples, or frames, of all seeds.
@@ -110,8 +110,6 @@ class Study:
     _plots: list[Callable[[Results], Iterable[Plot]]] = field(default_factory=list)
     _quantities: list[Callable[[Results], Iterable[Quantity]]] = field(default_factory=list)
 
-    # Registering -------------------------------------------------------------------------------
-
     def table(
         self,
         name: str,
@@ -121,7 +119,6 @@ class Study:
         note: str = "",
         shown: Sequence[str] = (),
         columns: Mapping[str, Column] | None = None,
-        key: Sequence[str] = (),
         folded: bool = False,
         commands: Sequence[str] = (),
     ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -135,32 +132,26 @@ class Study:
             title, note: may hold ``{frames}`` and ``{machine}`` of the measurement.
             of: name of the measurement, or of several on the same frames, whose rows the function
                 takes, followed by the config of the first; None for a function of the results.
-            shown, columns, key, folded, commands: as :class:`Table` has them.
+            shown, columns, folded, commands: as :class:`Table` has them.
         """
 
-        def register(function: Callable[..., Any]) -> Callable[..., Any]:
-            def make(results: Results) -> Iterator[Table]:
-                for source in _sources(results, of):
-                    data = function(*source.arguments)
-                    if data is None or not len(data):
-                        continue
-                    said = {"title": title, "note": note, "shown": shown} | data.attrs
-                    yield Table(
-                        f"{name}{source.suffix}",
-                        source.fill(said["title"]),
-                        data,
-                        tuple(said["shown"]),
-                        columns or {},
-                        source.fill(said["note"]),
-                        tuple(said.get("commands", ())) or tuple(commands) or source.commands,
-                        tuple(key),
-                        folded,
-                    )
+        def make(source: _Source, function: Callable[..., Any]) -> Iterator[Table]:
+            data = function(*source.arguments)
+            if data is None or not len(data):
+                return
+            texts = {"title": title, "note": note, "shown": shown} | data.attrs
+            yield Table(
+                f"{name}{source.suffix}",
+                source.fill(texts["title"]),
+                data,
+                tuple(texts["shown"]),
+                columns or {},
+                source.fill(texts["note"]),
+                tuple(texts.get("commands", ())) or tuple(commands) or source.commands,
+                folded,
+            )
 
-            self._tables.append(make)
-            return function
-
-        return register
+        return _registering(self._tables, of, make)
 
     def figure(
         self,
@@ -183,40 +174,28 @@ class Study:
             needs: of the function's other arguments: whether there is anything to draw.
         """
 
-        def register(function: Callable[..., Any]) -> Callable[..., Any]:
-            def make(results: Results) -> Iterator[Plot]:
-                for source in _sources(results, of):
-                    if needs is None or needs(*source.arguments):
-                        yield Plot(
-                            f"{name}{source.suffix}",
-                            source.fill(caption),
-                            partial(_draw, function, source.arguments, size),
-                            tuple(commands) or source.commands,
-                            kind,
-                        )
+        def make(source: _Source, function: Callable[..., Any]) -> Iterator[Plot]:
+            if needs is None or needs(*source.arguments):
+                yield Plot(
+                    f"{name}{source.suffix}",
+                    source.fill(caption),
+                    partial(_draw, function, source.arguments, size),
+                    tuple(commands) or source.commands,
+                    kind,
+                )
 
-            self._plots.append(make)
-            return function
-
-        return register
+        return _registering(self._plots, of, make)
 
     def quantities(
         self, *, of: str | Sequence[str] | None = None
     ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         """Register a generator of :class:`Quantity`; of measurements on their own frames only."""
 
-        def register(function: Callable[..., Any]) -> Callable[..., Any]:
-            def make(results: Results) -> Iterator[Quantity]:
-                for source in _sources(results, of):
-                    if not source.suffix:
-                        yield from function(*source.arguments)
+        def make(source: _Source, function: Callable[..., Any]) -> Iterator[Quantity]:
+            if not source.suffix:
+                yield from function(*source.arguments)
 
-            self._quantities.append(make)
-            return function
-
-        return register
-
-    # Answers -----------------------------------------------------------------------------------
+        return _registering(self._quantities, of, make)
 
     def tables_of(self, results: Results) -> Iterator[Table]:
         """Its tables of these results."""
@@ -233,7 +212,7 @@ class Study:
 
 @dataclass(frozen=True)
 class _Source:
-    """Arguments of a registered function, and how its answer is called."""
+    """Arguments of a registered function, and the suffix of its answer's name."""
 
     arguments: tuple[Any, ...]
     suffix: str = ""
@@ -244,8 +223,29 @@ class _Source:
         """A text with the frames and the machine of the measurement put in."""
         if self.measured is None:
             return text
-        frames, machine = frames_of(self.measured.rows), machine_of(self.measured)
-        return text.replace("{frames}", frames).replace("{machine}", machine)
+        env = self.measured.record.environment
+        accelerator = [env.device] if env.device not in (None, "cpu") else []
+        threads = f"{env.threads} thread{'s' * (env.threads != 1)}"
+        machine = ", ".join([*accelerator, env.cpu, threads])
+        return text.replace("{frames}", frames_of(self.measured.rows)).replace("{machine}", machine)
+
+
+def _registering(
+    makers: list[Callable[[Results], Any]],
+    of: str | Sequence[str] | None,
+    make: Callable[[_Source, Callable[..., Any]], Iterator[Any]],
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """A decorator that adds a function's answers to those of its study."""
+
+    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+        makers.append(
+            lambda results: (
+                answer for source in _sources(results, of) for answer in make(source, function)
+            )
+        )
+        return function
+
+    return register
 
 
 def _sources(results: Results, of: str | Sequence[str] | None) -> Iterator[_Source]:
@@ -255,20 +255,19 @@ def _sources(results: Results, of: str | Sequence[str] | None) -> Iterator[_Sour
         return
     names = [of] if isinstance(of, str) else list(of)
     for suffix, first in with_places(results, names[0]):
-        scene = first.record.config.get("scene")
-        rest = [
-            next(
-                (m for _, m in with_places(results, name) if m.record.config.get("scene") == scene),
-                None,
-            )
-            for name in names[1:]
-        ]
-        if None in rest:
+        every = [first]
+        for name in names[1:]:
+            others = (m for _, m in with_places(results, name) if _scene(m) == _scene(first))
+            every += islice(others, 1)
+        if len(every) < len(names):
             continue
-        every = [first, *(m for m in rest if m is not None)]
         commands = tuple(dict.fromkeys(m.record.command for m in every))
         arguments = (*(m.frame for m in every), first.record.config)
         yield _Source(arguments, suffix, commands, first)
+
+
+def _scene(measured: Measured) -> Any:
+    return measured.record.config.get("scene")
 
 
 def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
@@ -277,7 +276,9 @@ def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
     suffixes: set[str] = set()
     if (measured := results.measured(name)) is not None:
         yield "", measured
-    for measured in results.measured_elsewhere(name):
+    for measured in results.measurements:
+        if measured.record.name != name or not measured.of_other_frames:
+            continue
         suffix = f"_{measured.record.scene or measured.folder.name}"
         if suffix in suffixes:  # the same scene with other settings
             suffix = f"_{measured.folder.name}"
@@ -285,20 +286,10 @@ def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
         yield suffix, measured
 
 
-def machine_of(measured: Measured) -> str:
-    """``AMD EPYC, 2 threads``, after an accelerator if there is one."""
-    env = measured.record.environment
-    accelerator = [env.device] if env.device not in (None, "cpu") else []
-    threads = f"{env.threads} thread{'s' * (env.threads != 1)}"
-    return ", ".join([*accelerator, env.cpu, threads])
-
-
 def _draw(
     function: Callable[..., Any], arguments: tuple[Any, ...], size: tuple[float, float]
 ) -> Any:
-    from matplotlib import pyplot as plt
-
-    from experiments.reporting.style import STYLE
+    from experiments.reporting.plot import STYLE, plt  # --help does not wait for matplotlib
 
     with plt.rc_context(STYLE):
         figure = plt.figure(figsize=size, layout="constrained")

@@ -10,7 +10,7 @@ import pandas as pd
 
 from experiments.records.configs import CONFIGS
 from experiments.reporting.columns import COLUMNS, Column, display_name
-from experiments.reporting.text import markdown_text, number, percent, printable, tex
+from experiments.reporting.text import markdown_text, percent, printable
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,6 @@ class Table:
         columns: how they are shown, before :data:`COLUMNS`.
         note: how to read it.
         commands: what makes it again.
-        key: names of the columns that tell its rows apart, for :func:`beside`.
         folded: whether the page shows it only when it is asked for.
     """
 
@@ -36,7 +35,6 @@ class Table:
     columns: Mapping[str, Column] = field(default_factory=dict)
     note: str = ""
     commands: Sequence[str] = ()
-    key: Sequence[str] = ()
     folded: bool = False
 
     @property
@@ -85,31 +83,9 @@ class Table:
         return "\n\n".join(filter(None, parts)) + "\n"
 
     def latex(self) -> str:
-        """The table for LaTeX (package booktabs), caption above, note below."""
-        broken = (tex(head).replace(", ", r" \\ ") for head in self.heads)
-        heads = [rf"\shortstack{{{head}}}" for head in broken]
-        body = [" & ".join(map(tex, row)) + r" \\" for row in self.cells()]
-        return "\n".join(
-            [
-                "% needs \\usepackage{booktabs}",
-                r"\begin{table*}",
-                r"\centering",
-                r"\scriptsize",
-                rf"\caption{{{tex(self.title)}}}",
-                rf"\label{{tab:{self.name}}}",
-                rf"\begin{{tabular}}{{l{'r' * (len(heads) - 1)}}}",
-                r"\toprule",
-                " & ".join(heads) + r" \\",
-                r"\midrule",
-                *body,
-                r"\bottomrule",
-                r"\end{tabular}",
-                "",
-                rf"\medskip\raggedright {tex(self.notes)}",
-                r"\end{table*}",
-                "",
-            ]
-        )
+        """The cells as a tabular for LaTeX (package booktabs)."""
+        cells = pd.DataFrame(self.cells(), columns=self.heads).map(printable)
+        return str(cells.to_latex(index=False, escape=True))
 
 
 def frame(rows: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()) -> pd.DataFrame:
@@ -126,40 +102,7 @@ def frame(rows: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()) -> pd.
 
 def records(data: pd.DataFrame) -> list[dict[str, Any]]:
     """The rows of a data frame as mappings; a missing value is None."""
-    return [
-        {
-            str(key): None if value is None or value is pd.NA or value != value else value
-            for key, value in row.items()
-        }
-        for row in data.to_dict("records")
-    ]
-
-
-def beside(mine: Table, reference: Table) -> Table:
-    """Two tables of the same columns as one: each column that is no key stands twice."""
-    key = list(reference.key)
-    names = [name for name in reference.names if name not in key]
-    rows: dict[tuple[str, ...], dict[str, str]] = {}
-    for where, table in (("reference", reference), ("mine", mine)):
-        for row in records(table.data):
-            texts = {name: table.column(name).text(name, row) for name in (*key, *names)}
-            entry = rows.setdefault(tuple(texts[k] for k in key), {k: texts[k] for k in key})
-            entry |= {f"{name} {where}": texts[name] for name in names}
-    shown = [*key, *(f"{name} {where}" for name in names for where in ("reference", "mine"))]
-    columns = {k: Column(reference.column(k).head) for k in key} | {
-        f"{name} {where}": Column(f"{reference.column(name).head}, {where}")
-        for name in names
-        for where in ("reference", "mine")
-    }
-    return Table(
-        reference.name,
-        reference.title,
-        frame(rows.values(), shown),
-        columns=columns,
-        note=reference.notes,
-        commands=reference.commands,
-        folded=reference.folded,
-    )
+    return data.astype(object).where(data.notna(), None).to_dict("records")
 
 
 def _exact(value: Any) -> str:
@@ -168,6 +111,3 @@ def _exact(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     return printable(str(value))
-
-
-__all__ = ["COLUMNS", "Column", "Table", "beside", "frame", "number", "records"]

@@ -5,16 +5,12 @@ from __future__ import annotations
 import io
 import sys
 
-import numpy as np
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from experiments.records.record import Finished
 from experiments.records.sources import outdated
-from hdc.accuracy import confusion, wilson
-
-_NAMED = 12  # classes up to which the confusion matrix is shown
+from hdc.accuracy import wilson
 
 
 def in_any_encoding() -> None:
@@ -25,8 +21,7 @@ def in_any_encoding() -> None:
 
 
 def summarise(console: Console, record: Finished, repeated: bool = False) -> None:
-    """A few lines: accuracy with its interval, confusion, times; one line for a run that was
-    finished before."""
+    """A few lines: accuracy with its interval, times; one line for a run finished before."""
     scene = record.scene
     low, high = wilson(int(record.right.sum()), record.n_test)
     accuracy = f"test accuracy {record.test_accuracy_final:.1%} [{low:.1%}, {high:.1%}]"
@@ -57,21 +52,4 @@ def summarise(console: Console, record: Finished, repeated: bool = False) -> Non
         lines.append(Text(f"  {len(skipped)} files skipped, the first: {skipped[0]}", "yellow"))
     for line in lines:
         console.print(line, soft_wrap=True)
-    if len(scene.classes) <= _NAMED:
-        _print_confusion(console, record)
     console.print(Text(f"  record {record.id}"), soft_wrap=True)
-
-
-def _print_confusion(console: Console, record: Finished) -> None:
-    classes = record.scene.classes
-    counts = confusion(np.array(record.predicted), np.array(record.test_labels), len(classes))
-    table = Table(title="confusion (rows: true class)", title_justify="left")
-    table.add_column("", no_wrap=True)
-    for name in classes:
-        table.add_column(Text(name), justify="right", overflow="fold")
-    for name, row in zip(classes, counts, strict=True):
-        table.add_row(Text(name), *(str(n) if n else "·" for n in row))
-    if not console.is_terminal:
-        # A file or a pipe has no width to keep to: names must not be cut until two look alike.
-        console = Console(file=console.file, width=10_000)
-    console.print(table)

@@ -1,4 +1,4 @@
-"""Numbers and texts as cells show them, in plain text, Markdown and LaTeX."""
+"""Numbers and texts as cells show them, in plain text and Markdown."""
 
 from __future__ import annotations
 
@@ -67,28 +67,6 @@ def markdown_text(text: str) -> str:
     signs = r"([\\`*|~]|(?<=\])[(\[:]|(?<![^\W_])_|_(?![^\W_]))"
     text = re.sub(signs, r"\\\1", printable(" ".join(text.split())))
     return text.replace("&", "&amp;").replace("<", "&lt;")
-
-
-_TEX = {
-    **{letter: f"\\{letter}" for letter in "&%$#_{}"},
-    **{letter: f"${letter}$" for letter in "<>|"},
-    "\\": r"\textbackslash{}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "×": r"$\times$",
-    "–": "--",
-    "−": "$-$",
-    "…": "--",
-    "→": r"$\to$",
-    "“": "``",
-    "”": "''",
-    "∞": r"$\infty$",
-}
-
-
-def tex(text: str) -> str:
-    """Text for LaTeX, which stops at control characters."""
-    return "".join(_TEX.get(letter, letter) for letter in printable(" ".join(text.split())))
 
 
 ORIGINS = {

@@ -1,8 +1,6 @@
 """A competitor and a scene of one's own, from files outside the tree to the tables and the page.
 
-A competitor is two new files: a class with ``train``, ``predict`` and ``state_tensors``, and a
-YAML that names it, in a folder given with ``--config-dir``. A scene is one more YAML, a recording
-is a file.
+A competitor is two new files: a class and a YAML that names it; a scene is one more YAML.
 """
 
 import csv

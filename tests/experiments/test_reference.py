@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from experiments import reference, reproduce
+from experiments import reference
 from experiments.records.files import ROOT
 from experiments.records.results import Results
 
@@ -69,26 +69,7 @@ def test_measurements_of_the_experiments_own_scene_are_adopted(tmp_path, target,
     assert Results(target).measured("drift").rows == [{"a": 1}]
 
 
-def test_what_the_steps_took_goes_along(tmp_path, target):
-    row = {"step": "hdc", "mode": "full", "command": "c", "seconds": 1.0, "peak_bytes": 1,
-           "status": "finished"}  # fmt: skip
-    reproduce.note(tmp_path, row)
-    reproduce.note(target, row | {"seconds": 2.0})  # of older code
-    reproduce.note(target, row | {"mode": "table1"})
-    reference.adopt(tmp_path, target)
-    own = reproduce.read(tmp_path)
-    assert reproduce.read(target) == own | {
-        ("hdc", "table1"): own["hdc", "full"] | {"mode": "table1"}
-    }
-
-
 # What may stand -----------------------------------------------------------------------------------
-
-
-def test_records_of_other_code_are_named_with_the_file(target, tmp_path, write_run):
-    write_run("hdc")
-    identity = write_run("softmax", environment=OLD)
-    assert reference.outdated(Results(tmp_path)) == {"hdc/bits.py": [identity]}
 
 
 @pytest.mark.parametrize(("sources", "status"), [({}, 0), ({"hdc/bits.py": "0" * 12}, 1)])
@@ -126,8 +107,3 @@ def test_every_block_of_the_readme_has_a_source_and_says_what_is_missing(target)
     assert {name for name, _ in blocks} == set(re.findall(r"<!-- begin (\w+) -->", text))
     assert blocks
     assert all(line.startswith("*missing: ") for _, line in blocks)
-
-
-def test_a_block_without_a_source_is_named():
-    with pytest.raises(ValueError, match="found 'nowhere'"):
-        reference.fill("<!-- begin nowhere -->\nold\n<!-- end nowhere -->", {})

@@ -2,7 +2,6 @@
 
 import io
 import os
-import signal
 import subprocess
 import sys
 
@@ -11,7 +10,6 @@ from hydra import compose, initialize_config_dir
 from rich.console import Console
 
 from experiments import reproduce
-from experiments.records import configs
 from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
 from experiments.reproduce import Step, steps
@@ -70,25 +68,15 @@ def test_every_experiment_is_reproduced():
     assert {f"experiment={name}" for name in there} <= words
 
 
-def test_every_step_has_a_time_of_each_form():
-    for step in configs.reproduction():
-        forms = set(step) - {"name", "minutes", "needs"}
-        assert forms == set(step["minutes"]) <= set(reproduce.WHAT)
-        assert all(step["minutes"]["full"] >= step["minutes"][form] for form in forms - {"table1"})
-
-
 def test_a_step_without_the_data_it_needs_is_skipped_and_that_is_said(
     commands, monkeypatch, tmp_path
 ):
-    found = [Step("one", NOTHING, 1, "SOME_DATA"), Step("two", NOTHING, 1)]
     monkeypatch.delenv("SOME_DATA", raising=False)
     shown = console()
+    found = [Step("one", NOTHING, 1, "SOME_DATA"), Step("two", NOTHING, 1)]
     assert reproduce.run(found, "full", tmp_path, shown) == 0
     assert commands == ["two"]
     assert "SOME_DATA" in shown.file.getvalue()
-    monkeypatch.setenv("SOME_DATA", str(tmp_path))
-    assert reproduce.run(found, "full", tmp_path, console()) == 0
-    assert commands == ["two", "one", "two"]
 
 
 def test_the_list_runs_nothing(monkeypatch, capsys, commands, tmp_path):
@@ -113,14 +101,6 @@ def test_it_goes_on_after_a_failure_and_tells_of_it_at_the_end(tmp_path, command
     assert reproduce.run(chosen[:1], "full", tmp_path, console()) == 0
 
 
-def test_an_interruption_ends_it(tmp_path, monkeypatch):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(reproduce, "measured", interrupted)
-    assert reproduce.run([Step("one", NOTHING, 1)] * 2, "full", tmp_path, console()) == 130
-
-
 def test_seconds_memory_and_status_of_commands(tmp_path):
     (tmp_path / "large.py").write_text("held = bytearray(b'x' * 200_000_000)")
     code = (
@@ -143,25 +123,6 @@ def test_seconds_memory_and_status_of_commands(tmp_path):
     assert large["command"] == "python -m large"
 
 
-def test_a_step_that_is_interrupted_is_noted_with_what_it_took(tmp_path):
-    (tmp_path / "waits.py").write_text("import time; print('begun', flush=True); time.sleep(60)")
-    code = (
-        "from pathlib import Path; from experiments.reproduce import Step, measured\n"
-        f"measured(Step('waits', ('waits',), 1), 'full', Path({str(tmp_path)!r}))"
-    )
-    process = subprocess.Popen(
-        [sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}, start_new_session=True,
-    )  # fmt: skip
-    with process:
-        assert process.stdout.readline() == b"begun\n"
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-        process.wait(30)
-    row = reproduce.read(tmp_path)["waits", "full"]
-    assert row["status"] == "interrupted"
-    assert 0 < float(row["seconds"]) < 60
-
-
 # What it took -------------------------------------------------------------------------------------
 
 ROW = {"step": "hdc", "mode": "full", "command": "c"}
@@ -172,39 +133,3 @@ def test_the_rest_of_an_interrupted_step_adds_up(tmp_path):
         reproduce.note(tmp_path, {**ROW, "seconds": seconds, "peak_bytes": 7, "status": status})
     (row,) = reproduce.read(tmp_path).values()
     assert (float(row["seconds"]), row["status"]) == (75, "finished")
-
-
-def test_a_step_found_finished_keeps_the_time_of_the_whole(tmp_path):
-    row = {**ROW, "status": "finished"}
-    for seconds, peak in ((100.0, 10), (2.0, 20)):
-        reproduce.note(tmp_path, {**row, "seconds": seconds, "peak_bytes": peak})
-    (found,) = reproduce.read(tmp_path).values()
-    assert (float(found["seconds"]), int(found["peak_bytes"])) == (100, 20)
-    reproduce.note(tmp_path, {**row, "command": "other", "seconds": 2.0, "peak_bytes": 5})
-    (found,) = reproduce.read(tmp_path).values()
-    assert (float(found["seconds"]), int(found["peak_bytes"])) == (2, 5)
-
-
-# From the command line ----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("module", ["report", "reproduce", "reference", "run"])
-def test_help_changes_nothing(tmp_path, module):
-    """``--help`` of a command that wrote README.md did, once."""
-
-    def tree():
-        done = subprocess.run(["git", "status", "--porcelain"], cwd=ROOT, capture_output=True,
-                              text=True, check=False)  # fmt: skip
-        readme = (ROOT / "README.md").stat()
-        return done.stdout, readme.st_mtime_ns, readme.st_size
-
-    before = tree()
-    done = subprocess.run(
-        [sys.executable, "-m", f"experiments.{module}", "--help"], cwd=ROOT, capture_output=True,
-        text=True, check=False,
-        env={"PATH": os.environ["PATH"], "RESULTS_DIR": str(tmp_path / "none")},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stdout
-    assert tree() == before
-    assert not (tmp_path / "none").exists()

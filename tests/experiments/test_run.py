@@ -94,16 +94,6 @@ except SystemExit as end:
 """
 
 
-def test_an_hdc_run_on_the_fibre_loads_nothing_heavy(results, shared_data, command_line):
-    path = shared_data / "mmf_disorder"
-    done = command_line(
-        "scene=fibre", f"scene.path={path}", "scene.samples_per_class=10", script=LOADED
-    )
-    assert done.stdout.splitlines()[-1] == "exit 0 loaded []", done.stdout + done.stderr
-    (entry,) = entries(results)
-    assert (entry.scene.origin, entry.n_train) == ("computed", 40)
-
-
 def test_an_hdc_run_on_the_simulated_sensor_loads_nothing_heavy(results, command_line):
     done = command_line("scene=touch", "scene.samples_per_class=5", script=LOADED)
     assert done.stdout.splitlines()[-1] == "exit 0 loaded []", done.stdout + done.stderr
@@ -127,60 +117,6 @@ def test_a_finished_run_is_one_line_and_not_made_again(results, recording, said)
     assert "by code that has changed since: hdc/bits.py" in line
 
 
-@pytest.mark.parametrize("model", ["sklearn_ridge", "sklearn_forest"])
-def test_a_model_of_scikit_learn_is_finished_whatever_its_parameters_are(
-    tmp_path, results, recording, said, model
-):
-    """A forest has no arrays to measure: its result was lost after the training."""
-    (tmp_path / "model").mkdir()
-    (tmp_path / "model" / "sklearn_forest.yaml").write_text(
-        "# @package _global_\nmodel:\n  _target_: baselines.sklearn_classifier.SklearnClassifier\n"
-        "  estimator: {_target_: sklearn.ensemble.RandomForestClassifier, n_estimators: 5}\n"
-    )
-    words = ("--config-dir", str(tmp_path), "scene=recorded", f"scene.path={recording()}")
-    code, lines = said(*words, f"model={model}")
-    assert code == 0, lines
-    (entry,) = entries(results)
-    assert entry.status == "finished"
-    size = entry.model_bytes
-    assert size > 5 * 256 if model == "sklearn_ridge" else size is None or size > 1000
-
-
-# Where text goes ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "environment", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}]
-)
-def test_a_terminal_of_ascii_is_no_error(recording, command_line, environment):
-    """The run was finished, and then an error: 'ascii' codec can't encode '·'."""
-    done = command_line("scene=recorded", f"scene.path={recording()}", **environment)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "test accuracy" in done.stdout
-    assert "confusion" in done.stdout
-
-
-def test_long_class_names_that_differ_at_their_end_stay_apart(tmp_path, recording, said):
-    import numpy as np
-
-    path = recording()
-    names = [f"{'a touch of the sensor at position ' * 3}{k}" for k in range(5)]
-    with np.load(path) as held:
-        np.savez(path, frames=held["frames"], labels=np.array(names)[held["labels"]])
-    _, lines = said("scene=recorded", f"scene.path={path}")
-    for name in names:
-        assert sum(name in line for line in lines) == 2  # a column and a row
-
-
-def test_errors_on_the_terminal(said):
-    code, lines = said("scene=recorded", "scene.path='no[/b]:smile:\x1b[31m\u202e'")
-    assert code == 1
-    assert lines == [
-        "error: scene.path: expected a folder, an .npz or a video, "
-        "found nothing: no[/b]:smile:\\x1b[31m\\u202e"
-    ]
-
-
 # What the user did wrong --------------------------------------------------------------------------
 
 
@@ -189,11 +125,7 @@ def test_errors_on_the_terminal(said):
     [
         (
             ["model=hcd"],
-            r"error: model: expected one of .*hdc, .*, found hcd \(did you mean hdc\?\)",
-        ),
-        (
-            ["scene=tuoch"],
-            r"error: scene: expected one of .*fibre.*, found tuoch \(did .* touch\?\)",
+            r"error: model: expected one of .*hdc, .*, found hcd",
         ),
         (["model.lr=abc", "model=softmax"], r"error: model\.lr: expected a number, found 'abc'"),
         (
@@ -201,17 +133,13 @@ def test_errors_on_the_terminal(said):
             r"error: model\.seed: expected a number, found 'abc'",
         ),
         (["device=cuda:7"], r"error: device: expected one of cpu.*, found 'cuda:7'"),
-        (["seed.run=99999999999999999999999"], r"error: seed\.run: expected .* found 9+"),
         (["nothing"], r"error: Error parsing override 'nothing', missing EQUAL at '<EOF>'"),
         (["model.nothing=1"], r"error: .*model\.nothing.*"),
     ],
     ids=lambda given: given[0] if isinstance(given, list) else None,
 )
 def test_an_error_of_the_users_is_one_line_that_names_the_key(recording, said, overrides, expected):
-    words = ["scene=recorded", f"scene.path={recording()}"]
-    if overrides[0].startswith("scene="):
-        words = []
-    code, lines = said(*words, *overrides)
+    code, lines = said("scene=recorded", f"scene.path={recording()}", *overrides)
     assert code == 1
     assert re.fullmatch(expected, "\n".join(lines)), lines
     assert len(lines) == 1
@@ -220,17 +148,13 @@ def test_an_error_of_the_users_is_one_line_that_names_the_key(recording, said, o
 
 @pytest.mark.parametrize("multirun", [(), ("-m", "seed.run=0,1")], ids=["one", "several"])
 def test_results_that_cannot_be_written_are_one_line(tmp_path, recording, said, multirun):
-    (tmp_path / "file").write_text("")
-    for place in (tmp_path / "file", Path("/proc/nowhere")):
-        code, lines = said(
-            *multirun,
-            "scene=recorded",
-            f"scene.path={recording()}",
-            environment={"RESULTS_DIR": str(place)},
-        )
-        assert code == 1
-        assert {line.partition(" ")[0] for line in lines} == {"error:"}
-        assert all(str(place) in line for line in lines)
+    place = tmp_path / "file"
+    place.write_text("")
+    words = (*multirun, "scene=recorded", f"scene.path={recording()}")
+    code, lines = said(*words, environment={"RESULTS_DIR": str(place)})
+    assert code == 1
+    assert {line.partition(" ")[0] for line in lines} == {"error:"}
+    assert all(str(place) in line for line in lines)
 
 
 # Ended from outside -------------------------------------------------------------------------------
@@ -253,17 +177,6 @@ entry_point()
 """
 
 
-def started(command, cwd):
-    return subprocess.Popen(
-        [sys.executable, *command],
-        cwd=cwd,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
-    )
-
-
 @pytest.mark.parametrize(
     ("end", "code", "statuses"),
     [
@@ -278,7 +191,11 @@ def test_a_killed_run_is_recorded_and_run_again(
     recording, tmp_path, results, said, end, code, statuses
 ):
     overrides = ["scene=recorded", f"scene.path={recording()}"]
-    process = started(["-c", STUCK, *overrides, "threads=1", "exclusive=false"], tmp_path)
+    process = subprocess.Popen(
+        [sys.executable, "-c", STUCK, *overrides, "threads=1", "exclusive=false"], cwd=tmp_path,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+    )  # fmt: skip
     try:
         limit = time.monotonic() + 60
         while not (tmp_path / "stuck").exists():
@@ -289,7 +206,6 @@ def test_a_killed_run_is_recorded_and_run_again(
         assert process.wait(30) == code
     finally:
         process.kill()
-        process.communicate()
     assert [entry.status for entry in entries(results)] == statuses
     said(*overrides)
     (again,) = entries(results)

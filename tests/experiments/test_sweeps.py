@@ -11,14 +11,12 @@ import sys
 import time
 from pathlib import Path
 
-import cloudpickle
 import msgspec
 import psutil
 import pytest
 
-from experiments import run
 from experiments.protocol import machine
-from experiments.records import locks, record
+from experiments.records import record
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.usefixtures("results", "one_thread")
@@ -126,31 +124,6 @@ def test_a_full_disk_is_one_line_and_finished_records_stay(results, scene, start
     assert len(outcome(results)) == 2
 
 
-def test_a_sweep_goes_on_after_a_run_that_diverges(results, scene, start):
-    process = start("-m", *scene, "model=softmax", "model.pixels=raw", "model.lr=1e38,1e-4")
-    process.join(60)
-    assert process.exitcode == 0
-    assert "(diverged)" in process.out.read_text()
-    runs = {entry.config["model"]["lr"]: entry for entry in record.read(results)}
-    assert runs[1e38].stop == "diverged"
-    assert runs[1e-4].stop != "diverged"
-    assert runs[1e-4].train_accuracy_final == 1
-
-
-def test_a_run_that_another_process_is_at_is_left_to_it(results, scene, start):
-    seeds = ("-m", *scene, "seed.run=0,1")
-    start(*seeds).join(60)
-    first, second = outcome(results)
-    with locks.held(results / "cache" / "locks" / first):
-        process = start(*seeds, "force=true")
-        process.join(60)
-    text = process.out.read_text()
-    assert process.exitcode == 0
-    assert f"{first}: being run by another process" in text
-    assert text.count("test accuracy") == 1
-    assert f"record {second}" in text
-
-
 def test_two_sweeps_at_once_run_nothing_twice(results, scene, start):
     overrides = ("-m", *scene, "seed.run=0,1,2,3,4,5", "exclusive=false")
     both = [start(*overrides), start(*overrides)]
@@ -173,10 +146,6 @@ def test_runs_wait_for_free_cores_unless_told_not_to(results, scene, start, monk
     assert "waiting" not in beside.out.read_text()
     exclusive = {entry.seed: entry.environment.exclusive for entry in record.read(results)}
     assert exclusive == {0: True, 1: False}
-
-
-def test_launchers_can_send_the_job_to_their_workers():
-    assert cloudpickle.loads(cloudpickle.dumps(run.main.__wrapped__)).__name__ == "main"
 
 
 @pytest.mark.slow

@@ -11,7 +11,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from urllib.parse import quote
 
 import jinja2
@@ -78,19 +77,13 @@ class Section:
     open: bool = False  # not folded away at first
 
 
-def render(
-    sections: Sequence[Section],
-    problems: Sequence[str],
-    about: Mapping[str, str],
-    minutes: Mapping[str, float] = MappingProxyType({}),
-) -> str:
+def render(sections: Sequence[Section], problems: Sequence[str], about: Mapping[str, str]) -> str:
     """The page's HTML.
 
     Args:
         sections: in their order.
         problems: records that were left out, and why.
         about: name of a set of results → where it comes from.
-        minutes: name of an experiment → minutes on 2 cores, shown beside its command.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
@@ -99,13 +92,7 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-
-    def duration(command: str) -> str:
-        name = re.search(r"\bexperiment=(\w+)", command)
-        taken = minutes.get(name[1]) if name else None
-        return f"  # about {max(1, round(taken))} min on 2 cores" if taken else ""
-
-    environment.filters |= {"tone": _tone, "kinds": _kinds, "duration": duration}
+    environment.filters |= {"tone": _tone, "kinds": _kinds}
     return environment.get_template("report.html").render(
         sections=sections, problems=problems, about=about, most_rows=ROWS, most_columns=COLUMNS
     )

@@ -128,7 +128,7 @@ def _of_scenes(results: Results) -> Iterator[Evidence]:
     for scene in (scene_of_table1(), *HARD, "tactile"):
         groups = [results.group(scene, model) for model in ("hdc", RIVAL)]
         if paired := difference(groups[0].runs, groups[1].runs):
-            row = {"evidence": scene, "value": paired.share, "n": f"{len(groups[0].runs)} seeds",
+            row = {"evidence": scene, "value": paired, "n": f"{len(groups[0].runs)} seeds",
                    "command": f"{RUN}all_scenes scene={scene}"}  # fmt: skip
             if all(group.right.mean() >= SATURATED for group in groups):
                 row |= {"evidence": f"{scene}, saturated", "verdict": UNDECIDABLE}

@@ -23,8 +23,8 @@ from torch import Tensor
 
 from baselines.dual import Products
 from experiments.protocol import data, trial
+from experiments.protocol.data import at_seed
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.protocol.scenes import at_seed
 from experiments.studies.crossing import theory
 from experiments.studies.crossing.measure import bit_correlations
 from hdc import HDCClassifier, bits

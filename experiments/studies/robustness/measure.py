@@ -17,9 +17,9 @@ from omegaconf import OmegaConf
 
 from experiments.protocol import data
 from experiments.protocol.clock import Clock
+from experiments.protocol.data import at_seed
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model
-from experiments.protocol.scenes import at_seed
 from experiments.protocol.trial import instantiate, stop_rule, train_until
 from experiments.studies.robustness import disturbances as faults
 from scenes.frames import Scene

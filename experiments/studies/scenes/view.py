@@ -128,7 +128,6 @@ def grid(figure: Figure, n: int, height: float, columns: int = 2) -> list[Axes]:
         "scene", "origin", "model", "seeds", "test_accuracy_final", "over_hdc", "training_time_s",
         "training_time_over_hdc", "predict_single_s", "model_bytes", "status",
     ),
-    key=("scene", "model"),
 )  # fmt: skip
 def all_scenes(results: Results) -> pd.DataFrame:
     """One row a scene and model."""

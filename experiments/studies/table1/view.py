@@ -102,7 +102,6 @@ COLUMNS = {
     title="Table I, published and measured",
     shown=("model", "time", "ratio", "published_test_accuracy", "at_target", "trained", "seeds"),
     columns=COLUMNS,
-    key=("model",),
 )
 def table1(results: Results) -> pd.DataFrame | None:
     """Table I, and below it the same softmax regression solved directly and one's own models."""

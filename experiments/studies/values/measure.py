@@ -17,8 +17,8 @@ import torch
 from torch import Tensor
 
 from baselines.dual import Products
+from experiments.protocol.data import scene_at
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.protocol.scenes import scene_at
 from experiments.studies.recordings.measure import draw_split, nested
 from hdc import HDCClassifier, HDCRegressor, bits
 from hdc.encode import encode

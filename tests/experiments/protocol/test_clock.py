@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from experiments.protocol import clock as clock_module
-from experiments.protocol.clock import Clock, timed
+from experiments.protocol.clock import Clock
 from experiments.protocol.data import LazyFrames
 
 
@@ -69,13 +69,3 @@ def test_an_error_while_acquiring_or_training_stops_the_clock(now):
     with clock.running():
         now.t += 1
     assert clock.seconds == 2
-
-
-def test_the_device_is_waited_for_before_each_reading(monkeypatch, now):
-    def wait(device):
-        assert device == "cuda:0"
-        now.t += 3  # what the device still had to do
-
-    monkeypatch.setattr(torch.cuda, "synchronize", wait)
-    # What was queued before does not count; what was queued inside does.
-    assert timed(lambda: None, "cuda:0") == 3

@@ -34,25 +34,18 @@ QUIET = Console(quiet=True)
 class Interrupted(Frames):
     """Frames whose making breaks off half-way."""
 
-    error: type[BaseException] = RuntimeError
-
     def frames(self, indices):
         if max(indices) > 30:
-            raise self.error
+            raise KeyboardInterrupt
         return super().frames(indices)
 
 
 # Lazy frames ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "index",
-    [slice(None), slice(8, 200), slice(3, 3), [4, 0, 4], torch.tensor([5, 3]), -1],
-    ids=repr,
-)
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_lazy_frames_index_as_a_tensor_does(index, dtype):
-    scene = make_scene(dtype=dtype)
+@pytest.mark.parametrize("index", [slice(8, 200), [4, 0, 4], torch.tensor([5, 3]), -1], ids=repr)
+def test_lazy_frames_index_as_a_tensor_does(index):
+    scene = make_scene(dtype=np.uint16)
     chosen = np.random.default_rng(1).permutation(60)[:12]
     lazy = data.LazyFrames(scene, chosen, Clock())
     whole = scene.frames(chosen)
@@ -81,9 +74,8 @@ def test_take_reads_lazily_above_the_limit_and_gives_the_same(monkeypatch):
 # The cache -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_cached_frames_are_the_scenes(tmp_path, dtype):
-    scene = make_scene(dtype=dtype)
+def test_cached_frames_are_the_scenes(tmp_path):
+    scene = make_scene(dtype=np.uint16)
     cached = data.cached(scene, tmp_path, QUIET)
     indices = [59, 0, 17]
     assert cached.frames(indices).dtype == scene.images.dtype
@@ -94,13 +86,11 @@ def test_cached_frames_are_the_scenes(tmp_path, dtype):
     assert {f.suffix for f in tmp_path.iterdir()} == {".npy", ".lock"}
 
 
-@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, SystemExit])
-def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch, error):
+def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch):
     scene = make_scene()
     broken = Interrupted(scene.images, scene.labels, scene.classes, scene.samples, scene.origin)
-    monkeypatch.setattr(Interrupted, "error", error)
     monkeypatch.setattr(Interrupted, "fingerprint", lambda self: scene.fingerprint())
-    with pytest.raises(error):
+    with pytest.raises(KeyboardInterrupt):
         data.cached(broken, tmp_path, QUIET)
     assert {f.suffix for f in tmp_path.iterdir()} == {".lock"}
     data.cached(scene, tmp_path, QUIET)
@@ -134,23 +124,15 @@ def test_frames_wanted_by_several_processes_are_made_by_one(tmp_path):
     assert ([process.exitcode for process in processes], scene.made.value) == ([0, 0, 0], 60)
 
 
-def test_recorded_frames_are_not_copied(tmp_path):
-    scene = make_scene(origin="recorded")
-    assert data.cached(scene, tmp_path / "cache", QUIET) is scene
-    assert not (tmp_path / "cache").exists()
-
-
-@pytest.mark.parametrize("damage", ["truncated", "empty", "other", "pickle"])
+@pytest.mark.parametrize("damage", ["truncated", "other"])
 def test_a_damaged_cache_file_is_named(tmp_path, damage):
     scene = make_scene()
     data.cached(scene, tmp_path, QUIET)
     (path,) = tmp_path.glob("*.npy")
     if damage == "other":
         np.save(path, np.zeros((60, 5, 8), np.uint8))
-    elif damage == "pickle":
-        np.save(path, np.array([{}], dtype=object), allow_pickle=True)
     else:
-        path.write_bytes(path.read_bytes()[: 500 if damage == "truncated" else 0])
+        path.write_bytes(path.read_bytes()[:500])
     with pytest.raises(ValueError, match="expected 60 frames") as caught:
         data.cached(scene, tmp_path, QUIET)
     assert str(path) in str(caught.value)
@@ -159,9 +141,8 @@ def test_a_damaged_cache_file_is_named(tmp_path, damage):
 # Which pixels and which samples --------------------------------------------------------------
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_fewer_pixels_are_some_of_more(dtype):
-    scene = make_scene(dtype=dtype)
+def test_fewer_pixels_are_some_of_more():
+    scene = make_scene(dtype=np.uint16)
     few, more = data.PixelSubset(scene, 6, 1), data.PixelSubset(scene, 20, 1)
     assert few.shape == (1, 6)
     assert few.frames([0, 5]).shape == (2, 1, 6)

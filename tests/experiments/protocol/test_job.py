@@ -8,7 +8,6 @@ import torch
 import hdc
 from experiments.protocol import job
 from experiments.records import locks, record
-from experiments.records.record import Finished
 from experiments.records.results import Results
 
 
@@ -38,21 +37,8 @@ def test_a_run_says_what_it_was_and_what_came_out(carry_out, results, frames_and
     assert 0 < entry.training_s < 10
 
 
-IDENTITY = [
-    "seed.run=1",
-    "seed.sensor=7",
-    "seed.samples=7",
-    "seed.split=7",
-    "seed.init=7",
-    "seed.pixels=7",
-    "split.kind=ordered",
-    "split.test_fraction=0.4",
-    "split.n_train=20",
-    "data.pixels=100",
-    "model.ties=one",
-    "stop.most_steps=3000",
-    "scene.subsample=2",
-]
+IDENTITY = ["seed.run=1", "seed.pixels=7", "split.kind=ordered", "split.n_train=20",
+            "data.pixels=100", "model.ties=one", "scene.subsample=2"]  # fmt: skip
 
 
 def test_the_id_is_a_function_of_config_and_data(carry_out, recording):
@@ -124,12 +110,9 @@ def breaks(*_):
     raise RuntimeError("not that way")
 
 
-@pytest.mark.parametrize("broken", [breaks, lambda self: {"w": [1]}, lambda self: None])
-def test_a_model_whose_size_is_not_known_is_finished_without_it(carry_out, fake, broken):
-    fake({"samples_seen": 1}, state_tensors=broken)
-    entry = carry_out()
-    assert isinstance(entry, Finished)
-    assert entry.model_bytes is None
+def test_a_model_whose_size_is_not_known_is_finished_without_it(carry_out, fake):
+    fake({"samples_seen": 1}, state_tensors=lambda self: {"w": [1]})
+    assert carry_out().model_bytes is None
 
 
 def test_a_model_that_cannot_predict_in_the_end_leaves_its_times_and_curve(
@@ -172,16 +155,12 @@ def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(carry_ou
     [
         (["scene.path=???"], r"^scene\.path: expected a value, found none"),
         (["+scene.colour=1"], r"^scene: .*unexpected keyword argument 'colour'"),
-        (["+model.colour=1"], r"^model: .*unexpected keyword argument 'colour'"),
         (["stop.loss=-1"], r"^stop\.loss: expected at least 0, found -1"),
         (["+stop.colour=0"], r"^stop\.colour: expected one of target, reached_after_s, loss"),
         (["split.test_fraction=nan"], r"^split\.test_fraction: expected a number, found nan"),
         (["model.device=cuda:99"], r"^model\.device: expected one of cpu"),
         (["exclusive=no"], r"^exclusive: expected true or false, found 'no'"),
-        (["cache=7"], r"^cache: expected true or false, found 7"),
         (["seed.run=99999999999999999999999"], r"^seed\.run: expected an integer of at most 2"),
-        (["seed.init=1.5", "model=softmax"], r"^seed\.init: expected an integer .*found 1\.5"),
-        (["device=gpu"], r"^device: expected one of cpu.*, found 'gpu'"),
         (["device=null"], r"^device: expected one of cpu.*, found None"),
     ],
     ids=lambda given: given[-1] if isinstance(given, list) else None,
@@ -189,24 +168,3 @@ def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(carry_ou
 def test_a_wrong_value_is_named_by_its_key(carry_out, results, overrides, message):
     with pytest.raises(ValueError, match=message):
         carry_out(*overrides)
-
-
-# Frames that cannot be read -----------------------------------------------------------------------
-
-
-def test_a_run_stops_at_a_bad_frame_or_lists_what_it_skipped(carry_out, tmp_path):
-    import cv2
-
-    folder = tmp_path / "frames"
-    for k in range(12):
-        (folder / "ab"[k % 2]).mkdir(parents=True, exist_ok=True)
-        frame = np.add.outer(np.arange(8), np.arange(8) * k).astype(np.uint8)
-        cv2.imwrite(str(folder / "ab"[k % 2] / f"{k}.png"), frame)
-    bad = folder / "b" / "[bold]7.png"
-    bad.write_bytes(b"")
-    with pytest.raises(ValueError, match=r"b/\[bold\]7.png: expected an image"):
-        carry_out(scene=folder)
-    entry = carry_out("scene.on_bad_frame=skip", scene=folder)
-    assert entry.scene.n == 12
-    (skipped,) = entry.scene.skipped
-    assert skipped.startswith(f"{bad}: expected an image")

@@ -18,21 +18,6 @@ def stops(rule, losses, accuracies=None, *, seconds=1.0, steps=1):
     return None
 
 
-def test_the_rule_does_not_know_how_many_samples_there_are():
-    """Five reports were one epoch of 400 samples, and five gradient steps of few."""
-    rule = StopRule(loss=0.1, least_steps=20)
-    falling = [1.0 / (k + 1) for k in range(100)]
-    for reports_a_step in (1, 5):
-        at, name = stops(rule, falling[::reports_a_step], steps=reports_a_step)
-        assert name == "trained"
-        assert (at + 1) * reports_a_step == 20
-
-
-def test_reached_needs_more_than_the_target():
-    rule = StopRule(reached_after_s=0)
-    assert stops(rule, [1.0] * 3, [0.5, 0.9, 0.91]) == (2, "reached")
-
-
 @pytest.mark.parametrize("loss", [math.nan, math.inf, -math.inf])
 def test_diverged_comes_before_every_other_reason(loss):
     rule = StopRule(reached_after_s=0, least_steps=0, most_steps=1, budget_s=1e-9)
@@ -45,21 +30,12 @@ def test_a_model_without_a_loss_is_left_to_finish():
     assert rule.check(100.0, 0, None, 0.99) == "budget"
 
 
-def test_a_model_without_steps_is_left_to_finish():
-    """What solves for its weights reports a loss once, and has nothing left to do."""
-    assert StopRule(least_steps=0).check(1.0, 0, 1e-6) is None
-
-
 @pytest.mark.parametrize(
     ("settings", "key"),
     [
         ({"target": 0}, "stop.target"),
         ({"reached_after_s": -1}, "stop.reached_after_s"),
-        ({"loss": -0.1}, "stop.loss"),
-        ({"least_steps": -1}, "stop.least_steps"),
-        ({"least_steps": 0, "most_steps": 0}, "stop.most_steps"),
         ({"least_steps": 10, "most_steps": 9}, "stop.most_steps"),
-        ({"budget_s": 0}, "stop.budget_s"),
         ({"budget_s": math.nan}, "stop.budget_s"),
     ],
 )

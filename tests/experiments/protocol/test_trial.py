@@ -6,7 +6,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-import hdc
 from experiments.protocol import data, trial
 from experiments.protocol.model import check_model, models_of
 
@@ -16,21 +15,6 @@ def curve_of(entry):
     columns = entry.curve["columns"]
     rows = (zip(columns, row, strict=True) for row in entry.curve["rows"])
     return [{key: value for key, value in row if value is not None} for row in rows]
-
-
-def test_a_model_that_diverges_keeps_its_curve(carry_out, fake):
-    fake(
-        {"samples_seen": 20, "loss": 2.0},
-        {"samples_seen": 40, "loss": float("nan")},
-        {"samples_seen": 60, "loss": 1.0},
-    )
-    entry = carry_out()
-    assert (entry.status, entry.stop) == ("finished", "diverged")
-    assert entry.curve["columns"][1:] == ["samples_seen", "loss", "train_accuracy", "test_accuracy"]
-    assert [row[1:] for row in entry.curve["rows"]] == [
-        [20, 2.0, 0.2, 0.2],
-        [40, "nan", None, None],
-    ]
 
 
 @pytest.mark.parametrize(
@@ -73,12 +57,6 @@ def test_both_readings_of_a_curve_are_in_the_record(carry_out, fake, monkeypatch
     assert (entry.train_accuracy_max, entry.test_accuracy_max) == (1.0, 0.9)
 
 
-def test_a_model_that_reports_nothing_fails(carry_out, fake):
-    fake()
-    with pytest.raises(ValueError, match="expected at least one report"):
-        carry_out()
-
-
 def test_only_training_counts(carry_out, fake, monkeypatch):
     now = types.SimpleNamespace(t=0.0)
     monkeypatch.setattr("experiments.protocol.clock.time.perf_counter", lambda: now.t)
@@ -105,27 +83,6 @@ def test_only_training_counts(carry_out, fake, monkeypatch):
 
 
 # Many frames --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("n", [500, 4000])
-def test_a_model_that_learns_in_one_pass_is_evaluated_a_few_times(
-    carry_out, recording, monkeypatch, n
-):
-    """After every 128 frames, evaluation took N²/128 predictions: hours for a minute's training."""
-    predicted = []
-    real = hdc.HDCClassifier.predict
-    monkeypatch.setattr(
-        hdc.HDCClassifier,
-        "predict",
-        lambda self, X: predicted.append(len(X)) or real(self, X),
-    )
-    entry = carry_out("exclusive=false", scene=recording(n, 2, 4))
-    seen = [row["samples_seen"] for row in curve_of(entry)]
-    assert seen[-1] == 0.8 * n
-    assert all(b >= min(2 * a, 0.8 * n) for a, b in pairwise(seen))
-    assert len(seen) <= 2 + np.log2(n / 128)
-    evaluations = len(seen) + 1  # and the final one
-    assert sum(predicted) <= evaluations * n + 3 * 0.2 * n + 22
 
 
 @pytest.mark.parametrize("model", ["hdc", "correlation", "softmax"])
@@ -155,12 +112,7 @@ def test_too_many_frames_are_read_in_parts_and_give_the_same_record(
 @pytest.mark.parametrize(
     ("report", "message"),
     [
-        (
-            {"samples_seen": 1, "note": "hello"},
-            r"report\['note'\]: expected a number, found 'hello'",
-        ),
-        ({"samples_seen": None}, r"report\['samples_seen'\]: expected a number, found None"),
-        ({"samples_seen": 1, "loss": True}, r"report\['loss'\]: expected a number, found True"),
+        ({"samples_seen": 1, "note": "a"}, r"report\['note'\]: expected a number, found 'a'"),
         ({"samples_seen": 1, "training_s": 0.0}, r"report\['training_s'\]: expected no such key"),
     ],
 )
@@ -176,21 +128,10 @@ def test_a_model_that_writes_into_its_frames_is_refused(carry_out, fake):
         carry_out()
 
 
-class NoModel:
-    def fit(self, frames, labels):
-        return self
-
-
-@pytest.mark.parametrize(
-    ("model", "message"),
-    [
-        (NoModel(), "found NoModel without train and predict; .*sklearn_classifier"),
-        ({"lr": 1}, r"found dict without train and predict; model\._target_ names the class"),
-    ],
-)
-def test_an_object_that_is_no_model_is_refused_with_a_hint(model, message):
-    with pytest.raises(ValueError, match=f"^model: expected an object with train.*{message}"):
-        check_model(model)
+def test_an_object_that_is_no_model_is_refused_with_a_hint():
+    for model in (types.SimpleNamespace(fit=None), {"lr": 1}):
+        with pytest.raises(ValueError, match=r"^model: expected an object with train"):
+            check_model(model)
 
 
 def test_models_of_subsets_are_hdc_or_computed_from_products():

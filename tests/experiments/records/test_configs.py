@@ -6,16 +6,14 @@ from experiments.records import configs
 
 
 def test_parts_of_configs_are_resolved_or_none():
-    touch = configs.of_scene("touch")
+    touch = configs.part("scene", "touch")
     assert set(touch) == {"scene", "split"}
     assert touch["scene"]["seed"] == 0
-    assert configs.of_scene("recorded")["scene"]["path"] == "???"
-    assert configs.of_model("hdc")["model"]["_target_"] == "hdc.HDCClassifier"
-    paper = configs.of_stop("paper")["stop"]
-    assert paper["reached_after_s"] is None
-    assert configs.of_stop("long")["stop"] == {**paper, "least_steps": 1000}
-    for of in (configs.of_scene, configs.of_model, configs.of_stop):
-        assert of("nowhere") is None
+    assert configs.part("scene", "recorded")["scene"]["path"] == "???"
+    assert configs.part("model", "hdc") == {"model": configs.part("model", "hdc")["model"]}
+    paper = configs.part("stop", "paper")["stop"]
+    assert configs.part("stop", "long")["stop"] == {**paper, "least_steps": 1000}
+    assert configs.part("model", "nowhere") is None
 
 
 def test_an_experiment_has_a_task_or_a_sweep():

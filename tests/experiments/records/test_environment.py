@@ -3,30 +3,22 @@
 import json
 import os
 import subprocess
-import sys
 
 import numpy as np
 import pytest
-import torch
 
 from experiments.records import environment as module
 from experiments.records import sources
-from experiments.records.environment import command, environment
+from experiments.records.environment import environment
 
 CONFIG = {"model": {"_target_": "hdc.bits.Nothing"}}
 
 
 def test_a_reader_of_a_time_finds_what_it_depends_on():
-    told = environment("cpu", 3, {})
-    assert told["threads"] == 3
-    assert told["device"] == "cpu"
-    assert told["cores"] == os.cpu_count()
-    assert told["cpu"]
-    assert told["python"] == ".".join(map(str, sys.version_info[:3]))
-    assert told["packages"]["torch"].split("+")[0] == torch.__version__.split("+")[0]
-    assert told["packages"]["numpy"] == np.__version__
-    assert len(told["code"]) == 64
-    assert json.dumps(told)
+    known = environment("cpu", 3, {})
+    assert (known["threads"], known["device"], known["cores"]) == (3, "cpu", os.cpu_count())
+    assert known["packages"]["numpy"] == np.__version__
+    assert json.dumps(known)
 
 
 def git(folder, *words):
@@ -72,14 +64,3 @@ def test_commit_and_dirt_and_code_hash(checkout):
     assert changed["dirty"] is True
     assert changed["commit"] == clean["commit"]
     assert changed["code"] != clean["code"]
-
-
-def test_without_git_the_code_hash_remains(tmp_path, monkeypatch, checkout):
-    monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
-    told = now()
-    assert (told["commit"], told["dirty"], len(told["code"])) == (None, None, 64)
-
-
-def test_the_command_can_be_typed_again(monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["run.py", "scene.path=my frames", "seed.run=0,1"])
-    assert command() == "python -m experiments.run 'scene.path=my frames' seed.run=0,1"

@@ -64,10 +64,7 @@ def test_a_failure_leaves_what_was_finished(results, monkeypatch):
     monkeypatch.setattr(measurement, "write", lambda *_: pytest.fail("written"))
     with pytest.raises(OSError, match="the disk is full"):
         measurement.measure(
-            "powers",
-            {"base": 2, "most": 3, "fail_at": None},
-            lambda: broken(None),
-            force=True,
+            "powers", {"base": 2, "most": 3, "fail_at": None}, lambda: broken(None), force=True
         )
     assert (path / "rows.jsonl").read_bytes() == rows
     assert read(path).record.status == "finished"
@@ -108,12 +105,3 @@ def test_finished_parts_are_not_computed_again(results):
 def test_numbers_that_json_lacks_become_null():
     text = measurement.to_lines([{"a": float("nan"), "b": float("inf"), "c": np.int64(3)}])
     assert measurement.from_lines(text) == [{"a": None, "b": None, "c": 3}]
-
-
-def test_what_is_no_record_is_named(results):
-    folder = results / "measured" / "x-0"
-    folder.mkdir(parents=True)
-    (folder / "record.json").write_text("{")
-    with pytest.raises(ValueError, match=r"record\.json: expected a record of a measurement"):
-        measurement.read(folder)
-    assert measurement.read(results) is None

@@ -3,7 +3,6 @@
 import json
 import math
 
-import numpy as np
 import pytest
 
 from experiments.records import record
@@ -84,11 +83,3 @@ def test_the_name_of_a_run_depends_on_every_value_of_its_config():
     for other in ({"a": {"b": 2}, "c": [1, 2]}, {"a": {"b": 1}, "c": [2, 1]}):
         assert record.run_id("touch", "hdc", other, "f") != name
     assert record.run_id("touch", "hdc", config, "g") != name
-
-
-def test_values_without_a_json_form_are_refused():
-    entry = {"environment": {}, "value": object()}
-    with pytest.raises(TypeError, match="expected plain values"):
-        record.to_line(entry, [])
-    line = record.to_line({"environment": {}, "value": np.arange(2)}, [])
-    assert json.loads(line)["value"] == [0, 1]

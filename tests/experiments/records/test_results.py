@@ -1,8 +1,5 @@
 """What may stand in one row, and that every run is seen somewhere."""
 
-import re
-import shutil
-
 import numpy as np
 import pytest
 
@@ -40,7 +37,7 @@ def test_runs_of_one_config_and_code_stand_in_one_row_by_seed(tmp_path, write_ru
     assert group.status == "ok"
     assert group.right.tolist().count(False) == 3
     assert np.trace(group.confusion()) == 297
-    assert (group.failed, group.others, group.outdated) == ([], [], [])
+    assert (group.failed, group.others) == ([], 0)
 
 
 def test_runs_of_other_code_are_not_averaged_and_todays_come_first(tmp_path, write_run, other_code):
@@ -50,10 +47,8 @@ def test_runs_of_other_code_are_not_averaged_and_todays_come_first(tmp_path, wri
         write_run("hdc", seed=seed)
     group = Results(tmp_path).group("touch", "hdc")
     assert [run.record.seed for run in group.runs] == [0]
-    assert [run.record.seed for run in group.others] == [1, 2, 3]
-    assert group.outdated == []
+    assert group.runs[0].outdated == []
     assert group.status == "3 more left out: of other code or settings"
-    assert group.others[0].outdated == ["hdc/bits.py"]
 
 
 def test_the_stopping_rule_of_the_paper_comes_first_then_the_larger_group(tmp_path, write_run):
@@ -62,7 +57,7 @@ def test_the_stopping_rule_of_the_paper_comes_first_then_the_larger_group(tmp_pa
     write_run("softmax", stop="paper", curve=[{"training_s": 1.0, "loss": 1.0}])
     group = Results(tmp_path).group("touch", "softmax")
     assert [run.record.choices.stop for run in group.runs] == ["paper"]
-    assert len(group.others) == 3
+    assert group.others == 3
 
 
 def test_what_learns_in_one_pass_ends_by_itself_whatever_the_rule(tmp_path, write_run):
@@ -122,12 +117,6 @@ def test_a_failed_run_counts_until_one_of_its_seeds_is_finished(tmp_path, write_
     assert Results(tmp_path).group("touch", "hdc").status == "ok"
 
 
-def test_runs_merely_timed_beside_others_are_no_failures(tmp_path, write_run):
-    write_run("hdc", seed=0, environment={"exclusive": False})
-    group = Results(tmp_path).group("touch", "hdc")
-    assert (group.failed, group.status) == ([], "1 timed beside other runs")
-
-
 def test_all_training_samples_are_one_row_however_they_were_asked_for(tmp_path, write_run):
     write_run("hdc", seed=0)
     write_run("hdc", seed=1, n_train=400)
@@ -136,12 +125,6 @@ def test_all_training_samples_are_one_row_however_they_were_asked_for(tmp_path, 
         ("touch", "hdc", None, None): [0, 1],
         ("touch", "hdc", 20, None): [1],
     }
-
-
-def test_other_devices_are_left_out(tmp_path, write_run):
-    write_run("hdc", change={"device": "cuda"})
-    assert not Results(tmp_path)
-    assert Results(tmp_path, "cuda")
 
 
 def test_what_is_no_record_costs_itself_only(tmp_path, write_run):
@@ -154,55 +137,3 @@ def test_what_is_no_record_costs_itself_only(tmp_path, write_run):
     assert results.measurements == []
     for name in ("runs.jsonl, line 2", "runs.jsonl, line 3", "measured/x/record.json"):
         assert sum(name in problem for problem in results.problems) == 1, name
-
-
-# Runs of one's own, carried out -------------------------------------------------------------------
-
-MINE = {
-    "model/mine.yaml": """
-# @package _global_
-model: {_target_: hdc.HDCClassifier, ties: one, device: '${device}', seed: '${seed.init}'}
-""",
-    "scene/bench.yaml": """
-_target_: scenes.recorded.open_recording
-path: ???
-subsample: 2
-""",
-}
-
-
-def test_every_own_run_is_a_group_of_its_own_and_in_the_table_of_runs(
-    results, recording, start, tmp_path, one_thread
-):
-    for name, text in MINE.items():
-        write_atomically(tmp_path / "own" / name, text)
-    path = recording()
-    shutil.copy(path, tmp_path / "other.npz")
-    own = ("--config-dir", str(tmp_path / "own"), "exclusive=false")
-    for overrides in (
-        ("scene=recorded", f"scene.path={path}"),
-        ("scene=recorded", f"scene.path={tmp_path / 'other.npz'}", "seed.run=1"),
-        ("scene=recorded", f"scene.path={path}", "model=softmax", "model.lr=0.5"),
-        ("scene=recorded", f"scene.path={path}", "model=mine"),
-        ("scene=recorded", f"scene.path={path}", "model=mine", "model.ties=zero"),
-        ("scene=bench", f"scene.path={path}"),
-        ("scene=bench", f"scene.path={path}", "scene.subsample=4"),
-    ):
-        process = start(*own, *overrides)
-        process.join(60)
-        assert process.exitcode == 0, process.out.read_text()
-    found = Results(results)
-    assert found.problems == []
-    name = re.compile(r"\([0-9a-f]{6}\)")
-    groups = {(name.sub("(HASH)", g.scene), g.model, len(g.runs)) for g in found.groups()}
-    assert groups == {
-        ("recorded frames.npz (HASH)", "hdc", 1),
-        ("recorded other.npz (HASH)", "hdc", 1),
-        ("recorded frames.npz (HASH)", "softmax (lr=0.5)", 1),
-        ("recorded frames.npz (HASH)", "mine", 1),
-        ("recorded frames.npz (HASH)", "mine (ties=zero)", 1),
-        ("bench frames.npz (HASH)", "hdc", 1),
-        ("bench frames.npz (HASH) (subsample=4)", "hdc", 1),
-    }
-    assert found.group("touch", "hdc").status == "missing"
-    assert len(runs_table(found).data) == len(found.runs) == 7

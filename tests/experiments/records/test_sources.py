@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
 
 from experiments.records import sources
@@ -29,25 +26,6 @@ def test_a_run_is_made_by_what_it_imports_and_by_the_trial():
     assert "baselines/training.py" in sources.sources(CNN)
 
 
-def test_targets_are_found_anywhere_in_a_configuration():
-    nested = {"scene": {"sessions": [{"_target_": "scenes.sensor.environment.Room"}]}}
-    assert "scenes/sensor/environment.py" in sources.sources(nested)
-    assert set(sources.sources({"a": {"_target_": "torch.nn.Linear"}})) == set(sources.sources({}))
-
-
-def test_every_module_that_a_run_loads_is_among_its_sources():
-    script = (
-        "import sys, hdc.classifier\n"
-        "print(*(m.__file__ for name, m in sys.modules.items() if name.startswith('hdc')))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=sources.ROOT
-    )
-    loaded = {path.removeprefix(f"{sources.ROOT}/") for path in done.stdout.split()}
-    assert "hdc/bits.py" in loaded
-    assert loaded <= set(sources.sources(HDC))
-
-
 # Digests ------------------------------------------------------------------------------------------
 
 WRITTEN = '"""Words."""\nfrom hdc.bits import a\ndef f(x):\n    """More."""\n    return x + 1\n'
@@ -62,9 +40,6 @@ WRITTEN = '"""Words."""\nfrom hdc.bits import a\ndef f(x):\n    """More."""\n   
         ("from numpy import a\ndef f(x):\n    return x + 1\n", False),
         ("from hdc.bits import a\ndef f(x):\n    return x + 2\n", False),
         ("from hdc.bits import a\ndef f(y):\n    return y + 1\n", False),
-        ("from hdc.bits import a\ndef f(x):\n    return x + 1.0\n", False),
-        ("from hdc.bits import a\ndef f(x, *, y=None):\n    return x + 1\n", False),
-        ("from hdc.bits import a\nasync def f(x):\n    return x + 1\n", False),
     ],
 )
 def test_what_computes_the_same_has_the_same_digest(tmp_path, text, same):

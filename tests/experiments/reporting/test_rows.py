@@ -10,7 +10,7 @@ from experiments.records import configs
 from experiments.records.results import Results
 from experiments.reporting import rows
 from experiments.reporting.estimates import least_variance, mean_interval
-from experiments.reporting.rows import display_name, swept
+from experiments.reporting.rows import swept
 from experiments.reporting.runs import runs_table
 
 
@@ -71,13 +71,6 @@ def test_not_reached_is_said_never_a_number(tmp_path, write_run):
     assert row["training_time_q75_s"] == "not reached in 20 s"
 
 
-def test_a_value_that_a_record_does_not_have_costs_its_cell_only(tmp_path, write_run):
-    write_run("hdc", train_accuracy_max=None, test_accuracy_max=None)  # every loss is NaN
-    row = line(tmp_path, "hdc")
-    assert row["train_accuracy_max"] is row["test_accuracy_max"] is None
-    assert row["test_accuracy_final"] == 1
-
-
 def test_missing_and_failed_runs_are_told(tmp_path, write_run):
     assert (line(tmp_path, "cnn3")["status"], line(tmp_path, "cnn3")["seeds"]) == ("missing", 0)
     write_run("cnn3", status="failed", error="RuntimeError: no memory")
@@ -94,29 +87,6 @@ def test_a_sweep_has_a_row_for_all_that_it_asks_for(tmp_path, a_full_set):
     assert measured["hdc", 20] == measured["ridge", 100] == 2
 
 
-def test_names_keep_what_was_changed():
-    assert display_name("cnn1 (lr=0.01)") == f"{display_name('cnn1')} (lr=0.01)"
-    assert display_name("of_my_own") == "of_my_own"
-
-
-def test_a_command_for_all_models_with_the_same_seeds(tmp_path, write_run):
-    for model, seeds in (("hdc", 2), ("softmax", 2), ("cnn1", 1)):
-        for seed in range(seeds):
-            write_run(model, seed=seed)
-    write_run("ridge", change={"model.alpha": 2.0}, n_train=20, pixels=100)
-    results = Results(tmp_path)
-    command = "python -m experiments.run -m scene=touch model={} stop=paper seed.run={}"
-    assert rows.commands([results.group("touch", m) for m in ("hdc", "softmax", "cnn1")]) == [
-        command.format("hdc,softmax", "0,1"), command.format("cnn1", "0"),
-    ]  # fmt: skip
-    (changed,) = (group for group in results.groups() if "alpha" in group.model)
-    (text,) = rows.commands([changed])
-    assert text == (
-        "python -m experiments.run -m scene=touch model=ridge stop=paper "
-        "seed.run=0 split.n_train=20 data.pixels=100 model.alpha=2.0"
-    )
-
-
 def test_every_run_has_a_line_with_what_was_changed(tmp_path, write_run):
     small = write_run("hdc", seed=1, n_train=20, pixels=100, wrong=range(10))
     changed = write_run("cnn1", change={"model.lr": 0.01, "scene.samples_per_class": 20})
@@ -125,12 +95,8 @@ def test_every_run_has_a_line_with_what_was_changed(tmp_path, write_run):
     lines = {run["id"]: run for run in csv.DictReader(io.StringIO(text))}
     assert set(lines) == {small, changed, failed}
     run = lines[small]
-    assert (run["n_train"], run["pixels"], run["seed"], run["code"]) == (
-        "20",
-        "100",
-        "1",
-        "current",
-    )
+    known = {"n_train": "20", "pixels": "100", "seed": "1", "code": "current"}
+    assert known.items() <= run.items()
     assert run["test_accuracy_final"] == "0.9"
     assert lines[changed]["overrides"] == "scene.samples_per_class=20 model.lr=0.01"
     assert lines[failed]["status"] == "failed: RuntimeError: no\\nmemory"

@@ -1,13 +1,10 @@
 """A study is a folder with a view; its decorators make tables, figures and numbers of records."""
 
-import math
-
 import pandas as pd
 import pytest
 
 from experiments import studies
 from experiments.records.results import Results
-from experiments.reporting.estimates import Estimate
 from experiments.reporting.study import Quantity, Study
 from experiments.reporting.study import studies as studies_of
 
@@ -55,10 +52,3 @@ def test_rows_of_a_measurement_become_a_table_for_each_kind_of_frames(
     assert first.title == "Some, simulated frames, A CPU, 2 threads"
     assert first.commands == ("python -m experiments.run experiment=correlation",)
     assert [q.value for q in study.quantities_of(Results(tmp_path))] == [7]  # not of other frames
-
-
-def test_an_estimate_without_bounds_has_no_interval():
-    quantity = Quantity.of("a/b", Estimate(0.5), "Wilson", 100)
-    assert (quantity.value, quantity.low, quantity.high, quantity.interval) == (50, None, None, "")
-    quantity = Quantity.of("a/b", Estimate(0.5, 0.4, math.nan), "Wilson", 100, seeds=3)
-    assert (quantity.low, quantity.high, quantity.interval) == (40, None, "Wilson")

@@ -88,7 +88,7 @@ def record(write_measurement):
             for model, right in (("hdc", hdc), (RIVAL, rival))
             for draw in range(20)
         ]
-        config = {"scene": configs.of_scene(scene)["scene"] | more, "seeds": [0]}
+        config = {"scene": configs.part("scene", scene)["scene"] | more, "seeds": [0]}
         write_measurement("recordings", rows, config=config, scene=scene)
 
     return write

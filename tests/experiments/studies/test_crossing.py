@@ -14,7 +14,7 @@ from experiments.studies.crossing.theory import Correlations
 from hdc import HDCClassifier
 from hdc.encode import encode
 
-MODELS = {name: configs.of_model(name) for name in ("hdc", "hdc_random_ties", "ridge")}
+MODELS = {name: configs.part("model", name) for name in ("hdc", "hdc_random_ties", "ridge")}
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,9 @@ from hdc import HDCClassifier
 from scenes.frames import Frames
 
 SPLIT = {"kind": "random", "test_fraction": 0.2, "n_train": None}
-MODELS = {name: configs.of_model(name) for name in ("hdc", "ridge", "softmax_dual", "correlation")}
+MODELS = {
+    name: configs.part("model", name) for name in ("hdc", "ridge", "softmax_dual", "correlation")
+}
 
 
 @pytest.fixture(scope="module")

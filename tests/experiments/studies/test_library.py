@@ -8,7 +8,7 @@ from experiments.studies.library.measure import library
 
 
 def test_library_harness_and_plain_numpy_agree(recording):
-    scene = configs.of_scene("recorded")["scene"] | {"path": str(recording(90, 3))}
+    scene = configs.part("scene", "recorded")["scene"] | {"path": str(recording(90, 3))}
     run = Run(console=Console(quiet=True), force=True, cache=False)
     split = {"kind": "random", "test_fraction": 0.3}
     rows = list(library.rows(run, scene, split, n_per_class=7, repeats=1))

@@ -20,7 +20,7 @@ from experiments.studies.recordings.measure import (
 from scenes.frames import Frames
 
 RANDOM = {"kind": "random", "test_fraction": 0.5}
-MODELS = {name: configs.of_model(name) for name in ("hdc", "hdc_integer", "ridge")}
+MODELS = {name: configs.part("model", name) for name in ("hdc", "hdc_integer", "ridge")}
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_models_on_subsets_are_those_trained_on_the_frames(scene, model):
 
 
 def test_rows_of_a_small_recording(scene, recording):
-    of = configs.of_scene("recorded")["scene"] | {"path": str(recording(60, 3))}
+    of = configs.part("scene", "recorded")["scene"] | {"path": str(recording(60, 3))}
     run = Run(console=Console(quiet=True), force=True)
     rows = list(recordings.rows(run, of, {"random": RANDOM}, MODELS, [1, 5], draws=2))
     assert len(rows) == 2 * len(MODELS)
@@ -94,7 +94,7 @@ def test_theory_stands_beside_what_was_measured(tmp_path, write_measurement):
 def test_one_fibre_seen_through_more_fields_is_one_recording(tmp_path, write_measurement):
     row = {"draw": 0, "seed": 0, "model": "hdc", "split": "counts", "n_test": 10, "n": [1]}
     for scene in view.FIELDS:
-        config = {"scene": configs.of_scene(scene)["scene"]}
+        config = {"scene": configs.part("scene", scene)["scene"]}
         write_measurement("recordings", [row | {"right": [5]}], config=config, scene=scene)
     results = Results(tmp_path)
     assert list(view.recordings(results)) == ["fibre_grouped"]

@@ -103,7 +103,7 @@ def scene():
 
 @pytest.mark.parametrize("name", ["hdc", "linear_bits_1bit", "ridge", "nearest_neighbour"])
 def test_every_model_is_measured_and_left_as_it_was(name, scene):
-    model = instantiate(OmegaConf.create(configs.of_model(name)["model"]), "model")
+    model = instantiate(OmegaConf.create(configs.part("model", name)["model"]), "model")
     model.fit(scene.images[:80], scene.labels[:80])
     test, levels = np.arange(80, 100), {"power": [0.2], "shift": [1]}
     rows = pd.DataFrame(rows_of(model, scene, test, levels, [1e-4, 0.5], ("labels",)))

@@ -12,8 +12,11 @@ from experiments.studies.unequal import view
 from experiments.studies.unequal.measure import unequal
 from scenes.frames import Frames
 
-MODELS = {n: configs.of_model(n) for n in ("hdc", "hdc_random_ties", "hdc_integer", "ridge")}
-MODELS |= {"hdc_balanced": configs.of_model("hdc"), "mean_image": configs.of_model("mean_image")}
+MODELS = {n: configs.part("model", n) for n in ("hdc", "hdc_random_ties", "hdc_integer", "ridge")}
+MODELS |= {
+    "hdc_balanced": configs.part("model", "hdc"),
+    "mean_image": configs.part("model", "mean_image"),
+}
 MODELS["hdc_balanced"] = {"model": {**MODELS["hdc"]["model"], "balance": True}}
 SPLIT = {"kind": "random", "test_fraction": 0.5, "group": None}
 
