@@ -161,7 +161,6 @@ def _or_never(value: float) -> str:
     "that HDC of the same seed ends with; never, if it stops before. One-pass models report when "
     "they are fitted. The paper's clock stops when training accuracy exceeds 90 %. × HDC: over the "
     "time of HDC of the same seed, on the same machine. Median [lowest, highest] over seeds.",
-    key=("model",),
     commands=[f"{RUN}table1", f"{RUN}table1_extended"],
 )
 def equal_accuracy(results: Results) -> pd.DataFrame | None:
