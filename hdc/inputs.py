@@ -36,7 +36,10 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
     if hasattr(frames, "toarray"):
         raise TypeError("frames: expected a dense array, found a sparse one; use its toarray()")
     if hasattr(frames, "iloc") or not hasattr(frames, "shape"):
-        frames = np.asarray(frames if hasattr(frames, "__array__") else list(frames))
+        frames = frames if hasattr(frames, "__array__") else list(frames)
+        if isinstance(frames, list) and len({np.shape(frame) for frame in frames}) > 1:
+            raise ValueError("frames: expected frames of one shape, found several")
+        frames = np.asarray(frames)
     if len(frames.shape) == 1 and frames.shape[0]:
         raise ValueError(
             f"frames: expected shape [N, H, W] or [N, D], found {tuple(frames.shape)}; "

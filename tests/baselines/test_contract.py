@@ -138,11 +138,11 @@ def test_sixteen_bit_frames(model, speckle):
         (
             [np.zeros((6, 6), np.uint8), np.zeros((6, 5), np.uint8)],
             [0, 1],
-            r"frames\[1\]: expected",
+            "frames: expected frames of one shape",
         ),
         (torch.zeros(4, 6, 6, dtype=torch.uint8), [0, 1], "labels: expected 4"),
         (torch.zeros(4, 6, 6, dtype=torch.uint8), [1, 1, 1, 1], "two classes, found one class, 1"),
-        (torch.zeros(3, 6, 6, dtype=torch.uint8), [0.0, np.nan, 1], r"labels\[1\]: .*NaN"),
+        (torch.zeros(3, 6, 6, dtype=torch.uint8), [0.0, np.nan, 1], r"labels\[1\]: .*found nan"),
     ],
 )
 def test_bad_input_is_named(frames, labels, message):
