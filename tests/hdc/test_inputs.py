@@ -99,7 +99,7 @@ def test_arrays_as_files_give_them() -> None:
         (
             [np.ones((3, 4)), np.ones((3, 5))],
             ValueError,
-            "inhomogeneous shape",
+            "frames of one shape",
         ),
     ],
 )
