@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 __all__ = ["HDCClassifier", "HDCRegressor", "__version__"]
 
 _MODULES = {"HDCClassifier": "hdc.classifier", "HDCRegressor": "hdc.regressor"}
-__version__ = "0.1.0"  # pyproject.toml has it from here
+__version__ = "1.0.0"  # pyproject.toml has it from here
 
 
 def __getattr__(name: str) -> Any:
