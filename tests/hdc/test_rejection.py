@@ -179,3 +179,28 @@ def test_decisions_are_shares_of_pixels() -> None:
     expected = (distances[:, 0] - distances[:, 1]) / D
     np.testing.assert_allclose(model.decision_function(frames), expected)
     assert ((model.decision_function(frames) > 0) == (model.predict(frames) == 1)).all()
+
+
+def numbered(label: str, first: int, n: int) -> Sample:
+    """A sample that n hypervectors of one word came by, numbered from `first`."""
+    sample = Sample()
+    sample.add(torch.arange(first, first + n)[:, None], [label] * n)
+    return sample
+
+
+@pytest.mark.parametrize(
+    ("n", "n_other", "mine", "others"),
+    [(5, 6, 5, 6), (5, 100, 1, 18), (100, 100, 9, 10), (300, 100, 14, 5), (100, 3, 18, 1)],
+)
+def test_merged_samples_have_shares_of_what_came_by(n, n_other, mine, others) -> None:
+    sample, other = numbered("a", 0, n), numbered("a", 1000, n_other)
+    before = sample.of("a").clone()
+    sample.merge(other)
+    assert sample.seen == {"a": n + n_other}
+    kept = sample.of("a")[:, 0].tolist()
+    assert [sum(word < 1000 for word in kept), sum(word >= 1000 for word in kept)] == [mine, others]
+    assert kept[:mine] == before[:mine, 0].tolist()
+    assert kept[mine:] == other.of("a")[:others, 0].tolist()
+    sample.merge(numbered("b", 7, 2))
+    assert sample.of("b")[:, 0].tolist() == [7, 8]
+    assert len(sample.of("a")) == len(kept)
