@@ -137,25 +137,6 @@ def accuracy_vs_n(figure: Figure, results: Results) -> None:
 
 
 @STUDY.figure(
-    "accuracy_vs_d",
-    caption="Test accuracy against the number of pixels seen: the dimension of a hypervector.",
-    size=(3.4, 2.9),
-    needs=lambda results: bool(rows(results, "accuracy_vs_d")),
-    commands=(f"{RUN}accuracy_vs_d",),
-)
-def accuracy_vs_d(figure: Figure, results: Results) -> None:
-    """Test accuracy against the number of pixels seen, which is HDC's dimension."""
-    lines = rows(results, "accuracy_vs_d")
-    models = measured_models(lines, [line["model"] for line in lines])
-    axes = figure.subplots()
-    accuracy_curves(axes, lines, models, "pixels")
-    axes.legend(handles=[handle(model) for model in models], loc="lower right")
-    whole = max((line["pixels"] or 0 for line in lines if line["seeds"]), default=0)
-    axes.set_xlabel(f"pixels seen, D (whole frame: {whole:,})")
-    title(figure, axes, "Test accuracy against dimension", lines, models, models)
-
-
-@STUDY.figure(
     "work_precision",
     caption="Test error against the time a prediction takes; along a curve the number of pixels "
     "grows.",

@@ -23,7 +23,7 @@ from experiments.reporting.text import number
 from experiments.studies.claims import rules
 from experiments.studies.claims.rules import NO, UNDECIDABLE, YES
 from experiments.studies.correlation.view import mean_contrast
-from experiments.studies.crossing.view import first_crossings, tidy
+from experiments.studies.crossing.view import first_crossings, middle, tidy
 from experiments.studies.drift.view import accuracies as updated
 from experiments.studies.recordings.view import RIVAL, SATURATED, over_rival, recordings
 from experiments.studies.table1.view import scene as scene_of_table1
@@ -143,7 +143,7 @@ def _slower(results: Results, models: Sequence[str]) -> Iterator[Evidence]:
             middle = float(np.median(runs)) if runs else math.nan  # a way that was not measured
             bounds = (min(runs), max(runs)) if len(runs) > 1 else ()  # one run has no range
             yield {"evidence": f"{display_name(model)}, over {way}", "kind": TIMED,
-                   "value": Estimate(middle, *bounds), "verdict": rules.slower({way: runs}),
+                   "value": Estimate(middle, *bounds), "verdict": rules.slower(runs),
                    "n": f"{len(runs)} run{'s' * (len(runs) != 1)}"}  # fmt: skip
 
 
@@ -169,8 +169,7 @@ def _few(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
 def _first(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     """The N at which one experiment with HDC exceeds 90 %: median and 95 % of experiments."""
     first = first_crossings(rows).query("model == 'hdc'")["first"]
-    low, middle, high = np.quantile(first, (0.025, 0.5, 0.975), method="inverted_cdf")
-    yield {"evidence": f"{place or 'touch'}, fitted", "value": Estimate(middle, low, high),
+    yield {"evidence": f"{place or 'touch'}, fitted", "value": middle(first),
            "n": f"{len(first)} experiments", "verdict": UNDECIDABLE}  # fmt: skip
 
 
@@ -215,11 +214,6 @@ def _faults(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
             yield row if model == "hdc" else {**row, "verdict": UNDECIDABLE}
 
 
-def _of_assumptions(results: Results) -> Iterator[Evidence]:
-    """No recording of touched objects is public, and simulated ones rest on assumed thickness."""
-    yield {"evidence": "simulated objects", "value": Estimate(math.nan), "verdict": UNDECIDABLE}
-
-
 class Source(NamedTuple):
     """Where evidence for a claim comes from: `read` of the results, and columns of all its rows.
 
@@ -254,8 +248,6 @@ EVIDENCE = (
            "above HDC not updated", "more_accurate"),
     Source("faults", partial(_of_places, name="robustness", read=_faults), "robustness",
            "change by 1 % flipped bits", "at_least_as_accurate"),
-    Source("objects", _of_assumptions, "scenes",
-           "none: the answer follows from an assumption of ours", "no evidence", ""),
 )
 # fmt: on
 

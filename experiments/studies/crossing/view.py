@@ -12,10 +12,9 @@ from matplotlib.lines import Line2D
 
 from experiments.reporting import published
 from experiments.reporting.columns import Column
-from experiments.reporting.estimates import Estimate, crossing, mean_share
+from experiments.reporting.estimates import Estimate
 from experiments.reporting.plot import handle, line_plot, panel, style_of
 from experiments.reporting.study import Study
-from experiments.reporting.text import number, percent
 
 STUDY = Study(
     "crossing",
@@ -66,86 +65,24 @@ def _expected(rows: pd.DataFrame) -> list[str]:
 @STUDY.table(
     "crossing", of="crossing",
     title=f"First N at which one experiment exceeds {LEVEL:.0%}, on {{frames}}",
-    columns={
-        "first": Column("First N, median [95 % of experiments]", _whole),
-        "p_at_most_published": Column(f"P(first N ≤ {_LIMIT:g}), % [95 %]", percent),
-        "p_next": Column(f"P(first N is the next after {_LIMIT:g}), % [95 %]", percent),
-    },
+    columns={"first": Column("First N, median [95 % of experiments]", _whole)},
     note=f"The paper: the accuracy exceeded {LEVEL:.0%} only when N > {_LIMIT:g}. Asked at "
     "multiples of the number of classes, as the paper's N_s = N/L; ∞: the last N was not enough. "
-    "P: Student over sensors. The N of one experiment are nested; whether the paper's were is not "
-    "known. The simulated sensor was fitted to this number, so agreement is no evidence.",
+    "The N of one experiment are nested; whether the paper's were is not known. The simulated "
+    "sensor was fitted to this number, so agreement is no evidence.",
 )  # fmt: skip
 def first(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """Distribution of the first crossing by model."""
-    sizes = tidy(rows).query("equal").n
-    after = sizes[sizes > _LIMIT].min()
     table = []
     for model, of_model in first_crossings(rows).groupby("model", sort=False):
-        # Every sensor has as many experiments; an infinity is no number to average.
-        low, median, high = np.quantile(
-            of_model["first"], (0.025, 0.5, 0.975), method="inverted_cdf"
-        )
-        line = {"model": model, **Estimate(median, low, high).columns("first")}
-        for name, met in (
-            ("p_at_most_published", of_model["first"] <= _LIMIT),
-            ("p_next", of_model["first"] == after),
-        ):
-            by_seed = met.groupby(of_model.seed)
-            line |= mean_share(by_seed.mean().tolist(), by_seed.size().iloc[0]).columns(name)
-        table.append(line)
+        table.append({"model": model, **middle(of_model["first"]).columns("first")})
     return pd.DataFrame(table)
 
 
-@STUDY.table(
-    "crossing_accuracy", of="crossing",
-    title="Mean test accuracy, %, where every class has as many samples, on {frames}",
-    columns={"n": Column("N")},
-    note="Student, 95 %, over sensors, each the mean of its experiments.",
-)  # fmt: skip
-def curves(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
-    """Mean accuracy by model at every N."""
-    every = tidy(rows).query("equal")
-    tested = int(every.n_test.iloc[0]) * every.draw.nunique()
-    table = []
-    for n, at in every.groupby("n"):
-        line = {"n": n}
-        for model, of_model in at.groupby("model", sort=False):
-            shares = of_model.groupby("seed").accuracy.mean().tolist()
-            line |= mean_share(shares, tested).columns(str(model))
-        table.append(line)
-    return pd.DataFrame(table)
-
-
-@STUDY.table(
-    "crossing_theory", of=("crossing", "crossing_theory"),
-    title="Theory from correlations of pairs, on {frames}",
-    columns={
-        "theory": Column("Theory", lambda name: THEORY[name][1]),
-        "error": Column("Mean distance, points", lambda value: number(100 * value, 2)),
-        "largest": Column("Largest distance, points", lambda value: number(100 * value, 2)),
-        "first_n": Column(f"N for {LEVEL:.0%}, measured"),
-        "theory_n": Column(f"N for {LEVEL:.0%}, theory"),
-    },
-    note="Distance from the mean measured accuracy, where every class has as many samples. No "
-    "number is fitted to an accuracy; skewness was taken in after Gaussians had missed on seed 0.",
-)  # fmt: skip
-def theory(rows: pd.DataFrame, expected: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
-    """How far each theory is from its model."""
-    every = tidy(rows).query("equal")
-    table = []
-    for name in _expected(expected):
-        model = THEORY[name][0]
-        if model in set(every.model):
-            measured = every[every.model == model].groupby("n").accuracy.mean()
-            mean = expected.groupby("n")[name].mean().reindex(measured.index)
-            distance = (mean - measured).abs()
-            table.append({
-                "theory": name, "error": distance.mean(), "largest": distance.max(),
-                "first_n": crossing(measured.index, measured),
-                "theory_n": crossing(mean.index, mean),
-            })  # fmt: skip
-    return pd.DataFrame(table)
+def middle(first: pd.Series) -> Estimate:
+    """Median and central 95 % of experiments; an infinity is no number to average."""
+    low, median, high = np.quantile(first, (0.025, 0.5, 0.975), method="inverted_cdf")
+    return Estimate(median, low, high)
 
 
 @STUDY.figure(

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
-from experiments.reporting.columns import Column, display_name
+from experiments.reporting.columns import Column
 from experiments.reporting.estimates import Estimate, mean_interval
 from experiments.reporting.plot import head, panel
 from experiments.reporting.study import RUN, Study
@@ -91,18 +91,12 @@ def estimate(values: Sequence[float], seeds: bool) -> Estimate:
 
 
 def summary(measured: Measured) -> pd.DataFrame:
-    """``split``, ``model``, ``n``, accuracy and the difference from HDC of the same draws."""
-    every = accuracies(measured.frame)
+    """``model``, ``n`` and accuracy with its interval, by the split that counts."""
+    every = accuracies(measured.frame).query("split == 'counts'")
     seeds = measured.frame.seed.nunique() > 1
-    keys = ["split", "n", "unit"]
-    hdc = every[every.model == "hdc"].set_index(keys).accuracy
-    every["difference"] = every.accuracy - hdc.reindex(every.set_index(keys).index).to_numpy()
     table = []
-    for (split, model, n), part in every.groupby(["split", "model", "n"]):
-        line = {"split": split, "model": model, "n": n, "units": len(part)}
-        line |= estimate(part.accuracy, seeds).columns("accuracy")
-        line |= estimate(part.difference, seeds).columns("over_hdc")
-        table.append(line)
+    for (model, n), part in every.groupby(["model", "n"]):
+        table.append({"model": model, "n": n, **estimate(part.accuracy, seeds).columns("accuracy")})
     return pd.DataFrame(table)
 
 
@@ -150,7 +144,7 @@ def front(results: Results) -> pd.DataFrame | None:
 
 def _by_size(measured: Measured) -> list[dict[str, Any]]:
     """Accuracies by the split that counts at the fewest, at five and at the most frames a class."""
-    lines = summary(measured).query("split == 'counts'")
+    lines = summary(measured)
     sizes, table = sorted(lines.n.unique()), []
     for n in dict.fromkeys((sizes[0], *[n for n in sizes if n == 5], sizes[-1])):
         line = {"n": n}
@@ -182,33 +176,6 @@ def fields(results: Results) -> pd.DataFrame | None:
     data.attrs["shown"] = ["fields", "pixels", *(name for name in COLUMNS if name in data)]
     data.attrs["commands"] = [f"{RUN}recordings scene={scene}" for scene in FIELDS]
     return data
-
-
-@STUDY.table(
-    "recordings_all",
-    title="Every model on every recording",
-    columns={
-        "recording": Column("Recording"),
-        "split": Column("Split"),
-        "model": Column("Model", display_name),
-        "n": Column("Frames a class"),
-        "accuracy": Column("Accuracy, %", percent),
-        "over_hdc": Column("Difference from HDC, points", points),
-    },
-    note=NOTE,
-    folded=True,
-)
-def everything(results: Results) -> pd.DataFrame | None:
-    """A row for each recording, split, model and n."""
-    parts = [
-        summary(measured).assign(recording=scene) for scene, measured in recordings(results).items()
-    ]
-    if not parts:
-        return None
-    data = pd.concat(parts)
-    data.attrs["commands"] = [f"{RUN}recordings scene={scene}" for scene in recordings(results)]
-    data.attrs["shown"] = ["recording", "split", "model", "n", "accuracy", "over_hdc"]
-    return data[["recording", *(name for name in data if name != "recording")]]
 
 
 @STUDY.table(
@@ -275,7 +242,7 @@ def lost(figure: Figure, results: Results) -> None:
     colours, markers = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00"), "osD^"
     looks = dict(zip(SHOWN_N, zip(colours, markers, strict=True), strict=True))
     for k, (axes, (scene, measured)) in enumerate(zip(panels, shown.items(), strict=False)):
-        lines = summary(measured).query("split == 'counts'")
+        lines = summary(measured)
         for n, (colour, marker) in looks.items():
             at = lines[lines.n == n].set_index("model")
             places = [i for i, model in enumerate(STEPS) if model in at.index]
