@@ -140,10 +140,10 @@ def _slower(results: Results, models: Sequence[str]) -> Iterator[Evidence]:
     for model in models:
         ratios = time_ratios(results, results.group(scene_of_table1(), model))
         for way, runs in ratios.items():
-            middle = float(np.median(runs)) if runs else math.nan  # a way that was not measured
+            median = float(np.median(runs)) if runs else math.nan  # a way that was not measured
             bounds = (min(runs), max(runs)) if len(runs) > 1 else ()  # one run has no range
             yield {"evidence": f"{display_name(model)}, over {way}", "kind": TIMED,
-                   "value": Estimate(middle, *bounds), "verdict": rules.slower(runs),
+                   "value": Estimate(median, *bounds), "verdict": rules.slower(runs),
                    "n": f"{len(runs)} run{'s' * (len(runs) != 1)}"}  # fmt: skip
 
 

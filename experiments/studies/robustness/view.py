@@ -20,6 +20,7 @@ STUDY = Study(
     "model flip? Does hyperdimensional computing tolerate the faults it is said to tolerate?",
     9.5,
 )
+KEYS = ["disturbance", "level", "model"]
 FLIPS = ("bit_flips", "bit_flips_int8")
 # Name of a disturbance, unit of its level, and the number of units in a level of 1.
 LEVELS = {
@@ -33,22 +34,22 @@ LEVELS = {
 
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
-    """Accuracy by ``disturbance``, ``level`` and ``model``, mean over seeds.
+    """Accuracy of each model by ``disturbance`` and ``level``, mean over seeds.
 
     Bounds are Student's interval over seeds. A flipped bit can ruin all predictions of a seed at
     once, so of flips they are the lowest and the highest seed.
     """
-    table = []
-    keys = ["disturbance", "level", "model"]
-    for key, same in rows.groupby(keys, sort=False):
+    table: dict[tuple[str, float], dict[str, Any]] = {}
+    for (disturbance, level, model), same in rows.groupby(KEYS, sort=False):
         shares = (same.right / same.n_test).astype(float)
         # The mean of equal shares may differ from them in the last digit.
         mean = float(np.clip(shares.mean(), shares.min(), shares.max()))
         estimate = Estimate(mean, shares.min(), shares.max())
-        if key[0] not in FLIPS:
+        if disturbance not in FLIPS:
             estimate = mean_share(shares.groupby(same.seed).mean().tolist(), same.n_test.iloc[0])
-        table.append({**dict(zip(keys, key, strict=True)), **estimate.columns("accuracy")})
-    return pd.DataFrame(table)
+        line = table.setdefault((disturbance, level), {"disturbance": disturbance, "level": level})
+        line |= estimate.columns(model)
+    return pd.DataFrame(list(table.values()))
 
 
 NOTE = (
@@ -75,15 +76,8 @@ def _level(row: Mapping[str, Any]) -> str:
 )  # fmt: skip
 def disturbed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """Accuracy of each model, a column, under each disturbance."""
-    columns = {f"accuracy{end}": end for end in ("", "_low", "_high")}
-    wide = accuracies(rows).pivot(
-        index=["disturbance", "level"], columns="model", values=list(columns)
-    )
-    order = list(dict.fromkeys(zip(rows.disturbance, rows.level, strict=True)))
-    wide = wide.reindex(order)
-    wide.columns = [f"{model}{columns[name]}" for name, model in wide.columns]
+    table = accuracies(rows)
     models = list(rows.model.unique())
-    table = wide[[f"{model}{end}" for model in models for end in columns.values()]].reset_index()
     sizes = rows.groupby("model", sort=False).model_bytes.first()
     stored = "; ".join(f"{display_name(str(m))} {size(int(n))}" for m, n in sizes.items())
     stops = config.get("stops", {})

@@ -116,22 +116,16 @@ def confusions(figure: Figure, results: Results) -> None:
         axes.set(xlabel="predicted", ylabel="true")
         axes.tick_params(axis="x", rotation=90)
         of = f", {PAPER[group.scene]}" if group.scene in PAPER else ""
-        name = group.model.partition(" (")[0]
-        by = "" if name == "hdc" else f"{rows_of.display_name(name)}, "
         accuracy = 100 * estimates.share(group).value
         scene = textwrap.fill(literal(group.scene.replace("_", " ")), 17)
-        panel(axes, letter, f"{scene}{of}\n{by}{accuracy:.1f} %")
+        panel(axes, letter, f"{scene}{of}\n{accuracy:.1f} %")
     frames = rows_of.frames_of([{"origin": g.runs[0].record.scene.origin} for g in chosen])
     head(figure, "Confusion by HDC, % of the true label", [frames])
 
 
 def confused(results: Results) -> list[Group]:
-    """HDC's runs on each scene of few classes; where it was not run, the first model's."""
-    first: dict[str, Group] = {}
-    for group in groups(results):
-        if len(group.classes) <= PRINTED:
-            first.setdefault(group.scene, group)
-    return list(first.values())
+    """HDC's runs on each scene of few classes."""
+    return [g for g in groups(results) if g.model == "hdc" and len(g.classes) <= PRINTED]
 
 
 def confusion(axes: Axes, group: Group) -> None:

@@ -45,12 +45,12 @@ def test_positions_are_millimetres_of_the_configured_line(tmp_path, everything):
 
 
 def test_figures_fit_and_name_every_scene(everything, write_scene, drawn):
-    write_scene("tactile", {0: 1}, model="ridge")
+    write_scene("tactile", {0: 1})
     words = drawn(STUDY)
     assert set(words) == {"confusions", "fig7_spatial"}
     for scene in ("touch", "finger", "fibre grouped", "tactile"):
         assert scene in words["confusions"]
-    assert "Ridge read-out, 83.3 %" in words["confusions"]
+    assert "83.3 %" in words["confusions"]
     assert "mean 0.21 mm" in words["fig7_spatial"]
 
 
