@@ -284,57 +284,36 @@ def verdicts(rows: pd.DataFrame) -> dict[str, str]:
     return words
 
 
-def _numbers(rows: pd.DataFrame, kind: str) -> str:
-    """Numbers of one kind of evidence, in the order of the table."""
-    texts = []
-    for row in rows[(rows.kind == kind) & rows.value.notna()].to_dict("records"):
-        points = row["unit"] == "points"
-        text = "×" * (row["unit"] == "×")
-        text += f"{row['value']:+.1f}" if points else number(row["value"])
-        if row["value_low"] == row["value_low"]:
-            text += f" [{number(row['value_low'])}, {number(row['value_high'])}]"
-        texts.append(f"{row['evidence']} {text.replace('-', '−')}")
-    return "; ".join(texts)
-
-
 @STUDY.table(
     "claims",
     title="The paper's claims",
-    shown=("paper", "verdict", "measured", "simulated"),
+    shown=("paper", "verdict"),
     columns={
         "paper": Column("The paper says"),
         "verdict": Column("Verdict", lambda text: text[:1].upper() + text[1:]),
-        "measured": Column("Measured", lambda text: text or "no recording"),
-        "simulated": Column("Simulated, fitted to the paper", lambda text: text or "–"),
     },
-    note="Points: accuracy of HDC less that of softmax regression at its optimum, the primary "
-    "rival. ×: training time over HDC's, lowest to highest run. Simulated frames can refute a "
-    "claim and rank nothing. The rules are in docs/verdicts.md.",
+    note="Simulated frames can refute a claim and rank nothing. The rules are in docs/verdicts.md.",
 )
 def claims(results: Results) -> pd.DataFrame:
     """One row a claim."""
-    rows = evidence(results)
-    words = verdicts(rows)
-    table = []
+    words, table = verdicts(evidence(results)), []
     for claim, (paper, phrases) in CLAIMS.items():
-        part, word = rows[rows.claim == claim], words.get(claim, UNDECIDABLE)
-        table.append({
-            "claim": claim, "paper": paper, "word": word,
-            "verdict": ": ".join(filter(None, [word, phrases.get(word)])),
-            "measured": _numbers(part, MEASURED),
-            "simulated": _numbers(part, SIMULATED) or _numbers(part, TIMED),
-        })  # fmt: skip
+        word = words.get(claim, UNDECIDABLE)
+        verdict = ": ".join(filter(None, [word, phrases.get(word)]))
+        table.append({"claim": claim, "paper": paper, "word": word, "verdict": verdict})
     return pd.DataFrame(table)
 
 
 STUDY.table(
     "claims_evidence",
     title="Evidence for each claim",
-    shown=("claim", "evidence", "kind", "quantity", "value", "n", "verdict"),
+    shown=("claim", "evidence", "kind", "quantity", "value", "unit", "n", "verdict"),
     columns={
         **{name: Column(name.capitalize()) for name in ("claim", "evidence", "kind", "quantity")},
         "value": Column("Number [interval]"),
+        "unit": Column("Unit"),
         "n": Column("n"),
     },
-    folded=True,
+    note="Points: accuracy of HDC less that of softmax regression at its optimum, the primary "
+    "rival. ×: training time over HDC's, lowest to highest run.",
 )(evidence)

@@ -13,7 +13,7 @@ from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import Column
 from experiments.reporting.estimates import Estimate, mean_interval
-from experiments.reporting.plot import head, panel
+from experiments.reporting.plot import errors, head, panel
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import number, percent, points
 
@@ -54,21 +54,20 @@ KINDS = {
 
 
 def recordings(results: Results, name: str = "recordings") -> dict[str, Measured]:
-    """Finished measurements by the name of their scene, in the order of :data:`KINDS`; of several
-    of one scene the one whose config was changed least. One fibre counts once, by one field."""
-    by_scene = _by_scene(results, name)
-    known = [scene for scene in KINDS if scene in by_scene]
-    return {
-        scene: by_scene[scene] for scene in [*known, *sorted(set(by_scene) - {*known, *FIELDS})]
-    }
+    """:func:`by_scene` in the order of :data:`KINDS`; one fibre counts once, by one field."""
+    found = by_scene(results, name)
+    known = [scene for scene in KINDS if scene in found]
+    return {scene: found[scene] for scene in [*known, *sorted(set(found) - {*known, *FIELDS})]}
 
 
-def _by_scene(results: Results, name: str) -> dict[str, Measured]:
-    by_scene: dict[str, Measured] = {}
+def by_scene(results: Results, name: str) -> dict[str, Measured]:
+    """Finished measurements by the name of their scene; of several of one scene the one whose
+    config was changed least."""
+    found: dict[str, Measured] = {}
     for measured in results.measurements:  # those changed least come first
         if measured.record.name == name:
-            by_scene.setdefault(measured.record.scene, measured)
-    return by_scene
+            found.setdefault(measured.record.scene, measured)
+    return found
 
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
@@ -164,11 +163,11 @@ def _by_size(measured: Measured) -> list[dict[str, Any]]:
 )
 def fields(results: Results) -> pd.DataFrame | None:
     """The first fibre by the number of input fields."""
-    by_scene, table = _by_scene(results, "recordings"), []
+    found, table = by_scene(results, "recordings"), []
     for scene, count in FIELDS.items():
-        if scene in by_scene:
-            side = by_scene[scene].record.config["scene"]["side"]
-            lines = _by_size(by_scene[scene])
+        if scene in found:
+            side = found[scene].record.config["scene"]["side"]
+            lines = _by_size(found[scene])
             table += [{"fields": count, "pixels": 2 * side**2 * count, **line} for line in lines]
     if not table:
         return None
@@ -247,12 +246,9 @@ def lost(figure: Figure, results: Results) -> None:
             at = lines[lines.n == n].set_index("model")
             places = [i for i, model in enumerate(STEPS) if model in at.index]
             values = at.loc[[list(STEPS)[i] for i in places]]
-            low = values.accuracy - values.accuracy_low
-            high = values.accuracy_high - values.accuracy
-            axes.errorbar(
-                places, 100 * values.accuracy, yerr=100 * np.maximum([low, high], 0),
-                color=colour, marker=marker, ls=":", lw=0.6, ms=3, elinewidth=0.5, label=f"{n}",
-            )  # fmt: skip
+            y, spread = errors(values[["accuracy", "accuracy_low", "accuracy_high"]], 100)
+            axes.errorbar(places, y, yerr=np.maximum(spread, 0), color=colour, marker=marker,
+                          ls=":", lw=0.6, ms=3, elinewidth=0.5, label=f"{n}")  # fmt: skip
         axes.axvline(4.5, color="0.7", lw=0.6)
         axes.set_xticks(range(len(STEPS)), STEPS.values(), rotation=90, fontsize=5.5)
         axes.set_ylim(0, 103)

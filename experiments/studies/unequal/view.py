@@ -12,7 +12,7 @@ from experiments.reporting.columns import Column
 from experiments.reporting.plot import head, panel, style_of
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import percent, points
-from experiments.studies.recordings.view import estimate
+from experiments.studies.recordings.view import by_scene, estimate
 
 STUDY = Study(
     "unequal",
@@ -30,8 +30,7 @@ ENDS = ("", "_low", "_high")
 
 def measurements(results: Results) -> dict[str, Measured]:
     """Finished measurements by the name of their scene."""
-    every = [m for m in results.measurements if m.record.name == "unequal"]
-    return {m.record.scene: m for m in sorted(every, key=lambda m: m.record.scene)}
+    return dict(sorted(by_scene(results, "unequal").items()))
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
