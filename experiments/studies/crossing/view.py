@@ -25,11 +25,11 @@ STUDY = Study(
 )
 LEVEL = 0.9
 PUBLISHED = "accuracy_vs_n/n_for_90_percent"
-# Columns of crossing_theory: the model they are of, name, line.
-THEORY = {
-    "hdc": ("hdc", "HDC by theory, skewed", "-"),
-    "hdc_gaussian": ("hdc", "HDC by theory, Gaussian", (0, (1, 1))),
-    "mean_image": ("correlation", "Image correlation by theory", (0, (4, 2))),
+# Columns of crossing_theory: name, line.
+THEORY: dict[str, Any] = {
+    "hdc": ("HDC by theory, skewed", "-"),
+    "hdc_gaussian": ("HDC by theory, Gaussian", (0, (1, 1))),
+    "mean_image": ("Image correlation by theory", (0, (4, 2))),
 }
 _LIMIT = published.numbers()[PUBLISHED].value
 
@@ -55,11 +55,6 @@ def first_crossings(rows: pd.DataFrame) -> pd.DataFrame:
     n = every.n.where(every.accuracy > LEVEL, np.inf)
     keys = ["model", "seed", "draw"]
     return every.assign(first=n).groupby(keys, sort=False)["first"].min().reset_index()
-
-
-def _expected(rows: pd.DataFrame) -> list[str]:
-    """Theories that were computed."""
-    return [name for name in THEORY if rows[name].notna().any()]
 
 
 @STUDY.table(
@@ -97,11 +92,12 @@ def figure(
     """(a) accuracy, with theory; (b) cumulative distribution of the first N."""
     every = tidy(rows).assign(percent=lambda frame: 100 * frame.accuracy)
     accuracy, share = figure.subplots(2, 1, sharex=True)
-    shown, n = _expected(expected), np.unique(every.n[every.equal])
+    shown = [name for name in THEORY if expected[name].notna().any()]
+    n = np.unique(every.n[every.equal])
     line_plot(accuracy, every[every.equal], "n", "percent", ms=2.2)
     for name in shown:
         mean = 100 * expected[expected.n.isin(n)].groupby("n")[name].mean()
-        accuracy.plot(mean.index, mean, color="black", ls=THEORY[name][2], lw=0.9, zorder=4)
+        accuracy.plot(mean.index, mean, color="black", ls=THEORY[name][1], lw=0.9, zorder=4)
     accuracy.axhline(100 * LEVEL, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
     accuracy.set_ylabel("test accuracy (%)")
     firsts = first_crossings(rows)
@@ -123,7 +119,7 @@ def figure(
         axes.axvline(_LIMIT, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
         axes.set_xlim(every.n.min() - 1, every.n.max() + 1)
     lines = [
-        Line2D([], [], color="black", ls=THEORY[name][2], label=THEORY[name][1]) for name in shown
+        Line2D([], [], color="black", ls=THEORY[name][1], label=THEORY[name][0]) for name in shown
     ]
     handles = [*map(handle, firsts.model.unique()), *lines]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)

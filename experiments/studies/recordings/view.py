@@ -99,13 +99,6 @@ def summary(measured: Measured) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def frames_of_recording(measured: Measured) -> str:
-    """How the frames came about, and whether they rank models."""
-    scene = measured.record.config["scene"]
-    text = KINDS.get(measured.record.scene, "recording")
-    return f"{text}; saturated, ranks nothing" if scene.get("saturated") else text
-
-
 COLUMNS = {
     "recording": Column("Recording"),
     "frames": Column("Frames"),
@@ -130,8 +123,9 @@ def front(results: Results) -> pd.DataFrame | None:
     """The recordings, at the fewest, a middle and the largest number of frames a class."""
     table = []
     for scene, measured in recordings(results).items():
-        place = {"recording": scene, "frames": frames_of_recording(measured)}
-        table += [place | line for line in _by_size(measured)]
+        saturated = measured.record.config["scene"].get("saturated")
+        frames = KINDS.get(scene, "recording") + "; saturated, ranks nothing" * bool(saturated)
+        table += [{"recording": scene, "frames": frames, **line} for line in _by_size(measured)]
     if not table:
         return None
     data = pd.DataFrame(table)

@@ -56,9 +56,6 @@ STUDY = Study(
 )
 
 
-# Rows ---------------------------------------------------------------------------------------------
-
-
 def groups(results: Results) -> list[Group]:
     """The runs of each scene and model on all pixels with the most training samples, measured
     scenes first, HDC first in each."""
@@ -93,9 +90,6 @@ def all_scenes(results: Results) -> pd.DataFrame:
     data = frame(row(group, results.group(group.scene, "hdc", group.n_train)) for group in every)
     data.attrs["commands"] = rows_of.commands(every)
     return data
-
-
-# Confusions ---------------------------------------------------------------------------------------
 
 
 @STUDY.figure(
@@ -142,9 +136,6 @@ def confusion(axes: Axes, group: Group) -> None:
         bar.set_ticks([0, 5, 20, 50, 100])
 
 
-# Positions ----------------------------------------------------------------------------------------
-
-
 def positions(record: Finished) -> np.ndarray:
     """Places along the line of contacts of a run on the scene ``spatial``: mm [L]."""
     line = record.config["scene"]["classes"]
@@ -184,9 +175,6 @@ def spatial(figure: Figure, results: Results) -> None:
     frames = rows_of.frames_of([{"origin": group.runs[0].record.scene.origin}])
     details = [f"{frames}, {seeds_of(len(group.runs))}"]
     head(figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", details)
-
-
-# Published numbers --------------------------------------------------------------------------------
 
 
 @STUDY.quantities()
