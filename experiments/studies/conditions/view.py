@@ -12,7 +12,6 @@ from experiments.reporting.columns import Column
 from experiments.reporting.study import Study
 from experiments.reporting.text import percent
 
-NAME = "table1_conditions"
 KEY = ["method", "pixels", "start", "sigma"]
 PIXELS = {"unit": "0…1", "raw": "0…255", "standard_global": "standardised"}
 METHODS = {"GD": "GD, all frames", "SGD": "SGD, batches of 20"}
@@ -33,8 +32,8 @@ STUDY = Study(
 
 
 @STUDY.table(
-    NAME,
-    of=NAME,
+    "table1_conditions",
+    of="table1_conditions",
     title="Softmax regression by gradient descent and SGD, over what the paper does not state",
     note="Trials: sensors times draws of the initial weights; accuracies are means over them, "
     "steps medians. As published: training and test accuracy lie within the published intervals at "

@@ -24,14 +24,13 @@ STUDY = Study(
     2.5,
 )
 LEVEL = 0.9
-PUBLISHED = "accuracy_vs_n/n_for_90_percent"
 # Columns of crossing_theory: name, line.
 THEORY: dict[str, Any] = {
     "hdc": ("HDC by theory, skewed", "-"),
     "hdc_gaussian": ("HDC by theory, Gaussian", (0, (1, 1))),
     "mean_image": ("Image correlation by theory", (0, (4, 2))),
 }
-_LIMIT = published.numbers()[PUBLISHED].value
+_LIMIT = published.numbers()["accuracy_vs_n/n_for_90_percent"].value
 
 
 def _whole(n: float) -> str:

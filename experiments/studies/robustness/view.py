@@ -20,7 +20,6 @@ STUDY = Study(
     "model flip? Does hyperdimensional computing tolerate the faults it is said to tolerate?",
     9.5,
 )
-KEYS = ["disturbance", "level", "model"]
 FLIPS = ("bit_flips", "bit_flips_int8")
 # Name of a disturbance, unit of its level, and the number of units in a level of 1.
 LEVELS = {
@@ -40,7 +39,8 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     once, so of flips they are the lowest and the highest seed.
     """
     table: dict[tuple[str, float], dict[str, Any]] = {}
-    for (disturbance, level, model), same in rows.groupby(KEYS, sort=False):
+    by = ["disturbance", "level", "model"]
+    for (disturbance, level, model), same in rows.groupby(by, sort=False):
         shares = (same.right / same.n_test).astype(float)
         # The mean of equal shares may differ from them in the last digit.
         mean = float(np.clip(shares.mean(), shares.min(), shares.max()))
