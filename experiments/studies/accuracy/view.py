@@ -15,11 +15,8 @@ from experiments.reporting import estimates, published
 from experiments.reporting import rows as rows_of
 from experiments.reporting.plot import (
     accuracy_curves,
-    error_axis,
-    error_bars,
     handle,
     measured_models,
-    plain_decades,
     published_point,
     star,
     title,
@@ -134,50 +131,3 @@ def accuracy_vs_n(figure: Figure, results: Results) -> None:
     panels[1].set_xlabel("training samples N")
     text = "Test accuracy against training samples"
     title(figure, panels[0], text, lines, measured, measured)
-
-
-@STUDY.figure(
-    "accuracy_vs_d",
-    caption="Test accuracy against the number of pixels seen: the dimension of a hypervector.",
-    size=(3.4, 2.9),
-    needs=lambda results: bool(rows(results, "accuracy_vs_d")),
-    commands=(f"{RUN}accuracy_vs_d",),
-)
-def accuracy_vs_d(figure: Figure, results: Results) -> None:
-    """Test accuracy against the number of pixels seen, which is HDC's dimension."""
-    lines = rows(results, "accuracy_vs_d")
-    models = measured_models(lines, [line["model"] for line in lines])
-    axes = figure.subplots()
-    accuracy_curves(axes, lines, models, "pixels")
-    axes.legend(handles=[handle(model) for model in models], loc="lower right")
-    whole = max((line["pixels"] or 0 for line in lines if line["seeds"]), default=0)
-    axes.set_xlabel(f"pixels seen, D (whole frame: {whole:,})")
-    title(figure, axes, "Test accuracy against dimension", lines, models, models)
-
-
-@STUDY.figure(
-    "work_precision",
-    caption="Test error against the time a prediction takes; along a curve the number of pixels "
-    "grows.",
-    size=(3.4, 3.7),
-    needs=lambda results: bool(rows(results, "work_precision")),
-    commands=(f"{RUN}work_precision",),
-)
-def work_precision(figure: Figure, results: Results) -> None:
-    """Test error against the time to predict a single frame; from left to right D grows."""
-    lines = rows(results, "work_precision")
-    models = list(dict.fromkeys(line["model"] for line in lines))
-    others = swept(results, ["table1", "table1_extended"])
-    lines = [*lines, *(line for line in others if line["model"] not in models)]
-    axes = figure.subplots()
-    floor = error_axis(axes, lines)
-    axes.set_xscale("log")
-    shown = measured_models(lines, [line["model"] for line in lines])
-    for model in shown:
-        of_model = [line for line in lines if line["model"] == model and line["seeds"]]
-        times = [1e3 * line["predict_single_s"] for line in of_model]
-        error_bars(axes, model, times, of_model, floor)
-    axes.set(xlabel="time to predict a single frame (ms)", ylabel="test error")
-    plain_decades(axes)
-    handles = [handle(model) for model in shown]
-    title(figure, axes, "Test error against prediction time", lines, shown, shown, handles)

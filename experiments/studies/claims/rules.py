@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from experiments.reporting.estimates import Estimate
 
@@ -12,50 +12,38 @@ MARGIN = 0.03  # of accuracies, as in published.csv: a smaller difference decide
 TIMES = 10  # a training "much faster" takes at most this part of its rival's time
 
 
-def more_accurate(difference: Estimate, margin: float = MARGIN) -> str:
-    """Whether HDC is more accurate than its rival.
+def more_accurate(difference: Estimate) -> str:
+    """Whether HDC is more accurate than its rival, whose accuracy was subtracted from its own.
 
     Yes: the difference is at least the margin and its interval lies above zero. No: the interval
     lies below the margin. Undecidable otherwise.
-
-    Args:
-        difference: accuracy of HDC less that of the rival.
-        margin: smallest difference that counts.
     """
     if math.isnan(difference.low) or math.isnan(difference.high):
         return UNDECIDABLE
-    if difference.low > 0 and difference.value >= margin:
+    if difference.low > 0 and difference.value >= MARGIN:
         return YES
-    return NO if difference.high < margin else UNDECIDABLE
+    return NO if difference.high < MARGIN else UNDECIDABLE
 
 
-def at_least_as_accurate(difference: Estimate, margin: float = MARGIN) -> str:
+def at_least_as_accurate(difference: Estimate) -> str:
     """Whether HDC is less accurate than its rival by no more than the margin.
 
     Yes: the interval lies above −margin. No: the difference is at most −margin and its interval
     lies below zero. Undecidable otherwise.
     """
-    opposite = more_accurate(Estimate(-difference.value, -difference.high, -difference.low), margin)
+    opposite = more_accurate(Estimate(-difference.value, -difference.high, -difference.low))
     return {YES: NO, NO: YES}.get(opposite, UNDECIDABLE)
 
 
-def slower(ratios: Mapping[str, Sequence[float]], times: float = TIMES) -> str:
-    """Whether a rival trains at least `times` as long as HDC.
+def slower(ratios: Sequence[float]) -> str:
+    """Whether a rival trains at least ten times as long as HDC, from the ratio of each run.
 
-    Yes: in every run, by every way of computing HDC. No: in none. Partly: the ways disagree.
-    Undecidable: the runs of one way disagree, or there are none.
-
-    Args:
-        ratios: for each way of computing HDC, training time over HDC's in each run.
-        times: the factor that is asked for.
+    Yes: in every run. No: in none. Undecidable otherwise, or without a run.
     """
-    verdicts = []
-    for runs in ratios.values():
-        above = [ratio >= times for ratio in runs]
-        if not above or any(above) != all(above):
-            return UNDECIDABLE
-        verdicts.append(YES if all(above) else NO)
-    return combine(verdicts)
+    above = [ratio >= TIMES for ratio in ratios]
+    if not above or any(above) != all(above):
+        return UNDECIDABLE
+    return YES if all(above) else NO
 
 
 def combine(verdicts: Iterable[str]) -> str:

@@ -23,7 +23,7 @@ from experiments.reporting.text import number
 from experiments.studies.claims import rules
 from experiments.studies.claims.rules import NO, UNDECIDABLE, YES
 from experiments.studies.correlation.view import mean_contrast
-from experiments.studies.crossing.view import first_crossings, tidy
+from experiments.studies.crossing.view import first_crossings, middle, tidy
 from experiments.studies.drift.view import accuracies as updated
 from experiments.studies.recordings.view import RIVAL, SATURATED, over_rival, recordings
 from experiments.studies.table1.view import scene as scene_of_table1
@@ -140,10 +140,10 @@ def _slower(results: Results, models: Sequence[str]) -> Iterator[Evidence]:
     for model in models:
         ratios = time_ratios(results, results.group(scene_of_table1(), model))
         for way, runs in ratios.items():
-            middle = float(np.median(runs)) if runs else math.nan  # a way that was not measured
+            median = float(np.median(runs)) if runs else math.nan  # a way that was not measured
             bounds = (min(runs), max(runs)) if len(runs) > 1 else ()  # one run has no range
             yield {"evidence": f"{display_name(model)}, over {way}", "kind": TIMED,
-                   "value": Estimate(middle, *bounds), "verdict": rules.slower({way: runs}),
+                   "value": Estimate(median, *bounds), "verdict": rules.slower(runs),
                    "n": f"{len(runs)} run{'s' * (len(runs) != 1)}"}  # fmt: skip
 
 
@@ -169,8 +169,7 @@ def _few(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
 def _first(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     """The N at which one experiment with HDC exceeds 90 %: median and 95 % of experiments."""
     first = first_crossings(rows).query("model == 'hdc'")["first"]
-    low, middle, high = np.quantile(first, (0.025, 0.5, 0.975), method="inverted_cdf")
-    yield {"evidence": f"{place or 'touch'}, fitted", "value": Estimate(middle, low, high),
+    yield {"evidence": f"{place or 'touch'}, fitted", "value": middle(first),
            "n": f"{len(first)} experiments", "verdict": UNDECIDABLE}  # fmt: skip
 
 
@@ -215,11 +214,6 @@ def _faults(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
             yield row if model == "hdc" else {**row, "verdict": UNDECIDABLE}
 
 
-def _of_assumptions(results: Results) -> Iterator[Evidence]:
-    """No recording of touched objects is public, and simulated ones rest on assumed thickness."""
-    yield {"evidence": "simulated objects", "value": Estimate(math.nan), "verdict": UNDECIDABLE}
-
-
 class Source(NamedTuple):
     """Where evidence for a claim comes from: `read` of the results, and columns of all its rows.
 
@@ -254,8 +248,6 @@ EVIDENCE = (
            "above HDC not updated", "more_accurate"),
     Source("faults", partial(_of_places, name="robustness", read=_faults), "robustness",
            "change by 1 % flipped bits", "at_least_as_accurate"),
-    Source("objects", _of_assumptions, "scenes",
-           "none: the answer follows from an assumption of ours", "no evidence", ""),
 )
 # fmt: on
 
@@ -292,57 +284,36 @@ def verdicts(rows: pd.DataFrame) -> dict[str, str]:
     return words
 
 
-def _numbers(rows: pd.DataFrame, kind: str) -> str:
-    """Numbers of one kind of evidence, in the order of the table."""
-    texts = []
-    for row in rows[(rows.kind == kind) & rows.value.notna()].to_dict("records"):
-        points = row["unit"] == "points"
-        text = "×" * (row["unit"] == "×")
-        text += f"{row['value']:+.1f}" if points else number(row["value"])
-        if row["value_low"] == row["value_low"]:
-            text += f" [{number(row['value_low'])}, {number(row['value_high'])}]"
-        texts.append(f"{row['evidence']} {text.replace('-', '−')}")
-    return "; ".join(texts)
-
-
 @STUDY.table(
     "claims",
     title="The paper's claims",
-    shown=("paper", "verdict", "measured", "simulated"),
+    shown=("paper", "verdict"),
     columns={
         "paper": Column("The paper says"),
         "verdict": Column("Verdict", lambda text: text[:1].upper() + text[1:]),
-        "measured": Column("Measured", lambda text: text or "no recording"),
-        "simulated": Column("Simulated, fitted to the paper", lambda text: text or "–"),
     },
-    note="Points: accuracy of HDC less that of softmax regression at its optimum, the primary "
-    "rival. ×: training time over HDC's, lowest to highest run. Simulated frames can refute a "
-    "claim and rank nothing. The rules are in docs/verdicts.md.",
+    note="Simulated frames can refute a claim and rank nothing. The rules are in docs/verdicts.md.",
 )
 def claims(results: Results) -> pd.DataFrame:
     """One row a claim."""
-    rows = evidence(results)
-    words = verdicts(rows)
-    table = []
+    words, table = verdicts(evidence(results)), []
     for claim, (paper, phrases) in CLAIMS.items():
-        part, word = rows[rows.claim == claim], words.get(claim, UNDECIDABLE)
-        table.append({
-            "claim": claim, "paper": paper, "word": word,
-            "verdict": ": ".join(filter(None, [word, phrases.get(word)])),
-            "measured": _numbers(part, MEASURED),
-            "simulated": _numbers(part, SIMULATED) or _numbers(part, TIMED),
-        })  # fmt: skip
+        word = words.get(claim, UNDECIDABLE)
+        verdict = ": ".join(filter(None, [word, phrases.get(word)]))
+        table.append({"claim": claim, "paper": paper, "word": word, "verdict": verdict})
     return pd.DataFrame(table)
 
 
 STUDY.table(
     "claims_evidence",
     title="Evidence for each claim",
-    shown=("claim", "evidence", "kind", "quantity", "value", "n", "verdict"),
+    shown=("claim", "evidence", "kind", "quantity", "value", "unit", "n", "verdict"),
     columns={
         **{name: Column(name.capitalize()) for name in ("claim", "evidence", "kind", "quantity")},
         "value": Column("Number [interval]"),
+        "unit": Column("Unit"),
         "n": Column("n"),
     },
-    folded=True,
+    note="Points: accuracy of HDC less that of softmax regression at its optimum, the primary "
+    "rival. ×: training time over HDC's, lowest to highest run.",
 )(evidence)

@@ -12,10 +12,9 @@ from matplotlib.lines import Line2D
 
 from experiments.reporting import published
 from experiments.reporting.columns import Column
-from experiments.reporting.estimates import Estimate, crossing, mean_share
+from experiments.reporting.estimates import Estimate
 from experiments.reporting.plot import handle, line_plot, panel, style_of
 from experiments.reporting.study import Study
-from experiments.reporting.text import number, percent
 
 STUDY = Study(
     "crossing",
@@ -25,14 +24,13 @@ STUDY = Study(
     2.5,
 )
 LEVEL = 0.9
-PUBLISHED = "accuracy_vs_n/n_for_90_percent"
-# Columns of crossing_theory: the model they are of, name, line.
-THEORY = {
-    "hdc": ("hdc", "HDC by theory, skewed", "-"),
-    "hdc_gaussian": ("hdc", "HDC by theory, Gaussian", (0, (1, 1))),
-    "mean_image": ("correlation", "Image correlation by theory", (0, (4, 2))),
+# Columns of crossing_theory: name, line.
+THEORY: dict[str, Any] = {
+    "hdc": ("HDC by theory, skewed", "-"),
+    "hdc_gaussian": ("HDC by theory, Gaussian", (0, (1, 1))),
+    "mean_image": ("Image correlation by theory", (0, (4, 2))),
 }
-_LIMIT = published.numbers()[PUBLISHED].value
+_LIMIT = published.numbers()["accuracy_vs_n/n_for_90_percent"].value
 
 
 def _whole(n: float) -> str:
@@ -58,94 +56,27 @@ def first_crossings(rows: pd.DataFrame) -> pd.DataFrame:
     return every.assign(first=n).groupby(keys, sort=False)["first"].min().reset_index()
 
 
-def _expected(rows: pd.DataFrame) -> list[str]:
-    """Theories that were computed."""
-    return [name for name in THEORY if rows[name].notna().any()]
-
-
 @STUDY.table(
     "crossing", of="crossing",
     title=f"First N at which one experiment exceeds {LEVEL:.0%}, on {{frames}}",
-    columns={
-        "first": Column("First N, median [95 % of experiments]", _whole),
-        "p_at_most_published": Column(f"P(first N ≤ {_LIMIT:g}), % [95 %]", percent),
-        "p_next": Column(f"P(first N is the next after {_LIMIT:g}), % [95 %]", percent),
-    },
+    columns={"first": Column("First N, median [95 % of experiments]", _whole)},
     note=f"The paper: the accuracy exceeded {LEVEL:.0%} only when N > {_LIMIT:g}. Asked at "
     "multiples of the number of classes, as the paper's N_s = N/L; ∞: the last N was not enough. "
-    "P: Student over sensors. The N of one experiment are nested; whether the paper's were is not "
-    "known. The simulated sensor was fitted to this number, so agreement is no evidence.",
+    "The N of one experiment are nested; whether the paper's were is not known. The simulated "
+    "sensor was fitted to this number, so agreement is no evidence.",
 )  # fmt: skip
 def first(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """Distribution of the first crossing by model."""
-    sizes = tidy(rows).query("equal").n
-    after = sizes[sizes > _LIMIT].min()
     table = []
     for model, of_model in first_crossings(rows).groupby("model", sort=False):
-        # Every sensor has as many experiments; an infinity is no number to average.
-        low, median, high = np.quantile(
-            of_model["first"], (0.025, 0.5, 0.975), method="inverted_cdf"
-        )
-        line = {"model": model, **Estimate(median, low, high).columns("first")}
-        for name, met in (
-            ("p_at_most_published", of_model["first"] <= _LIMIT),
-            ("p_next", of_model["first"] == after),
-        ):
-            by_seed = met.groupby(of_model.seed)
-            line |= mean_share(by_seed.mean().tolist(), by_seed.size().iloc[0]).columns(name)
-        table.append(line)
+        table.append({"model": model, **middle(of_model["first"]).columns("first")})
     return pd.DataFrame(table)
 
 
-@STUDY.table(
-    "crossing_accuracy", of="crossing",
-    title="Mean test accuracy, %, where every class has as many samples, on {frames}",
-    columns={"n": Column("N")},
-    note="Student, 95 %, over sensors, each the mean of its experiments.",
-)  # fmt: skip
-def curves(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
-    """Mean accuracy by model at every N."""
-    every = tidy(rows).query("equal")
-    tested = int(every.n_test.iloc[0]) * every.draw.nunique()
-    table = []
-    for n, at in every.groupby("n"):
-        line = {"n": n}
-        for model, of_model in at.groupby("model", sort=False):
-            shares = of_model.groupby("seed").accuracy.mean().tolist()
-            line |= mean_share(shares, tested).columns(str(model))
-        table.append(line)
-    return pd.DataFrame(table)
-
-
-@STUDY.table(
-    "crossing_theory", of=("crossing", "crossing_theory"),
-    title="Theory from correlations of pairs, on {frames}",
-    columns={
-        "theory": Column("Theory", lambda name: THEORY[name][1]),
-        "error": Column("Mean distance, points", lambda value: number(100 * value, 2)),
-        "largest": Column("Largest distance, points", lambda value: number(100 * value, 2)),
-        "first_n": Column(f"N for {LEVEL:.0%}, measured"),
-        "theory_n": Column(f"N for {LEVEL:.0%}, theory"),
-    },
-    note="Distance from the mean measured accuracy, where every class has as many samples. No "
-    "number is fitted to an accuracy; skewness was taken in after Gaussians had missed on seed 0.",
-)  # fmt: skip
-def theory(rows: pd.DataFrame, expected: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
-    """How far each theory is from its model."""
-    every = tidy(rows).query("equal")
-    table = []
-    for name in _expected(expected):
-        model = THEORY[name][0]
-        if model in set(every.model):
-            measured = every[every.model == model].groupby("n").accuracy.mean()
-            mean = expected.groupby("n")[name].mean().reindex(measured.index)
-            distance = (mean - measured).abs()
-            table.append({
-                "theory": name, "error": distance.mean(), "largest": distance.max(),
-                "first_n": crossing(measured.index, measured),
-                "theory_n": crossing(mean.index, mean),
-            })  # fmt: skip
-    return pd.DataFrame(table)
+def middle(first: pd.Series) -> Estimate:
+    """Median and central 95 % of experiments; an infinity is no number to average."""
+    low, median, high = np.quantile(first, (0.025, 0.5, 0.975), method="inverted_cdf")
+    return Estimate(median, low, high)
 
 
 @STUDY.figure(
@@ -160,11 +91,12 @@ def figure(
     """(a) accuracy, with theory; (b) cumulative distribution of the first N."""
     every = tidy(rows).assign(percent=lambda frame: 100 * frame.accuracy)
     accuracy, share = figure.subplots(2, 1, sharex=True)
-    shown, n = _expected(expected), np.unique(every.n[every.equal])
+    shown = [name for name in THEORY if expected[name].notna().any()]
+    n = np.unique(every.n[every.equal])
     line_plot(accuracy, every[every.equal], "n", "percent", ms=2.2)
     for name in shown:
         mean = 100 * expected[expected.n.isin(n)].groupby("n")[name].mean()
-        accuracy.plot(mean.index, mean, color="black", ls=THEORY[name][2], lw=0.9, zorder=4)
+        accuracy.plot(mean.index, mean, color="black", ls=THEORY[name][1], lw=0.9, zorder=4)
     accuracy.axhline(100 * LEVEL, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
     accuracy.set_ylabel("test accuracy (%)")
     firsts = first_crossings(rows)
@@ -186,7 +118,7 @@ def figure(
         axes.axvline(_LIMIT, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
         axes.set_xlim(every.n.min() - 1, every.n.max() + 1)
     lines = [
-        Line2D([], [], color="black", ls=THEORY[name][2], label=THEORY[name][1]) for name in shown
+        Line2D([], [], color="black", ls=THEORY[name][1], label=THEORY[name][0]) for name in shown
     ]
     handles = [*map(handle, firsts.model.unique()), *lines]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)

@@ -20,7 +20,6 @@ STUDY = Study(
     order=13,
 )
 COLUMNS = {
-    "scene": Column("Scene"),
     "first_prediction_s": Column("First prediction, s"),
     "torch_s": Column("of it importing torch, s"),
     "frame_s": Column("A frame, ms", milliseconds),
@@ -28,7 +27,6 @@ COLUMNS = {
     "above_torch_bytes": Column("above torch's", lambda value: size(int(value))),
     "modules": Column("Modules"),
     "loaded": Column("Loaded of those watched", note=f"Watched: {', '.join(WATCHED)}."),
-    "status": Column("Status"),
 }
 
 
@@ -36,7 +34,7 @@ COLUMNS = {
     "footprint",
     of="footprint",
     title="Footprint of each scene and model. {machine}",
-    shown=("scene", "model", *list(COLUMNS)[1:]),
+    shown=("scene", "model", *COLUMNS, "status"),
     columns=COLUMNS,
     note="Every row is a process of its own: scene and model built, ten frames made and learnt, "
     "one predicted. The sensor is simulated, the matrices of the fibre are measured.",

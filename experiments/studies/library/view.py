@@ -8,6 +8,7 @@ from experiments.records.results import Results
 from experiments.reporting.columns import Column
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import number
+from experiments.studies.recordings.view import by_scene
 
 STUDY = Study(
     "library",
@@ -42,19 +43,16 @@ def _ms(seconds: float) -> str:
 def library(results: Results) -> pd.DataFrame | None:
     """A row for each kind of frames, read-out and implementation, over all seeds."""
     table = []
-    for measured in results.measurements:
-        if measured.record.name != "library":
-            continue
+    for scene, measured in by_scene(results, "library").items():
         for (readout, peer), rows in measured.frame.groupby(["readout", "peer"], sort=False):
             times = ("fit_s", "peer_fit_s", "predict_s", "peer_predict_s")
             table.append({
-                "recording": measured.record.scene, "readout": readout, "peer": peer,
+                "recording": scene, "readout": readout, "peer": peer,
                 "same": f"{rows.same.sum()} of {rows.n_test.sum()}",
                 **{name: rows[name].median() for name in times},
             })  # fmt: skip
     if not table:
         return None
     data = pd.DataFrame(table)
-    scenes = data.recording.unique()
-    data.attrs["commands"] = [f"{RUN}library scene={scene}" for scene in scenes]
+    data.attrs["commands"] = [f"{RUN}library scene={name}" for name in data.recording.unique()]
     return data

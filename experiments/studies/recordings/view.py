@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
-from experiments.reporting.columns import Column, display_name
+from experiments.reporting.columns import Column
 from experiments.reporting.estimates import Estimate, mean_interval
-from experiments.reporting.plot import head, panel
+from experiments.reporting.plot import errors, head, panel
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import number, percent, points
 
@@ -54,21 +54,20 @@ KINDS = {
 
 
 def recordings(results: Results, name: str = "recordings") -> dict[str, Measured]:
-    """Finished measurements by the name of their scene, in the order of :data:`KINDS`; of several
-    of one scene the one whose config was changed least. One fibre counts once, by one field."""
-    by_scene = _by_scene(results, name)
-    known = [scene for scene in KINDS if scene in by_scene]
-    return {
-        scene: by_scene[scene] for scene in [*known, *sorted(set(by_scene) - {*known, *FIELDS})]
-    }
+    """:func:`by_scene` in the order of :data:`KINDS`; one fibre counts once, by one field."""
+    found = by_scene(results, name)
+    known = [scene for scene in KINDS if scene in found]
+    return {scene: found[scene] for scene in [*known, *sorted(set(found) - {*known, *FIELDS})]}
 
 
-def _by_scene(results: Results, name: str) -> dict[str, Measured]:
-    by_scene: dict[str, Measured] = {}
+def by_scene(results: Results, name: str) -> dict[str, Measured]:
+    """Finished measurements by the name of their scene; of several of one scene the one whose
+    config was changed least."""
+    found: dict[str, Measured] = {}
     for measured in results.measurements:  # those changed least come first
         if measured.record.name == name:
-            by_scene.setdefault(measured.record.scene, measured)
-    return by_scene
+            found.setdefault(measured.record.scene, measured)
+    return found
 
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
@@ -91,26 +90,13 @@ def estimate(values: Sequence[float], seeds: bool) -> Estimate:
 
 
 def summary(measured: Measured) -> pd.DataFrame:
-    """``split``, ``model``, ``n``, accuracy and the difference from HDC of the same draws."""
-    every = accuracies(measured.frame)
+    """``model``, ``n`` and accuracy with its interval, by the split that counts."""
+    every = accuracies(measured.frame).query("split == 'counts'")
     seeds = measured.frame.seed.nunique() > 1
-    keys = ["split", "n", "unit"]
-    hdc = every[every.model == "hdc"].set_index(keys).accuracy
-    every["difference"] = every.accuracy - hdc.reindex(every.set_index(keys).index).to_numpy()
     table = []
-    for (split, model, n), part in every.groupby(["split", "model", "n"]):
-        line = {"split": split, "model": model, "n": n, "units": len(part)}
-        line |= estimate(part.accuracy, seeds).columns("accuracy")
-        line |= estimate(part.difference, seeds).columns("over_hdc")
-        table.append(line)
+    for (model, n), part in every.groupby(["model", "n"]):
+        table.append({"model": model, "n": n, **estimate(part.accuracy, seeds).columns("accuracy")})
     return pd.DataFrame(table)
-
-
-def frames_of_recording(measured: Measured) -> str:
-    """How the frames came about, and whether they rank models."""
-    scene = measured.record.config["scene"]
-    text = KINDS.get(measured.record.scene, "recording")
-    return f"{text}; saturated, ranks nothing" if scene.get("saturated") else text
 
 
 COLUMNS = {
@@ -137,8 +123,9 @@ def front(results: Results) -> pd.DataFrame | None:
     """The recordings, at the fewest, a middle and the largest number of frames a class."""
     table = []
     for scene, measured in recordings(results).items():
-        place = {"recording": scene, "frames": frames_of_recording(measured)}
-        table += [place | line for line in _by_size(measured)]
+        saturated = measured.record.config["scene"].get("saturated")
+        frames = KINDS.get(scene, "recording") + "; saturated, ranks nothing" * bool(saturated)
+        table += [{"recording": scene, "frames": frames, **line} for line in _by_size(measured)]
     if not table:
         return None
     data = pd.DataFrame(table)
@@ -150,7 +137,7 @@ def front(results: Results) -> pd.DataFrame | None:
 
 def _by_size(measured: Measured) -> list[dict[str, Any]]:
     """Accuracies by the split that counts at the fewest, at five and at the most frames a class."""
-    lines = summary(measured).query("split == 'counts'")
+    lines = summary(measured)
     sizes, table = sorted(lines.n.unique()), []
     for n in dict.fromkeys((sizes[0], *[n for n in sizes if n == 5], sizes[-1])):
         line = {"n": n}
@@ -170,11 +157,11 @@ def _by_size(measured: Measured) -> list[dict[str, Any]]:
 )
 def fields(results: Results) -> pd.DataFrame | None:
     """The first fibre by the number of input fields."""
-    by_scene, table = _by_scene(results, "recordings"), []
+    found, table = by_scene(results, "recordings"), []
     for scene, count in FIELDS.items():
-        if scene in by_scene:
-            side = by_scene[scene].record.config["scene"]["side"]
-            lines = _by_size(by_scene[scene])
+        if scene in found:
+            side = found[scene].record.config["scene"]["side"]
+            lines = _by_size(found[scene])
             table += [{"fields": count, "pixels": 2 * side**2 * count, **line} for line in lines]
     if not table:
         return None
@@ -182,33 +169,6 @@ def fields(results: Results) -> pd.DataFrame | None:
     data.attrs["shown"] = ["fields", "pixels", *(name for name in COLUMNS if name in data)]
     data.attrs["commands"] = [f"{RUN}recordings scene={scene}" for scene in FIELDS]
     return data
-
-
-@STUDY.table(
-    "recordings_all",
-    title="Every model on every recording",
-    columns={
-        "recording": Column("Recording"),
-        "split": Column("Split"),
-        "model": Column("Model", display_name),
-        "n": Column("Frames a class"),
-        "accuracy": Column("Accuracy, %", percent),
-        "over_hdc": Column("Difference from HDC, points", points),
-    },
-    note=NOTE,
-    folded=True,
-)
-def everything(results: Results) -> pd.DataFrame | None:
-    """A row for each recording, split, model and n."""
-    parts = [
-        summary(measured).assign(recording=scene) for scene, measured in recordings(results).items()
-    ]
-    if not parts:
-        return None
-    data = pd.concat(parts)
-    data.attrs["commands"] = [f"{RUN}recordings scene={scene}" for scene in recordings(results)]
-    data.attrs["shown"] = ["recording", "split", "model", "n", "accuracy", "over_hdc"]
-    return data[["recording", *(name for name in data if name != "recording")]]
 
 
 @STUDY.table(
@@ -275,17 +235,14 @@ def lost(figure: Figure, results: Results) -> None:
     colours, markers = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00"), "osD^"
     looks = dict(zip(SHOWN_N, zip(colours, markers, strict=True), strict=True))
     for k, (axes, (scene, measured)) in enumerate(zip(panels, shown.items(), strict=False)):
-        lines = summary(measured).query("split == 'counts'")
+        lines = summary(measured)
         for n, (colour, marker) in looks.items():
             at = lines[lines.n == n].set_index("model")
             places = [i for i, model in enumerate(STEPS) if model in at.index]
             values = at.loc[[list(STEPS)[i] for i in places]]
-            low = values.accuracy - values.accuracy_low
-            high = values.accuracy_high - values.accuracy
-            axes.errorbar(
-                places, 100 * values.accuracy, yerr=100 * np.maximum([low, high], 0),
-                color=colour, marker=marker, ls=":", lw=0.6, ms=3, elinewidth=0.5, label=f"{n}",
-            )  # fmt: skip
+            y, spread = errors(values[["accuracy", "accuracy_low", "accuracy_high"]], 100)
+            axes.errorbar(places, y, yerr=np.maximum(spread, 0), color=colour, marker=marker,
+                          ls=":", lw=0.6, ms=3, elinewidth=0.5, label=f"{n}")  # fmt: skip
         axes.axvline(4.5, color="0.7", lw=0.6)
         axes.set_xticks(range(len(STEPS)), STEPS.values(), rotation=90, fontsize=5.5)
         axes.set_ylim(0, 103)

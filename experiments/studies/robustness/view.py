@@ -1,4 +1,4 @@
-"""Accuracy that is left under disturbances, as a table and a figure."""
+"""Accuracy that is left under disturbances."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.estimates import Estimate, mean_share
-from experiments.reporting.plot import bars, errors, handle
 from experiments.reporting.study import Study
 from experiments.reporting.text import size
 
@@ -35,22 +33,23 @@ LEVELS = {
 
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
-    """Accuracy by ``disturbance``, ``level`` and ``model``, mean over seeds.
+    """Accuracy of each model by ``disturbance`` and ``level``, mean over seeds.
 
     Bounds are Student's interval over seeds. A flipped bit can ruin all predictions of a seed at
     once, so of flips they are the lowest and the highest seed.
     """
-    table = []
-    keys = ["disturbance", "level", "model"]
-    for key, same in rows.groupby(keys, sort=False):
+    table: dict[tuple[str, float], dict[str, Any]] = {}
+    by = ["disturbance", "level", "model"]
+    for (disturbance, level, model), same in rows.groupby(by, sort=False):
         shares = (same.right / same.n_test).astype(float)
         # The mean of equal shares may differ from them in the last digit.
         mean = float(np.clip(shares.mean(), shares.min(), shares.max()))
         estimate = Estimate(mean, shares.min(), shares.max())
-        if key[0] not in FLIPS:
+        if disturbance not in FLIPS:
             estimate = mean_share(shares.groupby(same.seed).mean().tolist(), same.n_test.iloc[0])
-        table.append({**dict(zip(keys, key, strict=True)), **estimate.columns("accuracy")})
-    return pd.DataFrame(table)
+        line = table.setdefault((disturbance, level), {"disturbance": disturbance, "level": level})
+        line |= estimate.columns(model)
+    return pd.DataFrame(list(table.values()))
 
 
 NOTE = (
@@ -77,15 +76,8 @@ def _level(row: Mapping[str, Any]) -> str:
 )  # fmt: skip
 def disturbed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """Accuracy of each model, a column, under each disturbance."""
-    columns = {f"accuracy{end}": end for end in ("", "_low", "_high")}
-    wide = accuracies(rows).pivot(
-        index=["disturbance", "level"], columns="model", values=list(columns)
-    )
-    order = list(dict.fromkeys(zip(rows.disturbance, rows.level, strict=True)))
-    wide = wide.reindex(order)
-    wide.columns = [f"{model}{columns[name]}" for name, model in wide.columns]
+    table = accuracies(rows)
     models = list(rows.model.unique())
-    table = wide[[f"{model}{end}" for model in models for end in columns.values()]].reset_index()
     sizes = rows.groupby("model", sort=False).model_bytes.first()
     stored = "; ".join(f"{display_name(str(m))} {size(int(n))}" for m, n in sizes.items())
     stops = config.get("stops", {})
@@ -93,37 +85,3 @@ def disturbed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     stopped = ", ".join(map(display_name, early)) or "none"
     table.attrs["note"] = f"{NOTE} Stored: {stored}. Stopped at 90 % in training: {stopped}."
     return table
-
-
-@STUDY.figure(
-    "robustness", of="robustness", size=(3.4, 4.8),
-    caption="Test accuracy against the bit error rate of the stored model, on {frames}. Bars: "
-    "lowest to highest seed; dashed: chance.",
-)  # fmt: skip
-def figure(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
-    """Accuracy against bit error rate, of models as they are stored and with 8 bits a number."""
-    means, models = accuracies(rows), list(rows.model.unique())
-    rates = sorted({0.0, *means.level[means.disturbance.isin(FLIPS)]})
-    for axes, name, text in zip(
-        figure.subplots(2, 1, sharex=True), FLIPS,
-        ("as stored: float32, bits, counters", "the same, but 8 bits for each float32"),
-        strict=True,
-    ):  # fmt: skip
-        for k, model in enumerate(models):
-            of_model = means[means.model == model]
-            # A model that stores no floating-point numbers has its bits as they are in both.
-            shown = name if (of_model.disturbance == name).any() else FLIPS[0]
-            flipped = (of_model.disturbance == shown) & (of_model.level > 0)
-            points = of_model[flipped | (of_model.disturbance == "none")]
-            values = points[["accuracy", "accuracy_low", "accuracy_high"]].to_numpy()
-            y, spread = errors([Estimate(*row) for row in values], 100)
-            # A place for every rate: most of what matters lies above 0.1.
-            x = [rates.index(rate) + 0.06 * (k - len(models) / 2) for rate in points.level]
-            bars(axes, model, x, y, spread, elinewidth=0.4)
-        axes.text(0.01, 3, text, transform=axes.get_yaxis_transform(), fontsize=6)
-        axes.axhline(100 / rows.n_classes.iloc[0], color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
-        axes.set(ylabel="test accuracy (%)", ylim=(0, 104))
-    labels = [f"{rate:g}" if rate >= 1e-3 or not rate else f"{rate:.0e}" for rate in rates]
-    axes.set_xticks(range(len(rates)), labels, rotation=90)
-    axes.set_xlabel("bit error rate of the stored model")
-    figure.legend(handles=list(map(handle, models)), loc="outside lower center", ncols=2)

@@ -1,4 +1,4 @@
-"""Every model on every scene: test errors, confusions, learning curves; Figs. 5(a), 6, 7 and 9.
+"""Every model on every scene: accuracies and confusions; Figs. 5(a), 6, 7 and 9.
 
 Scenes of measured optics come before simulated ones.
 """
@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, NullLocator, ScalarFormatter
 
 from experiments.records import configs
 from experiments.records.record import Finished
@@ -26,25 +24,18 @@ from experiments.reporting.plot import (
     CONFUSION_MAP,
     PRINTED,
     WIDTH,
-    accuracy_curves,
-    bars,
-    handle,
     head,
     literal,
     matrix,
-    measured_models,
     panel,
-    plain_decades,
     seeds_of,
-    title,
 )
-from experiments.reporting.rows import Row, row
+from experiments.reporting.rows import row
 from experiments.reporting.study import RUN, Quantity, Study, with_places
 from experiments.reporting.table import frame
 from experiments.studies.correlation.view import matrices
 
 EXPERIMENT = "all_scenes"
-BY_STEPS = ("softmax", "cnn1_fast")  # iterative models, run where an epoch is short
 SPATIAL_CORRELATION = (
     f"{RUN}correlation scene=spatial 'task.kinds=[prototype]' 'task.samples=[held-out]'"
 )
@@ -65,9 +56,6 @@ STUDY = Study(
 )
 
 
-# Rows ---------------------------------------------------------------------------------------------
-
-
 def groups(results: Results) -> list[Group]:
     """The runs of each scene and model on all pixels with the most training samples, measured
     scenes first, HDC first in each."""
@@ -86,39 +74,6 @@ def groups(results: Results) -> list[Group]:
     return sorted(whole.values(), key=place)
 
 
-def lines_of(results: Results) -> list[Row]:
-    """A row of a table for each of :func:`groups`."""
-    return [
-        row(group, results.group(group.scene, "hdc", group.n_train)) for group in groups(results)
-    ]
-
-
-def by_scene(lines: Iterable[Row]) -> dict[str, list[Row]]:
-    """Rows by scene."""
-    scenes: dict[str, list[Row]] = {}
-    for line in lines:
-        scenes.setdefault(line["scene"], []).append(line)
-    return scenes
-
-
-def few_samples(results: Results) -> list[Row]:
-    """Rows of models that were run with several N; touch has a study of its own."""
-    every = [g for g in results.groups() if g.pixels is None and g.runs and g.scene != "touch"]
-    several = Counter((group.scene, group.model) for group in every)
-    return [
-        row(group, results.group(group.scene, "hdc", group.n_train))
-        for group in every
-        if several[group.scene, group.model] > 1
-    ]
-
-
-def grid(figure: Figure, n: int, height: float, columns: int = 2) -> list[Axes]:
-    """Axes of so many panels, and the figure as high as they need."""
-    lines = -(-n // columns)
-    figure.set_size_inches(WIDTH, 1.4 + height * lines)
-    return [figure.add_subplot(lines, columns, k + 1) for k in range(n)]
-
-
 @STUDY.table(
     EXPERIMENT,
     title="Every model on every scene",
@@ -131,64 +86,10 @@ def grid(figure: Figure, n: int, height: float, columns: int = 2) -> list[Axes]:
 )  # fmt: skip
 def all_scenes(results: Results) -> pd.DataFrame:
     """One row a scene and model."""
-    data = frame(lines_of(results))
-    data.attrs["commands"] = rows_of.commands(groups(results))
+    every = groups(results)
+    data = frame(row(group, results.group(group.scene, "hdc", group.n_train)) for group in every)
+    data.attrs["commands"] = rows_of.commands(every)
     return data
-
-
-# Test error by scene ------------------------------------------------------------------------------
-
-
-@STUDY.figure(
-    EXPERIMENT,
-    caption="Test error against training time, by scene. Fibre: frames computed from measured "
-    "transmission matrices. Pale: training accuracy never exceeded 90 %, until the run stopped.",
-    needs=lambda results: bool(groups(results)),
-    commands=(f"{RUN}{EXPERIMENT} scene=fibre,fibre_grouped", f"{RUN}{EXPERIMENT}"),
-)
-def errors_by_scene(figure: Figure, results: Results) -> None:
-    """A panel a scene that several models of the experiment were run on."""
-    models = [*configs.sweep(EXPERIMENT)["model"], *BY_STEPS]
-    scenes = by_scene(
-        line
-        for line in lines_of(results)
-        if line["model"] in models or line["model"] in results.extra_models(line["scene"])
-    )
-    scenes = {scene: lines for scene, lines in scenes.items() if len(lines) > 1} or scenes
-    panels = grid(figure, len(scenes), 1.6)
-    for axes, letter, (scene, lines) in zip(panels, LETTERS, scenes.items(), strict=False):
-        _errors(axes, lines)
-        axes.set(xlabel="training time (s)", ylabel="test error (%)")
-        panel(axes, letter, f"{literal(scene)}\n{lines[0]['origin']}")
-    names = dict.fromkeys(line["model"] for lines in scenes.values() for line in lines)
-    figure.legend(handles=[handle(name) for name in names], loc="outside lower center", ncols=2)
-    head(figure, "Test error by scene, 95 % intervals", [])
-
-
-def _errors(axes: Axes, lines: list[Row]) -> None:
-    """One scene; measured ones have a background of their own."""
-    axes.set_xscale("log")
-    if lines[0]["origin"] != "simulated":
-        axes.set_facecolor("#FFF6E5")
-    largest = 0.0
-    for line in lines:
-        accuracy = [line[f"test_accuracy_final{end}"] for end in ("", "_high", "_low")]
-        error, low, high = 100 - 100 * np.array(accuracy)
-        reached = not isinstance(line["training_time_s"], str)
-        time = line["training_time_s"] if reached else line["total_time_s"]
-        spread = np.maximum([[error - low], [high - error]], 0)
-        alpha = 1.0 if reached else 0.4
-        bars(axes, line["model"], time, error, spread, ms=4, lw=0.7, capsize=1.2, alpha=alpha)
-        largest = max(largest, error)
-    axes.set_ylim(-0.03 * max(5.0, 1.5 * largest), max(5.0, 1.5 * largest))
-    plain_decades(axes)
-    # A panel may span less than a decade, which would have one label, or all of them.
-    axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.tick_params(axis="x", labelsize=6)
-
-
-# Confusions ---------------------------------------------------------------------------------------
 
 
 @STUDY.figure(
@@ -201,28 +102,24 @@ def _errors(axes: Axes, lines: list[Row]) -> None:
 def confusions(figure: Figure, results: Results) -> None:
     """A panel a scene."""
     chosen = confused(results)
-    panels = grid(figure, len(chosen), 1.55)
+    lines = -(-len(chosen) // 2)
+    figure.set_size_inches(WIDTH, 1.4 + 1.55 * lines)
+    panels = [figure.add_subplot(lines, 2, k + 1) for k in range(len(chosen))]
     for axes, letter, group in zip(panels, LETTERS, chosen, strict=False):
         confusion(axes, group)
         axes.set(xlabel="predicted", ylabel="true")
         axes.tick_params(axis="x", rotation=90)
         of = f", {PAPER[group.scene]}" if group.scene in PAPER else ""
-        name = group.model.partition(" (")[0]
-        by = "" if name == "hdc" else f"{rows_of.display_name(name)}, "
         accuracy = 100 * estimates.share(group).value
         scene = textwrap.fill(literal(group.scene.replace("_", " ")), 17)
-        panel(axes, letter, f"{scene}{of}\n{by}{accuracy:.1f} %")
+        panel(axes, letter, f"{scene}{of}\n{accuracy:.1f} %")
     frames = rows_of.frames_of([{"origin": g.runs[0].record.scene.origin} for g in chosen])
     head(figure, "Confusion by HDC, % of the true label", [frames])
 
 
 def confused(results: Results) -> list[Group]:
-    """HDC's runs on each scene of few classes; where it was not run, the first model's."""
-    first: dict[str, Group] = {}
-    for group in groups(results):
-        if len(group.classes) <= PRINTED:
-            first.setdefault(group.scene, group)
-    return list(first.values())
+    """HDC's runs on each scene of few classes."""
+    return [g for g in groups(results) if g.model == "hdc" and len(g.classes) <= PRINTED]
 
 
 def confusion(axes: Axes, group: Group) -> None:
@@ -237,35 +134,6 @@ def confusion(axes: Axes, group: Group) -> None:
         bar.remove()
     else:
         bar.set_ticks([0, 5, 20, 50, 100])
-
-
-# Few samples --------------------------------------------------------------------------------------
-
-
-@STUDY.figure(
-    "accuracy_vs_n_scenes",
-    caption="Test accuracy against the number of training samples, by scene.",
-    needs=lambda results: bool(few_samples(results)),
-    commands=(f"{RUN}accuracy_vs_n scene=fibre",),
-)
-def learning_curves(figure: Figure, results: Results) -> None:
-    """A panel a scene that was run with several N."""
-    every = few_samples(results)
-    scenes = by_scene(every)
-    models = measured_models(every, [line["model"] for line in every])
-    panels = grid(figure, len(scenes), 2.1, columns=1)
-    for axes, letter, (scene, lines) in zip(panels, LETTERS, scenes.items(), strict=False):
-        accuracy_curves(axes, lines, models, "n_train")
-        axes.xaxis.set_major_formatter(ScalarFormatter())
-        axes.xaxis.set_major_locator(FixedLocator([5, 10, 20, 50, 100, 200, 400, 1000, 4000]))
-        axes.xaxis.set_minor_locator(NullLocator())
-        axes.set_xlabel("training samples N")
-        panel(axes, letter, literal(scene))
-    handles = [handle(model) for model in models]
-    title(figure, figure.axes[0], "Test accuracy by scene", every, models, models, handles)
-
-
-# Positions ----------------------------------------------------------------------------------------
 
 
 def positions(record: Finished) -> np.ndarray:
@@ -307,9 +175,6 @@ def spatial(figure: Figure, results: Results) -> None:
     frames = rows_of.frames_of([{"origin": group.runs[0].record.scene.origin}])
     details = [f"{frames}, {seeds_of(len(group.runs))}"]
     head(figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", details)
-
-
-# Published numbers --------------------------------------------------------------------------------
 
 
 @STUDY.quantities()

@@ -6,13 +6,9 @@ import math
 from typing import Any
 
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
 
 from experiments.reporting import published
 from experiments.reporting.columns import Column
-from experiments.reporting.plot import panel, plain_decades
 from experiments.reporting.study import Study
 from experiments.reporting.text import number
 
@@ -23,14 +19,9 @@ STUDY = Study(
     11,
 )
 GROUP = ["pixels", "method", "start"]
-# Okabe and Ito's colours; marker and line repeat the distinction.
-SCALINGS = {
-    "raw": ("0…255", "#0072B2", "o"),
-    "unit": ("0…1", "#D55E00", "s"),
-    "standard": ("standardised", "#009E73", "^"),
-}
+SCALINGS = {"raw": "0…255", "unit": "0…1", "standard": "standardised"}
 COLUMNS = {
-    "pixels": Column("Pixels", lambda name: SCALINGS[name][0]),
+    "pixels": Column("Pixels", lambda name: SCALINGS[name]),
     "method": Column("Method"),
     "start": Column("Start"),
     "lambda_max": Column("λ_max"),
@@ -75,40 +66,3 @@ def crossing(sweep: pd.DataFrame, name: str) -> float | str:
         return f"> {number(rates[-1])}"
     at = happens.index(True)
     return math.sqrt(rates[at - 1] * rates[at]) if at else f"< {number(rates[0])}"
-
-
-@STUDY.figure(
-    "stiffness_limit",
-    of="stiffness",
-    caption="Highest loss of softmax regression against the learning rate over the predicted "
-    "limit, {frames}: from zero weights by gradient descent and SGD (open markers), and from near "
-    "the optimum of the penalised loss. Losses beyond the axes are drawn at their edge.",
-    size=(3.4, 4.4),
-)
-def stability_limit(figure: Figure, rows: pd.DataFrame, config: dict[str, Any]) -> None:
-    """Loss over the first one, against the rate over the predicted limit."""
-    first, second = figure.subplots(2, 1, sharex=True)
-    curves(first, rows[rows["start"] == "zero"], "loss_max", 1e3)
-    curves(second, rows[rows["start"] == "optimum"], "loss_end", 1e6)
-    first.set_ylabel("highest / first loss")
-    second.set(ylabel="last / first loss gap", xlabel="learning rate / predicted limit")
-    panel(first, "a", "From zero weights")
-    panel(second, "b", "From near the optimum, gradient descent")
-    handles, labels = first.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
-
-
-def curves(axes: Axes, rows: pd.DataFrame, name: str, ceiling: float) -> None:
-    """A curve a scaling and method; values above the ceiling, or NaN, are drawn there."""
-    for (pixels, method), sweep in rows.groupby(["pixels", "method"], sort=False):
-        label, colour, marker = SCALINGS[pixels]
-        ratio = (sweep[name].astype(float) / sweep["loss_start"]).fillna(ceiling)
-        line, fill = ("-", colour) if method == "GD" else (":", "white")
-        look: dict[str, Any] = {"color": colour, "marker": marker, "ls": line, "mfc": fill}
-        look["ms"] = 6 if pixels == "raw" else 3.5  # 0…1 gives the same ratios
-        ratio = ratio.clip(1 / ceiling, ceiling)
-        axes.loglog(sweep["rate"] / sweep["predicted"], ratio, label=f"{label}, {method}", **look)
-    axes.axvline(1, color="0.5", lw=0.7, ls="--", zorder=0)
-    axes.axhline(1, color="0.8", lw=0.7, zorder=0)
-    axes.xaxis.set_minor_locator(NullLocator())
-    plain_decades(axes)

@@ -12,7 +12,7 @@ from experiments.reporting.columns import Column
 from experiments.reporting.plot import head, panel, style_of
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import percent, points
-from experiments.studies.recordings.view import estimate
+from experiments.studies.recordings.view import by_scene, estimate
 
 STUDY = Study(
     "unequal",
@@ -21,27 +21,16 @@ STUDY = Study(
     "by which rule, and does the remedy cost anything?",
     2.7,
 )
-MARGIN = 0.03  # of accuracy, within which unequal classes are to stay of equal ones
 NAMES = {
     "hdc": "HDC as published", "hdc_balanced": "HDC, balanced", "hdc_random_ties": "random ties",
     "hdc_integer": "integer prototypes", "ridge": "ridge, greys", "mean_image": "mean image",
 }  # fmt: skip
 ENDS = ("", "_low", "_high")
-NOTE = (
-    "Changes of the test accuracy, on the same test frames, when one class has more training "
-    "frames than the others. The majority of n frames whose hypervectors correlate by c multiplies "
-    "every correlation, the floor of all frames too, by about √(2/π)·√(m/(1 + (m − 1)·c)), m = n "
-    "for odd n and n − 1 for even n. For equal classes the factor cancels; a class with more "
-    "frames has a larger one, and takes frames of the others. Balanced, the library's default: a "
-    "class counts as if it had as many frames as the smallest. Brackets: Student over sensors or "
-    "input fields; of one camera or sensor, the central 95 % of draws."
-)
 
 
 def measurements(results: Results) -> dict[str, Measured]:
     """Finished measurements by the name of their scene."""
-    every = [m for m in results.measurements if m.record.name == "unequal"]
-    return {m.record.scene: m for m in sorted(every, key=lambda m: m.record.scene)}
+    return dict(sorted(by_scene(results, "unequal").items()))
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
@@ -68,6 +57,13 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 @STUDY.table(
     "unequal",
     title="More training frames in one class",
+    note="Changes of the test accuracy, on the same test frames, when one class has more training "
+    "frames than the others. The majority of n frames whose hypervectors correlate by c multiplies "
+    "every correlation, the floor of all frames too, by about √(2/π)·√(m/(1 + (m − 1)·c)), m = n "
+    "for odd n and n − 1 for even n. For equal classes the factor cancels; a class with more "
+    "frames has a larger one, and takes frames of the others. Balanced, the library's default: a "
+    "class counts as if it had as many frames as the smallest. Brackets: Student over sensors or "
+    "input fields; of one camera or sensor, the central 95 % of draws.",
     columns={
         "recording": Column("Frames"),
         "n": Column("n of each class"),
@@ -79,7 +75,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 )
 def table(results: Results) -> pd.DataFrame | None:
     """A row for each scene, n and number of further frames: what they change."""
-    lines, worst = [], []
+    lines = []
     for scene, measured in measurements(results).items():
         every = summary(measured.frame).set_index("model")
         for (n, extra), at in every[every.extra > 0].groupby(["n", "extra"]):
@@ -90,26 +86,12 @@ def table(results: Results) -> pd.DataFrame | None:
                 line[f"to_larger{end}"] = at.loc["hdc", f"to_larger{end}"]
                 line |= {f"{model}{end}": at.loc[model, f"change{end}"] for model in NAMES}
             lines.append(line)
-        worst += [
-            furthest(every.loc[model], scene, str(model)) for model in ("hdc", "hdc_balanced")
-        ]
     if not lines:
         return None
     data = pd.DataFrame(lines)
     data.attrs["shown"] = [name for name in data if not name.endswith(ENDS[1:])]
-    data.attrs["note"] = f"{NOTE} Furthest from equal classes: {'; '.join(worst)}."
     data.attrs["commands"] = [f"{RUN}unequal scene={scene}" for scene in measurements(results)]
     return data
-
-
-def furthest(every: pd.DataFrame, scene: str, model: str) -> str:
-    """Where one model falls furthest from its accuracy with equal classes."""
-    at = every[every.extra > 0].sort_values("change").iloc[0]
-    within = "within" if at.change >= -MARGIN else "beyond"
-    return (
-        f"{NAMES[model]} on {scene} {points(at.change)} points (n = {at.n:g}, {at.extra:g} more; "
-        f"{within} {100 * MARGIN:g})"
-    )
 
 
 LINES = {  # label: model, further frames, colour, line

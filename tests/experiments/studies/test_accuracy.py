@@ -1,4 +1,4 @@
-"""Accuracy against samples, pixels and the time of a prediction."""
+"""Accuracy against samples and pixels."""
 
 import numpy as np
 import pytest
@@ -7,16 +7,12 @@ from experiments.records import configs
 from experiments.records.results import Results
 from experiments.studies.accuracy.view import STUDY
 
-WORDS = {
-    "accuracy_vs_n": ["training samples N", "test accuracy (%)", "HDC", "Ridge read-out"],
-    "accuracy_vs_d": ["pixels seen, D", "250,000", "Image correlation"],
-    "work_precision": ["time to predict a single frame (ms)", "test error", "HDC"],
-}
+TABLES = {"accuracy_vs_n", "accuracy_vs_d", "work_precision"}
 
 
 def test_a_table_has_a_row_for_all_that_its_experiments_ask_for(tmp_path, a_full_set):
     tables = {table.name: table for table in STUDY.tables_of(Results(tmp_path))}
-    assert set(tables) == set(WORDS)
+    assert set(tables) == TABLES
     params = configs.sweep("accuracy_vs_d")
     pixels = configs.numbers(params["data.pixels"])
     data = tables["accuracy_vs_d"].data
@@ -27,12 +23,11 @@ def test_a_table_has_a_row_for_all_that_its_experiments_ask_for(tmp_path, a_full
 
 
 @pytest.mark.filterwarnings("error")
-def test_the_figures_are_drawn_within_their_frames(a_full_set, drawn):
-    figures = drawn(STUDY)
-    assert set(figures) == set(WORDS)
-    for name, words in figures.items():
-        for expected in [*WORDS[name], "simulated frames", "95 % intervals"]:
-            assert expected in words, (name, expected)
+def test_the_figure_is_drawn_within_its_frame(a_full_set, drawn):
+    words = drawn(STUDY)["accuracy_vs_n"]
+    expected = ("training samples N", "test accuracy (%)", "HDC", "Ridge read-out")
+    for text in (*expected, "simulated frames", "95 % intervals"):
+        assert text in words
 
 
 def test_a_curve_has_more_than_one_place(write_run, drawn):

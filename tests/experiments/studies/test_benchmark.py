@@ -11,7 +11,6 @@ from experiments.studies.benchmark.cases import SHUFFLED, SORTED, Case
 from experiments.studies.benchmark.routes import (
     COPY,
     DECODED,
-    ENCODING,
     NUMKONG,
     OPERATIONS,
     ORDINARY_ROUTES,
@@ -143,7 +142,6 @@ def test_goals_are_judged(tmp_path, write_measurement):
             row("train", ORDINARY_ROUTES[0], 1.5),
             row("train", READ, 0.01),
             row("train", COPY, 0.02),
-            row("train", ENCODING, 0.015),
             row("train", ORDINARY_ROUTES[0], 0.1, n=40),
             row("predict", OURS_COMPILED, 0.0001, n=1),
             row("hamming", OURS_COMPILED, 0.9, n=100),
@@ -162,7 +160,6 @@ def test_goals_are_judged(tmp_path, write_measurement):
         f"train: {ORDINARY_ROUTES[0]}, × {OURS_COMPILED}": ["≥ 80", "75.0", "no"],
         f"train: {OURS_COMPILED}, × {READ}": ["≤ 1.15", "2.00", "no"],
         f"train: {OURS_COMPILED}, × {COPY}": ["≤ 1", "1.00", "yes"],
-        f"train: {ENCODING}, × {COPY}": ["", "0.750", ""],
         f"hamming: {OURS_COMPILED}, × {NUMKONG}": ["≤ 1.1", "0.900", "yes"],
         f"folder: {DECODED}, × {OURS}": ["≥ 0.9", "0.850", "no"],
         f"encode {SHUFFLED}, × {SORTED}: {OURS}": ["≤ 1.3", "1.67", "no"],

@@ -112,4 +112,3 @@ def test_a_change_of_settings_does_not_displace_the_whole_measurement(tmp_path, 
     assert measured.record.config["draws"] == 20
     summary = view.summary(measured).set_index("model")
     assert summary.accuracy["hdc"] == 0.9
-    assert summary.over_hdc[view.RIVAL] == 0

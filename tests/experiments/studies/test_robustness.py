@@ -139,7 +139,7 @@ def test_bounds_of_flips_are_the_worst_and_the_best_seed():
     means = view.accuracies(pd.DataFrame(rows).assign(n_test=10)).set_index(
         ["disturbance", "level"]
     )
-    assert means.loc[("none", 0.0), "accuracy_low"] == mean_share([1, 0.9], 10).low
-    flipped = means[["accuracy", "accuracy_low", "accuracy_high"]].loc["bit_flips"]
+    assert means.loc[("none", 0.0), "softmax_low"] == mean_share([1, 0.9], 10).low
+    flipped = means[["softmax", "softmax_low", "softmax_high"]].loc["bit_flips"]
     assert flipped.loc[1e-4].tolist() == pytest.approx([0.55, 0.2, 0.9])
     assert flipped.loc[1e-3].nunique() == 1
