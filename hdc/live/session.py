@@ -41,11 +41,10 @@ class Answer:
 
 
 class Lesson(NamedTuple):
-    """Samples of lesson 0 train the model; those of a later one recalibrate it by p and method."""
+    """Samples of lesson 0 train the model; those of a later one recalibrate it by p."""
 
     number: int = 0
     p: float = 0.0
-    method: str = ""
 
 
 class Sample(NamedTuple):
@@ -67,7 +66,6 @@ class Session:
         counts: samples of each class, in the order they were taught; replaced, never changed.
         places: touches of each class, for a source that can be pressed.
         tests: whether the latest tests were right.
-        version: grows whenever the model changes.
     """
 
     def __init__(self, source: Source) -> None:
@@ -76,7 +74,6 @@ class Session:
         self.counts: dict[str, int] = {}
         self.places: dict[str, tuple[Touch, ...]] = {}
         self.tests: deque[bool] = deque(maxlen=RECENT)
-        self.version = 0
         self._samples: list[Sample] = []
         self._regressor: HDCRegressor | None = None
         self._tested = 0
@@ -108,14 +105,6 @@ class Session:
             distances=dict(zip(self.model.classes_.tolist(), distances, strict=True)),
             values=tuple(values),
         )
-
-    def prototypes(self) -> dict[str, np.ndarray]:
-        """Bits of each class's prototype, bool [H, W]."""
-        if self.model is None:
-            return {}
-        planes = bits.unpack(self.model.prototypes_, self.model.dimension_).numpy()
-        classes = self.model.classes_.tolist()
-        return dict(zip(classes, planes.reshape(-1, *self.source.shape), strict=True))
 
     def test(self) -> None:
         """Test the model on one new touch of a taught class, if the source can be pressed."""
@@ -152,18 +141,18 @@ class Session:
         if new and pressed:
             self.tests.clear()
 
-    def recalibrate(self, name: str | None, n: int, p: float, method: str) -> None:
+    def recalibrate(self, name: str | None, n: int, p: float) -> None:
         """Recalibrate a class by n samples of the present touch or scene.
 
         Args:
             name: of the class; None: all of them, each touched where it was taught.
             n: samples of each class.
-            p, method: see :meth:`hdc.HDCClassifier.recalibrate`.
+            p: see :meth:`hdc.HDCClassifier.recalibrate`.
         """
         if len(self.counts) < 2:
             raise ValueError("There is nothing to recalibrate yet: teach two classes first.")
         samples: list[Sample] = []
-        lesson = Lesson(max((s.lesson.number for s in self._samples), default=0) + 1, p, method)
+        lesson = Lesson(max((s.lesson.number for s in self._samples), default=0) + 1, p)
         for label in self.counts if name is None else [name]:
             self._check_known(label)
             place = self.places[label] if name is None else self._touches
@@ -184,15 +173,14 @@ class Session:
 
     def use(self, readout: str) -> None:
         """Switch the read-out, trained on the same frames."""
-        if readout == self.readout:
-            return
-        self._train(self._samples, readout)
-        self.tests.clear()
+        if readout != self.readout:
+            self._train(self._samples, readout)
+            self.tests.clear()
 
     def drift(self, kelvin: float) -> None:
         """Set the drift of a sensor that can be pressed."""
         if isinstance(self.source, Pressable):
-            self.source.offset = within(kelvin, 0.0, self.source.most)
+            self.source.offset = kelvin
             self.tests.clear()
 
     @property
@@ -219,7 +207,7 @@ class Session:
             chosen = [sample for sample in samples if sample.lesson == lesson]
             frames, labels = np.stack([s.frame for s in chosen]), [s.label for s in chosen]
             if model and lesson.number and len(counts) > 1:
-                model.recalibrate(frames, labels, lesson.p, lesson.number, lesson.method)
+                model.recalibrate(frames, labels, lesson.p, lesson.number)
             elif model is None and len(counts) > 1:
                 model = HDCClassifier(readout=readout).fit(frames, labels)
             else:  # a single class has no read-out yet, but a prototype to show
@@ -227,7 +215,6 @@ class Session:
         self._regressor = _regressor(samples, readout)
         self._samples, self.model, self.readout = samples, model, readout
         self.counts = dict(counts)
-        self.version += 1
 
     def saved(self) -> bytes:
         """The model as a file of :meth:`hdc.HDCClassifier.save`."""
