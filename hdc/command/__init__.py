@@ -74,10 +74,7 @@ def _status(arguments: Sequence[str] | None) -> int:
 
 
 def _say(text: str, status: int) -> int:
-    """Write one line, whatever control characters a file's name or content brought into it."""
-    line = " ".join(text.split("\n"))
-    plain = (c if c.isprintable() else ascii(c)[1:-1] for c in line)
-    print("".join(plain), file=sys.stderr)
+    print(" ".join(text.splitlines()), file=sys.stderr)
     return status
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections import Counter
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -214,12 +213,10 @@ def recalibrate(
     passing = work.Passing(frames, np.arange(len(frames)))
     found.recalibrate(passing, [by_name[name] for name in frames.names], p, seed, method)
     found.save(output)
-    counts = Counter(frames.names)
-    click.echo(f"{output}: {len(frames)} new frames of {len(counts)} classes, {method}, p = {p:g}")
-    if old := [name for name in by_name if name not in counts]:
+    new = set(frames.names)
+    click.echo(f"{output}: {len(frames)} new frames of {len(new)} classes, {method}, p = {p:g}")
+    if old := [name for name in by_name if name not in new]:
         click.echo(f"not recalibrated: {', '.join(old)}")
-    if few := [name for name, n in counts.items() if n == 1]:
-        click.echo(f"recalibrated by a single frame: {', '.join(few)}")
     _left_out(frames)
 
 
@@ -298,17 +295,16 @@ def live(
 
 @cli.command()
 @_model
-@_json
-def info(model: Path, as_json: bool) -> None:
-    """Show what a model was trained on."""
+def info(model: Path) -> None:
+    """Show what a model was trained on, as JSON."""
     found, window = work.load(model)
     rows: dict[str, Any] = {
-        "file": f"{model}, {model.stat().st_size} bytes",
+        "bytes": model.stat().st_size,
         "kind": type(found).__name__,
-        "trained": found.metadata_.get("trained", "at an unknown time"),
-        "version": found.metadata_.get("version", "unknown"),
+        "trained": found.metadata_.get("trained"),
+        "version": found.metadata_.get("version"),
         "frames": work.size(found.frame_shape_),
-        "crop": "none" if window.crop is None else " ".join(map(str, window.crop)),
+        "crop": window.crop,
         "subsample": window.subsample,
         "read-out": getattr(found, "readout", "prototype"),
     }
@@ -316,11 +312,5 @@ def info(model: Path, as_json: bool) -> None:
         counts = zip(found.classes_, found.counts_, strict=True)
         rows["classes"] = {str(c): int(n) for c, n in counts}
     else:
-        rows["values"] = ", ".join(work.value_names(found))
-    if as_json:
-        return click.echo(json.dumps(rows, ensure_ascii=False))
-    classes = rows.pop("classes", {})
-    for name, value in rows.items():
-        click.echo(f"{name:10}  {value}")
-    for name, n in classes.items():
-        click.echo(f"{'class':10}  {name}: {n} frames")
+        rows["values"] = work.value_names(found)
+    click.echo(json.dumps(rows, ensure_ascii=False, indent=2))

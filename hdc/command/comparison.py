@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import html
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -40,8 +39,7 @@ COLUMNS = 2**13
 class Frames:
     """Packed hypervectors int64 [N, W], and inner products [N, N] by what they are of.
 
-    ``products`` has those of hypervectors in ±1 ("bits"), of grey values in 0 … 1 ("greys"), and of
-    frames each of which is scaled to mean 0 and deviation 1 ("standardised").
+    ``products`` has those of hypervectors in ±1 ("bits") and of grey values in 0 … 1 ("greys").
     """
 
     def __init__(self, frames: np.ndarray) -> None:
@@ -50,19 +48,12 @@ class Frames:
         self.words = torch.cat(
             [encode(torch.from_numpy(frames[i : i + 32]), i) for i in range(0, n, 32)]
         )
-        greys, sums = np.zeros((n, n)), np.zeros(n)
+        greys = np.zeros((n, n))
         for start in range(0, self.pixels, COLUMNS):
             block = flat[:, start : start + COLUMNS].astype(np.float32) / most
             greys += block @ block.T
-            sums += block.sum(1, dtype=float)
-        centred = greys - np.outer(sums, sums) / self.pixels
-        deviation = np.sqrt(np.maximum(np.diag(centred), 0) / self.pixels)
-        deviation[deviation == 0] = 1
-        self.products = {
-            "bits": gram(self.words, self.words, self.pixels).numpy(),
-            "greys": greys,
-            "standardised": centred / np.outer(deviation, deviation),
-        }
+        bits = gram(self.words, self.words, self.pixels).numpy()
+        self.products = {"bits": bits, "greys": greys}
 
 
 def coordinates(
@@ -86,34 +77,21 @@ def coordinates(
 
 
 class Method(NamedTuple):
-    """What a method sees, its estimator on coordinates (None: counts bits), and its use."""
+    """What a method sees, its estimator on coordinates (None: compares bits), and its use."""
 
     sees: str
-    estimator: Callable[[], Any] | None
+    estimator: Any
     use: str
-
-
-def _softmax() -> LogisticRegression:
-    return LogisticRegression(C=10, max_iter=1000)
-
-
-def _ridge() -> RidgeClassifierCV:
-    return RidgeClassifierCV(np.logspace(-4, 2, 7))
 
 
 METHODS = {
     "prototypes": Method("bits", None, "hdc train"),
-    "ridge": Method("bits", _ridge, "hdc train --readout ridge"),
+    "ridge": Method("bits", RidgeClassifierCV(np.logspace(-4, 2, 7)), "hdc train --readout ridge"),
     "neighbours": Method("bits", None, "hdc train --readout neighbours"),
-    "mean image": Method("greys", NearestCentroid, "mean image on grey values"),
-    "mean image, standardised": Method(
-        "standardised", NearestCentroid, "mean image on standardised grey values"
-    ),
-    "softmax": Method("greys", _softmax, "softmax on grey values"),
-    "softmax, standardised": Method(
-        "standardised", _softmax, "softmax on standardised grey values"
-    ),
+    "mean image": Method("greys", NearestCentroid(), "mean image on grey values"),
+    "softmax": Method("greys", LogisticRegression(C=10, max_iter=1000), "softmax on grey values"),
 }
+"""From the smallest model to the largest."""
 
 
 def predict(
@@ -124,7 +102,7 @@ def predict(
     if method.estimator is not None:
         trained, queries = coordinates(data.products[method.sees], train, test)
         with np.errstate(invalid="ignore"):  # a deviation that one frame a class does not have
-            return np.asarray(method.estimator().fit(trained, labels[train]).predict(queries))
+            return np.asarray(method.estimator.fit(trained, labels[train]).predict(queries))
     if name == "neighbours":
         return labels[train][data.products["bits"][np.ix_(test, train)].argmax(1)]
     counters = Counters(labels.max() + 1, data.pixels)
@@ -155,16 +133,13 @@ def compare(
         raise ValueError(f"--test: expected classes among {', '.join(known)}, found {unknown[0]}")
     labels = np.array([known.index(name) for name in names])
     first = recording[0]
-    frames = np.empty((len(names), *first.shape), first.dtype)
+    if other and (other[0].shape, other[0].dtype) != (first.shape, first.dtype):
+        raise ValueError(
+            f"--test: expected frames {first.shape} {first.dtype} as in the first recording, "
+            f"found {other[0].shape} {other[0].dtype}"
+        )
     stream = (frame for part in parts for frame in part.stream())
-    for i, frame in enumerate(with_progress(stream, len(names), "Reading")):
-        if frame.shape != first.shape or frame.dtype != first.dtype:
-            raise ValueError(
-                f"--test: expected frames {first.shape} {first.dtype} as in the first recording, "
-                f"found {frame.shape} {frame.dtype}"
-            )
-        frames[i] = frame
-    data = Frames(frames)
+    data = Frames(np.stack(list(with_progress(stream, len(names), "Reading"))))
     later = (np.arange(n), np.arange(n, len(names))) if other else _ordered(recording, fraction)
     random = [split(labels[:n], fraction, seed, n) for seed in range(draws)]
     splits = {
@@ -216,30 +191,15 @@ def _curves(
 
 
 def advice(splits: dict[str, Any]) -> str:
-    """One sentence: which read-out to use on such frames, and why."""
+    """One sentence: the first of METHODS whose interval reaches the best accuracy, and why."""
     split_name, curves = list(splits.items())[-1]
     last = {name: curve[-1] for name, curve in curves.items()}
-
-    def share(name: str) -> str:
-        return f"{name} {last[name]['accuracy']:.0%}"
-
-    best = max(METHODS, key=lambda name: last[name]["accuracy"])
-    of_bits = [name for name in METHODS if METHODS[name].sees == "bits"]
-    on_bits = max(of_bits, key=lambda name: last[name]["accuracy"])
-    where = f"on the {split_name} test frames"
-    if last[on_bits]["high"] < last[best]["accuracy"]:
-        return (
-            f"Use {METHODS[best].use}: {where} {share(best)} against {share(on_bits)}, the best on "
-            "bits, so the bits lose what tells these classes apart."
-        )
-    if last["prototypes"]["high"] < last[on_bits]["accuracy"]:
-        return (
-            f"Use {METHODS[on_bits].use}: {where} {share(on_bits)} against {share('prototypes')} "
-            "with the same bits, so classes have structure that one prototype a class loses."
-        )
+    best = max(last, key=lambda name: last[name]["accuracy"])
+    name = next(name for name in METHODS if last[name]["high"] >= last[best]["accuracy"])
+    others = ", ".join(f"{n} {last[n]['accuracy']:.0%}" for n in METHODS if n != name)
     return (
-        f"Use hdc train: {where} {share('prototypes')} against {share(best)}, no clear "
-        "difference, so the smallest model will do."
+        f"Use {METHODS[name].use}: on the {split_name} test frames {last[name]['accuracy']:.0%}, "
+        f"the smallest model that is not clearly behind the best ({others})."
     )
 
 
@@ -264,13 +224,11 @@ def text(result: dict[str, Any]) -> str:
 
 
 PAGE = """<!doctype html>
-<html lang="en"><meta charset="utf-8">
-<title>hdc compare: {recording}</title>
-<h1>{recording}</h1><p><b>{advice}</b></p><pre>{text}</pre>
+<html lang="en"><meta charset="utf-8"><title>hdc compare</title>
+<h1>{recording}</h1><pre>{text}</pre>
 <p>Accuracy on frames that were not learnt, with Wilson's 95 % interval over the different frames
 tested. Frames held out at random lie between those trained on: if they were recorded in close
-succession they are alike, and the ordered split is the one to believe. Grey values are scaled to
-0 … 1; standardised: each frame to mean 0 and deviation 1.</p></html>
+succession they are alike, and the ordered split is the one to believe.</p></html>
 """
 
 
@@ -278,15 +236,12 @@ def check_page(path: Path) -> None:
     """Refuse a name that cannot be written, or that is taken by anything but such a page."""
     if not path.parent.is_dir():
         raise ValueError(f"{path}: expected a folder to write into, found none")
-    if not os.path.lexists(path):
-        return
-    if path.is_symlink() or not path.is_file() or b"<title>hdc compare" not in path.read_bytes():
-        raise ValueError(
-            f"{path}: expected a page of hdc compare or no file, found another; not replaced"
-        )
+    ours = path.is_file() and not path.is_symlink() and b"<title>hdc compare" in path.read_bytes()
+    if os.path.lexists(path) and not ours:
+        raise ValueError(f"{path}: expected a page of hdc compare or no file, found another")
 
 
 def write_page(path: Path, result: dict[str, Any]) -> None:
     """Write a page of HTML that refers to no other file."""
-    texts = {key: html.escape(result[key]) for key in ("recording", "advice")}
-    write_atomically(path, PAGE.format(**texts, text=html.escape(text(result))))
+    shown = {"recording": html.escape(result["recording"]), "text": html.escape(text(result))}
+    write_atomically(path, PAGE.format(**shown))

@@ -39,8 +39,8 @@ class Worker:
 
     def __init__(self, session: Session) -> None:
         self.session, self.view = session, View()
-        self._lock, self._stopped, self._tested = threading.Lock(), threading.Event(), 0.0
-        self._asked = -WATCHED
+        self._lock, self._stopped = threading.Lock(), threading.Event()
+        self._tested = self._asked = -WATCHED
         self._thread = threading.Thread(target=self._run, daemon=True, name="sensor")
 
     def start(self) -> None:
