@@ -1,16 +1,7 @@
 """The command ``hdc``: train, evaluate, ask and adapt a model without writing Python.
 
-    hdc train touches/ -o touch.safetensors --test-fraction 0.2
-    hdc predict touch.safetensors frame1.png frame2.png --reject
-    hdc evaluate touch.safetensors tomorrow/
-    hdc recalibrate touch.safetensors tomorrow/ -o tomorrow.safetensors --method merge
-    hdc compare touches/ --test tomorrow/ -o compare.html
-    hdc info touch.safetensors
-    hdc live --camera 0      # a page to teach it in the browser
-
-docs/formats.md describes what ``touches/`` may be: a folder of images, arrays, or a video with a
-table of intervals. Crop and subsampling are kept in the model's file, and later frames are cropped
-and subsampled alike. Nothing is written but the file named by ``-o``.
+docs/tutorial.md shows each command, and docs/formats.md what a recording may be. Nothing is written
+but the file named by ``-o``.
 
 It exits with 0; with 1 after an error in what was read, which is one line and names the file, what
 was expected and what was found; or with 2 if the command line is not as ``--help`` says.

@@ -1,9 +1,8 @@
 """``hdc compare``: read-outs of bits and of grey values on frames of one's own.
 
-Every method sees inner products of the N frames: of their hypervectors, or of their grey values.
-For an L2 penalty a linear model lies in the span of its training frames, so scikit-learn's
-estimators solve it exactly from coordinates in that span, and a fit of 120,000 pixels costs no
-more than one of N coordinates.
+Methods see inner products of the N frames. For an L2 penalty a linear model lies in the span of its
+training frames, so scikit-learn's estimators solve it exactly from coordinates in that span, and a
+fit of 120,000 pixels costs no more than one of N coordinates.
 """
 
 from __future__ import annotations
@@ -11,15 +10,15 @@ from __future__ import annotations
 import html
 import os
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
 from rich.console import Console
 from rich.table import Table
+from sklearn.decomposition import KernelPCA
 from sklearn.linear_model import LogisticRegression, RidgeClassifierCV
-from sklearn.neighbors import NearestCentroid
-from sklearn.preprocessing import KernelCenterer
+from sklearn.neighbors import KNeighborsClassifier, NearestCentroid
 
 from hdc.accuracy import wilson
 from hdc.bits import hamming
@@ -61,50 +60,34 @@ def coordinates(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Frames in an orthonormal basis of the span of the centred training frames.
 
-    Centred G = V·S²·Vᵀ gives the training frames V·S, and test frames by their inner products.
+    KernelPCA gives them from inner products alone.
     """
-    centre = KernelCenterer()
-    centred = centre.fit_transform(products[np.ix_(train, train)])
-    queries = centre.transform(products[np.ix_(test, train)])
-    squares, basis = np.linalg.eigh(centred)
-    kept = squares > max(squares[-1], 0) * len(train) * np.finfo(np.float32).eps
-    if not kept.any():
-        raise ValueError("frames: expected some that differ, found all alike")
-    scale = np.sqrt(squares[kept])
-    # So that penalties mean the same everywhere.
-    unit = 1 / np.sqrt(np.trace(centred) / len(train))
-    return unit * basis[:, kept] * scale, unit * (queries @ basis[:, kept]) / scale
+    span = KernelPCA(kernel="precomputed", remove_zero_eig=True)
+    trained = span.fit_transform(products[np.ix_(train, train)])
+    queries = span.transform(products[np.ix_(test, train)])
+    unit = np.sqrt(len(train)) / np.linalg.norm(trained)  # penalties mean the same everywhere
+    return unit * trained, unit * queries
 
 
-class Method(NamedTuple):
-    """What a method sees, its estimator on coordinates (None: compares bits), and its use."""
-
-    sees: str
-    estimator: Any
-    use: str
-
-
-METHODS = {
-    "prototypes": Method("bits", None, "hdc train"),
-    "ridge": Method("bits", RidgeClassifierCV(np.logspace(-4, 2, 7)), "hdc train --readout ridge"),
-    "neighbours": Method("bits", None, "hdc train --readout neighbours"),
-    "mean image": Method("greys", NearestCentroid(), "mean image on grey values"),
-    "softmax": Method("greys", LogisticRegression(C=10, max_iter=1000), "softmax on grey values"),
+METHODS: dict[str, tuple[str, Any]] = {
+    "prototype": ("bits", None),
+    "ridge": ("bits", RidgeClassifierCV(np.logspace(-4, 2, 7))),
+    "neighbours": ("bits", KNeighborsClassifier(1)),
+    "mean image": ("greys", NearestCentroid()),
+    "softmax": ("greys", LogisticRegression(C=10, max_iter=1000)),
 }
-"""From the smallest model to the largest."""
+"""Name → frames it sees, and its estimator on coordinates; from the smallest model on."""
 
 
 def predict(
     name: str, data: Frames, labels: np.ndarray, train: np.ndarray, test: np.ndarray
 ) -> np.ndarray:
     """Labels [Q] of the test frames, learnt from the training frames by one of METHODS."""
-    method = METHODS[name]
-    if method.estimator is not None:
-        trained, queries = coordinates(data.products[method.sees], train, test)
+    sees, estimator = METHODS[name]
+    if estimator is not None:
+        trained, queries = coordinates(data.products[sees], train, test)
         with np.errstate(invalid="ignore"):  # a deviation that one frame a class does not have
-            return np.asarray(method.estimator.fit(trained, labels[train]).predict(queries))
-    if name == "neighbours":
-        return labels[train][data.products["bits"][np.ix_(test, train)].argmax(1)]
+            return np.asarray(estimator.fit(trained, labels[train]).predict(queries))
     counters = Counters(labels.max() + 1, data.pixels)
     counters.add(data.words[train], torch.from_numpy(labels[train]))
     prototypes = counters.prototypes(size=int(counters.n.min()))  # balanced, as hdc train is
@@ -116,15 +99,8 @@ def compare(
 ) -> dict[str, Any]:
     """Train and test every method at each number of frames a class.
 
-    Args:
-        recording: frames to train on, and to hold out from.
-        other: frames of another day to test on, of the same classes; or None.
-        path: name of the recording.
-        fraction: share of frames to hold out.
-        draws: random choices of test frames, and of training frames at each number a class.
-
-    Returns:
-        Contents of the table and the page, as JSON has it: a curve for each split and method.
+    The result is what --json writes: a curve for each split and method. `other` has frames of
+    another day to test on, and `fraction` is the share of frames held out.
     """
     parts = [recording, *([other] if other else [])]
     names, n = [name for part in parts for name in part.names], len(recording)
@@ -140,8 +116,14 @@ def compare(
         )
     stream = (frame for part in parts for frame in part.stream())
     data = Frames(np.stack(list(with_progress(stream, len(names), "Reading"))))
-    later = (np.arange(n), np.arange(n, len(names))) if other else _ordered(recording, fraction)
-    random = [split(labels[:n], fraction, seed, n) for seed in range(draws)]
+    every = np.arange(len(names))
+    if other:
+        later = every[:n], every[n:]
+    elif (last := last_sessions(recording, fraction)) is not None:
+        later = every[~last], every[last]
+    else:
+        later = split(labels, fraction, 0, recording.order)
+    random = [split(labels[:n], fraction, seed) for seed in range(draws)]
     splits = {
         "random": _curves(data, labels, random),
         "other recording" if other else "ordered": _curves(data, labels, [later] * draws),
@@ -150,13 +132,6 @@ def compare(
         "recording": str(path), "frames": n, "classes": known, "shape": list(first.shape),
         "test_fraction": fraction, "draws": draws, "splits": splits, "advice": advice(splits),
     }  # fmt: skip
-
-
-def _ordered(recording: Recording, fraction: float) -> tuple[np.ndarray, np.ndarray]:
-    """Train on what came first: the first sessions, or the first frames of each class."""
-    if (last := last_sessions(recording, fraction)) is not None:
-        return np.flatnonzero(~last), np.flatnonzero(last)
-    return split(recording.labels, fraction, 0, len(recording), recording.order)
 
 
 def _curves(
@@ -174,8 +149,6 @@ def _curves(
             rng = np.random.default_rng([seed, size])
             members = [rng.permutation(train[labels[train] == c])[: size or None] for c in classes]
             chosen.append((np.sort(np.concatenate(members)), test))
-        if size == 0 and all(np.array_equal(train, chosen[0][0]) for train, _ in chosen):
-            chosen = chosen[:1]  # of an ordered split there is one choice of all frames
         for name, curve in curves.items():
             right, tested = np.zeros(len(labels)), np.zeros(len(labels))
             for train, test in chosen:
@@ -196,9 +169,10 @@ def advice(splits: dict[str, Any]) -> str:
     last = {name: curve[-1] for name, curve in curves.items()}
     best = max(last, key=lambda name: last[name]["accuracy"])
     name = next(name for name in METHODS if last[name]["high"] >= last[best]["accuracy"])
+    use = f"hdc train --readout {name}" if METHODS[name][0] == "bits" else f"{name} on grey values"
     others = ", ".join(f"{n} {last[n]['accuracy']:.0%}" for n in METHODS if n != name)
     return (
-        f"Use {METHODS[name].use}: on the {split_name} test frames {last[name]['accuracy']:.0%}, "
+        f"Use {use}: on the {split_name} test frames {last[name]['accuracy']:.0%}, "
         f"the smallest model that is not clearly behind the best ({others})."
     )
 
@@ -209,12 +183,12 @@ def text(result: dict[str, Any]) -> str:
     console = Console(width=120)
     with console.capture() as captured:
         for title, curves in result["splits"].items():
-            counts = [f"{point['frames_a_class']:.3g}" for point in curves["prototypes"]]
+            counts = [f"{point['frames_a_class']:.3g}" for point in curves["prototype"]]
             table = Table(f"{title}, frames a class", "sees", *counts, box=None)
             for name, curve in curves.items():
                 *cells, last = (f"{point['accuracy']:.0%}" for point in curve)
                 interval = f" [{curve[-1]['low']:.0%}, {curve[-1]['high']:.0%}]"
-                table.add_row(name, METHODS[name].sees, *cells, last + interval)
+                table.add_row(name, METHODS[name][0], *cells, last + interval)
             console.print(table, "")
     return (
         f"{result['frames']} frames of {len(result['classes'])} classes, {width} × {height} "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
@@ -28,18 +29,12 @@ def open_frames(
     recording: Path, window: Window, fewest_classes: int = 2, **source: Any
 ) -> Recording:
     """Open a recording as the options of the command line say; images are decoded when needed."""
-    return readers.open_recording(
+    frames = readers.open_recording(
         recording, window=window, check=False, fewest_classes=fewest_classes, **source
     )
-
-
-def check_output(path: Path) -> None:
-    """Refuse a name that cannot be written, or that is taken by anything but a saved model."""
-    from hdc.io import check_replaceable
-
-    if not path.parent.is_dir():
-        raise ValueError(f"{path}: expected a folder to write into, found none")
-    check_replaceable(path)
+    if line := frames.left_out():
+        warnings.warn(line, stacklevel=2)
+    return frames
 
 
 def load(path: Path) -> tuple[Any, Window]:
@@ -63,7 +58,6 @@ class Passing:
 
     def __init__(self, recording: Recording, index: np.ndarray) -> None:
         self._frames = with_progress(recording.stream(index), len(index), "Training")
-        self._next = 0
         self.shape = (len(index), *recording.shape)
 
     def __len__(self) -> int:
@@ -71,9 +65,6 @@ class Passing:
 
     def __getitem__(self, batch: slice) -> np.ndarray:
         start, stop, _ = batch.indices(len(self))
-        if start != self._next:
-            raise IndexError(f"expected a batch from frame {self._next}, found {start}")
-        self._next = stop
         return np.stack(list(islice(self._frames, stop - start)))
 
 
@@ -112,9 +103,7 @@ def size(shape: Sequence[int]) -> str:
 # Splits ------------------------------------------------------------------------------------------
 
 
-def hold_out(
-    recording: Recording, fraction: float | None, seed: int
-) -> tuple[np.ndarray, np.ndarray, str]:
+def hold_out(recording: Recording, fraction: float | None) -> tuple[np.ndarray, np.ndarray, str]:
     """Indices to train on and to hold out, increasing, and how these were chosen.
 
     The last sessions where there are several, else the same share of each class at random.
@@ -124,7 +113,8 @@ def hold_out(
         return every, every[:0], ""
     if (last := last_sessions(recording, fraction)) is not None:
         return every[~last], every[last], "in the last sessions"
-    return *split(recording.labels, fraction, seed, len(recording)), "at random"
+    labels = np.zeros(len(recording), int) if recording.labels is None else recording.labels
+    return *split(labels, fraction, 0), "at random"
 
 
 def last_sessions(recording: Recording, fraction: float) -> np.ndarray | None:
@@ -138,11 +128,7 @@ def last_sessions(recording: Recording, fraction: float) -> np.ndarray | None:
 
 
 def split(
-    labels: np.ndarray | None,
-    fraction: float,
-    seed: int,
-    n: int,
-    order: np.ndarray | None = None,
+    labels: np.ndarray, fraction: float, seed: int, order: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Indices to train on and to hold out, increasing; of each class the same share, at random.
 
@@ -151,7 +137,6 @@ def split(
     Raises:
         ValueError: for a class of one frame.
     """
-    labels = np.zeros(n, int) if labels is None else labels
     rng, test = np.random.default_rng(seed), []
     for c in np.unique(labels):
         members = np.flatnonzero(labels == c)
@@ -165,7 +150,7 @@ def split(
         else:
             test.append(members[np.argsort(order[members], kind="stable")][-held:])
     chosen = np.sort(np.concatenate(test))
-    return np.setdiff1d(np.arange(n), chosen), chosen
+    return np.setdiff1d(np.arange(len(labels)), chosen), chosen
 
 
 # Predictions and scores --------------------------------------------------------------------------
