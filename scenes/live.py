@@ -48,12 +48,7 @@ class SimulatedSensor:
         share = side / whole.crop
         camera = Camera(grid=round(whole.grid * share), crop=side, pupil=round(whole.pupil * share))
         self._sensor = Sensor(seed, camera=camera)
-        self.title = "Simulated sensor"
-        self.note = (
-            f"Simulated, not measured: a camera of {side} × {side} pixels looks into soft "
-            f"silicone. Each touch misses its place by some {POSITION_SPREAD * 1e3:g} mm, as a "
-            "robot does, and the temperature of the room varies from touch to touch."
-        )
+        self.title = "Simulated sensor, not measured"
         self.shape = (side, side)
         self.metadata: dict[str, object] = {"crop": None, "subsample": 1, "simulated": True}
         paths = self._sensor.paths

@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 from sklearn.decomposition import KernelPCA
 from sklearn.linear_model import LogisticRegression, RidgeClassifierCV
-from sklearn.neighbors import KNeighborsClassifier, NearestCentroid
+from sklearn.neighbors import NearestCentroid
 
 from hdc.accuracy import wilson
 from hdc.bits import hamming
@@ -72,11 +72,11 @@ def coordinates(
 METHODS: dict[str, tuple[str, Any]] = {
     "prototype": ("bits", None),
     "ridge": ("bits", RidgeClassifierCV(np.logspace(-4, 2, 7))),
-    "neighbours": ("bits", KNeighborsClassifier(1)),
+    "neighbours": ("bits", None),
     "mean image": ("greys", NearestCentroid()),
     "softmax": ("greys", LogisticRegression(C=10, max_iter=1000)),
 }
-"""Name → frames it sees, and its estimator on coordinates; from the smallest model on."""
+"""Name → what it sees, and its estimator on coordinates (None: compares bits); smallest first."""
 
 
 def predict(
@@ -88,6 +88,8 @@ def predict(
         trained, queries = coordinates(data.products[sees], train, test)
         with np.errstate(invalid="ignore"):  # a deviation that one frame a class does not have
             return np.asarray(estimator.fit(trained, labels[train]).predict(queries))
+    if name == "neighbours":
+        return labels[train][data.products["bits"][np.ix_(test, train)].argmax(1)]
     counters = Counters(labels.max() + 1, data.pixels)
     counters.add(data.words[train], torch.from_numpy(labels[train]))
     prototypes = counters.prototypes(size=int(counters.n.min()))  # balanced, as hdc train is

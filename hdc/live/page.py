@@ -31,12 +31,11 @@ body { background: #f5f5f2; color: #222; }
 .card { background: white; border: 1px solid #ddd; border-radius: 8px; padding: 12px;
   display: flex; flex-direction: column; gap: 8px; min-width: 0; }
 .small { font-size: .82rem; color: #555; line-height: 1.35; font-variant-numeric: tabular-nums; }
-.picture { width: 100%; }
+.heading { font-size: 1rem; font-weight: 700; }
 .pad { width: 100%; cursor: crosshair; background: #fbe3dc; border: 1px solid #c99; }
 .answer { font-size: 1.7rem; font-weight: 700; line-height: 1.2; overflow-wrap: anywhere; }
 .class { display: grid; grid-template-columns: minmax(0, 1fr) auto; gap: 2px 8px;
   align-items: center; border-top: 1px solid #eee; padding-top: 6px; }
-.bar { height: 14px; background: #eee; border-radius: 3px; overflow: hidden; grid-column: 1 / 3; }
 .row { display: flex; flex-wrap: wrap; gap: 8px; align-items: center; }
 """
 
@@ -44,10 +43,7 @@ body { background: #f5f5f2; color: #222; }
 def serve(source: Source, host: str | None = None, port: int = 8080) -> None:
     """Show the page until it is interrupted; its address, with a token, is printed.
 
-    Args:
-        source: of the frames.
-        host: address to listen at; default: this computer alone.
-        port: of the server.
+    Without a host it listens to this computer alone.
     """
     host = host or "127.0.0.1"
     worker, token = Worker(Session(source)), secrets.token_urlsafe(16)
@@ -100,7 +96,7 @@ class Page:
 
     def __init__(self, worker: Worker) -> None:
         self._worker, self._session, self._source = worker, worker.session, worker.session.source
-        self._rows: dict[str, tuple[ui.label, ui.element]] = {}
+        self._rows: dict[str, tuple[ui.label, ui.linear_progress]] = {}
         self._shown: dict[str, int] = {}
         self._pressable = isinstance(self._source, Pressable)
         ui.add_css(_STYLE)
@@ -109,8 +105,7 @@ class Page:
             with _div("row col-span-full"):
                 ui.label("Teach a sensor to feel").classes("text-2xl font-bold")
                 ui.badge(self._source.title, color="#b35900").classes("text-sm font-bold")
-                shared = "All who open this page share this sensor and its model."
-                ui.label(f"{self._source.note} {shared}").style("flex-basis: 100%")
+                ui.label("All who open this page share this sensor and its model.")
             for fill in (self._see, self._teach, self._adapt):
                 with _div("card"):
                     fill()
@@ -121,8 +116,8 @@ class Page:
     def _see(self) -> None:
         source = self._source
         height, width = source.shape
-        _heading("1. What the camera sees")
-        picture = ui.interactive_image("/frame").classes("picture")
+        ui.label("1. What the camera sees").classes("heading")
+        picture = ui.interactive_image("/frame").classes("picture w-full")
         ui.timer(1 / FASTEST, picture.force_reload)
         _small(
             "The frame, and beside it its hypervector: "
@@ -136,14 +131,14 @@ class Page:
                 _icon("play_arrow", "play or pause", self._doing(lambda s: source.play()))
                 _icon("skip_next", "one frame ahead", self._doing(lambda s: source.step(+1)))
         self._label = _small()
-        _heading("The model says")
+        ui.label("The model says").classes("heading")
         self._answer, self._beside = ui.label().classes("answer"), _small()
         self._accuracy = ui.label()
         tested = "new touches" if self._pressable else "samples, each predicted before it is learnt"
         _small(f"Accuracy on the latest {RECENT} {tested}; “none of these” counts as wrong.")
 
     def _teach(self) -> None:
-        _heading("2. Teach it")
+        ui.label("2. Teach it").classes("heading")
         act = "Press somewhere" if self._pressable else "Show it something"
         _small(
             f"{act}, name it and learn {SAMPLES} samples; then the next. A bit of a "
@@ -161,19 +156,20 @@ class Page:
             _small("read-out")
             self._readout = ui.toggle(list(READOUTS), value=self._session.readout)
             self._readout.props("no-caps dense padding='4px 10px'")
-            self._readout.on("update:model-value", self._use)
+            self._readout.on(
+                "update:model-value", lambda: self._doing(Session.use, self._readout.value)()
+            )
         with _div("row"):
             _button("Forget everything", self._doing(Session.forget, None))
             _button("Save the model", self._save)
 
     def _adapt(self) -> None:
         source = self._source
-        _heading("3. Let it drift, and recalibrate" if self._pressable else "3. Recalibrate")
+        ui.label(
+            "3. Let it drift, and recalibrate" if self._pressable else "3. Recalibrate"
+        ).classes("heading")
         if isinstance(source, Pressable):
-            _small(
-                "Silicone ages and rooms warm up: the same touch then makes another speckle, and "
-                "the model begins to fail (simulated as a change of temperature)."
-            )
+            _small("Silicone ages; simulated as a change of temperature, which changes speckle.")
             with _div("row"):
                 _button("Let 16 days pass", self._doing(Session.drift, source.sixteen_days))
                 _button("Back to the first day", self._doing(Session.drift, 0.0))
@@ -208,10 +204,6 @@ class Page:
     async def _recalibrate(self, name: str | None = None) -> None:
         await self._doing(Session.recalibrate, name, SAMPLES, self._p.value)()
 
-    async def _use(self) -> None:
-        await self._doing(Session.use, self._readout.value)()
-        self._readout.set_value(self._session.readout)
-
     async def _save(self) -> None:
         content = await self._do(Session.saved)
         if content is not None:
@@ -226,9 +218,9 @@ class Page:
             self._shown = session.counts
             self._show_classes()
         self._readout.set_value(session.readout)
-        text, beside = _in_words(answer, " mm" if self._pressable else "")
-        if answer is None:
-            text = f"nothing yet: teach it {'one more class' if names else 'two classes'}"
+        text, beside = "nothing yet: teach it two classes", ""
+        if answer:
+            text, beside = _in_words(answer, " mm" if self._pressable else "")
         self._answer.set_text(view.error or text)
         self._answer.style(f"color: {colour(names, answer.label) if answer else '#777'}")
         self._beside.set_text(beside)
@@ -236,7 +228,7 @@ class Page:
             if name in self._rows:
                 label, bar = self._rows[name]
                 label.set_text(f"· distance {min(distance, 1):.3f}")
-                bar.style(f"width: {100 * max(0.0, 1 - 2 * distance):.1f}%")
+                bar.set_value(max(0.0, 1 - 2 * distance))
         tests = list(session.tests)
         right, n = sum(tests), len(tests)
         accuracy = f"{right} of the latest {n} right ({right / n:.0%})" if n else "not tested yet"
@@ -263,15 +255,13 @@ class Page:
                     _icon("add", f"learn {SAMPLES} more samples", more)
                     _icon("sync", "recalibrate", partial(self._recalibrate, name))
                     _icon("delete_outline", "forget", self._doing(Session.forget, name))
-                with _div("bar"):
-                    bar = _div("h-full").style(f"width: 0; background: {look}")
+                bar = ui.linear_progress(0, show_value=False, size="14px", color=look)
+                bar.style("grid-column: 1 / 3")
             self._rows[name] = distance, bar
 
 
-def _in_words(answer: Answer | None, unit: str) -> tuple[str, str]:
+def _in_words(answer: Answer, unit: str) -> tuple[str, str]:
     """The predicted class, and the rest of the answer."""
-    if answer is None:
-        return "", ""
     lines = [f"{1 - ALPHA:.0%} prediction set: {', '.join(answer.likely) or 'none'}."]
     if answer.values:
         each = (f"{value:.1f}{unit} [{low:.1f}, {high:.1f}]" for value, low, high in answer.values)
@@ -285,10 +275,6 @@ def _div(classes: str) -> ui.element:
 
 def _small(text: str = "") -> ui.label:
     return ui.label(text).classes("small")
-
-
-def _heading(text: str) -> None:
-    ui.label(text).classes("text-base font-bold")
 
 
 def _button(text: str, act: Callable[[], Any]) -> None:

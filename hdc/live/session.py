@@ -61,7 +61,7 @@ class Session:
 
     Attributes:
         source: of the frames.
-        model: None until a class is taught.
+        model: None until two classes are taught.
         readout: of the model.
         counts: samples of each class, in the order they were taught; replaced, never changed.
         places: touches of each class, for a source that can be pressed.
@@ -92,7 +92,7 @@ class Session:
 
     def ask(self, frame: np.ndarray) -> Answer | None:
         """The model's answer for a frame [H, W]; None with fewer than two classes."""
-        if self.model is None or len(self.counts) < 2:
+        if self.model is None:
             return None
         frames, values = frame[None], []
         distances = (self.model.distances(frames)[0] / self.model.dimension_).tolist()
@@ -149,7 +149,7 @@ class Session:
             n: samples of each class.
             p: see :meth:`hdc.HDCClassifier.recalibrate`.
         """
-        if len(self.counts) < 2:
+        if self.model is None:
             raise ValueError("There is nothing to recalibrate yet: teach two classes first.")
         samples: list[Sample] = []
         lesson = Lesson(max((s.lesson.number for s in self._samples), default=0) + 1, p)
@@ -162,13 +162,10 @@ class Session:
 
     def forget(self, name: str | None) -> None:
         """Forget a class, or (None) all of them."""
-        if name is None:
-            self.places = {}
-            self._train([])
-        else:
+        if name is not None:
             self._check_known(name)
-            self._train([sample for sample in self._samples if sample.label != name])
-            self.places = {n: place for n, place in self.places.items() if n != name}
+        self._train([s for s in self._samples if name is not None and s.label != name])
+        self.places = {n: place for n, place in self.places.items() if n in self.counts}
         self.tests.clear()
 
     def use(self, readout: str) -> None:
@@ -203,22 +200,20 @@ class Session:
         """Train on these samples and keep them; where that raises, nothing changes."""
         readout = readout or self.readout
         counts, model = Counter(sample.label for sample in samples), None
-        for lesson in sorted({sample.lesson for sample in samples}):
+        for lesson in sorted({s.lesson for s in samples}) if len(counts) > 1 else ():
             chosen = [sample for sample in samples if sample.lesson == lesson]
             frames, labels = np.stack([s.frame for s in chosen]), [s.label for s in chosen]
-            if model and lesson.number and len(counts) > 1:
-                model.recalibrate(frames, labels, lesson.p, lesson.number)
-            elif model is None and len(counts) > 1:
+            if model is None:
                 model = HDCClassifier(readout=readout).fit(frames, labels)
-            else:  # a single class has no read-out yet, but a prototype to show
-                model = (model or HDCClassifier()).partial_fit(frames, labels)
+            else:
+                model.recalibrate(frames, labels, lesson.p, lesson.number)
         self._regressor = _regressor(samples, readout)
         self._samples, self.model, self.readout = samples, model, readout
         self.counts = dict(counts)
 
     def saved(self) -> bytes:
         """The model as a file of :meth:`hdc.HDCClassifier.save`."""
-        if self.model is None or len(self.counts) < 2:
+        if self.model is None:
             raise ValueError("There is nothing to save yet: teach two classes first.")
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "model.safetensors"

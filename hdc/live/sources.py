@@ -25,7 +25,6 @@ class Source(Protocol):
     """Frames for the page, taken by one thread."""
 
     title: str
-    note: str  # one sentence about it
     shape: tuple[int, int]  # (H, W) of a frame
     metadata: dict[str, Any]  # kept with a saved model: crop and subsample, for the command ``hdc``
 
@@ -74,7 +73,7 @@ class Camera:
 
     def __init__(self, index: int, window: readers.Window) -> None:
         self._frames = readers.camera(index, window.crop, window.subsample)
-        self.title, self.note = f"Camera {index}", "Samples are its next frames."
+        self.title = f"Camera {index}"
         self.metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
         height, width = next(self._frames).shape
         self.shape = (height, width)
@@ -105,7 +104,6 @@ class Recorded:
             path, None, window.crop, window.subsample
         )
         self.title = f"Recording {path.name}"
-        self.note = "Played back; samples are the next frames of the class that is shown."
         self.metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
         self.shape, self.classes = recording.shape, recording.classes
         self._order = np.argsort(recording.samples["order"], kind="stable")

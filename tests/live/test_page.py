@@ -76,7 +76,10 @@ class Reader:
         across, down = x / 90, 0.5 - y / 40
         self.page.mouse.click(box["x"] + box["width"] * across, box["y"] + box["height"] * down)
         # The picture of the touch comes from the server: it was pressed.
-        self.until(f'document.querySelector(\'.pad circle[cx="{x}.00"][fill="#222"]\')')
+        self.until(
+            "Math.abs(document.querySelector('.pad circle[fill=\"#222\"]')"
+            f"?.getAttribute('cx') - {x}) < 0.5"
+        )
 
     def teach(self, name):
         self.press(name)
