@@ -23,11 +23,7 @@ EXTRAS = {"sklearn": "compare"} | dict.fromkeys(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Carry out a command line and exit.
-
-    Args:
-        arguments: words after the command's name; default: those of this process.
-    """
+    """Carry out the words after the command's name (default: those of this process) and exit."""
     with warnings.catch_warnings():
         warnings.showwarning = _warn
         sys.exit(_status(arguments))

@@ -58,10 +58,7 @@ class Frames:
 def coordinates(
     products: np.ndarray, train: np.ndarray, test: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frames in an orthonormal basis of the span of the centred training frames.
-
-    KernelPCA gives them from inner products alone.
-    """
+    """Frames in an orthonormal basis of the span of the centred training frames."""
     span = KernelPCA(kernel="precomputed", remove_zero_eig=True)
     trained = span.fit_transform(products[np.ix_(train, train)])
     queries = span.transform(products[np.ix_(test, train)])

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +18,6 @@ from hdc.readers import VIDEO_SUFFIXES, BadFrame, Recording, Window, natural_key
 from hdc.readers.images import stream_files
 from hdc.readers.recording import with_progress
 from hdc.readers.video import stream_video
-
-T = TypeVar("T")
 
 BATCH = 32
 """Frames asked about at a time: meanwhile threads decode the next ones."""
@@ -260,7 +258,7 @@ def confusions(names: Sequence[str], counts: np.ndarray) -> list[str]:
     return lines
 
 
-def _batched(items: Iterable[T]) -> Iterator[list[T]]:
+def _batched(items: Iterable[Any]) -> Iterator[list[Any]]:
     waiting = iter(items)
     while some := list(islice(waiting, BATCH)):
         yield some

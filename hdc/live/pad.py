@@ -9,7 +9,7 @@ from typing import Any
 
 from nicegui import events, ui
 
-from hdc.live.session import Session, within
+from hdc.live.session import Session
 from hdc.live.sources import Pressable, Touch
 
 NEAR = 2e-3
@@ -31,14 +31,12 @@ def colour(names: Sequence[str], name: str | None) -> str:
     return _COLOURS[names.index(name) % len(_COLOURS)] if name in names else "#222222"
 
 
-def slider(name: str, low: float, high: float, step: float, value: float, text: str) -> ui.slider:
-    """A slider between its name and its value."""
-    with ui.element("div").classes("row").style("flex-wrap: nowrap; gap: 16px"):
-        ui.label(name).classes("small")
-        made = ui.slider(min=low, max=high, step=step, value=value).props(f'aria-label="{name}"')
-        label = ui.label().classes("small").style("white-space: nowrap")
-        label.bind_text_from(made, "value", text.format)
-    return made
+def slider(name: str, low: float, high: float, step: float, value: float) -> ui.slider:
+    """A slider that shows its value, beside its name."""
+    with ui.element("div").classes("row w-full pt-6").style("flex-wrap: nowrap; gap: 16px"):
+        ui.label(name).classes("small").style("white-space: nowrap")
+        made = ui.slider(min=low, max=high, step=step, value=value)
+    return made.props(f'label-always aria-label="{name}"')
 
 
 class Pad:
@@ -60,7 +58,7 @@ class Pad:
             f"The silicone from above, {size[0]:.0f} × {size[1]:.0f} mm: press it. Near the ring "
             "of a class the robot returns to where it was taught. Cross: the predicted place."
         ).classes("small")
-        self._depth = slider("depth", 0.1, source.deepest * 1e3, 0.1, 1.8, "{:.1f} mm")
+        self._depth = slider("depth in mm", 0.1, source.deepest * 1e3, 0.1, 1.8)
         ui.button("Lift off", on_click=lambda: self._press()).props(
             "no-caps outline dense padding='4px 10px'"
         ).style("align-self: flex-start")
@@ -83,9 +81,7 @@ class Pad:
         return x * 1e3, (self._source.width / 2 - y) * 1e3
 
     async def _pressed(self, event: events.MouseEventArguments) -> None:
-        x = within(event.image_x * 1e-3, 0.0, self._source.length)
-        half = self._source.width / 2
-        y = within(half - event.image_y * 1e-3, -half, half)
+        x, y = event.image_x * 1e-3, self._source.width / 2 - event.image_y * 1e-3
         near = [
             (apart, t.x, t.y)
             for place in self._session.places.values()
@@ -93,8 +89,7 @@ class Pad:
             if (apart := math.hypot(t.x - x, t.y - y)) < NEAR
         ]
         _, x, y = min(near, default=(0.0, x, y))
-        deep = within(self._depth.value, 0.0, self._source.deepest * 1e3) * 1e-3
-        await self._press(Touch(x, y, deep))
+        await self._press(Touch(x, y, self._depth.value * 1e-3))
 
     async def _press(self, *touches: Touch) -> None:
         await self._do(lambda session: self._source.press(touches))

@@ -177,7 +177,7 @@ class Page:
             f"Recalibrating takes {SAMPLES} new samples of a class, and each bit of the new "
             "prototype with probability p."
         )
-        self._p = slider("p", 0, 1, 0.05, 0.5, "{:.2f}")
+        self._p = slider("p", 0, 1, 0.05, 0.5)
         if self._pressable:
             _button("Recalibrate all classes where they were taught", self._recalibrate)
         else:

@@ -13,7 +13,7 @@ import tempfile
 from collections import Counter, deque
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -144,10 +144,7 @@ class Session:
     def recalibrate(self, name: str | None, n: int, p: float) -> None:
         """Recalibrate a class by n samples of the present touch or scene.
 
-        Args:
-            name: of the class; None: all of them, each touched where it was taught.
-            n: samples of each class.
-            p: see :meth:`hdc.HDCClassifier.recalibrate`.
+        Without a name: all classes, each touched where it was taught.
         """
         if self.model is None:
             raise ValueError("There is nothing to recalibrate yet: teach two classes first.")
@@ -230,8 +227,3 @@ def _regressor(samples: list[Sample], readout: str) -> HDCRegressor | None:
     # Few places are far apart: the nearest frame tells them, where a line between them does not.
     regressor = HDCRegressor(readout="ridge" if readout == "ridge" else "neighbours")
     return regressor.fit(frames, values)
-
-
-def within(value: Any, low: float, high: float) -> float:
-    """A number from a browser, clipped to [low, high]; NaN becomes low."""
-    return min(max(low, float(value)), high)

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any
 
 import cv2
 import numpy as np
@@ -20,14 +20,11 @@ WATCHED = 2.0
 TEST_EVERY = 0.25
 """Seconds between two fresh touches that test the model."""
 
-T = TypeVar("T")
-
 
 @dataclass(frozen=True)
 class View:
     """The latest frame and what the model says of it."""
 
-    number: int = 0  # of frames so far
     picture: bytes = b""  # JPEG of the frame and, on its right, its hypervector
     answer: Answer | None = None  # None where the model cannot predict yet
     label: str | None = None  # class of the frame, if the source knows it
@@ -50,7 +47,7 @@ class Worker:
         self._stopped.set()
         self._thread.join(10)
 
-    def do(self, job: Callable[[Session], T]) -> T:
+    def do(self, job: Callable[[Session], Any]) -> Any:
         """Do a job between two frames."""
         with self._lock:
             return job(self.session)
@@ -79,10 +76,6 @@ class Worker:
             session.test()
         frame, hypervector, answer = session.look()
         grey = frame if frame.dtype == np.uint8 else (frame >> 8).astype(np.uint8)
-        # Means over 2 × 2 bits: single ones would be lost in the JPEG.
-        size = max(1, grey.shape[1] // 2), max(1, grey.shape[0] // 2)
-        half = cv2.resize(hypervector.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA)
-        drawn = cv2.resize(half, grey.shape[::-1], interpolation=cv2.INTER_NEAREST)
-        quality = [cv2.IMWRITE_JPEG_QUALITY, 70]
-        picture = cv2.imencode(".jpg", np.hstack([grey, drawn]), quality)[1].tobytes()
-        self.view = View(self.view.number + 1, picture, answer, session.source.label)
+        drawn = np.hstack([grey, hypervector * np.uint8(255)])
+        picture = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, 70])[1].tobytes()
+        self.view = View(picture, answer, session.source.label)
