@@ -10,7 +10,6 @@ was expected and what was found; or with 2 if the command line is not as ``--hel
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Sequence
@@ -44,7 +43,7 @@ def _status(arguments: Sequence[str] | None) -> int:
             error.show()
             return error.exit_code
         except click.Abort:
-            return _say("interrupted", 128 + signal.SIGINT)
+            return _say("interrupted", 130)
         except click.ClickException as error:
             return _say(f"error: {error.format_message()}", error.exit_code)
     except ModuleNotFoundError as error:

@@ -42,8 +42,6 @@ _recording = _options(
                  help="Column of numbers; may be repeated. [default: all numeric ones]"),
     click.option("--image-column", default="image", metavar="NAME",
                  help="Column of the table that names the image."),
-    click.option("--intervals", type=_FILE, metavar="CSV",
-                 help="Table of a video. [default: beside it]"),
 )  # fmt: skip
 _pixels = _options(
     click.option("--crop", type=click.IntRange(0), nargs=4, metavar="X Y WIDTH HEIGHT",
@@ -98,9 +96,8 @@ def train(
     check_replaceable(output)
     training, test, how = work.hold_out(frames, test_fraction)
     passing = work.Passing(frames, training)
-    model: Any
     if frames.values is not None:
-        model = hdc.HDCRegressor(readout=readout or "ridge")
+        model: Any = hdc.HDCRegressor(readout=readout or "ridge")
         model.fit(passing, frames.values[training])
         learnt = f"values of {', '.join(frames.value_names)}"
     else:

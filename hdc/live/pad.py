@@ -59,9 +59,7 @@ class Pad:
             "of a class the robot returns to where it was taught. Cross: the predicted place."
         ).classes("small")
         self._depth = slider("depth in mm", 0.1, source.deepest * 1e3, 0.1, 1.8)
-        ui.button("Lift off", on_click=lambda: self._press()).props(
-            "no-caps outline dense padding='4px 10px'"
-        ).style("align-self: flex-start")
+        ui.button("Lift off", on_click=lambda: self._press()).props("no-caps outline dense")
 
     def show(self, values: Sequence[tuple[float, float, float]]) -> None:
         """Draw taught places, touches, and the predicted place: x and y, value first, in mm."""

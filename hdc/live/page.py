@@ -140,10 +140,7 @@ class Page:
     def _teach(self) -> None:
         ui.label("2. Teach it").classes("heading")
         act = "Press somewhere" if self._pressable else "Show it something"
-        _small(
-            f"{act}, name it and learn {SAMPLES} samples; then the next. A bit of a "
-            "class's prototype is 1 if most of its samples have it."
-        )
+        _small(f"{act}, name it and learn {SAMPLES} samples; then the next.")
         with _div("row"):
             empty = " (empty: as recorded)" if isinstance(self._source, Recorded) else ""
             self._name = ui.input(f"name of a new class{empty}").classes("grow")

@@ -1,9 +1,8 @@
 """The model that the page teaches, and the frames it was taught with; no threads, no browser.
 
 The model is always trained anew from the kept samples, and recalibrated by those of each
-recalibration. That takes milliseconds, and makes forgetting a class, switching the read-out and
-learning after a recalibration the same simple operation. An operation that is refused raises
-ValueError, whose text the page shows, and changes nothing.
+recalibration, which takes milliseconds. An operation that is refused raises ValueError, whose text
+the page shows, and changes nothing.
 """
 
 from __future__ import annotations
@@ -81,11 +80,7 @@ class Session:
     # Prediction ----------------------------------------------------------------------------------
 
     def look(self) -> tuple[np.ndarray, np.ndarray, Answer | None]:
-        """The next frame [H, W], its hypervector as bool [H, W], and the model's answer.
-
-        Raises:
-            ValueError: the source gives no more frames.
-        """
+        """The next frame [H, W], its hypervector as bool [H, W], and the model's answer."""
         frame = self.source.frame()
         hypervector = bits.unpack(encode(tensor(frame[None])), frame.size)[0].numpy()
         return frame, hypervector.reshape(frame.shape), self.ask(frame)

@@ -34,11 +34,7 @@ class Source(Protocol):
         ...
 
     def frame(self) -> np.ndarray:
-        """The next frame, uint8 or uint16 [H, W].
-
-        Raises:
-            ValueError: there are no more.
-        """
+        """The next frame, uint8 or uint16 [H, W]; a ValueError if there are no more."""
         ...
 
     def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:

@@ -211,9 +211,9 @@ def test_a_video_is_learnt_and_predicted_frame_by_frame(hdc, tmp_path):
     for image in images:
         film.write(image)
     film.release()
-    words = ("train", path, "-o", tmp_path / "m", "--intervals", tmp_path / "t.csv")
-    assert hdc(*words)[2] == [f"error: {tmp_path}/t.csv: expected a readable file, found none"]
-    (tmp_path / "t.csv").write_text("start_s,end_s,label\n0,0.5,x\n0.5,1,y\n")
+    words = ("train", path, "-o", tmp_path / "m")
+    assert hdc(*words)[2] == [f"error: {tmp_path}/v.csv: expected a readable file, found none"]
+    (tmp_path / "v.csv").write_text("start_s,end_s,label\n0,0.5,x\n0.5,1,y\n")
     assert "10 frames, 2 classes" in hdc(*words)[1][0]
     status, out, err = hdc("predict", tmp_path / "m", path)
     assert (status, err) == (0, [])
