@@ -41,24 +41,18 @@ class SimulatedSensor:
     """
 
     label = None
-    deepest, sixteen_days, most = 2e-3, SIXTEEN_DAYS, 1.2
+    deepest, sixteen_days = 2e-3, SIXTEEN_DAYS
 
     def __init__(self, side: int = 250, seed: int = 0) -> None:
         whole = Camera()
         share = side / whole.crop
         camera = Camera(grid=round(whole.grid * share), crop=side, pupil=round(whole.pupil * share))
         self._sensor = Sensor(seed, camera=camera)
-        self.title = "Simulated sensor"
-        self.note = (
-            f"Simulated, not measured: a camera of {side} × {side} pixels looks into soft "
-            f"silicone. Each touch misses its place by some {POSITION_SPREAD * 1e3:g} mm, as a "
-            "robot does, and the temperature of the room varies from touch to touch."
-        )
+        self.title = "Simulated sensor, not measured"
         self.shape = (side, side)
         self.metadata: dict[str, object] = {"crop": None, "subsample": 1, "simulated": True}
         paths = self._sensor.paths
         self.length, self.width = paths.length, paths.width
-        self.fibre, self.camera = paths.fibre, paths.camera
         self.offset = 0.0
         self._press = ExactPress(Press((0.0, 0.0), RADIUS, 0.0), self._sensor)
         self._room = Room()
@@ -67,11 +61,10 @@ class SimulatedSensor:
         self._temperature = 0.0  # of the present touches, in K
         self._indented = self._indentation(())
 
-    def press(self, touches: Sequence[Touch], moved: bool = False) -> None:
+    def press(self, touches: Sequence[Touch]) -> None:
         self.touches = tuple(touches)
-        if not moved:
-            touches, self._temperature, _ = self._draw(touches)
-        self._indented = self._indentation(touches)
+        missed, self._temperature, _ = self._draw(touches)
+        self._indented = self._indentation(missed)
 
     def frame(self) -> np.ndarray:
         self._frames += 1

@@ -1,16 +1,7 @@
 """The command ``hdc``: train, evaluate, ask and adapt a model without writing Python.
 
-    hdc train touches/ -o touch.safetensors --test-fraction 0.2
-    hdc predict touch.safetensors frame1.png frame2.png --reject
-    hdc evaluate touch.safetensors tomorrow/
-    hdc recalibrate touch.safetensors tomorrow/ -o tomorrow.safetensors --method merge
-    hdc compare touches/ --test tomorrow/ -o compare.html
-    hdc info touch.safetensors
-    hdc live --camera 0      # a page to teach it in the browser
-
-docs/formats.md describes what ``touches/`` may be: a folder of images, arrays, or a video with a
-table of intervals. Crop and subsampling are kept in the model's file, and later frames are cropped
-and subsampled alike. Nothing is written but the file named by ``-o``.
+docs/tutorial.md shows each command, and docs/formats.md what a recording may be. Nothing is written
+but the file named by ``-o``.
 
 It exits with 0; with 1 after an error in what was read, which is one line and names the file, what
 was expected and what was found; or with 2 if the command line is not as ``--help`` says.
@@ -19,7 +10,6 @@ was expected and what was found; or with 2 if the command line is not as ``--hel
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Sequence
@@ -32,11 +22,7 @@ EXTRAS = {"sklearn": "compare"} | dict.fromkeys(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Carry out a command line and exit.
-
-    Args:
-        arguments: words after the command's name; default: those of this process.
-    """
+    """Carry out the words after the command's name (default: those of this process) and exit."""
     with warnings.catch_warnings():
         warnings.showwarning = _warn
         sys.exit(_status(arguments))
@@ -57,7 +43,7 @@ def _status(arguments: Sequence[str] | None) -> int:
             error.show()
             return error.exit_code
         except click.Abort:
-            return _say("interrupted", 128 + signal.SIGINT)
+            return _say("interrupted", 130)
         except click.ClickException as error:
             return _say(f"error: {error.format_message()}", error.exit_code)
     except ModuleNotFoundError as error:
@@ -74,10 +60,7 @@ def _status(arguments: Sequence[str] | None) -> int:
 
 
 def _say(text: str, status: int) -> int:
-    """Write one line, whatever control characters a file's name or content brought into it."""
-    line = " ".join(text.split("\n"))
-    plain = (c if c.isprintable() else ascii(c)[1:-1] for c in line)
-    print("".join(plain), file=sys.stderr)
+    print(" ".join(text.splitlines()), file=sys.stderr)
     return status
 
 

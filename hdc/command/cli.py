@@ -6,10 +6,9 @@ torch takes seconds to import, so it is imported when the first frame is learnt 
 from __future__ import annotations
 
 import json
-import time
-from collections import Counter
 from collections.abc import Callable
 from datetime import UTC, datetime
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +16,8 @@ import click
 import numpy as np
 
 import hdc
-from hdc import readers
 from hdc.command import work
+from hdc.io import check_replaceable
 from hdc.readers import Window
 from hdc.readers.listing import image_files
 
@@ -30,13 +29,7 @@ _SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
 
 def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
     """One decorator of several, in the order of the help."""
-
-    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
+    return lambda command: reduce(lambda inner, option: option(inner), reversed(options), command)
 
 
 _recording = _options(
@@ -49,8 +42,6 @@ _recording = _options(
                  help="Column of numbers; may be repeated. [default: all numeric ones]"),
     click.option("--image-column", default="image", metavar="NAME",
                  help="Column of the table that names the image."),
-    click.option("--intervals", type=_FILE, metavar="CSV",
-                 help="Table of a video. [default: beside it]"),
 )  # fmt: skip
 _pixels = _options(
     click.option("--crop", type=click.IntRange(0), nargs=4, metavar="X Y WIDTH HEIGHT",
@@ -88,39 +79,31 @@ def cli() -> None:
 @_pixels
 @click.option("--test-fraction", type=_SHARE,
               help="Hold out this share: the last sessions if known, else at random.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(0), default=0, help="Choice of the frames held out.")
 @click.option("--readout", type=click.Choice(["prototype", "ridge", "neighbours"]),
               help="How bits are read. [default: prototype; for numbers ridge]")  # fmt: skip
-@click.option("--balance/--no-balance", default=True,
-              help="Whether classes of unequal size count alike.")  # fmt: skip
 def train(
     recording: Path,
     output: Path,
     crop: tuple[int, ...] | None,
     subsample: int,
     test_fraction: float | None,
-    seed: int,
     readout: str | None,
-    balance: bool,
     **source: Any,
 ) -> None:
     """Learn the classes of a RECORDING, or its numbers with --values."""
     window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
-    work.check_output(output)
-    begin = time.perf_counter()
-    training, test, how = work.hold_out(frames, test_fraction, seed)
+    check_replaceable(output)
+    training, test, how = work.hold_out(frames, test_fraction)
     passing = work.Passing(frames, training)
-    model: Any
     if frames.values is not None:
-        model = hdc.HDCRegressor(readout=readout or "ridge")
+        model: Any = hdc.HDCRegressor(readout=readout or "ridge")
         model.fit(passing, frames.values[training])
         learnt = f"values of {', '.join(frames.value_names)}"
     else:
-        model = hdc.HDCClassifier(readout=readout or "prototype", balance=balance)
+        model = hdc.HDCClassifier(readout=readout or "prototype")
         model.fit(passing, np.array(frames.names)[training])
         learnt = f"{len(frames.classes)} classes"
-    seconds = time.perf_counter() - begin
     metadata = {
         "crop": window.crop,
         "subsample": window.subsample,
@@ -129,20 +112,16 @@ def train(
         "version": hdc.__version__,
     }
     model.save(output, metadata=metadata)
-    click.echo(
-        f"{output}: {len(training)} frames, {learnt}, {work.size(frames.shape)}, "
-        f"in {seconds:.1f} s ({len(training) / seconds:.0f} a second)"
-    )
+    click.echo(f"{output}: {len(training)} frames, {learnt}, {work.size(frames.shape)}")
     if len(test):
         click.echo(f"held out {how}: {work.score(model, frames, test)['text'][0]}")
-    _left_out(frames)
 
 
 @cli.command()
 @_model
 @click.argument("images", type=_FILE, nargs=-1, required=True)
 @_reject
-@click.option("--json", "as_json", is_flag=True, help="One JSON object a line.")
+@_json
 def predict(model: Path, images: tuple[Path, ...], reject: float | None, as_json: bool) -> None:
     """Classify images.
 
@@ -153,20 +132,16 @@ def predict(model: Path, images: tuple[Path, ...], reject: float | None, as_json
     found, window = work.load(model)
     files = [file for path in images for file in (image_files(path) if path.is_dir() else [path])]
     for number, answer in enumerate(work.ask(found, window, files, reject)):
-        _show(answer, number == 0, as_json)
-
-
-def _show(answer: dict[str, Any], first: bool, as_json: bool) -> None:
-    """A tab-separated line below a line of names, or JSON."""
-    if as_json:
-        return click.echo(json.dumps(answer, ensure_ascii=False))
-    if answer.get("label", "") is None:
-        answer["label"] = "(none of these)"
-    answer |= answer.pop("distances", {})
-    if first:
-        click.echo("\t".join(answer))
-    cells = (f"{x:.4f}" if isinstance(x, float) else str(x) for x in answer.values())
-    click.echo("\t".join(cells))
+        if as_json:
+            click.echo(json.dumps(answer, ensure_ascii=False))
+            continue
+        if answer.get("label", "") is None:
+            answer["label"] = "(none of these)"
+        answer |= answer.pop("distances", {})
+        if number == 0:
+            click.echo("\t".join(answer))
+        cells = (f"{x:.4f}" if isinstance(x, float) else str(x) for x in answer.values())
+        click.echo("\t".join(cells))
 
 
 @cli.command()
@@ -186,8 +161,6 @@ def evaluate(
     result = work.score(found, frames, np.arange(len(frames)), reject)
     text = result.pop("text")
     click.echo(json.dumps(result, ensure_ascii=False) if as_json else "\n".join(text))
-    if not as_json:
-        _left_out(frames)
 
 
 @cli.command()
@@ -205,7 +178,7 @@ def recalibrate(
 
     The new RECORDING is of some or all of the classes of the model.
     """
-    work.check_output(output)
+    check_replaceable(output)
     found, window = work.load(model)
     if not hasattr(found, "classes_"):
         raise ValueError(f"{model}: expected a classifier, found {type(found).__name__}")
@@ -214,18 +187,10 @@ def recalibrate(
     passing = work.Passing(frames, np.arange(len(frames)))
     found.recalibrate(passing, [by_name[name] for name in frames.names], p, seed, method)
     found.save(output)
-    counts = Counter(frames.names)
-    click.echo(f"{output}: {len(frames)} new frames of {len(counts)} classes, {method}, p = {p:g}")
-    if old := [name for name in by_name if name not in counts]:
+    new = set(frames.names)
+    click.echo(f"{output}: {len(frames)} new frames of {len(new)} classes, {method}, p = {p:g}")
+    if old := [name for name in by_name if name not in new]:
         click.echo(f"not recalibrated: {', '.join(old)}")
-    if few := [name for name, n in counts.items() if n == 1]:
-        click.echo(f"recalibrated by a single frame: {', '.join(few)}")
-    _left_out(frames)
-
-
-def _left_out(frames: readers.Recording) -> None:
-    if line := frames.left_out():
-        click.echo(line)
 
 
 @cli.command()
@@ -298,29 +263,16 @@ def live(
 
 @cli.command()
 @_model
-@_json
-def info(model: Path, as_json: bool) -> None:
-    """Show what a model was trained on."""
-    found, window = work.load(model)
+def info(model: Path) -> None:
+    """Show what a model was trained on, as JSON."""
+    found, _ = work.load(model)
     rows: dict[str, Any] = {
-        "file": f"{model}, {model.stat().st_size} bytes",
         "kind": type(found).__name__,
-        "trained": found.metadata_.get("trained", "at an unknown time"),
-        "version": found.metadata_.get("version", "unknown"),
+        "readout": found.readout,
         "frames": work.size(found.frame_shape_),
-        "crop": "none" if window.crop is None else " ".join(map(str, window.crop)),
-        "subsample": window.subsample,
-        "read-out": getattr(found, "readout", "prototype"),
+        **found.metadata_,
     }
     if hasattr(found, "classes_"):
         counts = zip(found.classes_, found.counts_, strict=True)
         rows["classes"] = {str(c): int(n) for c, n in counts}
-    else:
-        rows["values"] = ", ".join(work.value_names(found))
-    if as_json:
-        return click.echo(json.dumps(rows, ensure_ascii=False))
-    classes = rows.pop("classes", {})
-    for name, value in rows.items():
-        click.echo(f"{name:10}  {value}")
-    for name, n in classes.items():
-        click.echo(f"{'class':10}  {name}: {n} frames")
+    click.echo(json.dumps(rows, ensure_ascii=False, indent=2))

@@ -1,26 +1,24 @@
 """``hdc compare``: read-outs of bits and of grey values on frames of one's own.
 
-Every method sees inner products of the N frames: of their hypervectors, or of their grey values.
-For an L2 penalty a linear model lies in the span of its training frames, so scikit-learn's
-estimators solve it exactly from coordinates in that span, and a fit of 120,000 pixels costs no
-more than one of N coordinates.
+Methods see inner products of the N frames. For an L2 penalty a linear model lies in the span of its
+training frames, so scikit-learn's estimators solve it exactly from coordinates in that span, and a
+fit of 120,000 pixels costs no more than one of N coordinates.
 """
 
 from __future__ import annotations
 
 import html
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
 from rich.console import Console
 from rich.table import Table
+from sklearn.decomposition import KernelPCA
 from sklearn.linear_model import LogisticRegression, RidgeClassifierCV
 from sklearn.neighbors import NearestCentroid
-from sklearn.preprocessing import KernelCenterer
 
 from hdc.accuracy import wilson
 from hdc.bits import hamming
@@ -40,8 +38,7 @@ COLUMNS = 2**13
 class Frames:
     """Packed hypervectors int64 [N, W], and inner products [N, N] by what they are of.
 
-    ``products`` has those of hypervectors in ±1 ("bits"), of grey values in 0 … 1 ("greys"), and of
-    frames each of which is scaled to mean 0 and deviation 1 ("standardised").
+    ``products`` has those of hypervectors in ±1 ("bits") and of grey values in 0 … 1 ("greys").
     """
 
     def __init__(self, frames: np.ndarray) -> None:
@@ -50,81 +47,44 @@ class Frames:
         self.words = torch.cat(
             [encode(torch.from_numpy(frames[i : i + 32]), i) for i in range(0, n, 32)]
         )
-        greys, sums = np.zeros((n, n)), np.zeros(n)
+        greys = np.zeros((n, n))
         for start in range(0, self.pixels, COLUMNS):
             block = flat[:, start : start + COLUMNS].astype(np.float32) / most
             greys += block @ block.T
-            sums += block.sum(1, dtype=float)
-        centred = greys - np.outer(sums, sums) / self.pixels
-        deviation = np.sqrt(np.maximum(np.diag(centred), 0) / self.pixels)
-        deviation[deviation == 0] = 1
-        self.products = {
-            "bits": gram(self.words, self.words, self.pixels).numpy(),
-            "greys": greys,
-            "standardised": centred / np.outer(deviation, deviation),
-        }
+        bits = gram(self.words, self.words, self.pixels).numpy()
+        self.products = {"bits": bits, "greys": greys}
 
 
 def coordinates(
     products: np.ndarray, train: np.ndarray, test: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frames in an orthonormal basis of the span of the centred training frames.
-
-    Centred G = V·S²·Vᵀ gives the training frames V·S, and test frames by their inner products.
-    """
-    centre = KernelCenterer()
-    centred = centre.fit_transform(products[np.ix_(train, train)])
-    queries = centre.transform(products[np.ix_(test, train)])
-    squares, basis = np.linalg.eigh(centred)
-    kept = squares > max(squares[-1], 0) * len(train) * np.finfo(np.float32).eps
-    if not kept.any():
-        raise ValueError("frames: expected some that differ, found all alike")
-    scale = np.sqrt(squares[kept])
-    # So that penalties mean the same everywhere.
-    unit = 1 / np.sqrt(np.trace(centred) / len(train))
-    return unit * basis[:, kept] * scale, unit * (queries @ basis[:, kept]) / scale
+    """Frames in an orthonormal basis of the span of the centred training frames."""
+    span = KernelPCA(kernel="precomputed", remove_zero_eig=True)
+    trained = span.fit_transform(products[np.ix_(train, train)])
+    queries = span.transform(products[np.ix_(test, train)])
+    unit = np.sqrt(len(train)) / np.linalg.norm(trained)  # penalties mean the same everywhere
+    return unit * trained, unit * queries
 
 
-class Method(NamedTuple):
-    """What a method sees, its estimator on coordinates (None: counts bits), and its use."""
-
-    sees: str
-    estimator: Callable[[], Any] | None
-    use: str
-
-
-def _softmax() -> LogisticRegression:
-    return LogisticRegression(C=10, max_iter=1000)
-
-
-def _ridge() -> RidgeClassifierCV:
-    return RidgeClassifierCV(np.logspace(-4, 2, 7))
-
-
-METHODS = {
-    "prototypes": Method("bits", None, "hdc train"),
-    "ridge": Method("bits", _ridge, "hdc train --readout ridge"),
-    "neighbours": Method("bits", None, "hdc train --readout neighbours"),
-    "mean image": Method("greys", NearestCentroid, "mean image on grey values"),
-    "mean image, standardised": Method(
-        "standardised", NearestCentroid, "mean image on standardised grey values"
-    ),
-    "softmax": Method("greys", _softmax, "softmax on grey values"),
-    "softmax, standardised": Method(
-        "standardised", _softmax, "softmax on standardised grey values"
-    ),
+METHODS: dict[str, tuple[str, Any]] = {
+    "prototype": ("bits", None),
+    "ridge": ("bits", RidgeClassifierCV(np.logspace(-4, 2, 7))),
+    "neighbours": ("bits", None),
+    "mean image": ("greys", NearestCentroid()),
+    "softmax": ("greys", LogisticRegression(C=10, max_iter=1000)),
 }
+"""Name → what it sees, and its estimator on coordinates (None: compares bits); smallest first."""
 
 
 def predict(
     name: str, data: Frames, labels: np.ndarray, train: np.ndarray, test: np.ndarray
 ) -> np.ndarray:
     """Labels [Q] of the test frames, learnt from the training frames by one of METHODS."""
-    method = METHODS[name]
-    if method.estimator is not None:
-        trained, queries = coordinates(data.products[method.sees], train, test)
+    sees, estimator = METHODS[name]
+    if estimator is not None:
+        trained, queries = coordinates(data.products[sees], train, test)
         with np.errstate(invalid="ignore"):  # a deviation that one frame a class does not have
-            return np.asarray(method.estimator().fit(trained, labels[train]).predict(queries))
+            return np.asarray(estimator.fit(trained, labels[train]).predict(queries))
     if name == "neighbours":
         return labels[train][data.products["bits"][np.ix_(test, train)].argmax(1)]
     counters = Counters(labels.max() + 1, data.pixels)
@@ -138,15 +98,8 @@ def compare(
 ) -> dict[str, Any]:
     """Train and test every method at each number of frames a class.
 
-    Args:
-        recording: frames to train on, and to hold out from.
-        other: frames of another day to test on, of the same classes; or None.
-        path: name of the recording.
-        fraction: share of frames to hold out.
-        draws: random choices of test frames, and of training frames at each number a class.
-
-    Returns:
-        Contents of the table and the page, as JSON has it: a curve for each split and method.
+    The result is what --json writes: a curve for each split and method. `other` has frames of
+    another day to test on, and `fraction` is the share of frames held out.
     """
     parts = [recording, *([other] if other else [])]
     names, n = [name for part in parts for name in part.names], len(recording)
@@ -155,18 +108,21 @@ def compare(
         raise ValueError(f"--test: expected classes among {', '.join(known)}, found {unknown[0]}")
     labels = np.array([known.index(name) for name in names])
     first = recording[0]
-    frames = np.empty((len(names), *first.shape), first.dtype)
+    if other and (other[0].shape, other[0].dtype) != (first.shape, first.dtype):
+        raise ValueError(
+            f"--test: expected frames {first.shape} {first.dtype} as in the first recording, "
+            f"found {other[0].shape} {other[0].dtype}"
+        )
     stream = (frame for part in parts for frame in part.stream())
-    for i, frame in enumerate(with_progress(stream, len(names), "Reading")):
-        if frame.shape != first.shape or frame.dtype != first.dtype:
-            raise ValueError(
-                f"--test: expected frames {first.shape} {first.dtype} as in the first recording, "
-                f"found {frame.shape} {frame.dtype}"
-            )
-        frames[i] = frame
-    data = Frames(frames)
-    later = (np.arange(n), np.arange(n, len(names))) if other else _ordered(recording, fraction)
-    random = [split(labels[:n], fraction, seed, n) for seed in range(draws)]
+    data = Frames(np.stack(list(with_progress(stream, len(names), "Reading"))))
+    every = np.arange(len(names))
+    if other:
+        later = every[:n], every[n:]
+    elif (last := last_sessions(recording, fraction)) is not None:
+        later = every[~last], every[last]
+    else:
+        later = split(labels, fraction, 0, recording.order)
+    random = [split(labels[:n], fraction, seed) for seed in range(draws)]
     splits = {
         "random": _curves(data, labels, random),
         "other recording" if other else "ordered": _curves(data, labels, [later] * draws),
@@ -175,13 +131,6 @@ def compare(
         "recording": str(path), "frames": n, "classes": known, "shape": list(first.shape),
         "test_fraction": fraction, "draws": draws, "splits": splits, "advice": advice(splits),
     }  # fmt: skip
-
-
-def _ordered(recording: Recording, fraction: float) -> tuple[np.ndarray, np.ndarray]:
-    """Train on what came first: the first sessions, or the first frames of each class."""
-    if (last := last_sessions(recording, fraction)) is not None:
-        return np.flatnonzero(~last), np.flatnonzero(last)
-    return split(recording.labels, fraction, 0, len(recording), recording.order)
 
 
 def _curves(
@@ -199,8 +148,6 @@ def _curves(
             rng = np.random.default_rng([seed, size])
             members = [rng.permutation(train[labels[train] == c])[: size or None] for c in classes]
             chosen.append((np.sort(np.concatenate(members)), test))
-        if size == 0 and all(np.array_equal(train, chosen[0][0]) for train, _ in chosen):
-            chosen = chosen[:1]  # of an ordered split there is one choice of all frames
         for name, curve in curves.items():
             right, tested = np.zeros(len(labels)), np.zeros(len(labels))
             for train, test in chosen:
@@ -216,30 +163,16 @@ def _curves(
 
 
 def advice(splits: dict[str, Any]) -> str:
-    """One sentence: which read-out to use on such frames, and why."""
+    """One sentence: the first of METHODS whose interval reaches the best accuracy, and why."""
     split_name, curves = list(splits.items())[-1]
     last = {name: curve[-1] for name, curve in curves.items()}
-
-    def share(name: str) -> str:
-        return f"{name} {last[name]['accuracy']:.0%}"
-
-    best = max(METHODS, key=lambda name: last[name]["accuracy"])
-    of_bits = [name for name in METHODS if METHODS[name].sees == "bits"]
-    on_bits = max(of_bits, key=lambda name: last[name]["accuracy"])
-    where = f"on the {split_name} test frames"
-    if last[on_bits]["high"] < last[best]["accuracy"]:
-        return (
-            f"Use {METHODS[best].use}: {where} {share(best)} against {share(on_bits)}, the best on "
-            "bits, so the bits lose what tells these classes apart."
-        )
-    if last["prototypes"]["high"] < last[on_bits]["accuracy"]:
-        return (
-            f"Use {METHODS[on_bits].use}: {where} {share(on_bits)} against {share('prototypes')} "
-            "with the same bits, so classes have structure that one prototype a class loses."
-        )
+    best = max(last, key=lambda name: last[name]["accuracy"])
+    name = next(name for name in METHODS if last[name]["high"] >= last[best]["accuracy"])
+    use = f"hdc train --readout {name}" if METHODS[name][0] == "bits" else f"{name} on grey values"
+    others = ", ".join(f"{n} {last[n]['accuracy']:.0%}" for n in METHODS if n != name)
     return (
-        f"Use hdc train: {where} {share('prototypes')} against {share(best)}, no clear "
-        "difference, so the smallest model will do."
+        f"Use {use}: on the {split_name} test frames {last[name]['accuracy']:.0%}, "
+        f"the smallest model that is not clearly behind the best ({others})."
     )
 
 
@@ -249,12 +182,12 @@ def text(result: dict[str, Any]) -> str:
     console = Console(width=120)
     with console.capture() as captured:
         for title, curves in result["splits"].items():
-            counts = [f"{point['frames_a_class']:.3g}" for point in curves["prototypes"]]
+            counts = [f"{point['frames_a_class']:.3g}" for point in curves["prototype"]]
             table = Table(f"{title}, frames a class", "sees", *counts, box=None)
             for name, curve in curves.items():
                 *cells, last = (f"{point['accuracy']:.0%}" for point in curve)
                 interval = f" [{curve[-1]['low']:.0%}, {curve[-1]['high']:.0%}]"
-                table.add_row(name, METHODS[name].sees, *cells, last + interval)
+                table.add_row(name, METHODS[name][0], *cells, last + interval)
             console.print(table, "")
     return (
         f"{result['frames']} frames of {len(result['classes'])} classes, {width} × {height} "
@@ -264,13 +197,11 @@ def text(result: dict[str, Any]) -> str:
 
 
 PAGE = """<!doctype html>
-<html lang="en"><meta charset="utf-8">
-<title>hdc compare: {recording}</title>
-<h1>{recording}</h1><p><b>{advice}</b></p><pre>{text}</pre>
+<html lang="en"><meta charset="utf-8"><title>hdc compare</title>
+<h1>{recording}</h1><pre>{text}</pre>
 <p>Accuracy on frames that were not learnt, with Wilson's 95 % interval over the different frames
 tested. Frames held out at random lie between those trained on: if they were recorded in close
-succession they are alike, and the ordered split is the one to believe. Grey values are scaled to
-0 … 1; standardised: each frame to mean 0 and deviation 1.</p></html>
+succession they are alike, and the ordered split is the one to believe.</p></html>
 """
 
 
@@ -278,15 +209,12 @@ def check_page(path: Path) -> None:
     """Refuse a name that cannot be written, or that is taken by anything but such a page."""
     if not path.parent.is_dir():
         raise ValueError(f"{path}: expected a folder to write into, found none")
-    if not os.path.lexists(path):
-        return
-    if path.is_symlink() or not path.is_file() or b"<title>hdc compare" not in path.read_bytes():
-        raise ValueError(
-            f"{path}: expected a page of hdc compare or no file, found another; not replaced"
-        )
+    ours = path.is_file() and not path.is_symlink() and b"<title>hdc compare" in path.read_bytes()
+    if os.path.lexists(path) and not ours:
+        raise ValueError(f"{path}: expected a page of hdc compare or no file, found another")
 
 
 def write_page(path: Path, result: dict[str, Any]) -> None:
     """Write a page of HTML that refers to no other file."""
-    texts = {key: html.escape(result[key]) for key in ("recording", "advice")}
-    write_atomically(path, PAGE.format(**texts, text=html.escape(text(result))))
+    shown = {"recording": html.escape(result["recording"]), "text": html.escape(text(result))}
+    write_atomically(path, PAGE.format(**shown))

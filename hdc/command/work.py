@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -18,30 +19,20 @@ from hdc.readers.images import stream_files
 from hdc.readers.recording import with_progress
 from hdc.readers.video import stream_video
 
-T = TypeVar("T")
-
 BATCH = 32
 """Frames asked about at a time: meanwhile threads decode the next ones."""
-MOST_NAMED = 20
-"""Classes up to which all confusions are shown as a table."""
 
 
 def open_frames(
     recording: Path, window: Window, fewest_classes: int = 2, **source: Any
 ) -> Recording:
     """Open a recording as the options of the command line say; images are decoded when needed."""
-    return readers.open_recording(
+    frames = readers.open_recording(
         recording, window=window, check=False, fewest_classes=fewest_classes, **source
     )
-
-
-def check_output(path: Path) -> None:
-    """Refuse a name that cannot be written, or that is taken by anything but a saved model."""
-    from hdc.io import check_replaceable
-
-    if not path.parent.is_dir():
-        raise ValueError(f"{path}: expected a folder to write into, found none")
-    check_replaceable(path)
+    if line := frames.left_out():
+        warnings.warn(line, stacklevel=2)
+    return frames
 
 
 def load(path: Path) -> tuple[Any, Window]:
@@ -65,7 +56,6 @@ class Passing:
 
     def __init__(self, recording: Recording, index: np.ndarray) -> None:
         self._frames = with_progress(recording.stream(index), len(index), "Training")
-        self._next = 0
         self.shape = (len(index), *recording.shape)
 
     def __len__(self) -> int:
@@ -73,9 +63,6 @@ class Passing:
 
     def __getitem__(self, batch: slice) -> np.ndarray:
         start, stop, _ = batch.indices(len(self))
-        if start != self._next:
-            raise IndexError(f"expected a batch from frame {self._next}, found {start}")
-        self._next = stop
         return np.stack(list(islice(self._frames, stop - start)))
 
 
@@ -114,9 +101,7 @@ def size(shape: Sequence[int]) -> str:
 # Splits ------------------------------------------------------------------------------------------
 
 
-def hold_out(
-    recording: Recording, fraction: float | None, seed: int
-) -> tuple[np.ndarray, np.ndarray, str]:
+def hold_out(recording: Recording, fraction: float | None) -> tuple[np.ndarray, np.ndarray, str]:
     """Indices to train on and to hold out, increasing, and how these were chosen.
 
     The last sessions where there are several, else the same share of each class at random.
@@ -126,7 +111,8 @@ def hold_out(
         return every, every[:0], ""
     if (last := last_sessions(recording, fraction)) is not None:
         return every[~last], every[last], "in the last sessions"
-    return *split(recording.labels, fraction, seed, len(recording)), "at random"
+    labels = np.zeros(len(recording), int) if recording.labels is None else recording.labels
+    return *split(labels, fraction, 0), "at random"
 
 
 def last_sessions(recording: Recording, fraction: float) -> np.ndarray | None:
@@ -140,11 +126,7 @@ def last_sessions(recording: Recording, fraction: float) -> np.ndarray | None:
 
 
 def split(
-    labels: np.ndarray | None,
-    fraction: float,
-    seed: int,
-    n: int,
-    order: np.ndarray | None = None,
+    labels: np.ndarray, fraction: float, seed: int, order: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Indices to train on and to hold out, increasing; of each class the same share, at random.
 
@@ -153,7 +135,6 @@ def split(
     Raises:
         ValueError: for a class of one frame.
     """
-    labels = np.zeros(n, int) if labels is None else labels
     rng, test = np.random.default_rng(seed), []
     for c in np.unique(labels):
         members = np.flatnonzero(labels == c)
@@ -167,7 +148,7 @@ def split(
         else:
             test.append(members[np.argsort(order[members], kind="stable")][-held:])
     chosen = np.sort(np.concatenate(test))
-    return np.setdiff1d(np.arange(n), chosen), chosen
+    return np.setdiff1d(np.arange(len(labels)), chosen), chosen
 
 
 # Predictions and scores --------------------------------------------------------------------------
@@ -261,21 +242,13 @@ def _errors(recording: Recording, predicted: np.ndarray, index: np.ndarray) -> d
     errors = np.abs(predicted.reshape(len(index), -1) - recording.values[index])
     rows, text = {}, []
     for name, e in zip(recording.value_names, errors.T, strict=True):
-        mean, median, largest = float(e.mean()), float(np.median(e)), float(e.max())
-        rows[name] = {"mean_absolute_error": mean, "median": median, "largest": largest}
-        text.append(
-            f"{name}: mean absolute error {mean:.4g}, median {median:.4g}, "
-            f"largest {largest:.4g}, {len(index)} frames"
-        )
+        rows[name] = {"mean_absolute_error": float(e.mean())}
+        text.append(f"{name}: mean absolute error {e.mean():.4g}, {len(index)} frames")
     return {"frames": len(index), "errors": rows, "text": text}
 
 
 def confusions(names: Sequence[str], counts: np.ndarray) -> list[str]:
-    """Lines of a table of counts [L, L], a row a true class; of many classes, the confusions."""
-    if len(names) > MOST_NAMED:
-        off = counts - np.diag(np.diag(counts))
-        pairs = sorted(zip(*np.nonzero(off), strict=True), key=lambda pair: -counts[pair])
-        return [f"{names[i]} → {names[j]}: {counts[i, j]}" for i, j in pairs]
+    """Lines of a table of counts [L, L], a row a true class."""
     heads = [name[:12] for name in names]
     width, cell = max(map(len, names)), max(map(len, [*heads, *map(str, counts.ravel())]))
     lines = ["rows are the true classes, columns the predicted ones"]
@@ -285,7 +258,7 @@ def confusions(names: Sequence[str], counts: np.ndarray) -> list[str]:
     return lines
 
 
-def _batched(items: Iterable[T]) -> Iterator[list[T]]:
+def _batched(items: Iterable[Any]) -> Iterator[list[Any]]:
     waiting = iter(items)
     while some := list(islice(waiting, BATCH)):
         yield some

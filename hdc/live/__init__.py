@@ -5,8 +5,7 @@
 
 There is one sensor and one model, shared by all who open the page. One thread takes frames and
 predicts (:mod:`hdc.live.worker`); :mod:`hdc.live.session` holds the model and the taught frames.
-Frames are taken only while a page is open. Nothing is written to disk: a model is saved by
-download.
+Nothing is written to disk: a model is saved by download.
 """
 
 from __future__ import annotations

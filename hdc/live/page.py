@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import asyncio
-import base64
 import contextlib
-import html
 import secrets
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 from nicegui import app, ui
 from nicegui.server import Server
 from starlette.requests import HTTPConnection
-from starlette.responses import PlainTextResponse, RedirectResponse, StreamingResponse
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
 from hdc.live.pad import Pad, colour, slider
 from hdc.live.session import ALPHA, READOUTS, RECENT, Answer, Session
 from hdc.live.sources import Pressable, Recorded, Source
-from hdc.live.worker import View, Worker
+from hdc.live.worker import FASTEST, Worker
 
 REFRESH = 0.2
-"""Seconds between updates of words and bars; pictures come as fast as they are made."""
+"""Seconds between updates of words and bars."""
 SAMPLES = 10
 """Learned at a press of a button."""
-_BOUNDARY = b"--frame\r\n"
 _STYLE = """
 body { background: #f5f5f2; color: #222; }
 .nicegui-content { padding: 0; }
@@ -34,15 +31,11 @@ body { background: #f5f5f2; color: #222; }
 .card { background: white; border: 1px solid #ddd; border-radius: 8px; padding: 12px;
   display: flex; flex-direction: column; gap: 8px; min-width: 0; }
 .small { font-size: .82rem; color: #555; line-height: 1.35; font-variant-numeric: tabular-nums; }
-.picture { width: 100%; aspect-ratio: var(--ratio); display: block; background: #000; }
-.pad { width: 100%; touch-action: none; cursor: crosshair; user-select: none; }
-.pad svg { width: 100%; display: block; }
+.heading { font-size: 1rem; font-weight: 700; }
+.pad { width: 100%; cursor: crosshair; background: #fbe3dc; border: 1px solid #c99; }
 .answer { font-size: 1.7rem; font-weight: 700; line-height: 1.2; overflow-wrap: anywhere; }
-.class { display: grid; grid-template-columns: 44px minmax(0, 1fr) auto; gap: 2px 8px;
+.class { display: grid; grid-template-columns: minmax(0, 1fr) auto; gap: 2px 8px;
   align-items: center; border-top: 1px solid #eee; padding-top: 6px; }
-.class img { width: 44px; height: 44px; image-rendering: pixelated; grid-row: span 2;
-  align-self: start; }
-.bar { height: 14px; background: #eee; border-radius: 3px; overflow: hidden; grid-column: 2 / 4; }
 .row { display: flex; flex-wrap: wrap; gap: 8px; align-items: center; }
 """
 
@@ -50,10 +43,7 @@ body { background: #f5f5f2; color: #222; }
 def serve(source: Source, host: str | None = None, port: int = 8080) -> None:
     """Show the page until it is interrupted; its address, with a token, is printed.
 
-    Args:
-        source: of the frames.
-        host: address to listen at; default: this computer alone.
-        port: of the server.
+    Without a host it listens to this computer alone.
     """
     host = host or "127.0.0.1"
     worker, token = Worker(Session(source)), secrets.token_urlsafe(16)
@@ -61,13 +51,11 @@ def serve(source: Source, host: str | None = None, port: int = 8080) -> None:
     app.on_startup(worker.start)
     app.on_startup(lambda: _announce(f"http://{host}:{port}/?token={token}"))
     app.on_shutdown(lambda: asyncio.to_thread(worker.stop))
-    kind = "multipart/x-mixed-replace; boundary=frame"
-    app.get("/stream")(lambda: StreamingResponse(_pictures(worker), media_type=kind))
+    app.get("/frame")(lambda: Response(worker.picture(), media_type="image/jpeg"))
     with contextlib.suppress(KeyboardInterrupt):
         ui.run(
             lambda: Page(worker), host=host, port=port, title=source.title, reload=False,
             show=False, show_welcome_message=False, timeout_graceful_shutdown=1,
-            gzip_middleware_factory=None,  # would hold back the pictures
         )  # fmt: skip
 
 
@@ -77,33 +65,12 @@ async def _announce(address: str) -> None:
     print(f"open {address} (Ctrl+C ends it)", flush=True)
 
 
-async def _pictures(worker: Worker) -> AsyncIterator[bytes]:
-    """Motion JPEG until the browser leaves or the server is to end."""
-    worker.watchers += 1
-    try:
-        yield _BOUNDARY
-        number = 0
-        while not Server.instance.should_exit:
-            view = worker.view
-            if view.number > number:
-                number = view.number
-                # The boundary after a picture lets the browser show it before the next one comes.
-                yield b"Content-Type: image/jpeg\r\n\r\n" + view.picture + b"\r\n" + _BOUNDARY
-            await asyncio.sleep(0.005)
-    finally:
-        worker.watchers -= 1
-
-
 class Guard:
     """ASGI middleware that refuses (403) every request and socket without the token.
 
     The token comes in the address once, ``/?token=…``, and in a cookie from then on. Neither a page
-    of another site nor another user of this computer has it.
-
-    Args:
-        app: the application behind it.
-        token: the secret.
-        cookie: name of the cookie; browsers share cookies between the ports of a host.
+    of another site nor another user of this computer has it. The cookie has the port in its name,
+    as browsers share cookies between the ports of a host.
     """
 
     def __init__(self, app: Any, token: str, cookie: str) -> None:
@@ -129,8 +96,8 @@ class Page:
 
     def __init__(self, worker: Worker) -> None:
         self._worker, self._session, self._source = worker, worker.session, worker.session.source
-        self._rows: dict[str, tuple[ui.label, ui.element]] = {}
-        self._version = -1
+        self._rows: dict[str, tuple[ui.label, ui.linear_progress]] = {}
+        self._shown: dict[str, int] = {}
         self._pressable = isinstance(self._source, Pressable)
         ui.add_css(_STYLE)
         ui.colors(primary=colour("0", "0"))
@@ -138,8 +105,7 @@ class Page:
             with _div("row col-span-full"):
                 ui.label("Teach a sensor to feel").classes("text-2xl font-bold")
                 ui.badge(self._source.title, color="#b35900").classes("text-sm font-bold")
-                shared = "All who open this page share this sensor and its model."
-                ui.label(f"{self._source.note} {shared}").style("flex-basis: 100%")
+                ui.label("All who open this page share this sensor and its model.")
             for fill in (self._see, self._teach, self._adapt):
                 with _div("card"):
                     fill()
@@ -150,12 +116,13 @@ class Page:
     def _see(self) -> None:
         source = self._source
         height, width = source.shape
-        _heading("1. What the camera sees")
-        picture = _div("picture", "img").props('src="/stream" alt="live picture"')
-        picture.style(f"--ratio: {2 * width} / {height}")
-        with _div("grid grid-cols-2 gap-2"):
-            _small("the frame")
-            _small(f"its hypervector: {height * width:,} bits, brighter than the median or not")
+        ui.label("1. What the camera sees").classes("heading")
+        picture = ui.interactive_image("/frame").classes("picture w-full")
+        ui.timer(1 / FASTEST, picture.force_reload)
+        _small(
+            "The frame, and beside it its hypervector: "
+            f"{height * width:,} bits, brighter than the median or not."
+        )
         if isinstance(source, Pressable):
             self._pad = Pad(self._do, self._session, source)
         if isinstance(source, Recorded):
@@ -164,22 +131,16 @@ class Page:
                 _icon("play_arrow", "play or pause", self._doing(lambda s: source.play()))
                 _icon("skip_next", "one frame ahead", self._doing(lambda s: source.step(+1)))
         self._label = _small()
-        _heading("The model says")
-        self._answer, self._beside = ui.label().classes("answer").mark("answer"), _small()
-        self._accuracy = ui.label().mark("accuracy")
+        ui.label("The model says").classes("heading")
+        self._answer, self._beside = ui.label().classes("answer"), _small()
+        self._accuracy = ui.label()
         tested = "new touches" if self._pressable else "samples, each predicted before it is learnt"
-        _small(
-            f"Accuracy on the latest {RECENT} {tested}; “none of these” counts as wrong. Drift, "
-            "recalibration and another read-out start the count anew."
-        )
+        _small(f"Accuracy on the latest {RECENT} {tested}; “none of these” counts as wrong.")
 
     def _teach(self) -> None:
-        _heading("2. Teach it")
+        ui.label("2. Teach it").classes("heading")
         act = "Press somewhere" if self._pressable else "Show it something"
-        _small(
-            f"{act}, name it and learn {SAMPLES} samples; then the next. A bit of a "
-            "class's prototype is 1 if most of its samples have it."
-        )
+        _small(f"{act}, name it and learn {SAMPLES} samples; then the next.")
         with _div("row"):
             empty = " (empty: as recorded)" if isinstance(self._source, Recorded) else ""
             self._name = ui.input(f"name of a new class{empty}").classes("grow")
@@ -187,39 +148,33 @@ class Page:
             self._name.on("keydown.enter", self._new_class)
             ui.button("New class", on_click=self._new_class).props("no-caps")
         self._classes = _div("flex flex-col gap-3")
-        self._axis = _small()
+        _small("Bars: 1 − 2 × Hamming distance to each prototype; 0 is chance.")
         with _div("row"):
             _small("read-out")
             self._readout = ui.toggle(list(READOUTS), value=self._session.readout)
             self._readout.props("no-caps dense padding='4px 10px'")
-            self._readout.on("update:model-value", self._use)
+            self._readout.on(
+                "update:model-value", lambda: self._doing(Session.use, self._readout.value)()
+            )
         with _div("row"):
             _button("Forget everything", self._doing(Session.forget, None))
             _button("Save the model", self._save)
 
     def _adapt(self) -> None:
         source = self._source
-        _heading("3. Let it drift, and recalibrate" if self._pressable else "3. Recalibrate")
+        ui.label(
+            "3. Let it drift, and recalibrate" if self._pressable else "3. Recalibrate"
+        ).classes("heading")
         if isinstance(source, Pressable):
-            _small(
-                "Silicone ages and rooms warm up: the same touch then makes another speckle, and "
-                "the model begins to fail (simulated as a change of temperature)."
-            )
-            self._drift = slider("drift", 0, source.most, 0.01, source.offset, "+ {:.2f} K")
-            self._drift.on("update:model-value", self._drifted, throttle=0.1)
+            _small("Silicone ages; simulated as a change of temperature, which changes speckle.")
             with _div("row"):
                 _button("Let 16 days pass", self._doing(Session.drift, source.sixteen_days))
                 _button("Back to the first day", self._doing(Session.drift, 0.0))
         _small(
-            f"Recalibrating takes {SAMPLES} new samples of a class. “Replace” takes each bit of "
-            "the new prototype with probability p, as published; “merge” counts the votes of old "
-            "and new samples, the new ones with the share p."
+            f"Recalibrating takes {SAMPLES} new samples of a class, and each bit of the new "
+            "prototype with probability p."
         )
-        with _div("row"):
-            self._method = ui.toggle(["replace", "merge"], value="replace")
-            self._method.props("no-caps dense padding='4px 10px'")
-            with _div("grow"):
-                self._p = slider("p", 0, 1, 0.05, 0.5, "{:.2f}")
+        self._p = slider("p", 0, 1, 0.05, 0.5)
         if self._pressable:
             _button("Recalibrate all classes where they were taught", self._recalibrate)
         else:
@@ -232,7 +187,7 @@ class Page:
         try:
             return await asyncio.to_thread(self._worker.do, job)
         except ValueError as error:
-            _tell(str(error))
+            ui.notify(str(error), position="top", multi_line=True, timeout=6000, color="dark")
             return None
 
     def _doing(self, job: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
@@ -244,15 +199,7 @@ class Page:
         await self._doing(Session.learn, name, SAMPLES, True)()
 
     async def _recalibrate(self, name: str | None = None) -> None:
-        p, method = self._p.value, self._method.value
-        await self._doing(Session.recalibrate, name, SAMPLES, p, method)()
-
-    async def _use(self) -> None:
-        await self._doing(Session.use, self._readout.value)()
-        self._readout.set_value(self._session.readout)
-
-    async def _drifted(self) -> None:
-        await self._doing(Session.drift, self._drift.value)()
+        await self._doing(Session.recalibrate, name, SAMPLES, self._p.value)()
 
     async def _save(self) -> None:
         content = await self._do(Session.saved)
@@ -264,67 +211,54 @@ class Page:
     def _refresh(self) -> None:
         view, session, source = self._worker.view, self._session, self._source
         answer, names = view.answer, list(session.counts)
-        if view.version != self._version:
-            self._version = view.version
-            self._show_classes(view)
-            self._readout.set_value(session.readout)
-        text, beside = _in_words(answer, " mm" if self._pressable else "")
-        if answer is None:
-            text = f"nothing yet: teach it {'one more class' if names else 'two classes'}"
-        text = view.error or ("learning …" if self._worker.busy else text)
-        _say(self._answer, text)
+        if session.counts != self._shown:
+            self._shown = session.counts
+            self._show_classes()
+        self._readout.set_value(session.readout)
+        text, beside = "nothing yet: teach it two classes", ""
+        if answer:
+            text, beside = _in_words(answer, " mm" if self._pressable else "")
+        self._answer.set_text(view.error or text)
         self._answer.style(f"color: {colour(names, answer.label) if answer else '#777'}")
-        _say(self._beside, beside)
-        axis = "Bars: 1 − 2 × Hamming distance to each prototype; 0 is chance."
-        _say(self._axis, axis if answer else "")
+        self._beside.set_text(beside)
         for name, distance in answer.distances.items() if answer else ():
             if name in self._rows:
                 label, bar = self._rows[name]
-                _say(label, f"· distance {min(distance, 1):.3f}")
-                bar.style(f"width: {100 * max(0.0, 1 - 2 * distance):.1f}%")
+                label.set_text(f"· distance {min(distance, 1):.3f}")
+                bar.set_value(max(0.0, 1 - 2 * distance))
         tests = list(session.tests)
         right, n = sum(tests), len(tests)
         accuracy = f"{right} of the latest {n} right ({right / n:.0%})" if n else "not tested yet"
-        _say(self._accuracy, accuracy)
+        self._accuracy.set_text(accuracy)
         if isinstance(source, Pressable):
             self._pad.show(answer.values if answer else ())
-            if abs(self._drift.value - source.offset) > 0.005 and not self._worker.busy:
-                self._drift.set_value(source.offset)
         elif view.label:
             paused = isinstance(source, Recorded) and not source.playing
-            _say(self._label, f"recorded as “{view.label}”{', paused' if paused else ''}")
+            self._label.set_text(f"recorded as “{view.label}”{', paused' if paused else ''}")
 
-    def _show_classes(self, view: View) -> None:
-        """A row for each class: prototype, samples, distance, buttons and a bar."""
-        counts = self._session.counts
+    def _show_classes(self) -> None:
+        """A row for each class: samples, distance, buttons and a bar."""
         self._classes.clear()
         self._rows = {}
-        for name, picture in view.prototypes.items():
-            look = colour(list(counts), name)
-            with self._classes, _div("class").mark(f"class {name}"):
-                data = base64.b64encode(picture).decode()
-                _div("", "img").props(f'alt="prototype" src="data:image/jpeg;base64,{data}"')
+        for name, count in self._shown.items():
+            look = colour(list(self._shown), name)
+            with self._classes, _div("class"):
                 with _div("row").style("min-width: 0"):
                     ui.label(name).classes("name font-bold truncate").style(f"color: {look}")
-                    _small(f"{counts.get(name, 0)} samples")
+                    _small(f"{count} samples")
                     distance = _small()
                 with _div("row").style("gap: 2px; flex-wrap: nowrap"):
-                    _icon(
-                        "add",
-                        f"learn {SAMPLES} more samples",
-                        self._doing(Session.learn, name, SAMPLES),
-                    )
+                    more = self._doing(Session.learn, name, SAMPLES)
+                    _icon("add", f"learn {SAMPLES} more samples", more)
                     _icon("sync", "recalibrate", partial(self._recalibrate, name))
                     _icon("delete_outline", "forget", self._doing(Session.forget, name))
-                with _div("bar"):
-                    bar = _div("h-full").style(f"width: 0; background: {look}")
+                bar = ui.linear_progress(0, show_value=False, size="14px", color=look)
+                bar.style("grid-column: 1 / 3")
             self._rows[name] = distance, bar
 
 
-def _in_words(answer: Answer | None, unit: str) -> tuple[str, str]:
+def _in_words(answer: Answer, unit: str) -> tuple[str, str]:
     """The predicted class, and the rest of the answer."""
-    if answer is None:
-        return "", ""
     lines = [f"{1 - ALPHA:.0%} prediction set: {', '.join(answer.likely) or 'none'}."]
     if answer.values:
         each = (f"{value:.1f}{unit} [{low:.1f}, {high:.1f}]" for value, low, high in answer.values)
@@ -332,16 +266,12 @@ def _in_words(answer: Answer | None, unit: str) -> tuple[str, str]:
     return "none of these" if answer.label is None else answer.label, " ".join(lines)
 
 
-def _div(classes: str, tag: str = "div") -> ui.element:
-    return ui.element(tag).classes(classes)
+def _div(classes: str) -> ui.element:
+    return ui.element("div").classes(classes)
 
 
 def _small(text: str = "") -> ui.label:
     return ui.label(text).classes("small")
-
-
-def _heading(text: str) -> None:
-    ui.html(html.escape(text), sanitize=False, tag="h2").classes("text-base font-bold")
 
 
 def _button(text: str, act: Callable[[], Any]) -> None:
@@ -351,12 +281,3 @@ def _button(text: str, act: Callable[[], Any]) -> None:
 def _icon(icon: str, tip: str, act: Callable[[], Any]) -> None:
     button = ui.button(icon=icon, on_click=act).props("flat dense size=sm")
     button.props(f'aria-label="{tip}"').tooltip(tip)
-
-
-def _tell(text: str) -> None:
-    ui.notify(text, position="top", multi_line=True, timeout=6000, color="dark")
-
-
-def _say(label: ui.label, text: str) -> None:
-    if label.text != text:
-        label.set_text(text)

@@ -1,9 +1,8 @@
 """The model that the page teaches, and the frames it was taught with; no threads, no browser.
 
 The model is always trained anew from the kept samples, and recalibrated by those of each
-recalibration. That takes milliseconds, and makes forgetting a class, switching the read-out and
-learning after a recalibration the same simple operation. An operation that is refused raises
-ValueError, whose text the page shows, and changes nothing.
+recalibration, which takes milliseconds. An operation that is refused raises ValueError, whose text
+the page shows, and changes nothing.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ import tempfile
 from collections import Counter, deque
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,11 +40,10 @@ class Answer:
 
 
 class Lesson(NamedTuple):
-    """Samples of lesson 0 train the model; those of a later one recalibrate it by p and method."""
+    """Samples of lesson 0 train the model; those of a later one recalibrate it by p."""
 
     number: int = 0
     p: float = 0.0
-    method: str = ""
 
 
 class Sample(NamedTuple):
@@ -62,12 +60,11 @@ class Session:
 
     Attributes:
         source: of the frames.
-        model: None until a class is taught.
+        model: None until two classes are taught.
         readout: of the model.
         counts: samples of each class, in the order they were taught; replaced, never changed.
         places: touches of each class, for a source that can be pressed.
         tests: whether the latest tests were right.
-        version: grows whenever the model changes.
     """
 
     def __init__(self, source: Source) -> None:
@@ -76,7 +73,6 @@ class Session:
         self.counts: dict[str, int] = {}
         self.places: dict[str, tuple[Touch, ...]] = {}
         self.tests: deque[bool] = deque(maxlen=RECENT)
-        self.version = 0
         self._samples: list[Sample] = []
         self._regressor: HDCRegressor | None = None
         self._tested = 0
@@ -84,18 +80,14 @@ class Session:
     # Prediction ----------------------------------------------------------------------------------
 
     def look(self) -> tuple[np.ndarray, np.ndarray, Answer | None]:
-        """The next frame [H, W], its hypervector as bool [H, W], and the model's answer.
-
-        Raises:
-            ValueError: the source gives no more frames.
-        """
+        """The next frame [H, W], its hypervector as bool [H, W], and the model's answer."""
         frame = self.source.frame()
         hypervector = bits.unpack(encode(tensor(frame[None])), frame.size)[0].numpy()
         return frame, hypervector.reshape(frame.shape), self.ask(frame)
 
     def ask(self, frame: np.ndarray) -> Answer | None:
         """The model's answer for a frame [H, W]; None with fewer than two classes."""
-        if self.model is None or len(self.counts) < 2:
+        if self.model is None:
             return None
         frames, values = frame[None], []
         distances = (self.model.distances(frames)[0] / self.model.dimension_).tolist()
@@ -108,14 +100,6 @@ class Session:
             distances=dict(zip(self.model.classes_.tolist(), distances, strict=True)),
             values=tuple(values),
         )
-
-    def prototypes(self) -> dict[str, np.ndarray]:
-        """Bits of each class's prototype, bool [H, W]."""
-        if self.model is None:
-            return {}
-        planes = bits.unpack(self.model.prototypes_, self.model.dimension_).numpy()
-        classes = self.model.classes_.tolist()
-        return dict(zip(classes, planes.reshape(-1, *self.source.shape), strict=True))
 
     def test(self) -> None:
         """Test the model on one new touch of a taught class, if the source can be pressed."""
@@ -152,18 +136,15 @@ class Session:
         if new and pressed:
             self.tests.clear()
 
-    def recalibrate(self, name: str | None, n: int, p: float, method: str) -> None:
+    def recalibrate(self, name: str | None, n: int, p: float) -> None:
         """Recalibrate a class by n samples of the present touch or scene.
 
-        Args:
-            name: of the class; None: all of them, each touched where it was taught.
-            n: samples of each class.
-            p, method: see :meth:`hdc.HDCClassifier.recalibrate`.
+        Without a name: all classes, each touched where it was taught.
         """
-        if len(self.counts) < 2:
+        if self.model is None:
             raise ValueError("There is nothing to recalibrate yet: teach two classes first.")
         samples: list[Sample] = []
-        lesson = Lesson(max((s.lesson.number for s in self._samples), default=0) + 1, p, method)
+        lesson = Lesson(max((s.lesson.number for s in self._samples), default=0) + 1, p)
         for label in self.counts if name is None else [name]:
             self._check_known(label)
             place = self.places[label] if name is None else self._touches
@@ -173,26 +154,22 @@ class Session:
 
     def forget(self, name: str | None) -> None:
         """Forget a class, or (None) all of them."""
-        if name is None:
-            self.places = {}
-            self._train([])
-        else:
+        if name is not None:
             self._check_known(name)
-            self._train([sample for sample in self._samples if sample.label != name])
-            self.places = {n: place for n, place in self.places.items() if n != name}
+        self._train([s for s in self._samples if name is not None and s.label != name])
+        self.places = {n: place for n, place in self.places.items() if n in self.counts}
         self.tests.clear()
 
     def use(self, readout: str) -> None:
         """Switch the read-out, trained on the same frames."""
-        if readout == self.readout:
-            return
-        self._train(self._samples, readout)
-        self.tests.clear()
+        if readout != self.readout:
+            self._train(self._samples, readout)
+            self.tests.clear()
 
     def drift(self, kelvin: float) -> None:
         """Set the drift of a sensor that can be pressed."""
         if isinstance(self.source, Pressable):
-            self.source.offset = within(kelvin, 0.0, self.source.most)
+            self.source.offset = kelvin
             self.tests.clear()
 
     @property
@@ -215,23 +192,20 @@ class Session:
         """Train on these samples and keep them; where that raises, nothing changes."""
         readout = readout or self.readout
         counts, model = Counter(sample.label for sample in samples), None
-        for lesson in sorted({sample.lesson for sample in samples}):
+        for lesson in sorted({s.lesson for s in samples}) if len(counts) > 1 else ():
             chosen = [sample for sample in samples if sample.lesson == lesson]
             frames, labels = np.stack([s.frame for s in chosen]), [s.label for s in chosen]
-            if model and lesson.number and len(counts) > 1:
-                model.recalibrate(frames, labels, lesson.p, lesson.number, lesson.method)
-            elif model is None and len(counts) > 1:
+            if model is None:
                 model = HDCClassifier(readout=readout).fit(frames, labels)
-            else:  # a single class has no read-out yet, but a prototype to show
-                model = (model or HDCClassifier()).partial_fit(frames, labels)
+            else:
+                model.recalibrate(frames, labels, lesson.p, lesson.number)
         self._regressor = _regressor(samples, readout)
         self._samples, self.model, self.readout = samples, model, readout
         self.counts = dict(counts)
-        self.version += 1
 
     def saved(self) -> bytes:
         """The model as a file of :meth:`hdc.HDCClassifier.save`."""
-        if self.model is None or len(self.counts) < 2:
+        if self.model is None:
             raise ValueError("There is nothing to save yet: teach two classes first.")
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "model.safetensors"
@@ -248,8 +222,3 @@ def _regressor(samples: list[Sample], readout: str) -> HDCRegressor | None:
     # Few places are far apart: the nearest frame tells them, where a line between them does not.
     regressor = HDCRegressor(readout="ridge" if readout == "ridge" else "neighbours")
     return regressor.fit(frames, values)
-
-
-def within(value: Any, low: float, high: float) -> float:
-    """A number from a browser, clipped to [low, high]; NaN becomes low."""
-    return min(max(low, float(value)), high)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +10,6 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from hdc import readers
-
-PLAYBACK = 20.0
-"""Frames a second of a recording played back."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +25,6 @@ class Source(Protocol):
     """Frames for the page, taken by one thread."""
 
     title: str
-    note: str  # one sentence about it
     shape: tuple[int, int]  # (H, W) of a frame
     metadata: dict[str, Any]  # kept with a saved model: crop and subsample, for the command ``hdc``
 
@@ -39,11 +34,7 @@ class Source(Protocol):
         ...
 
     def frame(self) -> np.ndarray:
-        """The next frame, uint8 or uint16 [H, W].
-
-        Raises:
-            ValueError: there are no more.
-        """
+        """The next frame, uint8 or uint16 [H, W]; a ValueError if there are no more."""
         ...
 
     def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
@@ -58,15 +49,12 @@ class Pressable(Source, Protocol):
     length: float  # of the surface in m: x in [0, length]
     width: float  # in m: |y| ≤ width/2
     deepest: float  # largest depth in m
-    fibre: tuple[float, float]  # (x, y) in m, where light enters
-    camera: tuple[float, float]  # (x, y) in m
     offset: float  # temperature drift in K
     sixteen_days: float  # drift in K after 16 days
-    most: float  # largest drift in K
     touches: tuple[Touch, ...]  # the present ones
 
-    def press(self, touches: Sequence[Touch], moved: bool = False) -> None:
-        """Press here until the next call (no touches: lift off); `moved`: the finger slides."""
+    def press(self, touches: Sequence[Touch]) -> None:
+        """Press here until the next call (no touches: lift off)."""
         ...
 
 
@@ -81,7 +69,7 @@ class Camera:
 
     def __init__(self, index: int, window: readers.Window) -> None:
         self._frames = readers.camera(index, window.crop, window.subsample)
-        self.title, self.note = f"Camera {index}", "Samples are its next frames."
+        self.title = f"Camera {index}"
         self.metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
         height, width = next(self._frames).shape
         self.shape = (height, width)
@@ -107,26 +95,22 @@ class Recorded:
         ValueError: see :func:`hdc.readers.open_recording`.
     """
 
-    def __init__(
-        self, path: Path, window: readers.Window, seconds_a_frame: float = 1 / PLAYBACK
-    ) -> None:
-        recording = readers.open_recording(path, None, window.crop, window.subsample)
-        self._recording, self._seconds_a_frame = recording, seconds_a_frame
+    def __init__(self, path: Path, window: readers.Window) -> None:
+        self._recording = recording = readers.open_recording(
+            path, None, window.crop, window.subsample
+        )
         self.title = f"Recording {path.name}"
-        self.note = "Played back; samples are the next frames of the class that is shown."
         self.metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
         self.shape, self.classes = recording.shape, recording.classes
         self._order = np.argsort(recording.samples["order"], kind="stable")
         self._labels = np.asarray(recording.labels)[self._order]
-        self._place, self._due, self.playing = -1, time.monotonic(), True
+        self._place, self.playing = -1, True
 
     @property
     def label(self) -> str:
         return self.classes[self._labels[max(0, self._place)]]
 
     def frame(self) -> np.ndarray:
-        time.sleep(max(0.0, self._due - time.monotonic()))
-        self._due = time.monotonic() + self._seconds_a_frame
         if self.playing or self._place < 0:
             self._place = (self._place + 1) % len(self._order)
         return self._recording.frames(self._order[[self._place]])[0]

@@ -13,7 +13,6 @@ import pytest
 
 from hdc import HDCClassifier
 from hdc.command import main
-from hdc.command.work import confusions
 
 SIDE = 24
 
@@ -71,7 +70,7 @@ def test_a_model_is_that_of_all_frames(hdc, folder, frames, tmp_path):
     path = tmp_path / "m.safetensors"
     status, out, err = hdc("train", folder, "-o", path)
     assert (status, err) == (0, [])
-    assert out[0].startswith(f"{path}: 36 frames, 3 classes, 24 × 24 pixels, in ")
+    assert out[0] == f"{path}: 36 frames, 3 classes, 24 × 24 pixels"
     model = HDCClassifier.load(path)
     whole = HDCClassifier().fit(frames.reshape(-1, SIDE, SIDE), np.repeat(list("abc"), 12))
     assert model.classes_.tolist() == ["a", "b", "c"]
@@ -93,8 +92,8 @@ def test_arrays_are_learnt_as_folders_are(hdc, frames, tmp_path):
 
 def test_held_out_frames_are_not_learnt(hdc, folder, tmp_path):
     path = tmp_path / "m.safetensors"
-    words = ("train", folder, "-o", path, "--test-fraction", "0.25", "--seed")
-    status, out, _ = hdc(*words, 1)
+    words = ("train", folder, "-o", path, "--test-fraction", "0.25")
+    status, out, _ = hdc(*words)
     assert status == 0
     assert (
         out[1]
@@ -102,10 +101,8 @@ def test_held_out_frames_are_not_learnt(hdc, folder, tmp_path):
     )
     first = HDCClassifier.load(path)
     assert first.counts_.tolist() == [9, 9, 9]
-    hdc(*words, 1)
+    hdc(*words)
     assert (HDCClassifier.load(path).prototypes_ == first.prototypes_).all()
-    hdc(*words, 2)
-    assert (HDCClassifier.load(path).prototypes_ != first.prototypes_).any()
 
 
 def test_crop_and_subsampling_go_with_the_model(hdc, folder, frames, tmp_path):
@@ -172,7 +169,7 @@ def test_recalibration_is_that_of_the_classifier(hdc, model, frames, tmp_path, m
     assert out == [f"{path}: 36 new frames of 3 classes, {method}, p = 0.7"]
     some = write(tmp_path / "some", changed[:1, :1], "a")
     out = hdc("recalibrate", model, some, "-o", tmp_path / "some.safetensors")[1]
-    assert out[1:] == ["not recalibrated: b, c", "recalibrated by a single frame: a"]
+    assert out[1:] == ["not recalibrated: b, c"]
     expected = HDCClassifier.load(model).recalibrate(
         changed.reshape(-1, SIDE, SIDE), np.repeat(list("abc"), 12), 0.7, 3, method
     )
@@ -189,9 +186,8 @@ def test_models_made_in_python_are_taken_as_well(hdc, frames, tmp_path):
     assert "24 of 24" in hdc("evaluate", path, folder)[1][0]
     assert json.loads(hdc("predict", path, folder / "10" / "1.png", "--json")[1][0])["label"] == 10
     assert hdc("recalibrate", path, folder, "-o", tmp_path / "n.safetensors")[0] == 0
-    out = hdc("info", path)[1]
-    assert f"frames      {SIDE**2} pixels" in out
-    assert "class       10: 12 frames" in out
+    found = json.loads("".join(hdc("info", path)[1]))
+    assert (found["frames"], found["classes"]) == (f"{SIDE**2} pixels", {"7": 12, "10": 12})
 
 
 def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
@@ -199,11 +195,9 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     hdc("train", folder, "-o", path, "--crop", 0, 0, 24, 12)
     status, out, _ = hdc("info", path)
     assert status == 0
-    rows = dict(line.split("  ", 1) for line in out[:-3])
-    assert rows["crop"].strip() == "0 0 24 12"
-    assert rows["trained"].strip().startswith("20")
-    assert out[-3:] == [f"class       {name}: 12 frames" for name in "abc"]
-    found = json.loads(hdc("info", path, "--json")[1][0])
+    found = json.loads("".join(out))
+    assert found["crop"] == [0, 0, 24, 12]
+    assert found["trained"].startswith("20")
     assert found["frames"] == "24 × 12 pixels"
     assert found["classes"] == {"a": 12, "b": 12, "c": 12}
 
@@ -217,9 +211,9 @@ def test_a_video_is_learnt_and_predicted_frame_by_frame(hdc, tmp_path):
     for image in images:
         film.write(image)
     film.release()
-    words = ("train", path, "-o", tmp_path / "m", "--intervals", tmp_path / "t.csv")
-    assert hdc(*words)[2] == [f"error: {tmp_path}/t.csv: expected a readable file, found none"]
-    (tmp_path / "t.csv").write_text("start_s,end_s,label\n0,0.5,x\n0.5,1,y\n")
+    words = ("train", path, "-o", tmp_path / "m")
+    assert hdc(*words)[2] == [f"error: {tmp_path}/v.csv: expected a readable file, found none"]
+    (tmp_path / "v.csv").write_text("start_s,end_s,label\n0,0.5,x\n0.5,1,y\n")
     assert "10 frames, 2 classes" in hdc(*words)[1][0]
     status, out, err = hdc("predict", tmp_path / "m", path)
     assert (status, err) == (0, [])
@@ -228,12 +222,6 @@ def test_a_video_is_learnt_and_predicted_frame_by_frame(hdc, tmp_path):
     assert rows[3][0] == f"{path} at 0.300 s"
     path.write_bytes(path.read_bytes()[:40])
     assert hdc("predict", tmp_path / "m", path)[:2] == (1, [])  # no head without a line
-
-
-def test_large_tables():
-    counts = np.diag([5] * 30)
-    counts[2, 3], counts[4, 1] = 1, 2
-    assert confusions([f"c{k}" for k in range(30)], counts) == ["c4 → c1: 2", "c2 → c3: 1"]
 
 
 # What can be wrong -------------------------------------------------------------------------------
@@ -247,7 +235,7 @@ def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, tmp_path)
         (("train", tmp_path / "no", "-o", out), f"found nothing: {tmp_path}/no"),
         (("train", folder / "a", "-o", out), f"{folder}/a: expected images in one sub-folder a"),
         (("train", folder, "-o", folder), f"{folder}: expected a regular file or"),
-        (("train", folder, "-o", tmp_path / "no" / "m"), "expected a folder to write into, found"),
+        (("train", folder, "-o", tmp_path / "no" / "m"), "expected a folder to save m in"),
         (("predict", tmp_path / "no", "x.png"), f"{tmp_path}/no"),
         (("predict", folder / "a" / "0.png", model), f"{folder}/a/0.png: expected"),
         (("predict", model, "no\n.png"), "no .png: expected a readable file, found none"),
