@@ -29,7 +29,7 @@ from experiments.reporting import comparison
 from experiments.reporting.columns import display_name
 from experiments.reporting.page import page
 from experiments.reporting.page.page import Block, Picture, Section
-from experiments.reporting.runs import runs_table
+from experiments.reporting.rows import runs_table
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table, records
@@ -73,8 +73,6 @@ class Answers:
             texts[f"tables/{table.name}.csv"] = table.csv()
             if table.name != "runs":
                 texts[f"tables/{table.name}.md"] = table.markdown()
-            if table.name == "table1":  # the one that a paper prints
-                texts[f"tables/{table.name}.tex"] = table.latex()
         for name, text in texts.items():
             write_atomically(folder / name, text)
         written = [folder / name for name in texts]

@@ -93,12 +93,9 @@ class Group:
 
     Attributes:
         scene, model: as :class:`Run` names them.
-        n_train: training samples; None for all.
-        pixels: pixels seen; None for all.
-        runs: finished runs, one for each set of seeds, in their order.
-        failed: records of runs that did not finish and have no finished one of their seeds.
-        others: number of finished runs left out because their code, stopping rule or number of
-            threads differs.
+        n_train, pixels: training samples and pixels seen; None for all.
+        runs: one for each set of seeds, in their order.
+        others: number of runs left out because their code, stopping rule or threads differ.
     """
 
     scene: str
@@ -106,18 +103,13 @@ class Group:
     n_train: int | None = None
     pixels: int | None = None
     runs: list[Run] = field(default_factory=list)
-    failed: list[Record] = field(default_factory=list)
     others: int = 0
 
     @property
     def status(self) -> str:
-        """``ok``, ``missing``, or what went wrong."""
-        if not self.runs and not self.failed:
+        """``ok``, ``missing``, or what a reader has to know."""
+        if not self.runs:
             return "missing"
-        if self.failed:
-            worst = self.failed[0]
-            text = f"{worst.status}: {worst.error or 'no error recorded'}"
-            return text if not self.runs else f"{len(self.failed)} more {text}"
         notes = []
         if self.others:
             notes.append(f"{self.others} more left out: of other code or settings")
@@ -132,7 +124,7 @@ class Group:
 
     @property
     def machines(self) -> set[tuple[str, int]]:
-        """(processor, threads) of its runs: times of different ones do not compare."""
+        """(processor, threads): times of different ones do not compare."""
         return {(r.record.environment.cpu, r.record.environment.threads) for r in self.runs}
 
     @property
@@ -178,19 +170,13 @@ class Results:
             self._groups[self._row(run)].append(run)
 
     def __bool__(self) -> bool:
-        """Whether there is anything in it."""
         return bool(self.runs or self.unfinished or self.measurements)
 
     def group(
         self, scene: str, model: str, n_train: int | None = None, pixels: int | None = None
     ) -> Group:
-        """The runs of one row: of those that are alike, those of today's code, then by stopping
-        rule, then the most.
-
-        Args:
-            scene, model: as :class:`Run` names them: the name of a config for what was not changed.
-            n_train, pixels: as :class:`Group` has them.
-        """
+        """The runs of one row, named as in :class:`Group`: of those that are alike, those of
+        today's code, then by stopping rule, then the most."""
         wanted = (scene, model, self._all_as_none(scene, n_train), pixels)
         runs = self._groups.get(wanted, [])
         alike = defaultdict[tuple[str, str], list[Run]](list)
@@ -199,13 +185,7 @@ class Results:
         best = min(alike.values(), key=_preference, default=[])
         by_seeds = {json.dumps(_seeds(run.record.config)): run for run in best}
         ordered = sorted(by_seeds.values(), key=lambda run: run.record.seed)
-        group = Group(scene, model, n_train, pixels, ordered, [], len(runs) - len(best))
-        done = {run.seeds for run in runs}
-        for record in self.unfinished:
-            lost = Run(record, [], _overrides(record, []))  # type: ignore[arg-type]
-            if self._row(lost) == wanted and lost.seeds not in done:
-                group.failed.append(record)
-        return group
+        return Group(scene, model, n_train, pixels, ordered, len(runs) - len(best))
 
     def groups(self) -> list[Group]:
         """Every row there is, by scene, model, number of samples and pixels."""
@@ -232,9 +212,9 @@ class Results:
     def measurements(self) -> list[Measured]:
         """Every finished measurement, those on the frames of its experiment's config first."""
         finished = []
-        for folder in measurement.measurements(self.folder):
+        for path in sorted((self.folder / "measured").glob("*/record.json")):
             try:
-                measured = measurement.read(folder)
+                measured = measurement.read(path.parent)
                 if measured is not None and measured.record.status == "finished":
                     changed = configs.differences(measured.record.config, _task(measured))
                     finished.append(replace(measured, overrides=changed))

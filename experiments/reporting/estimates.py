@@ -37,12 +37,8 @@ class Estimate(NamedTuple):
 
 
 def mean_interval(values: Sequence[float], least: float = 0.0) -> Estimate:
-    """Mean of independent values and Student's interval of their expectation.
-
-    Args:
-        values: one a seed.
-        least: variance that a value has at least.
-    """
+    """Mean of values, one a seed, and Student's interval of their expectation; a value has at least
+    the variance `least`."""
     return _student(values, least, 1 / len(values))
 
 
@@ -62,12 +58,8 @@ def least_variance(shares: Sequence[float], n: float) -> float:
 
 
 def mean_share(shares: Sequence[float], n: float) -> Estimate:
-    """Share of right samples, mean over seeds with Student's interval; of one seed Wilson's.
-
-    Args:
-        shares: one a seed.
-        n: samples of each.
-    """
+    """Share of right samples, mean over seeds with Student's interval; of one seed Wilson's; `n`
+    samples a seed."""
     if len(shares) < 2:
         return Estimate(shares[0], *wilson(round(shares[0] * n), round(n)))
     return mean_interval(shares, least_variance(shares, n)).within(0, 1)

@@ -62,8 +62,7 @@ class Quantity:
         low, high: 95 % interval of one more sensor's number; None where unknown.
         interval: what the bounds are.
         condition: tells values of one quantity apart where the paper leaves it open.
-        n: test samples, or frames, of all seeds.
-        seeds: how many.
+        n, seeds: how many test samples, or frames, of all seeds; how many seeds.
         made_by: command that measures it again.
         note: what a reader has to know.
     """
