@@ -31,7 +31,7 @@ from rich.markup import escape
 from experiments.protocol import job, machine
 from experiments.records import locks
 from experiments.records.files import results_dir
-from experiments.reporting.terminal import in_any_encoding, summarise
+from experiments.reporting.terminal import summarise
 from experiments.reporting.text import printable
 
 console = Console()
@@ -122,7 +122,6 @@ def entry_point() -> None:
     global _first
     _first = True
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    in_any_encoding()
     if os.environ.get("HYDRA_FULL_ERROR") == "1":
         os.environ[_TRACEBACKS] = "1"
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra's own errors come here, and leave as one line

@@ -109,7 +109,7 @@ def measure(
         console: for a line at the end.
 
     Returns:
-        Path: the folder; :class:`locks.Held` is raised if another process is measuring the same.
+        Path: the folder; :class:`locks.Held` is raised while another process measures the same.
     """
     console = console or Console(highlight=False)
     torch = sys.modules.get("torch")

@@ -63,21 +63,14 @@ class SceneOf(msgspec.Struct):
 
 
 class Environment(msgspec.Struct):
-    """Machine and code, as :func:`experiments.records.environment.environment` tells them."""
+    """What is read of :func:`experiments.records.environment.environment`."""
 
     cpu: str
     threads: int
     code: str
     sources: dict[str, str] = {}
-    packages: dict[str, str | None] = {}
     exclusive: bool = True
-    python: str | None = None
-    platform: str | None = None
-    cores: int | None = None
     device: str | None = None
-    commit: str | None = None
-    dirty: bool | None = None
-    libraries: list[dict[str, Any]] = []
 
 
 class Digests(msgspec.Struct):
@@ -269,4 +262,3 @@ def write_all(
 
 def _write_code(folder: Path, code: Mapping[str, Mapping[str, str]]) -> None:
     write_atomically(folder / CODE, json.dumps(code, indent=1, sort_keys=True) + "\n")
-

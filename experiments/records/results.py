@@ -141,17 +141,8 @@ class Group:
 
 
 class Results:
-    """A results folder: runs, measurements, and what was wrong with a file.
-
-    Args:
-        folder: holds ``runs.jsonl`` and ``measured/``.
-        device: runs of other devices are left out; their times would not compare.
-
-    Attributes:
-        runs: finished runs.
-        unfinished: records of the others.
-        problems: files that are no records, and why.
-    """
+    """A results folder: its finished `runs`, records of the `unfinished`, and `problems`, files that
+    are no records. Runs of another device are left out; their times would not compare."""
 
     def __init__(self, folder: Path, device: str = "cpu"):
         self.folder, self.device = folder, device
@@ -194,19 +185,15 @@ class Results:
 
     def models(self, scene: str) -> set[str]:
         """Models that were run on a scene with all of its training samples and pixels."""
-        whole = scene, None, None
-        return {model for place, model, *sizes in self._groups if (place, *sizes) == whole}
+        return {
+            model for place, model, *sizes in self._groups if (place, *sizes) == (scene, None, None)
+        }
 
     def extra_models(self, scene: str) -> list[str]:
         """Models on a scene that no experiment of ``configs/`` sweeps over: one's own, and those
         of which something was changed."""
         found = sorted({run.model for run in self.runs if run.scene == scene})
         return [model for model in found if model not in configs.swept_models()]
-
-    @property
-    def scenes(self) -> list[str]:
-        """Every scene that runs saw, as :class:`Run` names them."""
-        return sorted({run.scene for run in self.runs})
 
     @cached_property
     def measurements(self) -> list[Measured]:
@@ -216,7 +203,8 @@ class Results:
             try:
                 measured = measurement.read(path.parent)
                 if measured is not None and measured.record.status == "finished":
-                    changed = configs.differences(measured.record.config, _task(measured))
+                    config, task = measured.record.config, configs.task(measured.record.name)
+                    changed = configs.differences(config, {key: task.get(key) for key in config})
                     finished.append(replace(measured, overrides=changed))
             except (ValueError, HydraException, OmegaConfBaseException) as error:
                 self.problems.append(str(error))
@@ -261,11 +249,8 @@ def _preference(runs: list[Run]) -> tuple[bool, int, int, str]:
 
 
 def _overrides(record: Record, curve: Curve) -> dict[str, str]:
-    """Values of a run's config that differ from ``configs/``, by key.
-
-    Of a scene or a model that ``configs/`` lacks, those of the command line. The stopping rule does
-    not matter to a model that learns in one pass.
-    """
+    """Values of a run's config that differ from ``configs/``, by key; of a scene or a model that
+    ``configs/`` lacks, those of the command line. What learns in one pass has no stopping rule."""
     known = {
         ("scene", "split"): configs.part("scene", record.choices.scene),
         ("model",): configs.part("model", record.choices.model),
@@ -285,11 +270,6 @@ def _overrides(record: Record, curve: Curve) -> dict[str, str]:
 
 def _iterative(curve: Curve) -> bool:
     return any("loss" in row for row in curve)
-
-
-def _task(measured: Measured) -> dict[str, Any]:
-    task = configs.task(measured.record.name)
-    return {key: task.get(key) for key in measured.record.config}
 
 
 def _core(config: Any) -> Any:

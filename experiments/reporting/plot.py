@@ -7,7 +7,6 @@ a grey strip of their own below 1/n, labelled 0. Intervals are those of the tabl
 from __future__ import annotations
 
 import io
-import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -44,8 +43,6 @@ CORRELATION_MAP, CONFUSION_MAP = "cividis", "Blues"
 PAPER: Any = {"ls": "", "marker": "*", "mfc": "white", "mec": "black", "ms": 7, "mew": 0.7}
 PRINTED = 12  # classes up to which every one is named, and its cells have room for numbers
 _LINE = 66  # characters of a head's line
-_STYLE = re.compile(r' style="([^"]*)"')
-_REFERENCE = re.compile(r'(?<=href="#)[^"]*|(?<=url\(#)[^)]*')
 
 
 def save(figure: Figure, kind: str) -> bytes:
@@ -57,23 +54,7 @@ def save(figure: Figure, kind: str) -> bytes:
             options = {"pil_kwargs": {"quality": 40}}
         figure.savefig(stream, format=kind, dpi=150, **options)
     plt.close(figure)
-    return _smaller(stream.getvalue()) if kind == "svg" else stream.getvalue()
-
-
-def _smaller(svg: bytes) -> bytes:
-    """Half of the bytes for the same picture: each style once, coordinates to 0.01 pt, no names and
-    metadata that nothing refers to."""
-    text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", svg.decode(), flags=re.DOTALL)
-    styles = {style: f"s{k}" for k, style in enumerate(dict.fromkeys(_STYLE.findall(text)))}
-    text = _STYLE.sub(lambda m: f' class="{styles[m[1]]}"', text)
-    rules = "".join(f".{name}{{{style}}}" for style, name in styles.items())
-    text = text.replace("</style>", f"{rules}</style>", 1)
-    names = {m: f"i{k}" for k, m in enumerate(dict.fromkeys(_REFERENCE.findall(text)))}
-    text = _REFERENCE.sub(lambda m: names[m[0]], text)
-    text = re.sub(r' id="([^"]*)"', lambda m: f' id="{names[m[1]]}"' if m[1] in names else "", text)
-    text = re.sub(r'\b(d|x|y|points)="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)
-    text = re.sub(r'(?<= d=")[^"]*', lambda m: re.sub(r"\s*([A-Za-z])\s*", r"\1", m[0]), text)
-    return re.sub(r"\n\s*", "\n", text).encode()
+    return stream.getvalue()
 
 
 def style_of(model: str) -> tuple[str, str, str]:

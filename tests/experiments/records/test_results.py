@@ -5,7 +5,7 @@ import pytest
 
 from experiments.records import sources
 from experiments.records.results import Results
-from experiments.reporting.runs import runs_table
+from experiments.reporting.rows import runs_table
 from hdc.io import write_atomically
 
 
@@ -103,18 +103,6 @@ def test_another_learning_rate_or_another_end_is_no_canonical_run(tmp_path, writ
         ("touch", "softmax (budget_s=7)", None, None): [1, 2, 3],
     }
     assert len(runs_table(found).data) == 7
-
-
-def test_a_failed_run_counts_until_one_of_its_seeds_is_finished(tmp_path, write_run):
-    write_run("hdc", seed=0)
-    write_run("hdc", seed=1, status="failed", error="ValueError: no")
-    write_run("softmax", seed=1, status="failed", change={"stop.budget_s": 7})
-    found = Results(tmp_path)
-    assert found.group("touch", "hdc").status == "1 more failed: ValueError: no"
-    assert found.group("touch", "softmax").status == "missing"
-    assert found.group("touch", "softmax (budget_s=7)").status.startswith("failed: ")
-    write_run("hdc", seed=1)
-    assert Results(tmp_path).group("touch", "hdc").status == "ok"
 
 
 def test_all_training_samples_are_one_row_however_they_were_asked_for(tmp_path, write_run):
