@@ -141,8 +141,8 @@ class Group:
 
 
 class Results:
-    """A results folder: its finished `runs`, records of the `unfinished`, and `problems`, files that
-    are no records. Runs of another device are left out; their times would not compare."""
+    """A results folder: its finished `runs`, records of the `unfinished`, and `problems` of files.
+    Runs of another device are left out; their times would not compare."""
 
     def __init__(self, folder: Path, device: str = "cpu"):
         self.folder, self.device = folder, device

@@ -1,7 +1,4 @@
-"""The page: the answer of every study in one file that needs no network, report.html.
-
-The template escapes every text that is put into it.
-"""
+"""The page: the answer of every study in one file that needs no network, report.html."""
 
 from __future__ import annotations
 
@@ -87,7 +84,7 @@ def render(sections: Sequence[Section], problems: Sequence[str], about: Mapping[
 
 
 def _kinds(table: Table) -> list[str]:
-    """How each column is set: number, code, long text or text."""
+    """How each column is set: number, long text or text."""
     cells = table.cells()
     return [_kind([row[k] for row in cells]) for k in range(len(table.heads))]
 
@@ -96,8 +93,6 @@ def _kind(texts: Sequence[str]) -> str:
     texts = [text for text in texts if text not in ("", "–")]
     if texts and all(map(_NUMBER.fullmatch, texts)):
         return "number"
-    if any(text.startswith("python ") for text in texts):
-        return "code"
     return "long" if any(len(text) > 30 for text in texts) else "text"
 
 
