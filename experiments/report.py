@@ -91,31 +91,29 @@ class Answers:
 def main(arguments: list[str] | None = None) -> None:
     """Write everything, show Table I."""
     parser = argparse.ArgumentParser(prog="python -m experiments.report", description=__doc__)
-    parser.add_argument("--device", default="cpu", help="use runs of this device (cpu)")
-    parser.add_argument(
-        "--reference", action="store_true", help="write the tables and figures of the reference"
-    )
+    text = "write the tables and figures of the reference"
+    parser.add_argument("--reference", action="store_true", help=text)
     chosen = parser.parse_args(arguments)
     console = Console(width=WIDTH, highlight=False)
     try:
         if chosen.reference:
-            answers = Answers("reference", Results(REFERENCE, chosen.device), studies_of(studies))
+            answers = Answers("reference", Results(REFERENCE), studies_of(studies))
             answers.draw()
             written = answers.write(REFERENCE)
             _print_problems(console, [answers])
             console.print(f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True)
         else:
-            write(results_dir(), chosen.device, console)
+            write(results_dir(), console)
     except (OSError, ValueError) as error:  # a full disk, a missing published.csv
         sys.exit(f"error: {error}")
 
 
-def write(folder: Path, device: str, console: Console) -> Path:
+def write(folder: Path, console: Console) -> Path:
     """Write tables, figures and the page into a folder of own results; the page's file."""
     folder.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written fails first
     questions = studies_of(studies)
-    reference = Answers("reference", Results(REFERENCE, device), questions)
-    mine = Answers("mine", Results(folder, device), questions)
+    reference = Answers("reference", Results(REFERENCE), questions)
+    mine = Answers("mine", Results(folder), questions)
     sets = [answers for answers in (mine, reference) if answers.results] or [mine]
     mine.draw()
     reference.draw(REFERENCE / "figures")

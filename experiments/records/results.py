@@ -141,11 +141,10 @@ class Group:
 
 
 class Results:
-    """A results folder: its finished `runs`, records of the `unfinished`, and `problems` of files.
-    Runs of another device are left out; their times would not compare."""
+    """A results folder: its finished `runs`, records of the `unfinished`, `problems` of files."""
 
-    def __init__(self, folder: Path, device: str = "cpu"):
-        self.folder, self.device = folder, device
+    def __init__(self, folder: Path):
+        self.folder = folder
         self.problems: list[str] = []
         self.runs: list[Run] = []
         self.unfinished: list[Record] = []
@@ -158,7 +157,9 @@ class Results:
                 self.problems.append(str(error))
         self._groups = defaultdict[tuple[Any, ...], list[Run]](list)
         for run in self.runs:
-            self._groups[self._row(run)].append(run)
+            config = run.record.config
+            sizes = config["split"]["n_train"], config["data"]["pixels"]
+            self._groups[run.scene, run.model, *sizes].append(run)
 
     def __bool__(self) -> bool:
         return bool(self.runs or self.unfinished or self.measurements)
@@ -168,8 +169,7 @@ class Results:
     ) -> Group:
         """The runs of one row, named as in :class:`Group`: of those that are alike, those of
         today's code, then by stopping rule, then the most."""
-        wanted = (scene, model, self._all_as_none(scene, n_train), pixels)
-        runs = self._groups.get(wanted, [])
+        runs = self._groups.get((scene, model, n_train, pixels), [])
         alike = defaultdict[tuple[str, str], list[Run]](list)
         for run in runs:
             alike[run.configuration, run.record.environment.code].append(run)
@@ -217,8 +217,6 @@ class Results:
         return next((m for m in fitting if not m.of_other_frames), None)
 
     def _take(self, entry: Record) -> None:
-        if entry.config["device"] != self.device:
-            return
         if entry.display and configs.part("model", entry.choices.model) is None:
             configs.show_as(entry.choices.model, entry.display)
         if isinstance(entry, Finished):
@@ -226,20 +224,6 @@ class Results:
             self.runs.append(Run(entry, curve, _overrides(entry, curve)))
         else:
             self.unfinished.append(entry)
-
-    def _row(self, run: Run) -> tuple[Any, ...]:
-        config = run.record.config
-        n_train = self._all_as_none(run.scene, config["split"]["n_train"])
-        return run.scene, run.model, n_train, config["data"]["pixels"]
-
-    def _all_as_none(self, scene: str, n_train: int | None) -> int | None:
-        """None for a number of training samples that is all that the scene has."""
-        return None if n_train == self._all.get(scene) else n_train
-
-    @cached_property
-    def _all(self) -> dict[str, int]:
-        whole = (run for run in self.runs if run.record.config["split"]["n_train"] is None)
-        return {run.scene: run.record.n_train for run in whole}
 
 
 def _preference(runs: list[Run]) -> tuple[bool, int, int, str]:
@@ -265,6 +249,8 @@ def _overrides(record: Record, curve: Curve) -> dict[str, str]:
         else:
             ours = {key: record.config.get(key) for key in keys}
             found |= configs.differences(_core(ours), _core(reference))
+    if record.config["device"] != "cpu":  # its times do not compare
+        found["model.device"] = record.config["device"]
     return {key: value for key, value in found.items() if key not in _COORDINATES}
 
 

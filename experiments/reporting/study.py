@@ -138,8 +138,7 @@ class Study:
             data = function(*source.arguments)
             if data is None or not len(data):
                 return
-            texts = {"title": title, "note": note, "shown": shown, "commands": commands}
-            texts |= data.attrs
+            texts: dict[str, Any] = {"title": title, "note": note, "shown": shown, **data.attrs}
             yield Table(
                 f"{name}{source.suffix}",
                 source.fill(texts["title"]),
@@ -147,7 +146,7 @@ class Study:
                 tuple(texts["shown"]),
                 columns or {},
                 source.fill(texts["note"]),
-                tuple(texts["commands"]) or tuple(commands) or source.commands,
+                tuple(texts.get("commands", ())) or tuple(commands) or source.commands,
                 folded,
             )
 

@@ -27,7 +27,7 @@ def alone(tmp_path, monkeypatch):
 def written(folder):
     """The text of a report of a folder on the terminal, and its files by name."""
     console = Console(width=report.WIDTH, file=io.StringIO(), highlight=False)
-    path = report.write(folder, "cpu", console)
+    path = report.write(folder, console)
     files = [path, *folder.glob("tables/*"), *folder.glob("figures/*")]
     return console.file.getvalue(), {file.name: file.read_bytes() for file in files}
 

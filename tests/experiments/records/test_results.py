@@ -105,16 +105,6 @@ def test_another_learning_rate_or_another_end_is_no_canonical_run(tmp_path, writ
     assert len(runs_table(found).data) == 7
 
 
-def test_all_training_samples_are_one_row_however_they_were_asked_for(tmp_path, write_run):
-    write_run("hdc", seed=0)
-    write_run("hdc", seed=1, n_train=400)
-    write_run("hdc", seed=1, n_train=20)
-    assert rows(Results(tmp_path)) == {
-        ("touch", "hdc", None, None): [0, 1],
-        ("touch", "hdc", 20, None): [1],
-    }
-
-
 def test_what_is_no_record_costs_itself_only(tmp_path, write_run):
     good = write_run("hdc")
     with (tmp_path / "runs.jsonl").open("a") as file:
