@@ -26,7 +26,6 @@ def test_the_papers_models_have_a_row_each_whatever_was_run(tmp_path, a_full_set
     assert rows["cnn3"]["status"] == "failed: RuntimeError: no memory"
     assert rows["softmax"]["published_training_time_s"] == 170
     assert {len(cells) for cells in made.cells()} == {len(made.heads)}
-    assert made.latex().count(r" \\" + "\n") == 1 + len(rows)
 
 
 def test_numbers_of_table_1(tmp_path, write_run, number):
