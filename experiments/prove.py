@@ -12,7 +12,7 @@ from __future__ import annotations
 import datetime
 import importlib
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ from experiments.records import measurement, sources
 from experiments.records import record as records
 from experiments.records.configs import task
 from experiments.records.environment import cpu_model
-from experiments.records.measurement import Measured, Row
+from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
 
 _TIMED = tuple(f"experiments.protocol.{name}" for name in ("trial", "clock", "stop"))
@@ -36,17 +36,15 @@ _TIMED = tuple(f"experiments.protocol.{name}" for name in ("trial", "clock", "st
 def prove(folder: Path, console: Console, chosen: Callable[[str], bool] = lambda _: True) -> int:
     """Adopt today's code for the records of a results folder that it computes again.
 
-    Args:
-        folder: the reference.
-        console: shows each row and its result.
-        chosen: of the name of a row of runs (``scene-model``) or of a measurement.
-
-    Returns:
-        int: how many rows and measurements could not be proven.
+    `chosen` is asked for the name of each row of runs (``scene-model``) and of each measurement.
+    Returns how many could not be proven.
     """
     results, failed = Results(folder), 0
     adopted: dict[str, str] = {}
-    for runs in _rows(results):
+    rows = defaultdict[tuple[Any, ...], list[Run]](list)  # whatever their seeds, N and D
+    for run in results.runs:
+        rows[run.scene, run.model, run.record.choices.stop, run.record.environment.code].append(run)
+    for runs in rows.values():
         cheapest = min(runs, key=lambda run: run.record.training_s)
         name = f"{cheapest.record.choices.scene}-{cheapest.record.choices.model}"
         if not chosen(name) or not any(run.outdated for run in runs):
@@ -66,14 +64,6 @@ def prove(folder: Path, console: Console, chosen: Callable[[str], bool] = lambda
             if not difference:
                 _adopt_measurement(measured)
     return failed
-
-
-def _rows(results: Results) -> Iterator[list[Run]]:
-    """Runs of the same configuration and code, whatever their seeds, N and D."""
-    rows = defaultdict[tuple[Any, ...], list[Run]](list)
-    for run in results.runs:
-        rows[run.scene, run.model, run.record.choices.stop, run.record.environment.code].append(run)
-    yield from rows.values()
 
 
 def _run_differs(run: Run) -> str:
@@ -97,7 +87,7 @@ def _proof(by: str, code: str) -> dict[str, str]:
 
 
 def _rewrite(folder: Path, adopted: Mapping[str, str]) -> None:
-    """Adopt today's code for records; `adopted`: id of a record → id of the run that proves it."""
+    """Adopt today's code for runs; `adopted`: id of a run → id of the run that proves it."""
     code, lines = records.read_code(folder), []
     for line in (folder / records.RUNS).read_bytes().splitlines():
         entry = msgspec.json.decode(line)
@@ -128,23 +118,19 @@ def _measurement_differs(measured: Measured, console: Console) -> str:
     if len(again) != len(known):
         return f"differs in the number of rows: {len(known)}, now {len(again)}"
     again = measurement.from_lines(measurement.to_lines(again))
-    differing = {key for a, b in zip(known, again, strict=True) for key in _differing(a, b)}
+    differing = {
+        key
+        for old, new in zip(known, again, strict=True)
+        for key in {**old, **new}  # numbers with a point may differ in digits
+        if not isinstance(old.get(key), float) and old.get(key) != new.get(key)
+    }
     return f"differs in {', '.join(sorted(differing))}" if differing else ""
 
 
-def _differing(known: Row, again: Row) -> Iterator[str]:
-    """Columns of integers, texts and booleans that differ; numbers with a point may, in digits."""
-    for key in {**known, **again}:
-        value = known.get(key)
-        if not isinstance(value, float) and value != again.get(key):
-            yield key
-
-
 def _adopt_measurement(measured: Measured) -> None:
-    record = measured.record
-    target = task(record.name)["_target_"]
-    files = sources.sources({**record.config, "_target_": target})
-    entry = msgspec.to_builtins(record)
-    entry["proven"] = _proof(f"seed {record.config['seeds'][0]}", record.environment.code)
-    entry["environment"] |= {"code": sources.code_hash(files), "sources": files}
+    entry = msgspec.json.decode((measured.folder / "record.json").read_bytes())
+    environment, config = entry["environment"], entry["config"]
+    files = sources.sources({**config, "_target_": task(entry["name"])["_target_"]})
+    entry["proven"] = _proof(f"seed {config['seeds'][0]}", environment["code"])
+    environment |= {"code": sources.code_hash(files), "sources": files}
     measurement.write(measured.folder, entry, measured.rows)

@@ -2,9 +2,8 @@
 
 The finished runs and measurements of the folder of own results replace those of the same studies in
 ``results/reference``, its tables and figures are made again, and the marked tables of README.md are
-filled from them. ``--check`` names committed records that other code made, and writes nothing;
-``--prove`` computes a part of each again and adopts today's code where nothing differs
-(:mod:`experiments.prove`).
+filled from them; committed records of other code are named. ``--prove`` computes a part of each
+again and adopts today's code where nothing differs (:mod:`experiments.prove`).
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +39,6 @@ _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 def main(arguments: list[str] | None = None) -> int:
     """Carry it out; 1 if a record is of other code, or could not be proven."""
     parser = argparse.ArgumentParser(prog="python -m experiments.reference", description=__doc__)
-    parser.add_argument("--check", action="store_true", help="only check the committed records")
     parser.add_argument("--prove", nargs="*", metavar="ROW", help="only prove them (scene-model …)")
     parser.add_argument("--tables", action="store_true", help="only tables, figures and README")
     chosen = parser.parse_args(arguments)
@@ -49,13 +46,11 @@ def main(arguments: list[str] | None = None) -> int:
     if chosen.prove is not None:
         wanted = set(chosen.prove)
         return int(prove(REFERENCE, console, lambda name: not wanted or name in wanted) > 0)
-    if not chosen.check:
-        if not chosen.tables:
-            adopt(results_dir(), REFERENCE)
-        report.main(["--reference"])
-        text = README.read_text(encoding="utf-8")
-        write_atomically(README, fill(text, blocks()))
-        console.print(f"tables of {os.path.relpath(README)}")
+    if not chosen.tables:
+        adopt(results_dir(), REFERENCE)
+    report.main(["--reference"])
+    write_atomically(README, fill(README.read_text(encoding="utf-8")))
+    console.print(f"tables of {os.path.relpath(README)}")
     changed = outdated(Results(REFERENCE))
     for file, names in sorted(changed.items()):
         text = f"{file} has changed since {len(names)} records, such as {names[0]}"
@@ -113,25 +108,10 @@ def outdated(results: Results) -> dict[str, list[str]]:
     return names
 
 
-def fill(text: str, contents: dict[str, Callable[[], str]]) -> str:
-    """Replace the content of every marked block.
-
-    Raises:
-        ValueError: for a block that has no source.
-    """
-
-    def content(match: re.Match[str]) -> str:
-        begin, name, end = match.groups()
-        if name not in contents:
-            raise ValueError(f"README.md: expected a block among {list(contents)}, found {name!r}")
-        return f"{begin}{contents[name]()}\n{end}"
-
-    return _BLOCK.sub(content, text)
-
-
-def blocks() -> dict[str, Callable[[], str]]:
-    """What each marked block of README.md is made from."""
-    return {"claims": _claims, "table1": _table1, "reproduction": _reproduction}
+def fill(text: str) -> str:
+    """Replace the content of every marked block of README.md."""
+    contents = {"claims": _claims, "table1": _table1, "reproduction": _reproduction}
+    return _BLOCK.sub(lambda match: f"{match[1]}{contents[match[2]]()}\n{match[3]}", text)
 
 
 def _claims() -> str:

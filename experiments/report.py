@@ -9,10 +9,11 @@ again from the committed records, for maintainers.
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rich import box
@@ -26,18 +27,20 @@ from experiments.records.files import REFERENCE, results_dir
 from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
 from experiments.reporting import comparison
-from experiments.reporting.columns import display_name
 from experiments.reporting.page import page
 from experiments.reporting.page.page import Block, Picture, Section
-from experiments.reporting.runs import runs_table
+from experiments.reporting.rows import runs_table
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.study import studies as studies_of
-from experiments.reporting.table import Table, records
-from experiments.reporting.terminal import in_any_encoding
-from experiments.reporting.text import number, percent, printable
+from experiments.reporting.table import Table
+from experiments.reporting.text import printable
 from hdc.io import write_atomically
 
 WIDTH = 100  # columns of the terminal that Table I needs
+SHOWN = (  # columns of it
+    *("model", "published_training_time_s", "training_time_s", "published_test_accuracy"),
+    "test_accuracy_final",
+)
 
 
 @dataclass
@@ -48,38 +51,35 @@ class Answers:
     results: Results
     questions: Sequence[Study]
     tables: dict[str, list[Table]] = field(default_factory=dict)
-    plots: dict[str, list[Plot]] = field(default_factory=dict)
     pictures: dict[str, list[Picture]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for study in self.questions:
             self.tables[study.name] = list(study.tables_of(self.results))
-            self.plots[study.name] = list(study.plots_of(self.results))
         quantities = (q for study in self.questions for q in study.quantities_of(self.results))
         self.tables["comparison"] = [comparison.compare(quantities)]
         self.tables["runs"] = [runs_table(self.results)]
 
     def draw(self, drawn: Path | None = None) -> None:
         """Draw every figure, or take it from a folder where it was drawn before."""
-        for study, plots in self.plots.items():
-            self.pictures[study] = [Picture(plot, _drawn(plot, drawn)) for plot in plots]
+        for study in self.questions:
+            plots = study.plots_of(self.results)
+            self.pictures[study.name] = [Picture(plot, _drawn(plot, drawn)) for plot in plots]
 
     def write(self, folder: Path) -> list[Path]:
         """Write tables and figures as files, and remove those of an earlier report; the files."""
         texts = {}
-        for table in (table for tables in self.tables.values() for table in tables):
-            if table.name == "runs" and self.name == "reference":
-                continue  # runs.jsonl has them
-            texts[f"tables/{table.name}.csv"] = table.csv()
+        for table in itertools.chain(*self.tables.values()):
             if table.name != "runs":
                 texts[f"tables/{table.name}.md"] = table.markdown()
-            if table.name == "table1":  # the one that a paper prints
-                texts[f"tables/{table.name}.tex"] = table.latex()
+            elif self.name == "reference":
+                continue  # runs.jsonl has them
+            texts[f"tables/{table.name}.csv"] = table.csv()
         for name, text in texts.items():
             write_atomically(folder / name, text)
         written = [folder / name for name in texts]
         (folder / "figures").mkdir(parents=True, exist_ok=True)
-        for picture in (picture for group in self.pictures.values() for picture in group):
+        for picture in itertools.chain(*self.pictures.values()):
             written.append(folder / "figures" / f"{picture.plot.name}.{picture.plot.kind}")
             written[-1].write_bytes(picture.data)
         there = {path for name in ("tables", "figures") for path in (folder / name).iterdir()}
@@ -91,32 +91,29 @@ class Answers:
 def main(arguments: list[str] | None = None) -> None:
     """Write everything, show Table I."""
     parser = argparse.ArgumentParser(prog="python -m experiments.report", description=__doc__)
-    parser.add_argument("--device", default="cpu", help="use runs of this device (cpu)")
-    parser.add_argument(
-        "--reference", action="store_true", help="write the tables and figures of the reference"
-    )
+    text = "write the tables and figures of the reference"
+    parser.add_argument("--reference", action="store_true", help=text)
     chosen = parser.parse_args(arguments)
-    in_any_encoding()
     console = Console(width=WIDTH, highlight=False)
     try:
         if chosen.reference:
-            answers = Answers("reference", Results(REFERENCE, chosen.device), studies_of(studies))
+            answers = Answers("reference", Results(REFERENCE), studies_of(studies))
             answers.draw()
             written = answers.write(REFERENCE)
             _print_problems(console, [answers])
             console.print(f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True)
         else:
-            write(results_dir(), chosen.device, console)
+            write(results_dir(), console)
     except (OSError, ValueError) as error:  # a full disk, a missing published.csv
         sys.exit(f"error: {error}")
 
 
-def write(folder: Path, device: str, console: Console) -> Path:
+def write(folder: Path, console: Console) -> Path:
     """Write tables, figures and the page into a folder of own results; the page's file."""
     folder.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written fails first
     questions = studies_of(studies)
-    reference = Answers("reference", Results(REFERENCE, device), questions)
-    mine = Answers("mine", Results(folder, device), questions)
+    reference = Answers("reference", Results(REFERENCE), questions)
+    mine = Answers("mine", Results(folder), questions)
     sets = [answers for answers in (mine, reference) if answers.results] or [mine]
     mine.draw()
     reference.draw(REFERENCE / "figures")
@@ -132,7 +129,8 @@ def write(folder: Path, device: str, console: Console) -> Path:
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"
     write_atomically(path, page.render(sections, problems, about))
-    console.print(terminal_table(sets))
+    for answers in sets:
+        _show_table1(answers, console)
     for name, text in about.items():
         console.print(Text(printable(f"{name}: {text}"), "dim"))
     _print_problems(console, sets)
@@ -141,7 +139,6 @@ def write(folder: Path, device: str, console: Console) -> Path:
 
 
 def _blocks(name: str, sets: Sequence[Answers]) -> list[Block]:
-    """Tables and figures of a study, of one set of results after another."""
     blocks = []
     for answers in reversed(sets):  # the complete reference stands before first looks
         tables, pictures = answers.tables[name], answers.pictures.get(name, [])
@@ -165,35 +162,23 @@ def _about(answers: Answers) -> str:
 
 
 def _drawn(plot: Plot, folder: Path | None) -> bytes:
-    """The file of a figure: drawn, or from a folder that has it."""
     from experiments.reporting.plot import save  # --help does not wait for matplotlib
 
     file = folder and folder / f"{plot.name}.{plot.kind}"
     return file.read_bytes() if file and file.exists() else save(plot.draw(), plot.kind)
 
 
-def terminal_table(sets: Sequence[Answers]) -> TerminalTable:
-    """Table I for the terminal: times and accuracies of the paper and of each set of results."""
-    tables = {a.name: table for a in sets for table in a.tables["table1"] if table.name == "table1"}
-    rows = {name: {r["model"]: r for r in records(t.data)} for name, t in tables.items()}
-    shown = TerminalTable(title="Table I", title_justify="left", box=box.SIMPLE_HEAD)
-    shown.add_column("model")
-    for head in ("training, s", "test, %"):
-        for name in ("paper", *rows):
-            shown.add_column(f"{head}\n{name}", justify="right")
-    for model in dict.fromkeys(model for of_set in rows.values() for model in of_set):
-        lines = [of_set.get(model, {}) for of_set in rows.values()]
-        known = next(line for line in lines if line)
-        cells = [number(known["published_training_time_s"])]
-        cells += [number(line.get("training_time_s")) for line in lines]
-        cells += [percent(known["published_test_accuracy"])]
-        cells += [percent(line.get("test_accuracy_final")) for line in lines]
-        shown.add_row(*(Text(printable(cell)) for cell in (display_name(model), *cells)))
-    return shown
+def _show_table1(answers: Answers, console: Console) -> None:
+    """Times and accuracies of Table I, of the paper and of a set of results."""
+    for table in (table for table in answers.tables["table1"] if table.name == "table1"):
+        short = replace(table, shown=SHOWN)
+        shown = TerminalTable(*short.heads, title=f"Table I, {answers.name}", box=box.SIMPLE_HEAD)
+        for row in short.cells():
+            shown.add_row(*(Text(printable(cell)) for cell in row))
+        console.print(shown)
 
 
 def _print_problems(console: Console, sets: Sequence[Answers]) -> None:
-    """Records that were skipped, and why."""
     for answers in sets:
         for problem in answers.results.problems:
             text = f"left out of {answers.name}: {printable(problem)}"

@@ -21,13 +21,10 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from experiments.records import configs
 from experiments.records.files import ROOT, results_dir
-from experiments.reporting.terminal import in_any_encoding
 from hdc.io import write_atomically
 
 FILE = "reproduce.csv"
@@ -43,7 +40,6 @@ class Step:
     """One command.
 
     Attributes:
-        name: unique.
         words: what stands after ``python -m``.
         minutes: about how long it takes from nothing on 2 cores.
         needs: an environment variable that names data of others, without which it is skipped.
@@ -56,7 +52,6 @@ class Step:
 
     @property
     def command(self) -> str:
-        """The command line."""
         return shlex.join(["python", "-m", *self.words])
 
     @property
@@ -76,10 +71,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         which.add_argument(f"--{mode}", default="full", **flag)
     parser.add_argument("--list", action="store_true", help="show the steps, run none")
     chosen = parser.parse_args(arguments)
-    in_any_encoding()
     console = Console(highlight=False)
     found = steps(chosen.mode)
-    console.print(overview(found, chosen.mode))
+    total = span(60 * sum(step.minutes for step in found))
+    console.print(f"{chosen.mode}: {WHAT[chosen.mode]}; about {total} from nothing on 2 cores")
+    for step in found:
+        about = f"{step.name}, {span(60 * step.minutes)}: {step.skipped or step.command}"
+        console.print(about, markup=False, soft_wrap=True)
     if chosen.list:
         return 0
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
@@ -93,18 +91,6 @@ def steps(mode: str = "full") -> list[Step]:
         for s in configs.reproduction()
         if mode in s
     ]
-
-
-def overview(found: Sequence[Step], mode: str) -> Table:
-    """What will run, and about how long it takes."""
-    total = span(60 * sum(step.minutes for step in found))
-    title = f"{mode}: {WHAT[mode]}; about {total} from nothing on 2 cores"
-    table = Table(
-        "step", "about", "command", title=title, title_justify="left", box=box.SIMPLE_HEAD
-    )
-    for step in found:
-        table.add_row(step.name, span(60 * step.minutes), step.skipped or step.command)
-    return table
 
 
 def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> int:
@@ -129,10 +115,7 @@ def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> in
 
 
 def measured(step: Step, mode: str, results: Path) -> str:
-    """Run a step, add its time and memory to reproduce.csv; its status.
-
-    The memory is that of the largest process among it and its children.
-    """
+    """Run a step, note its time and the memory of its largest process; its status."""
     sys.stdout.flush()  # what stands above is told first
     start, peak, status = time.perf_counter(), 0, "interrupted"
     process = subprocess.Popen([sys.executable, "-m", *step.words], cwd=ROOT)

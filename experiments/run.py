@@ -31,7 +31,7 @@ from rich.markup import escape
 from experiments.protocol import job, machine
 from experiments.records import locks
 from experiments.records.files import results_dir
-from experiments.reporting.terminal import in_any_encoding, summarise
+from experiments.reporting.terminal import summarise
 from experiments.reporting.text import printable
 
 console = Console()
@@ -39,7 +39,6 @@ stderr = Console(stderr=True, highlight=False)
 
 # Errors that are the user's to mend: shown as one line. All others are ours, with their traceback.
 _USER_ERRORS = (ValueError, OSError, HydraException, OmegaConfBaseException)
-_TRACEBACKS = "OPTICAL_HDC_TRACEBACKS"  # in the environment, of this process and its workers
 _failures: list[Exception] = []  # of this process; those of a launcher's workers come by Hydra
 
 warnings.filterwarnings("ignore", message=".*hydra.run.dir.*")
@@ -90,8 +89,6 @@ _first = False  # whether this process was given the command line
 
 def _complain(error: Exception) -> None:
     """Show an error and go on: the user's as one line, others with their traceback."""
-    if _TRACEBACKS in os.environ:
-        raise error
     _failures.append(error)
     if isinstance(error, _USER_ERRORS):
         text = "\n".join(map(printable, _message(error).splitlines()))
@@ -101,7 +98,6 @@ def _complain(error: Exception) -> None:
 
 
 def _warn(message: Warning | str, *_: Any) -> None:
-    """A warning as one line."""
     stderr.print("[yellow]warning:[/yellow]", escape(str(message)), soft_wrap=True, emoji=False)
 
 
@@ -122,9 +118,6 @@ def entry_point() -> None:
     global _first
     _first = True
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    in_any_encoding()
-    if os.environ.get("HYDRA_FULL_ERROR") == "1":
-        os.environ[_TRACEBACKS] = "1"
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra's own errors come here, and leave as one line
     warnings.showwarning = _warn  # type: ignore[assignment]
     # A scheduler's or a user's end of a run is written into its record, a closed terminal's too.

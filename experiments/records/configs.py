@@ -30,10 +30,8 @@ def _composed(*overrides: str) -> dict[str, Any]:
 
 
 def part(group: str, name: str) -> dict[str, Any] | None:
-    """The resolved part of a config that a file of ``configs/<group>/`` makes, if it is there.
-
-    A scene brings its ``split``. Required values that are not set are ``???``.
-    """
+    """The resolved part of a config that a file of ``configs/<group>/`` makes, if it is there; a
+    scene brings its ``split``, required values that are not set are ``???``."""
     if not (CONFIGS / group / f"{name}.yaml").is_file():
         return None
     whole = _composed(f"{group}={name}")
@@ -98,10 +96,7 @@ def show_as(model: str, display: Mapping[str, str]) -> None:
 
 
 def display(model: str) -> dict[str, str]:
-    """How tables and figures show a model: ``name``, ``colour``, ``marker``, ``line``, ``group``.
-
-    A model without a display is shown by its name, in grey.
-    """
+    """How tables and figures show a model; one without a display by its name, in grey."""
     return _display(model) | dict(_own_displays.get(model, {}))
 
 

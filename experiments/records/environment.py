@@ -7,6 +7,7 @@ import importlib.metadata
 import os
 import platform
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -18,25 +19,21 @@ from experiments.records import sources
 _PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "hydra-core", "numkong", "numba")
 
 
-def environment(
-    device: str, threads: int, config: Mapping[str, Any], *modules: str
-) -> dict[str, Any]:
-    """Machine, versions, commit, and digests of the code that computes what the config asks for.
+def environment(device: str, threads: int, config: Mapping[str, Any]) -> dict[str, Any]:
+    """Machine, versions, commit, and digests of the code that computes what the config asks for."""
+    files = sources.sources(config)
+    name = device
+    if device.startswith("cuda"):
+        import torch
 
-    Args:
-        device: as torch names it.
-        threads: number of torch's threads.
-        config: resolved; its targets say which code counts.
-        modules: dotted names of modules whose code counts, too.
-    """
-    files = sources.sources(config, *modules)
+        name = f"{device}: {torch.cuda.get_device_name(device)}"
     return {
         "python": platform.python_version(),
         "platform": platform.platform(),
         "cpu": cpu_model(),
         "cores": os.cpu_count(),
         "threads": threads,
-        "device": _device_name(device),
+        "device": name,
         "packages": {name: _version(name) for name in _PACKAGES},
         "code": sources.code_hash(files),
         "sources": files,
@@ -66,24 +63,15 @@ def cpu_model() -> str:
         return platform.processor() or platform.machine()
 
 
-def _device_name(device: str) -> str:
-    if device.startswith("cuda"):
-        import torch
-
-        return f"{device}: {torch.cuda.get_device_name(device)}"
-    return device
-
-
 @functools.cache
 def _git() -> dict[str, Any]:
     def ask(*words: str) -> str | None:
         command = ["git", "-C", str(sources.ROOT), *words]
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)
-            return done.stdout.strip()
-        except (OSError, subprocess.SubprocessError):
-            return None
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        return None if done.returncode else done.stdout.strip()
 
+    if shutil.which("git") is None:
+        return {"commit": None, "dirty": None}
     # Results are written while runs go on; only code and configs make a tree dirty.
     changed = ask("status", "--porcelain", "--", *sources.PACKAGES, "configs")
     return {"commit": ask("rev-parse", "HEAD"), "dirty": None if changed is None else bool(changed)}

@@ -17,9 +17,3 @@ def results_dir() -> Path:
     """
     own = os.environ.get("RESULTS_DIR")
     return Path(own).expanduser().resolve() if own else ROOT / "results" / "mine"
-
-
-def remove_leftovers(folder: Path) -> None:
-    """Remove temporary files that a kill left here; only while the folder's lock is held."""
-    for path in folder.glob(".*.*.*"):
-        path.unlink(missing_ok=True)

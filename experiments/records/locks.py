@@ -25,12 +25,8 @@ def held(path: Path, what: str | None = None, timeout_s: float = 0) -> Iterator[
 
     Args:
         path: lock file; its folder is made.
-        what: what it guards, for the message; the name of its folder if not given.
+        what: what it guards, for the message of :class:`Held`; else the name of its folder.
         timeout_s: how long to wait for another process; -1 for as long as it takes.
-
-    Raises:
-        Held: if another process has it.
-        OSError: naming the file, if it cannot be made, or the file system keeps no locks.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     lock = FileLock(path, timeout=timeout_s, fallback_to_soft=False)

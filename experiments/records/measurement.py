@@ -11,13 +11,12 @@ import hashlib
 import json
 import sys
 import time
-import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import pandas as pd
@@ -25,14 +24,12 @@ from rich.console import Console
 
 from experiments.records import locks, sources
 from experiments.records.environment import command, environment
-from experiments.records.files import remove_leftovers, results_dir
-from experiments.records.record import SCHEMA, Environment, convert, plain
+from experiments.records.files import results_dir
+from experiments.records.record import SCHEMA, Environment, plain
 from hdc.io import write_atomically
 
 Row = dict[str, Any]
 """Values of a row by column: int, float, str, bool, None, or a short list of numbers."""
-
-_ERROR_CHARACTERS = 2000
 
 
 class Entry(msgspec.Struct, kw_only=True):
@@ -41,13 +38,12 @@ class Entry(msgspec.Struct, kw_only=True):
     Attributes:
         name: the experiment's.
         identity: hash of config, code and device.
-        config: everything that determines the rows.
-        scene: name of the scene's config, where it has one.
+        config, scene: as :func:`measure` has them.
         seconds: of the call that made the rows.
         proven: how later code was shown to compute the same (experiments.reference --prove).
     """
 
-    schema: int
+    schema: Literal[3]
     name: str
     status: str
     identity: str
@@ -56,7 +52,6 @@ class Entry(msgspec.Struct, kw_only=True):
     scene: str = ""
     command: str = ""
     seconds: float | None = None
-    error: str | None = None
     proven: dict[str, Any] | None = None
 
 
@@ -114,10 +109,7 @@ def measure(
         console: for a line at the end.
 
     Returns:
-        Path: the folder.
-
-    Raises:
-        locks.Held: if another process is measuring the same.
+        Path: the folder; :class:`locks.Held` is raised while another process measures the same.
     """
     console = console or Console(highlight=False)
     torch = sys.modules.get("torch")
@@ -134,13 +126,15 @@ def measure(
         "environment": made_by,
     }
     with locks.held(folder / locks.FILE, folder.name):
-        remove_leftovers(folder)
         known = None if force else read(folder)
         wanted = "finished", entry["identity"]
         if known and (known.record.status, known.record.identity) == wanted:
             console.print(f"{name}: finished before (force=true runs it again)")
             return folder
-        rows = _carry_out(folder, entry, compute)
+        start = time.perf_counter()
+        rows = list(compute())
+        entry |= {"status": "finished", "seconds": time.perf_counter() - start}
+        write(folder, entry, rows)
     console.print(f"{name}: {len(rows)} rows in {entry['seconds']:.1f} s, {folder}")
     return folder
 
@@ -151,40 +145,16 @@ def digest_of(value: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-def _carry_out(folder: Path, entry: Row, compute: Callable[[], Iterable[Row]]) -> list[Row]:
-    """Compute the rows and write them; a measurement that fails leaves a finished one as it was."""
-    rows: list[Row] = []
-    start = time.perf_counter()
-    try:
-        rows.extend(compute())
-        status = "finished"
-    except BaseException as error:
-        status = "failed" if isinstance(error, Exception) else "interrupted"
-        text = "".join(traceback.format_exception_only(error)).strip()[:_ERROR_CHARACTERS]
-        if not (folder / "record.json").exists():  # a full disk must not hide the first error
-            with suppress(OSError):
-                write(folder, entry | {"status": status, "error": text}, [])
-        raise
-    entry |= {"status": status, "seconds": time.perf_counter() - start}
-    write(folder, entry, rows)
-    return rows
-
-
 def write(folder: Path, entry: Mapping[str, Any], rows: Iterable[Row]) -> None:
-    """Write rows.jsonl and record.json; a crash in between leaves no record that vouches for rows
-    of another call."""
-    write_atomically(folder / "record.json", _to_json({**entry, "status": "running"}))
-    write_atomically(folder / "rows.jsonl", to_lines(rows))
-    write_atomically(folder / "record.json", _to_json(entry))
-
-
-def _to_json(entry: Mapping[str, Any]) -> str:
-    """An entry of plain values, a line a key; numbers that JSON lacks become null."""
+    """Write rows.jsonl and record.json, a line a key; a crash in between leaves no record that
+    vouches for rows of another call."""
     lines = (
         f"{json.dumps(key)}: {msgspec.json.encode(value, enc_hook=plain).decode()}"
         for key, value in sorted(entry.items())
     )
-    return "{\n" + ",\n".join(lines) + "\n}\n"
+    (folder / "record.json").unlink(missing_ok=True)
+    write_atomically(folder / "rows.jsonl", to_lines(rows))
+    write_atomically(folder / "record.json", "{\n" + ",\n".join(lines) + "\n}\n")
 
 
 def to_lines(rows: Iterable[Row]) -> str:
@@ -198,10 +168,7 @@ def from_lines(text: str) -> list[Row]:
 
 
 def part(name: str, config: Mapping[str, Any], compute: Callable[[], Iterable[Row]]) -> list[Row]:
-    """The rows of a part of a long measurement, kept in ``cache/parts`` once they are complete.
-
-    Arguments are those of :func:`measure`.
-    """
+    """The rows of a part of a long :func:`measure`, kept in ``cache/parts`` once complete."""
     code = sources.code_hash(sources.sources(config))
     path = results_dir() / "cache" / "parts" / f"{name}-{digest_of([config, code])}.jsonl"
     with suppress(FileNotFoundError, ValueError):
@@ -212,25 +179,14 @@ def part(name: str, config: Mapping[str, Any], compute: Callable[[], Iterable[Ro
 
 
 def read(folder: Path) -> Measured | None:
-    """The measurement in a folder, or None where there is none.
-
-    Raises:
-        ValueError: naming the file, if it is no record.
-    """
+    """The measurement in a folder, None where there is none; a ValueError names a bad file."""
     path = folder / "record.json"
     if not path.exists():
         return None
     try:
-        record = convert(msgspec.json.decode(path.read_bytes()), Entry)
-        if record.schema != SCHEMA:
-            raise ValueError(f"expected a record of schema {SCHEMA}, found {record.schema}")
+        record = msgspec.json.decode(path.read_bytes(), type=Entry, strict=False)
         path = folder / "rows.jsonl"
         rows = from_lines(path.read_text(encoding="utf-8")) if path.exists() else []
         return Measured(rows, record, folder)
     except (ValueError, OSError) as error:
         raise ValueError(f"{path}: expected a record of a measurement, found: {error}") from error
-
-
-def measurements(folder: Path) -> Iterator[Path]:
-    """Folders of measurements in a results folder."""
-    return (path.parent for path in sorted((folder / "measured").glob("*/record.json")))

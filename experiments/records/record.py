@@ -13,7 +13,7 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -63,21 +63,14 @@ class SceneOf(msgspec.Struct):
 
 
 class Environment(msgspec.Struct):
-    """Machine and code, as :func:`experiments.records.environment.environment` tells them."""
+    """What is read of :func:`experiments.records.environment.environment`."""
 
     cpu: str
     threads: int
     code: str
     sources: dict[str, str] = {}
-    packages: dict[str, str | None] = {}
     exclusive: bool = True
-    python: str | None = None
-    platform: str | None = None
-    cores: int | None = None
     device: str | None = None
-    commit: str | None = None
-    dirty: bool | None = None
-    libraries: list[dict[str, Any]] = []
 
 
 class Digests(msgspec.Struct):
@@ -101,7 +94,7 @@ class Record(msgspec.Struct, kw_only=True):
         proven: how later code was shown to compute the same (experiments.reference --prove).
     """
 
-    schema: int
+    schema: Literal[3]
     id: str
     status: str
     choices: Choices
@@ -158,12 +151,6 @@ class Finished(Record, kw_only=True):
     data_sha256: Digests
     times_by: str | None = None
 
-    def __post_init__(self) -> None:
-        if not len(self.predicted) == len(self.test_labels) == self.n_test:
-            raise ValueError(
-                f"predicted: expected n_test = {self.n_test} of them, found {len(self.predicted)}"
-            )
-
     @property
     def right(self) -> np.ndarray:
         """Which test samples the last model has right, bool [n_test]."""
@@ -177,25 +164,15 @@ def run_id(scene: str, model: str, config: Mapping[str, Any], fingerprint: str) 
 
 
 def append(folder: Path, entry: Mapping[str, Any], curve: Curve) -> None:
-    """Add a record to the runs of a results folder, and its digests of code to code.json.
-
-    Args:
-        folder: results folder.
-        entry: the record as plain values, without its curve.
-        curve: rows of numbers.
-
-    Raises:
-        OSError: naming the file.
-    """
+    """Add a record, plain values, to the runs of a results folder, its digests to code.json."""
     line, environment = to_line(entry, curve), entry["environment"]
     with locks.held(folder / "cache" / "locks" / RUNS, timeout_s=-1):
         code = read_code(folder)
         if environment["code"] not in code:
             _write_code(folder, {**code, environment["code"]: environment["sources"]})
         with (folder / RUNS).open("a+b") as file:
-            end = file.seek(0, 2)
-            if end:  # a line that a kill cut short must not spoil the next
-                file.seek(end - 1)
+            if file.tell():  # a line that a kill cut short must not spoil the next
+                file.seek(-1, os.SEEK_END)
                 line = line if file.read(1) == b"\n" else f"\n{line}"
             file.write(f"{line}\n".encode())
             file.flush()
@@ -230,14 +207,8 @@ def read_code(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def read(folder: Path, name: str = "") -> Iterator[Record | ValueError]:
-    """Every run of a results folder, by id: the last finished record of each, else its last.
-
-    A line that is no record gives an error that names it.
-
-    Args:
-        folder: results folder.
-        name: read only lines that contain this text.
-    """
+    """Every run of a results folder whose line has the name in it, by id: the last finished record
+    of each, else its last. A line that is no record gives an error that names it."""
     path, code = folder / RUNS, read_code(folder)
     records: dict[str, Record] = {}
     lines = path.read_bytes().splitlines() if path.is_file() else []
@@ -261,16 +232,10 @@ def find(folder: Path, name: str) -> Finished | None:
 
 
 def from_json(line: bytes, code: Mapping[str, dict[str, str]]) -> Record:
-    """The record in a line.
-
-    Raises:
-        ValueError: naming the key that is wrong, what was expected and what was found.
-    """
-    entry = msgspec.json.decode(line)
-    schema = entry.get("schema") if isinstance(entry, dict) else None
-    if schema != SCHEMA:
-        raise ValueError(f"expected a record of schema {SCHEMA}, found {schema!r}")
-    record = convert(entry, Finished if entry.get("status") == "finished" else Record)
+    """The record in a line; a ValueError names the key that is wrong."""
+    record = msgspec.json.decode(line, type=Record, strict=False)
+    if record.status == "finished":
+        record = msgspec.json.decode(line, type=Finished, strict=False)
     record.environment.sources = code.get(record.environment.code, {})
     return record
 
@@ -284,10 +249,6 @@ def curve_of(record: Record) -> Curve:
     ]
 
 
-def _write_code(folder: Path, code: Mapping[str, Mapping[str, str]]) -> None:
-    write_atomically(folder / CODE, json.dumps(code, indent=1, sort_keys=True) + "\n")
-
-
 def write_all(
     folder: Path, entries: Iterable[Mapping[str, Any]], code: Mapping[str, Mapping[str, str]]
 ) -> None:
@@ -299,11 +260,5 @@ def write_all(
     write_atomically(folder / RUNS, "".join(f"{line}\n" for line in lines))
 
 
-def convert(value: Any, kind: Any) -> Any:
-    """The value as that type; an error names the key as a config does."""
-    try:
-        return msgspec.convert(value, kind, strict=False)
-    except msgspec.ValidationError as error:
-        problem, _, place = str(error).partition(" - at `$")
-        problem = problem[0].lower() + problem[1:200]
-        raise ValueError(": ".join(filter(None, [place.strip("`."), problem]))) from None
+def _write_code(folder: Path, code: Mapping[str, Mapping[str, str]]) -> None:
+    write_atomically(folder / CODE, json.dumps(code, indent=1, sort_keys=True) + "\n")

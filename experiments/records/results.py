@@ -93,12 +93,9 @@ class Group:
 
     Attributes:
         scene, model: as :class:`Run` names them.
-        n_train: training samples; None for all.
-        pixels: pixels seen; None for all.
-        runs: finished runs, one for each set of seeds, in their order.
-        failed: records of runs that did not finish and have no finished one of their seeds.
-        others: number of finished runs left out because their code, stopping rule or number of
-            threads differs.
+        n_train, pixels: training samples and pixels seen; None for all.
+        runs: one for each set of seeds, in their order.
+        others: number of runs left out because their code, stopping rule or threads differ.
     """
 
     scene: str
@@ -106,18 +103,13 @@ class Group:
     n_train: int | None = None
     pixels: int | None = None
     runs: list[Run] = field(default_factory=list)
-    failed: list[Record] = field(default_factory=list)
     others: int = 0
 
     @property
     def status(self) -> str:
-        """``ok``, ``missing``, or what went wrong."""
-        if not self.runs and not self.failed:
+        """``ok``, ``missing``, or what a reader has to know."""
+        if not self.runs:
             return "missing"
-        if self.failed:
-            worst = self.failed[0]
-            text = f"{worst.status}: {worst.error or 'no error recorded'}"
-            return text if not self.runs else f"{len(self.failed)} more {text}"
         notes = []
         if self.others:
             notes.append(f"{self.others} more left out: of other code or settings")
@@ -132,7 +124,7 @@ class Group:
 
     @property
     def machines(self) -> set[tuple[str, int]]:
-        """(processor, threads) of its runs: times of different ones do not compare."""
+        """(processor, threads): times of different ones do not compare."""
         return {(r.record.environment.cpu, r.record.environment.threads) for r in self.runs}
 
     @property
@@ -149,20 +141,10 @@ class Group:
 
 
 class Results:
-    """A results folder: runs, measurements, and what was wrong with a file.
+    """A results folder: its finished `runs`, records of the `unfinished`, `problems` of files."""
 
-    Args:
-        folder: holds ``runs.jsonl`` and ``measured/``.
-        device: runs of other devices are left out; their times would not compare.
-
-    Attributes:
-        runs: finished runs.
-        unfinished: records of the others.
-        problems: files that are no records, and why.
-    """
-
-    def __init__(self, folder: Path, device: str = "cpu"):
-        self.folder, self.device = folder, device
+    def __init__(self, folder: Path):
+        self.folder = folder
         self.problems: list[str] = []
         self.runs: list[Run] = []
         self.unfinished: list[Record] = []
@@ -175,37 +157,26 @@ class Results:
                 self.problems.append(str(error))
         self._groups = defaultdict[tuple[Any, ...], list[Run]](list)
         for run in self.runs:
-            self._groups[self._row(run)].append(run)
+            config = run.record.config
+            sizes = config["split"]["n_train"], config["data"]["pixels"]
+            self._groups[run.scene, run.model, *sizes].append(run)
 
     def __bool__(self) -> bool:
-        """Whether there is anything in it."""
         return bool(self.runs or self.unfinished or self.measurements)
 
     def group(
         self, scene: str, model: str, n_train: int | None = None, pixels: int | None = None
     ) -> Group:
-        """The runs of one row: of those that are alike, those of today's code, then by stopping
-        rule, then the most.
-
-        Args:
-            scene, model: as :class:`Run` names them: the name of a config for what was not changed.
-            n_train, pixels: as :class:`Group` has them.
-        """
-        wanted = (scene, model, self._all_as_none(scene, n_train), pixels)
-        runs = self._groups.get(wanted, [])
+        """The runs of one row, named as in :class:`Group`: of those that are alike, those of
+        today's code, then by stopping rule, then the most."""
+        runs = self._groups.get((scene, model, n_train, pixels), [])
         alike = defaultdict[tuple[str, str], list[Run]](list)
         for run in runs:
             alike[run.configuration, run.record.environment.code].append(run)
         best = min(alike.values(), key=_preference, default=[])
         by_seeds = {json.dumps(_seeds(run.record.config)): run for run in best}
         ordered = sorted(by_seeds.values(), key=lambda run: run.record.seed)
-        group = Group(scene, model, n_train, pixels, ordered, [], len(runs) - len(best))
-        done = {run.seeds for run in runs}
-        for record in self.unfinished:
-            lost = Run(record, [], _overrides(record, []))  # type: ignore[arg-type]
-            if self._row(lost) == wanted and lost.seeds not in done:
-                group.failed.append(record)
-        return group
+        return Group(scene, model, n_train, pixels, ordered, len(runs) - len(best))
 
     def groups(self) -> list[Group]:
         """Every row there is, by scene, model, number of samples and pixels."""
@@ -214,8 +185,9 @@ class Results:
 
     def models(self, scene: str) -> set[str]:
         """Models that were run on a scene with all of its training samples and pixels."""
-        whole = scene, None, None
-        return {model for place, model, *sizes in self._groups if (place, *sizes) == whole}
+        return {
+            model for place, model, *sizes in self._groups if (place, *sizes) == (scene, None, None)
+        }
 
     def extra_models(self, scene: str) -> list[str]:
         """Models on a scene that no experiment of ``configs/`` sweeps over: one's own, and those
@@ -223,20 +195,16 @@ class Results:
         found = sorted({run.model for run in self.runs if run.scene == scene})
         return [model for model in found if model not in configs.swept_models()]
 
-    @property
-    def scenes(self) -> list[str]:
-        """Every scene that runs saw, as :class:`Run` names them."""
-        return sorted({run.scene for run in self.runs})
-
     @cached_property
     def measurements(self) -> list[Measured]:
         """Every finished measurement, those on the frames of its experiment's config first."""
         finished = []
-        for folder in measurement.measurements(self.folder):
+        for path in sorted((self.folder / "measured").glob("*/record.json")):
             try:
-                measured = measurement.read(folder)
+                measured = measurement.read(path.parent)
                 if measured is not None and measured.record.status == "finished":
-                    changed = configs.differences(measured.record.config, _task(measured))
+                    config, task = measured.record.config, configs.task(measured.record.name)
+                    changed = configs.differences(config, {key: task.get(key) for key in config})
                     finished.append(replace(measured, overrides=changed))
             except (ValueError, HydraException, OmegaConfBaseException) as error:
                 self.problems.append(str(error))
@@ -249,8 +217,6 @@ class Results:
         return next((m for m in fitting if not m.of_other_frames), None)
 
     def _take(self, entry: Record) -> None:
-        if entry.config["device"] != self.device:
-            return
         if entry.display and configs.part("model", entry.choices.model) is None:
             configs.show_as(entry.choices.model, entry.display)
         if isinstance(entry, Finished):
@@ -258,20 +224,6 @@ class Results:
             self.runs.append(Run(entry, curve, _overrides(entry, curve)))
         else:
             self.unfinished.append(entry)
-
-    def _row(self, run: Run) -> tuple[Any, ...]:
-        config = run.record.config
-        n_train = self._all_as_none(run.scene, config["split"]["n_train"])
-        return run.scene, run.model, n_train, config["data"]["pixels"]
-
-    def _all_as_none(self, scene: str, n_train: int | None) -> int | None:
-        """None for a number of training samples that is all that the scene has."""
-        return None if n_train == self._all.get(scene) else n_train
-
-    @cached_property
-    def _all(self) -> dict[str, int]:
-        whole = (run for run in self.runs if run.record.config["split"]["n_train"] is None)
-        return {run.scene: run.record.n_train for run in whole}
 
 
 def _preference(runs: list[Run]) -> tuple[bool, int, int, str]:
@@ -281,11 +233,8 @@ def _preference(runs: list[Run]) -> tuple[bool, int, int, str]:
 
 
 def _overrides(record: Record, curve: Curve) -> dict[str, str]:
-    """Values of a run's config that differ from ``configs/``, by key.
-
-    Of a scene or a model that ``configs/`` lacks, those of the command line. The stopping rule does
-    not matter to a model that learns in one pass.
-    """
+    """Values of a run's config that differ from ``configs/``, by key; of a scene or a model that
+    ``configs/`` lacks, those of the command line. What learns in one pass has no stopping rule."""
     known = {
         ("scene", "split"): configs.part("scene", record.choices.scene),
         ("model",): configs.part("model", record.choices.model),
@@ -300,16 +249,13 @@ def _overrides(record: Record, curve: Curve) -> dict[str, str]:
         else:
             ours = {key: record.config.get(key) for key in keys}
             found |= configs.differences(_core(ours), _core(reference))
+    if record.config["device"] != "cpu":  # its times do not compare
+        found["model.device"] = record.config["device"]
     return {key: value for key, value in found.items() if key not in _COORDINATES}
 
 
 def _iterative(curve: Curve) -> bool:
     return any("loss" in row for row in curve)
-
-
-def _task(measured: Measured) -> dict[str, Any]:
-    task = configs.task(measured.record.name)
-    return {key: task.get(key) for key in measured.record.config}
 
 
 def _core(config: Any) -> Any:

@@ -24,17 +24,10 @@ _TRIAL = "experiments.protocol.trial"
 _RECORDS = ROOT / "experiments" / "records"  # stores results and computes none
 
 
-def sources(config: Mapping[str, Any], *modules: str) -> dict[str, str]:
-    """Digest by path of every file of the project that takes part in a run of this configuration.
-
-    Args:
-        config: resolved; the parts of it that carry a ``_target_`` count.
-        modules: dotted names of modules that take part, too.
-
-    Returns:
-        dict: path in the checkout → the first 12 hexadecimal digits of a SHA-256.
-    """
-    return closure(_TRIAL, *modules, *targets(config))
+def sources(config: Mapping[str, Any]) -> dict[str, str]:
+    """Path in the checkout → digest of every file of the project that takes part in a run of this
+    resolved configuration."""
+    return closure(_TRIAL, *targets(config))
 
 
 def closure(*names: str) -> dict[str, str]:
@@ -118,19 +111,13 @@ def _imports(path: Path) -> frozenset[Path]:
 
 
 def _files(name: str) -> set[Path]:
-    """The files behind a dotted name: its packages and, last, the module it lies in.
-
-    Of a class outside this project it is the file of its module, unless a library has it.
-    """
+    """The files behind a dotted name: its packages and the module it lies in."""
     if name.partition(".")[0] not in PACKAGES:
         return _of_user(name)
-    files, place = set(), ROOT
-    for word in name.split("."):
-        place = place / word
-        for path in (place / "__init__.py", place.with_suffix(".py")):
-            if path.is_file():
-                files.add(path)
-    return files
+    words = name.split(".")
+    places = [ROOT.joinpath(*words[: k + 1]) for k in range(len(words))]
+    files = (path for p in places for path in (p / "__init__.py", p.with_suffix(".py")))
+    return {path for path in files if path.is_file()}
 
 
 def _of_user(name: str) -> set[Path]:
@@ -138,9 +125,8 @@ def _of_user(name: str) -> set[Path]:
     module = sys.modules.get(name.rpartition(".")[0])
     file = Path(getattr(module, "__file__", None) or "").resolve()
     installed = (Path(sysconfig.get_path(place)).resolve() for place in _INSTALLED)
-    return (
-        {file} if file.suffix == ".py" and not any(map(file.is_relative_to, installed)) else set()
-    )
+    own = file.suffix == ".py" and not any(map(file.is_relative_to, installed))
+    return {file} if own else set()
 
 
 def _address(path: Path) -> str:

@@ -1,13 +1,8 @@
 """Columns of tables: one entry a quantity, with its head, how it is shown, a note, and how it
-follows from runs.
+follows from runs: times are medians over seeds, accuracies means.
 
 A table shows a column ``x`` that has ``x_low`` and ``x_high`` beside it as one cell,
 ``value [low, high]``.
-
-- Times are medians over seeds. The training time of an iterative model is the paper's: until its
-  training accuracy exceeded 90 %. A seed that never did counts as infinitely long. A model that
-  learns in one pass has the time of the whole fit.
-- Accuracies are means over seeds; the interval of the final one is Student's over seeds.
 """
 
 from __future__ import annotations
@@ -47,7 +42,6 @@ class Column:
     cell: Callable[[Row], str] | None = None
 
     def text(self, name: str, row: Row) -> str:
-        """The cell of this column in a row, with the interval where the row has one."""
         if self.cell is not None:
             return self.cell(row)
         value, low, high = (row.get(f"{name}{end}") for end in ("", "_low", "_high"))
@@ -65,7 +59,6 @@ def display_name(model: str) -> str:
 
 
 def milliseconds(seconds: float) -> str:
-    """Seconds in milliseconds."""
     return number(1e3 * seconds)
 
 

@@ -1,21 +1,6 @@
 """Every published number beside ours: one row for each line of published.csv.
 
-The paper has one sensor, so a number of it is judged by the interval of one more sensor of ours
-(:func:`experiments.reporting.estimates.one_sensor`). The verdict is the first that applies:
-
-- ``missing``: nothing was measured.
-- ``setting``: the paper's choice and not its result (learning rate, number of labels): the ``same``
-  here, or ``another``.
-- ``not reached``: the median run never got where the number is taken.
-- ``not comparable``: published.csv says why.
-- ``no interval``: measured, but not often enough for one.
-- ``differs``: the published number is outside the interval, and further off than the margin that
-  published.csv states for it.
-- ``uninformative``: an end of the interval is further off than the margin.
-- ``agrees``: the published number is within the margin, or the interval, which is narrower.
-
-Before it stands the number's part in the calibration of the simulated sensor: ``fitted`` chose a
-parameter, and where it agrees it is ``fitted`` and no more; ``watched`` chose none.
+How they are judged stands in :data:`HOW`, below the table.
 """
 
 from __future__ import annotations
@@ -84,7 +69,7 @@ def compare(quantities: Iterable[Quantity]) -> Table:
 
 
 def verdict(known: Published, ours: Quantity | None) -> str:
-    """What to think of a number: see the module's docstring."""
+    """What to think of a number: the first that applies."""
     if ours is None or ours.value is None:
         return "missing"
     if known.name in _SETTINGS:

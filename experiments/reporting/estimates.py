@@ -37,12 +37,8 @@ class Estimate(NamedTuple):
 
 
 def mean_interval(values: Sequence[float], least: float = 0.0) -> Estimate:
-    """Mean of independent values and Student's interval of their expectation.
-
-    Args:
-        values: one a seed.
-        least: variance that a value has at least.
-    """
+    """Mean of values, one a seed, and Student's interval of their expectation; a value has at least
+    the variance `least`."""
     return _student(values, least, 1 / len(values))
 
 
@@ -52,22 +48,15 @@ def one_sensor(values: Sequence[float], least: float = 0.0) -> Estimate:
 
 
 def least_variance(shares: Sequence[float], n: float) -> float:
-    """Variance that a share of n samples has whatever the sensor.
-
-    p(1 − p)/n, p of the samples of all seeds with two right and two wrong ones added (Agresti and
-    Coull, Am. Stat. 52, 119 (1998)): it is more than nothing where all are right.
-    """
+    """Variance that a share of n samples has whatever the sensor: p(1 − p)/n, p of the samples of
+    all seeds with two right and two wrong added (Agresti and Coull, Am. Stat. 52, 119 (1998))."""
     p = (sum(shares) * n + 2) / (len(shares) * n + 4)
     return p * (1 - p) / n
 
 
 def mean_share(shares: Sequence[float], n: float) -> Estimate:
-    """Share of right samples, mean over seeds with Student's interval; of one seed Wilson's.
-
-    Args:
-        shares: one a seed.
-        n: samples of each.
-    """
+    """Share of right samples, mean over seeds with Student's interval; of one seed Wilson's; `n`
+    samples a seed."""
     if len(shares) < 2:
         return Estimate(shares[0], *wilson(round(shares[0] * n), round(n)))
     return mean_interval(shares, least_variance(shares, n)).within(0, 1)
@@ -76,16 +65,11 @@ def mean_share(shares: Sequence[float], n: float) -> Estimate:
 def mean_difference(
     differences: Sequence[float], n: float, disagree: float | None = None
 ) -> Estimate:
-    """Difference of two shares on the same samples, mean over seeds with Student's interval.
+    """Difference of two shares on the same n samples, mean over seeds with Student's interval.
 
-    Its least variance is that of the samples on which the two disagree, with one more of them
-    added (Agresti and Min, Stat. Med. 24, 729 (2005)).
-
-    Args:
-        differences: one a seed.
-        n: samples of each.
-        disagree: how many the two disagree on, all seeds together; where that is not known, as few
-            as the differences leave.
+    Its least variance is that of the samples on which the two `disagree`, of all seeds together,
+    with one more added (Agresti and Min, Stat. Med. 24, 729 (2005)); where that is not known, as
+    few as the differences leave.
     """
     if disagree is None:
         disagree = n * sum(map(abs, differences))
@@ -165,7 +149,5 @@ def _student(values: Sequence[float], least: float, parts: float) -> Estimate:
 
 def _shares(group: Group) -> tuple[list[float], float]:
     """Share of right test samples in each run, and how many test samples a run has."""
-    records = [run.record for run in group.runs]
-    return [float(record.right.mean()) for record in records], float(
-        np.mean([record.n_test for record in records])
-    )
+    shares = [float(run.record.right.mean()) for run in group.runs]
+    return shares, float(np.mean([run.record.n_test for run in group.runs]))

@@ -7,7 +7,6 @@ a grey strip of their own below 1/n, labelled 0. Intervals are those of the tabl
 from __future__ import annotations
 
 import io
-import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -26,8 +25,8 @@ from numpy.typing import NDArray
 from experiments.records import configs
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import Estimate, mean_interval
-from experiments.reporting.rows import Row, frames_of
-from experiments.reporting.text import printable
+from experiments.reporting.rows import Row
+from experiments.reporting.text import frames_of, printable
 
 plt.switch_backend("Agg")  # without a display
 STYLE: dict[Any, Any] = {
@@ -44,8 +43,6 @@ CORRELATION_MAP, CONFUSION_MAP = "cividis", "Blues"
 PAPER: Any = {"ls": "", "marker": "*", "mfc": "white", "mec": "black", "ms": 7, "mew": 0.7}
 PRINTED = 12  # classes up to which every one is named, and its cells have room for numbers
 _LINE = 66  # characters of a head's line
-_STYLE = re.compile(r' style="([^"]*)"')
-_REFERENCE = re.compile(r'(?<=href="#)[^"]*|(?<=url\(#)[^)]*')
 
 
 def save(figure: Figure, kind: str) -> bytes:
@@ -57,26 +54,7 @@ def save(figure: Figure, kind: str) -> bytes:
             options = {"pil_kwargs": {"quality": 40}}
         figure.savefig(stream, format=kind, dpi=150, **options)
     plt.close(figure)
-    return _smaller(stream.getvalue()) if kind == "svg" else stream.getvalue()
-
-
-def _smaller(svg: bytes) -> bytes:
-    """Half of the bytes for the same picture: each style once, coordinates to 0.01 pt, no names and
-    metadata that nothing refers to."""
-    text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", svg.decode(), flags=re.DOTALL)
-    styles = {style: f"s{k}" for k, style in enumerate(dict.fromkeys(_STYLE.findall(text)))}
-    text = _STYLE.sub(lambda m: f' class="{styles[m[1]]}"', text)
-    rules = "".join(f".{name}{{{style}}}" for style, name in styles.items())
-    text = text.replace("</style>", f"{rules}</style>", 1)
-    names = {m: f"i{k}" for k, m in enumerate(dict.fromkeys(_REFERENCE.findall(text)))}
-    text = _REFERENCE.sub(lambda m: names[m[0]], text)
-    text = re.sub(r' id="([^"]*)"', lambda m: f' id="{names[m[1]]}"' if m[1] in names else "", text)
-    text = re.sub(r'\b(d|x|y|points)="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)
-    text = re.sub(r'(?<= d=")[^"]*', lambda m: re.sub(r"\s*([A-Za-z])\s*", r"\1", m[0]), text)
-    return re.sub(r"\n\s*", "\n", text).encode()
-
-
-# Models -------------------------------------------------------------------------------------------
+    return stream.getvalue()
 
 
 def style_of(model: str) -> tuple[str, str, str]:
@@ -106,9 +84,6 @@ def measured_models(rows: Sequence[Row], models: Iterable[str]) -> list[str]:
     """Which of these models have a row with runs."""
     found = {line["model"] for line in rows if line["seeds"]}
     return [model for model in dict.fromkeys(models) if model in found]
-
-
-# Heads --------------------------------------------------------------------------------------------
 
 
 def head(figure: Figure, title: str, details: Iterable[str]) -> None:
@@ -159,9 +134,6 @@ def panel(axes: Axes, letter: str, title: str) -> None:
     axes.set_title(f"({letter}) {title}", loc="left", fontsize=6.5, pad=3)
 
 
-# Axes ---------------------------------------------------------------------------------------------
-
-
 def matrix(
     axes: Axes,
     values: NDArray[np.float64],
@@ -170,19 +142,16 @@ def matrix(
     colours: str = CORRELATION_MAP,
     limits: tuple[float | None, float | None] = (None, None),
     gamma: float = 1.0,
-    label: str = "",
 ) -> Colorbar:
-    """A square matrix in colour, with a bar of it (returned); `cells` are written into it.
+    """A square matrix [L, L] in colour, with a bar of it (returned).
 
     Args:
         axes: where.
-        values: [L, L]; rows from top to bottom.
+        values: rows from top to bottom.
         names: of rows and columns.
-        cells: texts [L][L].
-        colours: a map.
-        limits: ends of the colour scale.
+        cells: texts [L][L] that are written into it.
+        colours: a map, from the one to the other of `limits`.
         gamma: colour goes as value**gamma: below 1 small values are told apart.
-        label: of the bar, with its unit.
     """
     axes.spines[:].set(visible=True, color="0.7", linewidth=0.4)
     norm = PowerNorm(gamma, *limits)
@@ -205,7 +174,6 @@ def matrix(
     )
     bar.outline.set_visible(False)  # type: ignore[operator]
     bar.ax.tick_params(labelsize=5.5, length=2, pad=1)
-    bar.set_label(label, fontsize=6, labelpad=2)
     return bar
 
 
@@ -226,25 +194,22 @@ def line_plot(
     x: str,
     y: str,
     by: str = "model",
-    unit: str = "seed",
     looks: Mapping[str, Mapping[str, Any]] | None = None,
     **style: Any,
 ) -> list[Line2D]:
-    """Mean of `y` over `unit` against `x`, a line a value of `by`, with Student's 95 % bars.
+    """Mean of `y` over seeds against `x`, a line a value of `by`, with Student's 95 % bars; returns
+    entries for a legend.
 
     Args:
         axes: where.
-        frame: a row a point of one unit; rows of one unit and x are averaged first.
-        x, y, by, unit: names of its columns; `by` holds models, or names in `looks`.
-        looks: ``colour, marker, line, label`` of values of `by` that are no models.
-        style: passed on to ``errorbar``.
-
-    Returns:
-        list: entries for a legend.
+        frame: a row a point of one seed; rows of one seed and x are averaged first.
+        x, y, by: names of its columns; `by` holds models, or names in `looks`.
+        looks: arguments of ``errorbar`` for values of `by` that are no models.
+        style: the same for all.
     """
     handles = []
     for name, rows in frame.groupby(by, sort=False):
-        means = rows.groupby([x, unit])[y].mean().groupby(level=0)
+        means = rows.groupby([x, "seed"])[y].mean().groupby(level=0)
         places = np.array(list(means.groups), float)
         value, spread = errors([mean_interval(list(values)) for _, values in means])
         look = dict((looks or {}).get(str(name), {}))
@@ -308,11 +273,6 @@ def plain_decades(axes: Axes) -> None:
     )
 
 
-def apart(x: float, k: int, models: int) -> float:
-    """Where the k-th of so many models stands on a logarithmic axis, a few percent beside x."""
-    return float(x * 1.02 ** (k - models // 2))
-
-
 def accuracy_curves(
     axes: Axes, rows: Sequence[Row], models: Sequence[str], key: str, also: Iterable[float] = ()
 ) -> None:
@@ -330,7 +290,7 @@ def accuracy_curves(
         lines.sort(key=lambda r: r[key])
         if not lines:
             continue
-        x = [apart(r[key], k, len(models)) for r in lines]
+        x = [r[key] * 1.02 ** (k - len(models) // 2) for r in lines]
         y, low, high = (
             100 * np.array([r[f"test_accuracy_final{end}"] for r in lines])
             for end in ("", "_low", "_high")

@@ -1,31 +1,26 @@
-"""Rows of tables of runs: values by column, and what stands around such a table."""
+"""Rows of tables of runs: values by column, what stands around such a table, and every run."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from experiments.records import configs
 from experiments.records.results import Group, Results
-from experiments.reporting.columns import COLUMNS, display_name
+from experiments.reporting.columns import COLUMNS, Column
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.text import frames_of
+from experiments.reporting.table import Table, frame
+from experiments.reporting.text import frames_of, number
 
 Row = dict[str, Any]
 
-__all__ = ["Row", "caption", "commands", "display_name", "frames_of", "row", "stop_note", "swept"]
-
 
 def row(group: Group, hdc: Group, paper: bool = False) -> Row:
-    """Values of every column of :data:`COLUMNS` that follows from runs; a group without runs has
-    its scene, model, place in the sweep and status.
-
-    Args:
-        group: runs of one row.
-        hdc: runs of HDC on the same frames, with which times and right samples are compared.
-        paper: whether the numbers of the paper's Table I are wanted, too.
-    """
+    """Values of every column of :data:`COLUMNS` that follows from runs, `hdc` of HDC on the same
+    frames; a group without runs has its scene, model, place in the sweep and status. The numbers of
+    the paper's Table I are added if `paper`."""
     values: Row = {}
     if not group.runs:
         values = {"scene": group.scene, "model": group.model, "n_train": group.n_train}
@@ -80,3 +75,38 @@ def stop_note(rows: Iterable[Mapping[str, Any]]) -> str:
 def commands(groups: Iterable[Group]) -> list[str]:
     """Commands that made the runs of these groups."""
     return list(dict.fromkeys(run.record.command for group in groups for run in group.runs))
+
+
+SHOWN = ("id", "scene", "model", "overrides", "stop_rule", "n_train", "seed", "status",
+         "test_accuracy_final", "training_s", "code")  # fmt: skip
+
+
+def runs_table(results: Results) -> Table:
+    """One row a run, finished or not; each key that was changed of the configs has a column."""
+    rows: list[dict[str, Any]] = []
+    done = [(run.record, run.overrides, run.outdated) for run in results.runs]
+    for record, overrides, changed in [*done, *((r, {}, []) for r in results.unfinished)]:
+        row = {
+            "id": record.id,
+            "scene": record.choices.scene,
+            "model": record.choices.model,
+            "overrides": " ".join(f"{key}={value}" for key, value in overrides.items()),
+            "stop_rule": record.choices.stop,
+            "n_train": getattr(record, "n_train", record.config["split"]["n_train"]),
+            "pixels": record.config["data"]["pixels"],
+            "seed": record.seed,
+            "status": ": ".join(filter(None, [record.status, record.error])),
+            "test_accuracy_final": getattr(record, "test_accuracy_final", None),
+            "training_s": record.training_s,
+            "origin": record.scene.origin,
+            "cpu": record.environment.cpu,
+            "threads": record.environment.threads,
+            "exclusive": record.environment.exclusive,
+            "code": ", ".join(changed) or "current",
+            "command": record.command,
+        }
+        rows.append(row | dict(overrides))
+    rows.sort(key=lambda row: (row["scene"], row["model"], row["id"]))
+    four = {name: Column(name.replace("_", " "), partial(number, digits=4)) for name in SHOWN}
+    note = "tables/runs.csv has a column for every key that was changed, processor and command."
+    return Table("runs", "Every run", frame(rows), SHOWN if rows else (), four, note)

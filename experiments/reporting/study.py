@@ -1,7 +1,7 @@
 """A study: a question, and functions of records that answer it as tables, figures and numbers.
 
-A study is a folder of ``experiments/studies`` with a module ``view`` that has a ``STUDY``. The
-report finds it there. Its functions are registered with decorators::
+A study is a folder of ``experiments/studies`` with a module ``view`` that has a ``STUDY``, whose
+functions are registered with decorators::
 
     STUDY = Study("drift", "Drift and recalibration", "How many new samples …?", order=5)
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 import importlib
 import math
 import pkgutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
@@ -31,6 +31,8 @@ from experiments.reporting.text import frames_of
 
 RUN = "python -m experiments.run experiment="
 WIDTH = 3.4  # in, one column of a journal
+Of = str | Sequence[str] | None
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,7 @@ class Quantity:
         low, high: 95 % interval of one more sensor's number; None where unknown.
         interval: what the bounds are.
         condition: tells values of one quantity apart where the paper leaves it open.
-        n: test samples, or frames, of all seeds.
-        seeds: how many.
+        n, seeds: how many test samples, or frames, of all seeds; how many seeds.
         made_by: command that measures it again.
         note: what a reader has to know.
     """
@@ -106,22 +107,20 @@ class Study:
     question: str
     order: float
     front: bool = False
-    _tables: list[Callable[[Results], Iterable[Table]]] = field(default_factory=list)
-    _plots: list[Callable[[Results], Iterable[Plot]]] = field(default_factory=list)
-    _quantities: list[Callable[[Results], Iterable[Quantity]]] = field(default_factory=list)
+    _makers: list[tuple[type, Callable[[Results], Iterator[Any]]]] = field(default_factory=list)
 
     def table(
         self,
         name: str,
         *,
         title: str,
-        of: str | Sequence[str] | None = None,
+        of: Of = None,
         note: str = "",
         shown: Sequence[str] = (),
         columns: Mapping[str, Column] | None = None,
         folded: bool = False,
         commands: Sequence[str] = (),
-    ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    ) -> Decorator:
         """Register a function that gives the data frame of a table, or None where it has none.
 
         Its ``attrs`` may hold ``title``, ``note``, ``shown`` and ``commands`` of their own.
@@ -139,7 +138,7 @@ class Study:
             data = function(*source.arguments)
             if data is None or not len(data):
                 return
-            texts = {"title": title, "note": note, "shown": shown} | data.attrs
+            texts: dict[str, Any] = {"title": title, "note": note, "shown": shown, **data.attrs}
             yield Table(
                 f"{name}{source.suffix}",
                 source.fill(texts["title"]),
@@ -151,19 +150,19 @@ class Study:
                 folded,
             )
 
-        return _registering(self._tables, of, make)
+        return self._registering(Table, of, make)
 
     def figure(
         self,
         name: str,
         *,
         caption: str,
-        of: str | Sequence[str] | None = None,
+        of: Of = None,
         size: tuple[float, float] = (WIDTH, 2.6),
         kind: str = "svg",
-        needs: Callable[..., bool] | None = None,
+        needs: Callable[..., bool] = lambda *_: True,
         commands: Sequence[str] = (),
-    ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    ) -> Decorator:
         """Register a function that draws on a figure, whose first argument that is.
 
         Args:
@@ -175,39 +174,46 @@ class Study:
         """
 
         def make(source: _Source, function: Callable[..., Any]) -> Iterator[Plot]:
-            if needs is None or needs(*source.arguments):
-                yield Plot(
-                    f"{name}{source.suffix}",
-                    source.fill(caption),
-                    partial(_draw, function, source.arguments, size),
-                    tuple(commands) or source.commands,
-                    kind,
-                )
+            if needs(*source.arguments):
+                draw = partial(_draw, function, source.arguments, size)
+                made_by = tuple(commands) or source.commands
+                yield Plot(f"{name}{source.suffix}", source.fill(caption), draw, made_by, kind)
 
-        return _registering(self._plots, of, make)
+        return self._registering(Plot, of, make)
 
-    def quantities(
-        self, *, of: str | Sequence[str] | None = None
-    ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    def quantities(self, *, of: Of = None) -> Decorator:
         """Register a generator of :class:`Quantity`; of measurements on their own frames only."""
 
         def make(source: _Source, function: Callable[..., Any]) -> Iterator[Quantity]:
             if not source.suffix:
                 yield from function(*source.arguments)
 
-        return _registering(self._quantities, of, make)
+        return self._registering(Quantity, of, make)
 
     def tables_of(self, results: Results) -> Iterator[Table]:
         """Its tables of these results."""
-        return (table for make in self._tables for table in make(results))
+        return self._answers(Table, results)
 
     def plots_of(self, results: Results) -> Iterator[Plot]:
         """Its figures of these results, not yet drawn."""
-        return (plot for make in self._plots for plot in make(results))
+        return self._answers(Plot, results)
 
     def quantities_of(self, results: Results) -> Iterator[Quantity]:
         """Its numbers of these results."""
-        return (quantity for make in self._quantities for quantity in make(results))
+        return self._answers(Quantity, results)
+
+    def _answers(self, kind: type, results: Results) -> Iterator[Any]:
+        return (answer for of, make in self._makers if of is kind for answer in make(results))
+
+    def _registering(self, kind: type, of: Of, make: Callable[..., Iterator[Any]]) -> Decorator:
+        def register(function: Callable[..., Any]) -> Callable[..., Any]:
+            def answers(results: Results) -> Iterator[Any]:
+                return (a for source in _sources(results, of) for a in make(source, function))
+
+            self._makers.append((kind, answers))
+            return function
+
+        return register
 
 
 @dataclass(frozen=True)
@@ -230,25 +236,7 @@ class _Source:
         return text.replace("{frames}", frames_of(self.measured.rows)).replace("{machine}", machine)
 
 
-def _registering(
-    makers: list[Callable[[Results], Any]],
-    of: str | Sequence[str] | None,
-    make: Callable[[_Source, Callable[..., Any]], Iterator[Any]],
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """A decorator that adds a function's answers to those of its study."""
-
-    def register(function: Callable[..., Any]) -> Callable[..., Any]:
-        makers.append(
-            lambda results: (
-                answer for source in _sources(results, of) for answer in make(source, function)
-            )
-        )
-        return function
-
-    return register
-
-
-def _sources(results: Results, of: str | Sequence[str] | None) -> Iterator[_Source]:
+def _sources(results: Results, of: Of) -> Iterator[_Source]:
     if of is None:
         if results:
             yield _Source((results,))
@@ -257,17 +245,14 @@ def _sources(results: Results, of: str | Sequence[str] | None) -> Iterator[_Sour
     for suffix, first in with_places(results, names[0]):
         every = [first]
         for name in names[1:]:
-            others = (m for _, m in with_places(results, name) if _scene(m) == _scene(first))
-            every += islice(others, 1)
+            scene = first.record.config.get("scene")
+            others = (m for _, m in with_places(results, name))
+            every += islice((m for m in others if m.record.config.get("scene") == scene), 1)
         if len(every) < len(names):
             continue
         commands = tuple(dict.fromkeys(m.record.command for m in every))
         arguments = (*(m.frame for m in every), first.record.config)
         yield _Source(arguments, suffix, commands, first)
-
-
-def _scene(measured: Measured) -> Any:
-    return measured.record.config.get("scene")
 
 
 def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
@@ -301,5 +286,4 @@ def studies(package: ModuleType) -> list[Study]:
     """Every study of a package of studies, in the order of the page."""
     names = (module.name for module in pkgutil.iter_modules(package.__path__) if module.ispkg)
     views = (importlib.import_module(f"{package.__name__}.{name}.view") for name in names)
-    every: list[Study] = [view.STUDY for view in views]
-    return sorted(every, key=lambda study: (not study.front, study.order))
+    return sorted((v.STUDY for v in views), key=lambda study: (not study.front, study.order))

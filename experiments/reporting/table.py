@@ -1,4 +1,4 @@
-"""A table: a data frame of values, and its cells in CSV, Markdown and LaTeX."""
+"""A table: a data frame of values, and its cells in CSV and Markdown."""
 
 from __future__ import annotations
 
@@ -82,19 +82,10 @@ class Table:
         parts = [f"**{markdown_text(self.title)}**", table, markdown_text(self.notes)]
         return "\n\n".join(filter(None, parts)) + "\n"
 
-    def latex(self) -> str:
-        """The cells as a tabular for LaTeX (package booktabs)."""
-        cells = pd.DataFrame(self.cells(), columns=self.heads).map(printable)
-        return str(cells.to_latex(index=False, escape=True))
-
 
 def frame(rows: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()) -> pd.DataFrame:
-    """Rows as a data frame of objects: integers and texts stay what they are.
-
-    Args:
-        rows: mappings.
-        columns: which, in this order; those of the rows if there are none.
-    """
+    """Rows as a data frame of objects: integers and texts stay what they are. Its columns are those
+    named, else those of the rows."""
     rows = list(rows)
     names = list(columns) or list(dict.fromkeys(key for row in rows for key in row))
     return pd.DataFrame([[row.get(n) for n in names] for row in rows], columns=names, dtype=object)

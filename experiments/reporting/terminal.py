@@ -1,9 +1,6 @@
-"""The summary of a run on the terminal, and terminals that lack a character of it."""
+"""The summary of a run on the terminal."""
 
 from __future__ import annotations
-
-import io
-import sys
 
 from rich.console import Console
 from rich.text import Text
@@ -11,13 +8,6 @@ from rich.text import Text
 from experiments.records.record import Finished
 from experiments.records.sources import outdated
 from hdc.accuracy import wilson
-
-
-def in_any_encoding() -> None:
-    """Show characters that the encoding of standard output lacks as escapes, not as an error."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
 
 
 def summarise(console: Console, record: Finished, repeated: bool = False) -> None:
@@ -33,23 +23,15 @@ def summarise(console: Console, record: Finished, repeated: bool = False) -> Non
         console.print(Text(text), soft_wrap=True)
         return
     lines = [
-        Text.assemble(
-            (record.choices.model, "bold"),
-            " on ",
-            (scene.name, "bold"),
-            f" ({scene.origin}), {record.n_train} training and {record.n_test} test samples",
-        ),
-        Text(f"  {accuracy} (95 % interval)"),
-        Text(
-            f"  training {record.training_s:.4g} s ({record.stop}), prediction "
-            f"{record.predict_single_s * 1e3:.3g} ms a single frame, "
-            f"{record.predict_batch_s_per_frame * 1e3:.3g} ms a frame in a batch"
-        ),
+        f"{record.choices.model} on {scene.name} ({scene.origin}), {record.n_train} training and "
+        f"{record.n_test} test samples",
+        f"  {accuracy} (95 % interval)",
+        f"  training {record.training_s:.4g} s ({record.stop}), prediction "
+        f"{record.predict_single_s * 1e3:.3g} ms a single frame, "
+        f"{record.predict_batch_s_per_frame * 1e3:.3g} ms a frame in a batch",
     ]
     if scene.saturated:
-        lines.append(Text(f"  ranks no models: {scene.saturated}", "yellow"))
+        lines.append(f"  ranks no models: {scene.saturated}")
     if skipped := scene.skipped:
-        lines.append(Text(f"  {len(skipped)} files skipped, the first: {skipped[0]}", "yellow"))
-    for line in lines:
-        console.print(line, soft_wrap=True)
-    console.print(Text(f"  record {record.id}"), soft_wrap=True)
+        lines.append(f"  {len(skipped)} files skipped, the first: {skipped[0]}")
+    console.print(Text("\n".join([*lines, f"  record {record.id}"])), soft_wrap=True)

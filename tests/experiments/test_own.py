@@ -95,7 +95,7 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
     carry_out("scene=recorded", f"scene.path='{own}/my $frames$ <b>.npz'", "model=nearest_mean",
               "model.power=1.0")  # fmt: skip
     results = own / "results"
-    page = report.write(results, "cpu", Console(file=io.StringIO())).read_text(encoding="utf-8")
+    page = report.write(results, Console(file=io.StringIO())).read_text(encoding="utf-8")
     read = Results(results)
     assert read.problems == []
     recording = next(name for name in read.scenes if name.startswith("recorded my"))

@@ -1,7 +1,4 @@
-"""The page: the answer of every study in one file that needs no network, report.html.
-
-The template escapes every text that is put into it.
-"""
+"""The page: the answer of every study in one file that needs no network, report.html."""
 
 from __future__ import annotations
 
@@ -11,10 +8,8 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from urllib.parse import quote
 
 import jinja2
-from markupsafe import Markup
 from PIL import Image
 
 from experiments.reporting.study import Plot
@@ -24,7 +19,6 @@ TEMPLATES = Path(__file__).parent / "templates"
 COLUMNS = 8  # of a table that are shown at first
 ROWS = 30  # of a table that is not folded away
 _NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?( k?M?B)?( [\[(].*)?", re.IGNORECASE)
-_PLAIN = " !$'()*+,-./:;<=>?@[]_~\n"  # characters that a data URI takes as they are
 _TONES = {
     "yes": "good", "no": "bad", "partly": "plain", "fitted": "plain",
     "agrees": "good", "same": "good", "holds": "good", "differs": "bad", "fails": "bad",
@@ -39,13 +33,10 @@ class Picture:
     data: bytes
 
     @property
-    def source(self) -> Markup:
-        """A data URI for an attribute in double quotes."""
-        if self.plot.kind != "svg":
-            return Markup(f"data:image/webp;base64,{base64.b64encode(self.data).decode()}")
-        # Single quotes around attributes: escaped double ones would take a third more.
-        text = re.sub(r'="([^"\'<>]*)"(?=[^<>]*>)', r"='\1'", self.data.decode())
-        return Markup(f"data:image/svg+xml,{quote(text, safe=_PLAIN)}")
+    def source(self) -> str:
+        """A data URI."""
+        kind = "svg+xml" if self.plot.kind == "svg" else self.plot.kind
+        return f"data:image/{kind};base64,{base64.b64encode(self.data).decode()}"
 
     @property
     def size(self) -> tuple[int, int]:
@@ -78,13 +69,7 @@ class Section:
 
 
 def render(sections: Sequence[Section], problems: Sequence[str], about: Mapping[str, str]) -> str:
-    """The page's HTML.
-
-    Args:
-        sections: in their order.
-        problems: records that were left out, and why.
-        about: name of a set of results → where it comes from.
-    """
+    """The page's HTML; `about`: name of a set of results → where it comes from."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -99,7 +84,7 @@ def render(sections: Sequence[Section], problems: Sequence[str], about: Mapping[
 
 
 def _kinds(table: Table) -> list[str]:
-    """How each column is set: number, code, long text or text."""
+    """How each column is set: number, long text or text."""
     cells = table.cells()
     return [_kind([row[k] for row in cells]) for k in range(len(table.heads))]
 
@@ -108,8 +93,6 @@ def _kind(texts: Sequence[str]) -> str:
     texts = [text for text in texts if text not in ("", "–")]
     if texts and all(map(_NUMBER.fullmatch, texts)):
         return "number"
-    if any(text.startswith("python ") for text in texts):
-        return "code"
     return "long" if any(len(text) > 30 for text in texts) else "text"
 
 

@@ -19,6 +19,7 @@ from experiments.records.record import Finished
 from experiments.records.results import Group, Results
 from experiments.reporting import estimates
 from experiments.reporting import rows as rows_of
+from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import ONE_SENSOR
 from experiments.reporting.plot import (
     CONFUSION_MAP,
@@ -33,6 +34,7 @@ from experiments.reporting.plot import (
 from experiments.reporting.rows import row
 from experiments.reporting.study import RUN, Quantity, Study, with_places
 from experiments.reporting.table import frame
+from experiments.reporting.text import frames_of
 from experiments.studies.correlation.view import matrices
 
 EXPERIMENT = "all_scenes"
@@ -113,7 +115,7 @@ def confusions(figure: Figure, results: Results) -> None:
         accuracy = 100 * estimates.share(group).value
         scene = textwrap.fill(literal(group.scene.replace("_", " ")), 17)
         panel(axes, letter, f"{scene}{of}\n{accuracy:.1f} %")
-    frames = rows_of.frames_of([{"origin": g.runs[0].record.scene.origin} for g in chosen])
+    frames = frames_of([{"origin": g.runs[0].record.scene.origin} for g in chosen])
     head(figure, "Confusion by HDC, % of the true label", [frames])
 
 
@@ -172,7 +174,7 @@ def spatial(figure: Figure, results: Results) -> None:
     below.set(xlabel="true position (mm)", ylim=(0, None), ylabel="mean |error| (mm)")
     text = "mean {:.2f} mm, median {:.3g} mm, 95th percentile {:.3g} mm"
     panel(below, "c", text.format(error.mean(), *np.percentile(error, (50, 95))))
-    frames = rows_of.frames_of([{"origin": group.runs[0].record.scene.origin}])
+    frames = frames_of([{"origin": group.runs[0].record.scene.origin}])
     details = [f"{frames}, {seeds_of(len(group.runs))}"]
     head(figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", details)
 

@@ -181,7 +181,7 @@ def equal_accuracy(results: Results) -> pd.DataFrame | None:
     caption="Test error against training time (Table I): a curve a model and seed. Stars: the "
     "paper's.",
     size=(3.4, 3.7),
-    needs=lambda results: scene() in results.scenes,
+    needs=lambda results: bool(results.models(scene())),
     commands=(f"{RUN}table1", f"{RUN}table1_extended"),
 )
 def error_vs_time(figure: Figure, results: Results) -> None:

@@ -43,10 +43,3 @@ def test_files_are_readable_for_whom_the_user_says(tmp_path, umask, mode):
     finally:
         os.umask(before)
     assert (tmp_path / "file").stat().st_mode & 0o777 == mode
-
-
-def test_what_a_kill_left_is_removed_and_nothing_else(tmp_path):
-    for name in (".record.json.123.0a1b", ".lock", "record.json"):
-        (tmp_path / name).touch()
-    files.remove_leftovers(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {".lock", "record.json"}

@@ -52,8 +52,7 @@ def test_a_line_that_a_kill_cut_short_costs_itself_only(tmp_path, write_run, lef
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        ({"schema": 2}, "expected a record of schema 3"),
-        ({"predicted": [0, 1]}, "predicted: expected n_test = 100"),
+        ({"schema": 2}, "schema"),
         ({"training_s": "soon"}, "training_s"),
         ({"config": 7}, "config"),
     ],

@@ -5,7 +5,7 @@ import pytest
 
 from experiments.records import sources
 from experiments.records.results import Results
-from experiments.reporting.runs import runs_table
+from experiments.reporting.rows import runs_table
 from hdc.io import write_atomically
 
 
@@ -37,7 +37,7 @@ def test_runs_of_one_config_and_code_stand_in_one_row_by_seed(tmp_path, write_ru
     assert group.status == "ok"
     assert group.right.tolist().count(False) == 3
     assert np.trace(group.confusion()) == 297
-    assert (group.failed, group.others) == ([], 0)
+    assert group.others == 0
 
 
 def test_runs_of_other_code_are_not_averaged_and_todays_come_first(tmp_path, write_run, other_code):
@@ -103,28 +103,6 @@ def test_another_learning_rate_or_another_end_is_no_canonical_run(tmp_path, writ
         ("touch", "softmax (budget_s=7)", None, None): [1, 2, 3],
     }
     assert len(runs_table(found).data) == 7
-
-
-def test_a_failed_run_counts_until_one_of_its_seeds_is_finished(tmp_path, write_run):
-    write_run("hdc", seed=0)
-    write_run("hdc", seed=1, status="failed", error="ValueError: no")
-    write_run("softmax", seed=1, status="failed", change={"stop.budget_s": 7})
-    found = Results(tmp_path)
-    assert found.group("touch", "hdc").status == "1 more failed: ValueError: no"
-    assert found.group("touch", "softmax").status == "missing"
-    assert found.group("touch", "softmax (budget_s=7)").status.startswith("failed: ")
-    write_run("hdc", seed=1)
-    assert Results(tmp_path).group("touch", "hdc").status == "ok"
-
-
-def test_all_training_samples_are_one_row_however_they_were_asked_for(tmp_path, write_run):
-    write_run("hdc", seed=0)
-    write_run("hdc", seed=1, n_train=400)
-    write_run("hdc", seed=1, n_train=20)
-    assert rows(Results(tmp_path)) == {
-        ("touch", "hdc", None, None): [0, 1],
-        ("touch", "hdc", 20, None): [1],
-    }
 
 
 def test_what_is_no_record_costs_itself_only(tmp_path, write_run):

@@ -3,9 +3,7 @@
 import base64
 import io
 import re
-import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
-from urllib.parse import unquote_to_bytes
 
 from PIL import Image
 
@@ -85,7 +83,7 @@ def test_it_needs_no_network_and_every_picture_is_whole():
     images = [attrs for tag, attrs in found.elements if tag == "img"]
     assert len(images) == 2
     svg, photograph = (attrs["src"].partition(",")[2] for attrs in images)
-    assert ET.canonicalize(unquote_to_bytes(svg)) == ET.canonicalize(SVG)
+    assert base64.b64decode(svg, validate=True) == SVG
     assert base64.b64decode(photograph, validate=True) == pictures[1].data
     assert [(a["width"], a["height"]) for a in images] == [("40", "20"), ("3", "2")]
     assert {attrs["alt"] for attrs in images} == {"What it shows."}

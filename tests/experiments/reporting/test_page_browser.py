@@ -22,7 +22,7 @@ SEEN = """async () => {
 
 @pytest.mark.parametrize("width", [400, 1280])
 def test_it_works_on_a_phone_and_on_a_desk(browser, tmp_path, a_full_set, width):
-    address = report.write(tmp_path, "cpu", Console(file=io.StringIO())).as_uri()
+    address = report.write(tmp_path, Console(file=io.StringIO())).as_uri()
     page = browser.new_page(viewport={"width": width, "height": 900})
     problems, requests = [], []
     page.on("pageerror", lambda error: problems.append(str(error)))

@@ -10,8 +10,7 @@ from experiments.records import configs
 from experiments.records.results import Results
 from experiments.reporting import rows
 from experiments.reporting.estimates import least_variance, mean_interval
-from experiments.reporting.rows import swept
-from experiments.reporting.runs import runs_table
+from experiments.reporting.rows import runs_table, swept
 
 
 def epochs(*accuracies, step=10.0):
@@ -69,14 +68,6 @@ def test_not_reached_is_said_never_a_number(tmp_path, write_run):
     row = line(tmp_path, "cnn1")
     assert row["training_time_s"] == 20.0
     assert row["training_time_q75_s"] == "not reached in 20 s"
-
-
-def test_missing_and_failed_runs_are_told(tmp_path, write_run):
-    assert (line(tmp_path, "cnn3")["status"], line(tmp_path, "cnn3")["seeds"]) == ("missing", 0)
-    write_run("cnn3", status="failed", error="RuntimeError: no memory")
-    assert "RuntimeError: no memory" in line(tmp_path, "cnn3")["status"]
-    write_run("cnn3", seed=1, curve=epochs(0.95))
-    assert "1 more failed" in line(tmp_path, "cnn3")["status"]
 
 
 def test_a_sweep_has_a_row_for_all_that_it_asks_for(tmp_path, a_full_set):
