@@ -1,11 +1,5 @@
 """Readers of recorded frames: a folder of images as it is, arrays, a video, or a camera.
 
-:func:`open_recording` opens what lies on disk::
-
-    recording = open_recording("~/touches")           # or touches.npz, touches.mp4
-    frames = recording.frames([0, 1, 2])              # uint8 or uint16 [3, H, W]
-    names = [recording.classes[c] for c in recording.labels]
-
 docs/formats.md describes every kind. Images, videos and cameras need OpenCV and Pillow
 (``pip install 'speckle-hdc[readers]'``); this module itself imports numpy only. Each error names
 the file, what was expected and what was found. Nothing is ever unpickled.
@@ -40,7 +34,6 @@ def open_recording(
     intervals: str | Path | None = None,
     crop: Sequence[int] | None = None,
     subsample: int = 1,
-    on_bad_frame: str = "stop",
     memory_bytes: int = 2**28,
     *,
     template: str | None = None,
@@ -60,8 +53,6 @@ def open_recording(
         crop: (x, y, width, height) in pixels, x to the right and y down from the top left corner.
         subsample: every subsample-th pixel of the crop on both axes is kept (not averaged, which
             would lower the contrast of a speckle).
-        on_bad_frame: ``"stop"`` at the first frame that cannot be used, or ``"skip"`` it: then
-            ``recording.skipped`` lists each with the reason.
         memory_bytes: images are kept in memory up to this size, else decoded again when asked for.
         template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``.
         table: CSV with a row an image, in or relative to the folder; other columns are values.
@@ -73,9 +64,6 @@ def open_recording(
         check: decode every image at once; otherwise each when it is asked for.
         fewest_classes: a recording of fewer is refused.
 
-    Returns:
-        Frames, labels or None, values or None, and ``other_files``, the files that are no frames.
-
     Raises:
         SettingError: a setting is out of range, or the path leads to no recording.
         BadFrame: a frame cannot be used.
@@ -83,11 +71,10 @@ def open_recording(
 
     Example::
 
-        open_recording("press", template="material_{label}/cycle_{order}_A/frame.png")
-        open_recording("pins", table="targets.csv", value_columns=["z"])
+        recording = open_recording("press", template="material_{label}/cycle_{order}_A/frame.png")
+        frames = recording.frames([0, 1, 2])  # uint8 or uint16 [3, H, W]
     """
     window = window or Window(crop, subsample)
-    require(on_bad_frame in ("stop", "skip"), "on_bad_frame", on_bad_frame, "stop or skip")
     path = Path(path).expanduser()
     folder, suffix = path.is_dir(), path.suffix.lower()
     is_array = suffix in ARRAY_SUFFIXES and not folder
@@ -101,13 +88,12 @@ def open_recording(
         require(setting is None or fits, name, setting, f"null unless path is {kind} ({path})")
     if not path.exists():
         raise SettingError(f"path: expected a folder, an .npz or a video, found nothing: {path}")
-    skip = on_bad_frame == "skip"
     if folder:  # OpenCV is imported where images or videos are read, and not for an array
         from hdc.readers.images import open_listing
         from hdc.readers.listing import list_folder
 
         listing = list_folder(path, template, table, image_column, value_columns)
-        return open_listing(path, listing, window, skip, check, fewest_classes, memory_bytes)
+        return open_listing(path, listing, window, check, fewest_classes, memory_bytes)
     check_file(path)
     if is_array:
         from hdc.readers.archive import open_array
@@ -136,6 +122,23 @@ def camera(
         ValueError: there is no such camera, or a setting is out of range.
         BadFrame: the camera stops giving frames.
     """
-    from hdc.readers.video import camera_frames
+    import cv2
 
-    return camera_frames(index, Window(crop, subsample))
+    from hdc.readers.images import grey, quiet
+
+    window = Window(crop, subsample)
+    with quiet():
+        capture = cv2.VideoCapture(index)
+    try:
+        if not capture.isOpened():
+            raise ValueError(
+                f"camera: expected a camera that can be opened at index {index}, found none (is it "
+                "connected, in use by another program, or not permitted?)"
+            )
+        while True:
+            ok, image = capture.read()
+            if not ok:
+                raise BadFrame(f"camera {index}: expected a frame, found none (disconnected?)")
+            yield grey(window.of(image))
+    finally:
+        capture.release()

@@ -5,7 +5,6 @@ Nothing is unpickled. An .npy is mapped from disk, however large it is; an .npz 
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Iterator, Sequence
 from functools import cache
@@ -13,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hdc.readers.files import SettingError, require
+from hdc.readers.files import SettingError, file_digest, require
 from hdc.readers.recording import Recording, Window, check_times, class_indices
 
 IMAGE_AXES = ("height", "width")
@@ -27,13 +26,13 @@ def open_array(
     value_columns: Sequence[str],
     fewest_classes: int,
 ) -> Recording:
-    """Open an .npz or .npy.
+    """Open an .npz with ``frames`` (and ``labels``), or an .npy of frames alone.
 
     Args:
-        path: an .npz with ``frames`` (and ``labels``), or an .npy of frames alone.
-        axes: name of each axis of the frames, ``height`` and ``width`` last; others may be
-            ``label``, ``order``, ``session``, ``group`` and ``value``, whose numbers are places
-            along the axis. Default: [N, H, W], with labels [N] in the .npz.
+        path, window, fewest_classes: see :func:`hdc.readers.open_recording`.
+        axes: name of each axis of the frames, ``height`` and ``width`` last; others may be those of
+            ``AXES``, whose numbers are places along the axis. Default: [N, H, W], with labels [N]
+            in the .npz.
         value_columns: arrays [N] of the .npz that are values to learn.
 
     Raises:
@@ -42,9 +41,9 @@ def open_array(
     arrays = _load(path)
     if "frames" not in arrays:
         raise ValueError(f"{path}: expected arrays frames and labels, found no frames")
-    frames, names = arrays.pop("frames"), tuple(axes) if axes is not None else ("", *IMAGE_AXES)
+    frames, names = arrays.pop("frames"), tuple(axes or ("", *IMAGE_AXES))
     fits = names[-2:] == IMAGE_AXES and len(set(names)) == len(names)
-    fits = fits and (axes is None or set(names[:-2]) <= set(AXES))
+    fits = fits and set(names[:-2]) <= {"", *AXES}
     require(fits, "axes", axes, f"different names among {', '.join(AXES)}, then height and width")
     if frames.ndim != len(names) or 0 in frames.shape:
         wanted = ", ".join(axes or ("N", "H", "W"))
@@ -52,26 +51,27 @@ def open_array(
     if frames.dtype.kind != "u" or frames.dtype.itemsize > 2:
         raise ValueError(f"{path}[frames]: expected uint8 or uint16, found {frames.dtype}")
     sides = frames.shape[:-2]
-    n, places = math.prod(sides), np.indices(sides).reshape(len(sides), -1)
+    n = math.prod(sides)
     if axes is not None:
-        arrays = {"labels": places[names.index("label")]} if "label" in names else {}
-        arrays |= dict(zip(names[:-2], places, strict=True))
+        arrays = dict(zip(names, np.indices(sides).reshape(len(sides), n), strict=False))
+        arrays |= {"labels": arrays.pop("label")} if "label" in arrays else {}
+    columns = tuple(value_columns) or (("value",) if "value" in arrays and axes else ())
+    if wrong := [c for c in columns if c not in arrays or arrays[c].shape != (n,)]:
+        raise SettingError(f"value_columns: expected arrays [{n}], found no {', '.join(wrong)}")
+    labels = arrays.pop("labels", None)
+    if labels is None and not columns:
+        raise ValueError(f"{path}: expected arrays frames and labels, found no labels")
+    classes: tuple[str, ...] = ()
+    indices = None
+    if labels is not None:
+        classes, indices = _labels(path, labels, arrays.pop("classes", None), n, fewest_classes)
     samples = {
         key: array
         for key, array in arrays.items()
-        if key not in ("labels", "classes", "label", "value")
-        and (key in ("order", "session") or (array.shape == (n,) and array.dtype.kind in "iufU"))
+        if key in ("order", "session")
+        or (key != "value" and array.shape == (n,) and array.dtype.kind in "iufU")
     }
     check_times(path, samples, n)
-    columns = tuple(value_columns) or (("value",) if "value" in names else ())
-    if wrong := [c for c in columns if c not in arrays or arrays[c].shape != (n,)]:
-        raise SettingError(f"value_columns: expected arrays [{n}], found no {', '.join(wrong)}")
-    if "labels" not in arrays and not columns:
-        raise ValueError(f"{path}: expected arrays frames and labels, found no labels")
-    classes: tuple[str, ...] = ()
-    labels = None
-    if "labels" in arrays:
-        classes, labels = _labels(path, arrays["labels"], arrays.get("classes"), n, fewest_classes)
     native = frames.dtype.newbyteorder("=")
 
     def each(index: np.ndarray) -> Iterator[np.ndarray]:
@@ -79,18 +79,14 @@ def open_array(
             frame = window.of(frames[np.unravel_index(i, sides)])
             yield np.ascontiguousarray(frame, dtype=native)
 
-    def digest() -> str:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-
     return Recording(
         classes=classes,
-        labels=labels,
+        labels=indices,
         shape=window.shape(*frames.shape[-2:]),
         samples={"order": np.arange(n), **samples},
         each=each,
         place=lambda i: f"{path}, frame {i}",
-        digest=cache(digest),
+        digest=cache(lambda: file_digest(path)),
         window=window,
         values=np.stack([arrays[c].astype(float) for c in columns], 1) if columns else None,
         value_names=columns,
@@ -111,23 +107,15 @@ def _load(path: Path) -> dict[str, np.ndarray]:
 def _labels(
     path: Path, labels: np.ndarray, names: np.ndarray | None, n: int, fewest_classes: int
 ) -> tuple[tuple[str, ...], np.ndarray]:
-    """Class names, and the index of each frame's [N]."""
-    where = f"{path}[labels]"
+    """Class names, and the index of each frame's [N]; integer labels count the ``names`` [L]."""
     if labels.shape != (n,) or labels.dtype.kind not in "iuU":
         raise ValueError(
-            f"{where}: expected integers or strings ({n},), found {labels.dtype} {labels.shape}"
+            f"{path}[labels]: expected integers or strings ({n},), found {labels.dtype} "
+            f"{labels.shape}"
         )
-    if names is None:
-        return class_indices([str(value) for value in labels.tolist()], where, fewest_classes)
-    classes = names.tolist()
-    if names.dtype.kind != "U" or names.ndim != 1 or len(set(classes)) < len(classes):
-        raise ValueError(
-            f"{path}[classes]: expected different strings [L], found {names.dtype} {names.shape}"
-        )
-    known = classes if labels.dtype.kind == "U" else range(len(classes))
-    if unknown := sorted(set(labels.tolist()) - set(known)):
-        raise ValueError(
-            f"{where}: expected one of the {len(classes)} classes, found {unknown[0]!r}"
-        )
-    texts = labels.tolist() if labels.dtype.kind == "U" else [classes[i] for i in labels.tolist()]
-    return class_indices(texts, where, fewest_classes, classes)
+    classes = None if names is None else names.astype(str).tolist()
+    if classes is not None and len(set(classes)) < len(classes):
+        raise ValueError(f"{path}[classes]: expected different names, found {classes}")
+    by_number = dict(enumerate(classes or ()))
+    texts = [str(by_number.get(label, label)) for label in labels.tolist()]
+    return class_indices(texts, f"{path}[labels]", fewest_classes, classes)
