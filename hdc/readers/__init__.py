@@ -1,4 +1,4 @@
-"""Readers of recorded frames: a folder of images as it is, arrays, a video, or a camera.
+"""Readers of recorded frames: a folder of images as it is, an .npz, a video, or a camera.
 
 docs/formats.md describes every kind. Images, videos and cameras need OpenCV and Pillow
 (``pip install 'speckle-hdc[readers]'``); this module itself imports numpy only. Each error names
@@ -26,7 +26,6 @@ __all__ = [
 ]
 
 VIDEO_SUFFIXES = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
-ARRAY_SUFFIXES = (".npz", ".npy")
 
 
 def open_recording(
@@ -40,7 +39,6 @@ def open_recording(
     table: str | Path | None = None,
     image_column: str = "image",
     value_columns: Sequence[str] = (),
-    axes: Sequence[str] | None = None,
     window: Window | None = None,
     check: bool = True,
     fewest_classes: int = 2,
@@ -48,7 +46,7 @@ def open_recording(
     """Open recorded frames with their labels, values and order.
 
     Args:
-        path: a folder of images, an .npz, an .npy or a video; ``~`` is the home folder.
+        path: a folder of images, an .npz or a video; ``~`` is the home folder.
         intervals: table of a video; default: beside the video, its suffix replaced by .csv.
         crop: (x, y, width, height) in pixels, x to the right and y down from the top left corner.
         subsample: every subsample-th pixel of the crop on both axes is kept (not averaged, which
@@ -59,7 +57,6 @@ def open_recording(
         image_column: column of the table that names the image.
         value_columns: columns that are values; default: all numeric ones but order, session and
             group (none of a manifest.csv).
-        axes: names of the axes of an array, such as ``("label", "order", "height", "width")``.
         window: crop and subsample in one.
         check: decode every image at once; otherwise each when it is asked for.
         fewest_classes: a recording of fewer is refused.
@@ -77,12 +74,10 @@ def open_recording(
     window = window or Window(crop, subsample)
     path = Path(path).expanduser()
     folder, suffix = path.is_dir(), path.suffix.lower()
-    is_array = suffix in ARRAY_SUFFIXES and not folder
     is_video = suffix in VIDEO_SUFFIXES and not folder
     for name, setting, fits, kind in (
         ("template", template, folder, "a folder"),
         ("table", table, folder, "a folder"),
-        ("axes", axes, is_array, "an array"),
         ("intervals", intervals, is_video, "a video"),
     ):
         require(setting is None or fits, name, setting, f"null unless path is {kind} ({path})")
@@ -95,12 +90,12 @@ def open_recording(
         listing = list_folder(path, template, table, image_column, value_columns)
         return open_listing(path, listing, window, check, fewest_classes, memory_bytes)
     check_file(path)
-    if is_array:
+    if suffix == ".npz":
         from hdc.readers.archive import open_array
 
-        return open_array(path, window, axes, value_columns, fewest_classes)
+        return open_array(path, window, value_columns, fewest_classes)
     if not is_video:
-        kinds = ", ".join((*ARRAY_SUFFIXES, *VIDEO_SUFFIXES))
+        kinds = ", ".join((".npz", *VIDEO_SUFFIXES))
         raise SettingError(f"path: expected a folder or a file ({kinds}), found {path}")
     from hdc.readers.video import open_video
 

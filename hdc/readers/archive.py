@@ -1,39 +1,21 @@
-"""Arrays: an .npz with frames and labels, or an .npy whose axes are named.
-
-Nothing is unpickled. An .npy is mapped from disk, however large it is; an .npz is read as a whole.
-"""
+"""Arrays: an .npz with frames and labels, read as a whole; nothing is unpickled."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from hdc.readers.files import SettingError, file_digest, require
+from hdc.readers.files import SettingError, file_digest
 from hdc.readers.recording import Recording, Window, check_times, class_indices
-
-IMAGE_AXES = ("height", "width")
-AXES = ("label", "order", "session", "group", "value")
 
 
 def open_array(
-    path: Path,
-    window: Window,
-    axes: Sequence[str] | None,
-    value_columns: Sequence[str],
-    fewest_classes: int,
+    path: Path, window: Window, value_columns: Sequence[str], fewest_classes: int
 ) -> Recording:
-    """Open an .npz with ``frames`` (and ``labels``), or an .npy of frames alone.
-
-    Args:
-        path, window, fewest_classes: see :func:`hdc.readers.open_recording`.
-        axes: name of each axis of the frames, ``height`` and ``width`` last; others may be those of
-            ``AXES``, whose numbers are places along the axis. Default: [N, H, W], with labels [N]
-            in the .npz.
-        value_columns: arrays [N] of the .npz that are values to learn.
+    """Open an .npz with ``frames`` [N, H, W] and ``labels`` [N], or ``value_columns`` [N].
 
     Raises:
         ValueError: the file or one of its arrays is not as described.
@@ -41,21 +23,12 @@ def open_array(
     arrays = _load(path)
     if "frames" not in arrays:
         raise ValueError(f"{path}: expected arrays frames and labels, found no frames")
-    frames, names = arrays.pop("frames"), tuple(axes or ("", *IMAGE_AXES))
-    fits = names[-2:] == IMAGE_AXES and len(set(names)) == len(names)
-    fits = fits and set(names[:-2]) <= {"", *AXES}
-    require(fits, "axes", axes, f"different names among {', '.join(AXES)}, then height and width")
-    if frames.ndim != len(names) or 0 in frames.shape:
-        wanted = ", ".join(axes or ("N", "H", "W"))
-        raise ValueError(f"{path}[frames]: expected shape [{wanted}], found {frames.shape}")
+    frames = arrays.pop("frames")
+    if frames.ndim != 3 or 0 in frames.shape:
+        raise ValueError(f"{path}[frames]: expected shape [N, H, W], found {frames.shape}")
     if frames.dtype.kind != "u" or frames.dtype.itemsize > 2:
         raise ValueError(f"{path}[frames]: expected uint8 or uint16, found {frames.dtype}")
-    sides = frames.shape[:-2]
-    n = math.prod(sides)
-    if axes is not None:
-        arrays = dict(zip(names, np.indices(sides).reshape(len(sides), n), strict=False))
-        arrays |= {"labels": arrays.pop("label")} if "label" in arrays else {}
-    columns = tuple(value_columns) or (("value",) if "value" in arrays and axes else ())
+    n, columns = len(frames), tuple(value_columns)
     if wrong := [c for c in columns if c not in arrays or arrays[c].shape != (n,)]:
         raise SettingError(f"value_columns: expected arrays [{n}], found no {', '.join(wrong)}")
     labels = arrays.pop("labels", None)
@@ -68,21 +41,19 @@ def open_array(
     samples = {
         key: array
         for key, array in arrays.items()
-        if key in ("order", "session")
-        or (key != "value" and array.shape == (n,) and array.dtype.kind in "iufU")
+        if key in ("order", "session") or (array.shape == (n,) and array.dtype.kind in "iufU")
     }
     check_times(path, samples, n)
     native = frames.dtype.newbyteorder("=")
 
     def each(index: np.ndarray) -> Iterator[np.ndarray]:
         for i in index:
-            frame = window.of(frames[np.unravel_index(i, sides)])
-            yield np.ascontiguousarray(frame, dtype=native)
+            yield np.ascontiguousarray(window.of(frames[i]), dtype=native)
 
     return Recording(
         classes=classes,
         labels=indices,
-        shape=window.shape(*frames.shape[-2:]),
+        shape=window.shape(*frames.shape[1:]),
         samples={"order": np.arange(n), **samples},
         each=each,
         place=lambda i: f"{path}, frame {i}",
@@ -95,13 +66,11 @@ def open_array(
 
 def _load(path: Path) -> dict[str, np.ndarray]:
     try:
-        if path.suffix.lower() == ".npy":
-            return {"frames": np.load(path, mmap_mode="r", allow_pickle=False)}
         with np.load(path, allow_pickle=False) as archive:
             return dict(archive)
     except Exception as error:  # a damaged archive makes zipfile and numpy raise a dozen types
         found = str(error) or type(error).__name__
-        raise ValueError(f"{path}: expected an intact .npz or .npy, found: {found}") from error
+        raise ValueError(f"{path}: expected an intact .npz, found: {found}") from error
 
 
 def _labels(

@@ -65,7 +65,6 @@ def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
         ({"template": "{label}.jpg"}, r"as the template says, found 12 other files, a/1"),
         ({"value_columns": ["z"]}, "table: expected a table with the columns z, found None"),
         ({"table": "t.csv"}, r"t.csv: expected a readable file, found none"),
-        ({"axes": ["label", "height", "width"]}, "axes: expected null unless path is an array"),
     ],
 )
 def test_templates_and_tables_that_cannot_be_are_named(folder, settings, message):
