@@ -1,15 +1,13 @@
 """The simulated sensor as a page to touch: ``python -m scenes.live``.
 
-Press the silicone with mouse or finger, teach three touches, let 16 days pass, recalibrate. See
-:mod:`hdc.live` for the page. The sensor is that of the scenes ``touch`` and ``drift``; so that the
-page keeps up on two cores, its camera has 250 × 250 pixels and a pupil of half the width (a fourth
-of the paths): the speckle grains keep their size in pixels.
+The sensor is that of the scenes ``touch`` and ``drift``; so that the page (:mod:`hdc.live`) keeps
+up on two cores, its camera has 250 × 250 pixels and a pupil of half the width (a fourth of the
+paths): the speckle grains keep their size in pixels.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -31,9 +29,8 @@ SIXTEEN_DAYS = 0.55  # K, of configs/scene/drift.yaml
 class SimulatedSensor:
     """A :class:`hdc.live.Pressable` of the simulated sensor.
 
-    Each touch has a temperature drawn from that of the room, and misses place and depth as the
-    robot of the scene ``touch`` does; the seed and the number of the touch determine both.
-    Displacements of several touches add up, as in any linear elastic layer.
+    Each touch has a temperature of the room, and misses place and depth as the robot of the scene
+    ``touch`` does; the seed and the number of the touch determine both. Touches add up.
 
     Args:
         side: pixels a side of the frame.
@@ -50,9 +47,8 @@ class SimulatedSensor:
         self._sensor = Sensor(seed, camera=camera)
         self.title = "Simulated sensor"
         self.note = (
-            f"Simulated, not measured: a camera of {side} × {side} pixels looks into soft "
-            f"silicone. Each touch misses its place by some {POSITION_SPREAD * 1e3:g} mm, as a "
-            "robot does, and the temperature of the room varies from touch to touch."
+            "Simulated, not measured: a camera looks into soft silicone. Each touch misses its "
+            "place a little, and the temperature of the room varies from touch to touch."
         )
         self.shape = (side, side)
         self.metadata: dict[str, object] = {"crop": None, "subsample": 1, "simulated": True}
@@ -114,13 +110,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--host", help="address to listen at (default: this computer alone)")
     given = parser.parse_args(arguments)
     torch.set_num_threads(1)  # the other core is the page's
-    sensor = SimulatedSensor(seed=given.seed)
     from hdc.live.page import serve
 
-    try:
-        serve(sensor, given.host, given.port)
-    except OSError as error:
-        sys.exit(f"error: {error}")
+    serve(SimulatedSensor(seed=given.seed), given.host, given.port)
 
 
 if __name__ == "__main__":

@@ -65,11 +65,6 @@ def open_recording(
         SettingError: a setting is out of range, or the path leads to no recording.
         BadFrame: a frame cannot be used.
         ValueError: a label, a table or a folder is not as described.
-
-    Example::
-
-        recording = open_recording("press", template="material_{label}/cycle_{order}_A/frame.png")
-        frames = recording.frames([0, 1, 2])  # uint8 or uint16 [3, H, W]
     """
     window = window or Window(crop, subsample)
     path = Path(path).expanduser()
@@ -126,10 +121,8 @@ def camera(
         capture = cv2.VideoCapture(index)
     try:
         if not capture.isOpened():
-            raise ValueError(
-                f"camera: expected a camera that can be opened at index {index}, found none (is it "
-                "connected, in use by another program, or not permitted?)"
-            )
+            wanted = f"a camera that can be opened at index {index}"
+            raise ValueError(f"camera: expected {wanted}, found none")
         while True:
             ok, image = capture.read()
             if not ok:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import io
 import math
+import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -173,7 +174,7 @@ def open_listing(
         samples={
             "order": np.arange(len(files)),
             **listing.samples,
-            "file": np.array([_relative(file, root) for file in files]),
+            "file": np.array([os.path.relpath(file, root) for file in files]),
         },
         each=each,
         place=lambda i: str(files[i]),
@@ -183,7 +184,3 @@ def open_listing(
         value_names=listing.value_names,
         other_files=tuple(listing.other_files),
     )
-
-
-def _relative(file: Path, root: Path) -> str:
-    return file.relative_to(root).as_posix() if file.is_relative_to(root) else str(file)

@@ -107,7 +107,7 @@ class Recording:
 
     @property
     def session(self) -> np.ndarray | None:
-        """Number of the session of each frame [N], if known."""
+        """Session of each frame [N], if known."""
         return self.samples.get("session")
 
     @property
@@ -164,10 +164,8 @@ def class_indices(
     if len(classes) < fewest:
         found = f"only {classes[0]!r}" if classes else "none"
         raise ValueError(f"{where}: expected two classes or more, found {found}")
-    if unknown := sorted(set(names) - set(classes)):
-        raise ValueError(
-            f"{where}: expected one of the {len(classes)} classes, found {unknown[0]!r}"
-        )
+    if unknown := set(names) - set(classes):
+        raise ValueError(f"{where}: expected one of the {len(classes)} classes, found {unknown}")
     return classes, np.array([classes.index(name) for name in names], dtype=np.int64)
 
 
@@ -175,11 +173,9 @@ def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> Non
     """Raise a ValueError unless ``order`` and ``session`` are N numbers: splits go by them."""
     for key in ("order", "session"):
         values = samples.get(key, np.zeros(n))
-        if values.shape != (n,) or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
-            raise ValueError(
-                f"{where}: expected {n} numbers in the column {key}, found "
-                f"{values.dtype} {values.shape}"
-            )
+        if values.shape != (n,) or values.dtype.kind not in "iuf":
+            found = f"{values.dtype} {values.shape}"
+            raise ValueError(f"{where}: expected {n} numbers in the column {key}, found {found}")
 
 
 def with_progress(items: Iterable[T], total: int, what: str) -> Generator[T]:

@@ -100,10 +100,8 @@ def _intervals(table: Path) -> list[tuple[float, float, str]]:
     intervals.sort()
     for (start, end, _), (later, last, _) in pairwise(intervals):
         if later < end:
-            raise ValueError(
-                f"{table}: expected intervals that do not overlap, found {start:g}–{end:g} s and "
-                f"{later:g}–{last:g} s"
-            )
+            found = f"{start:g}–{end:g} s and {later:g}–{last:g} s"
+            raise ValueError(f"{table}: expected intervals that do not overlap, found {found}")
     return intervals
 
 
@@ -130,9 +128,8 @@ def stream_video(
         for number in with_progress(count(), total, "Reading video"):
             if not capture.grab():
                 if number < length - 1 and before + 1 / rate < end < math.inf:
-                    raise BadFrame(
-                        f"{path}: expected {length:g} frames as its header says, found {number}"
-                    )
+                    wanted = f"{length:g} frames as its header says"
+                    raise BadFrame(f"{path}: expected {wanted}, found {number}")
                 return
             stated, even = capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3, number / rate
             first = first if number else stated
