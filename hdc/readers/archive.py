@@ -78,10 +78,8 @@ def _labels(
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Class names, and the index of each frame's [N]; integer labels count the ``names`` [L]."""
     if labels.shape != (n,) or labels.dtype.kind not in "iuU":
-        raise ValueError(
-            f"{path}[labels]: expected integers or strings ({n},), found {labels.dtype} "
-            f"{labels.shape}"
-        )
+        found = f"{labels.dtype} {labels.shape}"
+        raise ValueError(f"{path}[labels]: expected integers or strings ({n},), found {found}")
     classes = None if names is None else names.astype(str).tolist()
     if classes is not None and len(set(classes)) < len(classes):
         raise ValueError(f"{path}[classes]: expected different names, found {classes}")

@@ -144,10 +144,9 @@ def open_listing(
     def load(file: Path) -> np.ndarray:
         image = decode(file)
         if image.shape[:2] != (height, width) or image.dtype != dtype:
-            raise BadFrame(
-                f"{file}: expected {width} × {height} pixels {dtype} as in the other "
-                f"frames, found {image.shape[1]} × {image.shape[0]} {image.dtype}"
-            )
+            found = f"{image.shape[1]} × {image.shape[0]} {image.dtype}"
+            wanted = f"{width} × {height} pixels {dtype} as in the other frames"
+            raise BadFrame(f"{file}: expected {wanted}, found {found}")
         return _frame(file, image, window)
 
     kept: list[np.ndarray] = []

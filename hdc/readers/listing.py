@@ -68,7 +68,8 @@ def list_folder(
         require(not wanted, "table", None, f"a table with the columns {wanted}")
         rows, other_files = {}, []
         for file in all_files(root):
-            if is_image(file) and (match := (pattern or FOLDERS).fullmatch(file)):
+            match = (pattern or FOLDERS).fullmatch(file)
+            if match and file.lower().endswith(SUFFIXES):
                 rows[file] = match.groupdict()
             else:
                 other_files.append(file)
@@ -138,14 +139,10 @@ def image_files(root: Path) -> list[Path]:
     Raises:
         ValueError: there is none.
     """
-    files = [root / file for file in all_files(root) if is_image(file)]
+    files = [root / file for file in all_files(root) if file.lower().endswith(SUFFIXES)]
     if not files:
         raise ValueError(f"{root}: expected images ({', '.join(SUFFIXES)}), found none")
     return files
-
-
-def is_image(file: str) -> bool:
-    return file.lower().endswith(SUFFIXES)
 
 
 def template_pattern(template: str) -> re.Pattern[str]:

@@ -40,10 +40,8 @@ class Window:
         """
         x, y, w, h = self.crop or (0, 0, width, height)
         if x + w > width or y + h > height:
-            raise SettingError(
-                f"crop: expected a window inside frames {width} px wide and {height} px high, "
-                f"found {list(self.crop or ())}"
-            )
+            wanted = f"a window inside frames {width} px wide and {height} px high"
+            raise SettingError(f"crop: expected {wanted}, found {list(self.crop or ())}")
         return -(-h // self.subsample), -(-w // self.subsample)
 
     def of(self, image: np.ndarray) -> np.ndarray:

@@ -50,10 +50,8 @@ def open_video(path: Path, table: Path, window: Window, fewest_classes: int) -> 
             frames.append(frame)
     for m, (start, end, _) in enumerate(intervals):
         if m not in members:
-            raise ValueError(
-                f"{table}: expected intervals of at least one frame of {path.name}, found "
-                f"{start:g}–{end:g} s"
-            )
+            wanted = f"intervals of at least one frame of {path.name}"
+            raise ValueError(f"{table}: expected {wanted}, found {start:g}–{end:g} s")
     if len(frames) > 1 and all(np.array_equal(frame, frames[0]) for frame in frames):
         raise ValueError(
             f"{path}: expected frames that differ, found the same image again and again; OpenCV "
@@ -135,10 +133,8 @@ def stream_video(
             first = first if number else stated
             time = even if abs(stated - first - even) <= _ROUNDED_S else stated - first
             if time <= before:
-                raise ValueError(
-                    f"{path}: expected frames one after the other, found frame {number} at "
-                    f"{time:g} s after one at {before:g} s"
-                )
+                found = f"frame {number} at {time:g} s after one at {before:g} s"
+                raise ValueError(f"{path}: expected frames one after the other, found {found}")
             if time >= end - _EARLY_S:
                 return
             ok, image = capture.retrieve()
