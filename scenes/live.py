@@ -30,11 +30,8 @@ class SimulatedSensor:
     """A :class:`hdc.live.Pressable` of the simulated sensor.
 
     Each touch has a temperature of the room, and misses place and depth as the robot of the scene
-    ``touch`` does; the seed and the number of the touch determine both. Touches add up.
-
-    Args:
-        side: pixels a side of the frame.
-        seed: of the sensor and of what is drawn.
+    ``touch`` does; the seed and the number of the touch determine both. Touches add up. A frame has
+    ``side`` × ``side`` pixels.
     """
 
     label = None

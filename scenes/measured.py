@@ -138,8 +138,7 @@ class MeasuredScene:
         return len(self.labels)
 
     def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
-        """Frames uint8 or uint16 [len(indices), H, W]; an IndexError for one outside [0, N), a
-        BadFrame for a file that is no whole image."""
+        """Frames uint8 or uint16 [len(indices), H, W]."""
         rows = self._rows[row_numbers(indices, len(self))].tolist()
         frames = {row: self._decoded[row] for row in rows if row in self._decoded}
         missing, first = [row for row in dict.fromkeys(rows) if row not in frames], 0
