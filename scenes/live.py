@@ -8,6 +8,7 @@ paths): the speckle grains keep their size in pixels.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -109,7 +110,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     torch.set_num_threads(1)  # the other core is the page's
     from hdc.live.page import serve
 
-    serve(SimulatedSensor(seed=given.seed), given.host, given.port)
+    try:
+        serve(SimulatedSensor(seed=given.seed), given.host, given.port)
+    except OSError as error:  # the port is taken
+        sys.exit(f"error: {error}")
 
 
 if __name__ == "__main__":
