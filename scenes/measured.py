@@ -1,16 +1,7 @@
 """Public recordings of optical sensors as scenes; ``python -m scenes.measured`` lists them.
 
-A recording is a YAML of a dozen lines, in configs/scene or in a folder of one's own::
-
-    _target_: scenes.measured.MeasuredScene
-    source:
-      repository: owner/name
-      commit: 8d05841c98e20df00cb912a3b52d0d8211cc88f6
-      cite: A. Author, Journal 1, 2 (2020)
-    template: "day{session}/{label}/{order}.png"
-
-Frames are read where they lie (:mod:`scenes.source`) and never copied: most of these repositories
-state no licence.
+A recording is a YAML of a dozen lines, such as configs/scene/gelsight.yaml. Frames are
+read where they lie (:mod:`scenes.source`) and never copied: most repositories state no licence.
 """
 
 from __future__ import annotations
@@ -147,8 +138,7 @@ class MeasuredScene:
         return len(self.labels)
 
     def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
-        """Frames uint8 or uint16 [len(indices), H, W]; an IndexError for one outside [0, N), a
-        BadFrame for a file that is no whole image."""
+        """Frames uint8 or uint16 [len(indices), H, W]."""
         rows = self._rows[row_numbers(indices, len(self))].tolist()
         frames = {row: self._decoded[row] for row in rows if row in self._decoded}
         missing, first = [row for row in dict.fromkeys(rows) if row not in frames], 0

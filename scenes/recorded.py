@@ -21,7 +21,7 @@ class RecordedScene:
     def __init__(self, recording: readers.Recording) -> None:
         if recording.labels is None:
             raise readers.SettingError("path: expected a recording with labels, found values only")
-        self.recording, self.skipped = recording, recording.skipped
+        self.recording = recording
         self.classes, self.labels = recording.classes, recording.labels
         self.shape, self.samples, self.values = recording.shape, recording.samples, recording.values
 

@@ -1,10 +1,4 @@
-"""Readers of recorded frames: a folder of images as it is, arrays, a video, or a camera.
-
-:func:`open_recording` opens what lies on disk::
-
-    recording = open_recording("~/touches")           # or touches.npz, touches.mp4
-    frames = recording.frames([0, 1, 2])              # uint8 or uint16 [3, H, W]
-    names = [recording.classes[c] for c in recording.labels]
+"""Readers of recorded frames: a folder of images as it is, an .npz, a video, or a camera.
 
 docs/formats.md describes every kind. Images, videos and cameras need OpenCV and Pillow
 (``pip install 'speckle-hdc[readers]'``); this module itself imports numpy only. Each error names
@@ -32,7 +26,6 @@ __all__ = [
 ]
 
 VIDEO_SUFFIXES = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
-ARRAY_SUFFIXES = (".npz", ".npy")
 
 
 def open_recording(
@@ -40,14 +33,12 @@ def open_recording(
     intervals: str | Path | None = None,
     crop: Sequence[int] | None = None,
     subsample: int = 1,
-    on_bad_frame: str = "stop",
     memory_bytes: int = 2**28,
     *,
     template: str | None = None,
     table: str | Path | None = None,
     image_column: str = "image",
     value_columns: Sequence[str] = (),
-    axes: Sequence[str] | None = None,
     window: Window | None = None,
     check: bool = True,
     fewest_classes: int = 2,
@@ -55,66 +46,51 @@ def open_recording(
     """Open recorded frames with their labels, values and order.
 
     Args:
-        path: a folder of images, an .npz, an .npy or a video; ``~`` is the home folder.
+        path: a folder of images, an .npz or a video; ``~`` is the home folder.
         intervals: table of a video; default: beside the video, its suffix replaced by .csv.
         crop: (x, y, width, height) in pixels, x to the right and y down from the top left corner.
         subsample: every subsample-th pixel of the crop on both axes is kept (not averaged, which
             would lower the contrast of a speckle).
-        on_bad_frame: ``"stop"`` at the first frame that cannot be used, or ``"skip"`` it: then
-            ``recording.skipped`` lists each with the reason.
         memory_bytes: images are kept in memory up to this size, else decoded again when asked for.
         template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``.
         table: CSV with a row an image, in or relative to the folder; other columns are values.
         image_column: column of the table that names the image.
         value_columns: columns that are values; default: all numeric ones but order, session and
             group (none of a manifest.csv).
-        axes: names of the axes of an array, such as ``("label", "order", "height", "width")``.
         window: crop and subsample in one.
         check: decode every image at once; otherwise each when it is asked for.
         fewest_classes: a recording of fewer is refused.
-
-    Returns:
-        Frames, labels or None, values or None, and ``other_files``, the files that are no frames.
 
     Raises:
         SettingError: a setting is out of range, or the path leads to no recording.
         BadFrame: a frame cannot be used.
         ValueError: a label, a table or a folder is not as described.
-
-    Example::
-
-        open_recording("press", template="material_{label}/cycle_{order}_A/frame.png")
-        open_recording("pins", table="targets.csv", value_columns=["z"])
     """
     window = window or Window(crop, subsample)
-    require(on_bad_frame in ("stop", "skip"), "on_bad_frame", on_bad_frame, "stop or skip")
     path = Path(path).expanduser()
     folder, suffix = path.is_dir(), path.suffix.lower()
-    is_array = suffix in ARRAY_SUFFIXES and not folder
     is_video = suffix in VIDEO_SUFFIXES and not folder
     for name, setting, fits, kind in (
         ("template", template, folder, "a folder"),
         ("table", table, folder, "a folder"),
-        ("axes", axes, is_array, "an array"),
         ("intervals", intervals, is_video, "a video"),
     ):
         require(setting is None or fits, name, setting, f"null unless path is {kind} ({path})")
     if not path.exists():
         raise SettingError(f"path: expected a folder, an .npz or a video, found nothing: {path}")
-    skip = on_bad_frame == "skip"
     if folder:  # OpenCV is imported where images or videos are read, and not for an array
         from hdc.readers.images import open_listing
         from hdc.readers.listing import list_folder
 
         listing = list_folder(path, template, table, image_column, value_columns)
-        return open_listing(path, listing, window, skip, check, fewest_classes, memory_bytes)
+        return open_listing(path, listing, window, check, fewest_classes, memory_bytes)
     check_file(path)
-    if is_array:
+    if suffix == ".npz":
         from hdc.readers.archive import open_array
 
-        return open_array(path, window, axes, value_columns, fewest_classes)
+        return open_array(path, window, value_columns, fewest_classes)
     if not is_video:
-        kinds = ", ".join((*ARRAY_SUFFIXES, *VIDEO_SUFFIXES))
+        kinds = ", ".join((".npz", *VIDEO_SUFFIXES))
         raise SettingError(f"path: expected a folder or a file ({kinds}), found {path}")
     from hdc.readers.video import open_video
 
@@ -136,6 +112,21 @@ def camera(
         ValueError: there is no such camera, or a setting is out of range.
         BadFrame: the camera stops giving frames.
     """
-    from hdc.readers.video import camera_frames
+    import cv2
 
-    return camera_frames(index, Window(crop, subsample))
+    from hdc.readers.images import grey, quiet
+
+    window = Window(crop, subsample)
+    with quiet():
+        capture = cv2.VideoCapture(index)
+    try:
+        if not capture.isOpened():
+            wanted = f"a camera that can be opened at index {index}"
+            raise ValueError(f"camera: expected {wanted}, found none")
+        while True:
+            ok, image = capture.read()
+            if not ok:
+                raise BadFrame(f"camera {index}: expected a frame, found none (disconnected?)")
+            yield grey(window.of(image))
+    finally:
+        capture.release()

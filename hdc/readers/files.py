@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 
 class BadFrame(ValueError):
-    """A frame that cannot be used, and why; ``on_bad_frame`` decides what happens."""
+    """A frame that cannot be used, and why."""
 
 
 class SettingError(ValueError):
@@ -30,34 +31,36 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
 
 
 def check_file(path: Path) -> None:
-    """Raise a :class:`BadFrame` unless there is a regular file: to open a pipe may never end."""
+    """Raise a :class:`BadFrame` unless there is a regular file."""
     if not path.is_file():
-        found = "a folder, pipe or device" if path.exists() else "none"
-        raise BadFrame(f"{path}: expected a readable file, found {found}")
+        raise BadFrame(f"{path}: expected a readable file, found none")
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file, in hex."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_csv(path: Path, required: Sequence[str]) -> Iterator[tuple[str, dict[str, str]]]:
-    """Rows of a comma-separated table in UTF-8 with a header.
-
-    Yields:
-        For each row, its place ("FILE, line 3") and its values by column.
+    """Place ("FILE, line 3") and values by column of each row of a CSV in UTF-8 with a header.
 
     Raises:
         ValueError: no such file, not a table, a column missing, a row of another length, or a
             required value or a label that is empty.
     """
-    columns, rows = ", ".join(required), 0
     check_file(path)
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.reader(file, strict=True)
             header = [name.strip() for name in next(reader, [])]
             if not set(required) <= set(header) or len(set(header)) < len(header):
+                columns = ", ".join(required)
                 raise ValueError(
                     f"{path}: expected different columns, with {columns}, found {header}"
                 )
             for cells in filter(None, reader):
-                where, rows = f"{path}, line {reader.line_num}", rows + 1
+                where = f"{path}, line {reader.line_num}"
                 if len(cells) != len(header):
                     raise ValueError(f"{where}: expected {len(header)} values, found {len(cells)}")
                 row = dict(zip(header, (cell.strip() for cell in cells), strict=True))
@@ -67,5 +70,3 @@ def read_csv(path: Path, required: Sequence[str]) -> Iterator[tuple[str, dict[st
                 yield where, row
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{path}: expected a CSV table in UTF-8, found: {error}") from error
-    if not rows:
-        raise ValueError(f"{path}: expected at least one row, found none")

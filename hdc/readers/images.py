@@ -10,10 +10,11 @@ from __future__ import annotations
 import hashlib
 import io
 import math
+import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -22,7 +23,7 @@ import cv2
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from hdc.readers.files import BadFrame, SettingError, check_file, natural_key
+from hdc.readers.files import BadFrame, SettingError, check_file
 from hdc.readers.listing import Listing
 from hdc.readers.recording import Recording, Window, class_indices, with_progress
 
@@ -46,40 +47,31 @@ def decode(file: Path) -> np.ndarray:
     try:
         data = file.read_bytes()
         with Image.open(io.BytesIO(data), formats=FORMATS) as header:
-            _check_header(header, data)
+            if header.format != "MPO" and (n := getattr(header, "n_frames", 1)) > 1:
+                raise BadFrame(f"{file}: expected a single image, found {n}")
             if header.format == "TIFF":
-                return _tiff(header)
+                return _tiff(file, header)
             image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-            if image is None or image.shape[1::-1] != header.size:
-                raise ValueError("expected a whole image, found one that is damaged or truncated")
-            return image
     except UnidentifiedImageError as error:
         kinds = ", ".join(FORMATS)
         raise BadFrame(f"{file}: expected an image ({kinds}), found other data") from error
+    except BadFrame:
+        raise
     except Exception as error:  # broken bytes make Pillow raise a dozen different types
-        text = str(error)
-        if not text.startswith("expected"):
-            text = f"expected a whole image, found: {text or repr(error)}"
-        raise BadFrame(f"{file}: {text}") from error
+        raise BadFrame(f"{file}: expected a whole image, found: {str(error) or error!r}") from error
+    if image is None:
+        raise BadFrame(f"{file}: expected a whole image, found one that is damaged or truncated")
+    return image
 
 
-def _check_header(header: Any, data: bytes) -> None:
-    if header.format != "MPO" and (n := getattr(header, "n_frames", 1)) > 1:
-        raise ValueError(f"expected a single image, found {n}")
-    # A file that was never finished ends in zeros; decoders make up what is missing.
-    if header.format == "JPEG" and data.endswith(b"\0") and data.rstrip(b"\0")[-2:] != b"\xff\xd9":
-        raise ValueError("expected a whole image, found one that ends in zeros")
-
-
-def _tiff(header: Any) -> np.ndarray:
-    if header.mode not in TIFF_MODES or header.tag_v2.get(258, (8,))[1:2] == (16,):
-        raise ValueError(
-            f"expected a grey TIFF, or colour of 8 bits without alpha, found {header.mode}"
+def _tiff(file: Path, image: Any) -> np.ndarray:
+    bits = image.tag_v2.get(258, (8,))
+    if image.mode not in TIFF_MODES or bits[1:2] == (16,):
+        raise BadFrame(
+            f"{file}: expected a grey TIFF, or colour of 8 bits without alpha, found {image.mode}"
         )
-    if (turned := header.tag_v2.get(274, 1)) != 1:
-        raise ValueError(f"expected pixels as they are seen, found a TIFF of orientation {turned}")
-    image = np.asarray(header.convert(TIFF_MODES[header.mode]))
-    return image[..., ::-1] if image.ndim == 3 else image.astype(image.dtype.newbyteorder("="))
+    pixels = np.asarray(image.convert(TIFF_MODES[image.mode]))
+    return pixels[..., ::-1] if pixels.ndim == 3 else pixels.astype(pixels.dtype.newbyteorder("="))
 
 
 def grey(image: np.ndarray) -> np.ndarray:
@@ -133,104 +125,61 @@ def open_listing(
     root: Path,
     listing: Listing,
     window: Window,
-    skip: bool,
     check: bool,
     fewest_classes: int,
     memory_bytes: int,
 ) -> Recording:
-    """Open the images of a folder; with ``check`` or ``skip`` every one is decoded at once.
+    """Open the images of a folder; with ``check`` every one is decoded at once.
 
     Raises:
         BadFrame: a file is no usable image, or its size or depth is not that of the first.
-        ValueError: a class is left without a frame.
+        ValueError: there are fewer classes than are needed.
     """
     files = listing.files
     with quiet():
-        first_file, first = _first(files, skip)
+        first = decode(files[0])
     (height, width), dtype = first.shape[:2], first.dtype
-    shape = _frame(first_file, first, window).shape
+    shape = _frame(files[0], first, window).shape
 
     def load(file: Path) -> np.ndarray:
         image = decode(file)
         if image.shape[:2] != (height, width) or image.dtype != dtype:
-            raise BadFrame(
-                f"{file}: expected {width} × {height} pixels {dtype} as in the other "
-                f"frames, found {image.shape[1]} × {image.shape[0]} {image.dtype}"
-            )
+            found = f"{image.shape[1]} × {image.shape[0]} {image.dtype}"
+            wanted = f"{width} × {height} pixels {dtype} as in the other frames"
+            raise BadFrame(f"{file}: expected {wanted}, found {found}")
         return _frame(file, image, window)
 
-    def attempt(file: Path) -> np.ndarray | BadFrame:
-        try:
-            return load(file)
-        except BadFrame as error:
-            return error
-
     kept: list[np.ndarray] = []
-    problems: dict[int, BadFrame] = {}
-    if check or skip:
+    if check:
         in_memory = len(files) * math.prod(shape) * dtype.itemsize <= memory_bytes
-        frames = with_progress(ahead(attempt, files), len(files), "Reading images")
-        # Left to the garbage collector, its threads may end while others start, and block them.
-        with closing(frames):
-            for i, frame in enumerate(frames):
-                if isinstance(frame, BadFrame):
-                    problems[i] = frame
-                    if not skip:
-                        raise frame
-                elif in_memory:
-                    kept.append(frame)
-    good = [i for i in range(len(files)) if i not in problems]
-    relative = np.array([_relative(file, root) for file in files])
-    left_out = np.delete(relative, good).tolist()
-    usable = [files[i] for i in good]
+        frames = with_progress(ahead(load, files), len(files), "Reading images")
+        kept = [frame for frame in frames if in_memory]
     classes: tuple[str, ...] = ()
     labels = None
     if listing.labels is not None:
-        names = [listing.labels[i] for i in good]
-        if lost := sorted(set(listing.labels) - set(names), key=natural_key):
-            raise ValueError(f"{root}: class {lost[0]!r}: none of its frames can be used")
-        classes, labels = class_indices(names, root, fewest_classes, listing.classes)
-    stack = np.stack(kept) if kept else None
+        classes, labels = class_indices(listing.labels, root, fewest_classes, listing.classes)
 
     def digest() -> str:
-        contents = (hashlib.sha256(file.read_bytes()).digest() for file in usable)
-        whole = hashlib.sha256(b"".join(contents))
-        whole.update(repr(left_out).encode() if left_out else b"")
-        return whole.hexdigest()
+        contents = (hashlib.sha256(file.read_bytes()).digest() for file in files)
+        return hashlib.sha256(b"".join(contents)).hexdigest()
 
     def each(index: np.ndarray) -> Iterator[np.ndarray]:
-        return ahead(load, [usable[i] for i in index]) if stack is None else iter(stack[index])
+        return (kept[i] for i in index) if kept else ahead(load, [files[i] for i in index])
 
     return Recording(
         classes=classes,
         labels=labels,
         shape=(shape[0], shape[1]),
         samples={
-            "order": np.arange(len(good)),
-            **{name: values[good] for name, values in listing.samples.items()},
-            "file": relative[good],
+            "order": np.arange(len(files)),
+            **listing.samples,
+            "file": np.array([os.path.relpath(file, root) for file in files]),
         },
         each=each,
-        place=lambda i: str(usable[i]),
+        place=lambda i: str(files[i]),
         digest=cache(digest),
         window=window,
-        values=None if listing.values is None else listing.values[good],
+        values=listing.values,
         value_names=listing.value_names,
-        skipped=tuple(str(problems[i]) for i in sorted(problems)),
         other_files=tuple(listing.other_files),
     )
-
-
-def _first(files: Sequence[Path], skip: bool) -> tuple[Path, np.ndarray]:
-    """The first file that can be decoded, with its image; without ``skip`` the first of all."""
-    problems = []
-    for file in files if skip else files[:1]:
-        try:
-            return file, decode(file)
-        except BadFrame as error:
-            problems.append(error)
-    raise problems[0]
-
-
-def _relative(file: Path, root: Path) -> str:
-    return file.relative_to(root).as_posix() if file.is_relative_to(root) else str(file)

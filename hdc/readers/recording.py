@@ -25,14 +25,9 @@ class Window:
     def __post_init__(self) -> None:
         if self.crop is not None:
             crop = tuple(self.crop)
-            require(
-                len(crop) == 4
-                and all(isinstance(n, int | np.integer) for n in crop)
-                and min(crop) >= 0 < min(crop[2:]),
-                "crop",
-                self.crop,
-                "null or [x, y, width, height], integers ≥ 0 and sizes ≥ 1",
-            )
+            fits = len(crop) == 4 and all(isinstance(n, int | np.integer) for n in crop)
+            expected = "null or [x, y, width, height], integers ≥ 0 and sizes ≥ 1"
+            require(fits and min(crop) >= 0 < min(crop[2:]), "crop", self.crop, expected)
             object.__setattr__(self, "crop", crop)
         whole = isinstance(self.subsample, int | np.integer) and self.subsample >= 1
         require(whole, "subsample", self.subsample, "an integer ≥ 1")
@@ -45,10 +40,8 @@ class Window:
         """
         x, y, w, h = self.crop or (0, 0, width, height)
         if x + w > width or y + h > height:
-            raise SettingError(
-                f"crop: expected a window inside frames {width} px wide and {height} px high, "
-                f"found {list(self.crop or ())}"
-            )
+            wanted = f"a window inside frames {width} px wide and {height} px high"
+            raise SettingError(f"crop: expected {wanted}, found {list(self.crop or ())}")
         return -(-h // self.subsample), -(-w // self.subsample)
 
     def of(self, image: np.ndarray) -> np.ndarray:
@@ -60,21 +53,20 @@ class Window:
 
 @dataclass(frozen=True)
 class Recording:
-    """Recorded frames with their labels, values, and place in time.
+    """N frames, decoded when asked for.
 
     Attributes:
-        classes: names of the L classes in their order; none where the recording has values only.
-        labels: index into them of each frame, int64 [N]; None without classes.
-        shape: (H, W) of a frame.
-        samples: all that is known of the frames beside labels and values, [N] each: ``order``
+        classes: names of the L classes; label c means ``classes[c]``.
+        labels: int64 [N]; None where there are only values.
+        shape: (H, W) of one frame in pixels.
+        samples: what is known of the frames before they are decoded, [N] each: ``order``
             (place in time), ``session`` and ``group`` where known, other columns of a table.
         values: float64 [N, k], the numbers to learn; None where there are none.
         value_names: their k names.
-        skipped: a line for each frame that cannot be used, with the reason.
         other_files: names of files that are no frames of the recording.
         each: frames [H, W] of indices [n], one after the other, decoded ahead of the caller.
         place: file of a frame, or its place in one, for messages.
-        digest: gives that of the recorded bytes, in their order, and of the skipped frames.
+        digest: gives that of the recorded bytes, in their order.
         window: pixels that are kept.
     """
 
@@ -88,7 +80,6 @@ class Recording:
     window: Window
     values: np.ndarray | None = None
     value_names: tuple[str, ...] = ()
-    skipped: tuple[str, ...] = ()
     other_files: tuple[str, ...] = ()
 
     def __len__(self) -> int:
@@ -114,7 +105,7 @@ class Recording:
 
     @property
     def session(self) -> np.ndarray | None:
-        """Number of the session of each frame [N], if known."""
+        """Session of each frame [N], if known."""
         return self.samples.get("session")
 
     @property
@@ -133,9 +124,7 @@ class Recording:
         return np.stack(frames) if frames else np.empty((0, *self.shape), np.uint8)
 
     def stream(self, indices: Sequence[int] | np.ndarray | None = None) -> Iterator[np.ndarray]:
-        """Frames [H, W] of the given indices (default: all), one after the other; see
-        :meth:`frames`.
-        """
+        """:meth:`frames` [H, W] of the given indices (default: all), one after the other."""
         chosen = range(len(self)) if indices is None else indices
         index = np.asarray(chosen, dtype=np.int64).reshape(-1)
         if len(index) and not 0 <= index.min() <= index.max() < len(self):
@@ -143,13 +132,11 @@ class Recording:
         return self.each(index)
 
     def left_out(self, most: int = 3) -> str:
-        """One line on frames and files that were left out, with the first names; or nothing."""
-        parts = []
-        for kind, items in (("bad frame", self.skipped), ("other file", self.other_files)):
-            if items:
-                names = ", ".join(items[:most]) + ", …" * (len(items) > most)
-                parts.append(f"left out {len(items)} {kind}{'s' * (len(items) > 1)}: {names}")
-        return "; ".join(parts)
+        """One line on the files that are no frames, with the first names; or nothing."""
+        if not (files := self.other_files):
+            return ""
+        names = ", ".join(files[:most]) + ", …" * (len(files) > most)
+        return f"left out {len(files)} other file{'s' * (len(files) > 1)}: {names}"
 
     def fingerprint(self) -> str:
         """SHA-256 over the recorded bytes, the pixels kept of them, labels, values and order."""
@@ -169,25 +156,24 @@ def class_indices(
     """Class names in natural order (or the given one), and the index of each sample's [N].
 
     Raises:
-        ValueError: fewer classes than are needed.
+        ValueError: fewer classes than are needed, or a name that is none of those given.
     """
-    classes = tuple(order) if order is not None else tuple(sorted(set(names), key=natural_key))
+    classes = tuple(sorted(set(names), key=natural_key) if order is None else order)
     if len(classes) < fewest:
         found = f"only {classes[0]!r}" if classes else "none"
         raise ValueError(f"{where}: expected two classes or more, found {found}")
-    index = {name: c for c, name in enumerate(classes)}
-    return classes, np.array([index[name] for name in names], dtype=np.int64)
+    if unknown := set(names) - set(classes):
+        raise ValueError(f"{where}: expected one of the {len(classes)} classes, found {unknown}")
+    return classes, np.array([classes.index(name) for name in names], dtype=np.int64)
 
 
 def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> None:
     """Raise a ValueError unless ``order`` and ``session`` are N numbers: splits go by them."""
     for key in ("order", "session"):
         values = samples.get(key, np.zeros(n))
-        if values.shape != (n,) or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
-            raise ValueError(
-                f"{where}: expected {n} numbers in the column {key}, found "
-                f"{values.dtype} {values.shape}"
-            )
+        if values.shape != (n,) or values.dtype.kind not in "iuf":
+            found = f"{values.dtype} {values.shape}"
+            raise ValueError(f"{where}: expected {n} numbers in the column {key}, found {found}")
 
 
 def with_progress(items: Iterable[T], total: int, what: str) -> Generator[T]:

@@ -23,7 +23,7 @@ def test_a_recording_is_a_scene(archive):
     assert (scene.origin, scene.classes, scene.shape) == ("recorded", ("a", "b"), (3, 2))
     assert scene.labels.tolist() == [0, 1] * 3
     assert scene.samples["session"].tolist() == [0, 0, 0, 1, 1, 1]
-    assert (len(scene), scene.skipped) == (6, ())
+    assert len(scene) == 6
     expected = torch.from_numpy(frames[:, ::2, 1:4:2].copy())
     assert torch.equal(scene.frames(torch.tensor([4, 1])), expected[[4, 1]])
     with pytest.raises(IndexError, match=r"expected values in \[0, 6\)"):

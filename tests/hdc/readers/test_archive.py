@@ -1,4 +1,4 @@
-"""Arrays: labels and frames as saved, nothing unpickled, axes by name."""
+"""Arrays: labels and frames as saved, nothing unpickled."""
 
 import pickle
 
@@ -52,23 +52,6 @@ def test_classes_can_be_named_or_be_labels_themselves(save):
     assert np.array_equal(both.labels, LABELS)
 
 
-def test_axes_of_an_array_are_named(tmp_path, pixels):
-    np.save(tmp_path / "x.npy", pixels.reshape(3, 4, 20, 30))
-    path = tmp_path / "x.npy"
-    recording = open_recording(path, axes=("label", "order", "height", "width"))
-    assert recording.names == [*"000011112222"]
-    assert recording.order.tolist() == [0, 1, 2, 3] * 3
-    assert np.array_equal(recording.frames([5, 0]), pixels[[5, 0]])
-    values = open_recording(path, axes=["session", "value", "height", "width"])
-    assert values.values[:, 0].tolist() == [0, 1, 2, 3] * 3
-    assert values.session.tolist() == [0] * 4 + [1] * 4 + [2] * 4
-    for axes in (["label", "height", "order", "width"], ["x", "y", "height", "width"]):
-        with pytest.raises(ValueError, match="axes: expected different names among label, order"):
-            open_recording(path, axes=axes)
-    with pytest.raises(ValueError, match=r"expected shape \[label, height, width\], found \(3, 4"):
-        open_recording(path, axes=["label", "height", "width"])
-
-
 class Trap:
     """Fails the test if it is unpickled."""
 
@@ -100,11 +83,10 @@ def test_nothing_is_unpickled(save, tmp_path):
         ),
         ({"labels": LABELS.astype(float)}, r"\[labels\]: .* found float64"),
         ({"labels": LABELS * 0}, r"\[labels\]: expected two classes or more, found only '0'"),
-        ({"classes": np.array(["a", "b"])}, r"\[labels\]: expected one of the 2 classes, found 2"),
-        ({"classes": np.array(["a", "a", "b"])}, r"\[classes\]: expected different strings"),
+        ({"classes": np.array(["a", "b"])}, r"\[labels\]: expected one of the 2 classes, found"),
+        ({"classes": np.array(["a", "a", "b"])}, r"\[classes\]: expected different names"),
         ({"order": LABELS.astype("M8[s]")}, r"12 numbers in the column order, found datetime64"),
         ({"session": LABELS[:5]}, r"12 numbers in the column session, found .*\(5,\)"),
-        ({"classes": np.arange(3)}, r"\[classes\]: expected different strings \[L\], found int64"),
     ],
 )
 def test_arrays_of_another_kind_are_named(save, changed, message):
