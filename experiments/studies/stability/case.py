@@ -30,34 +30,25 @@ def differing(result: Any, exact: Any) -> float:
 
 @dataclass(frozen=True)
 class Case:
-    """What is computed, and why it is hard.
+    """The computations in words, the unit of the error, and `prepare`, which makes the input.
 
-    Attributes:
-        part: hypervectors, correlations or training.
-        name: of the function that prepares it, in words.
-        prepare: makes the input, and returns two functions without arguments, the obvious
-            computation and ours, then the exact result, then a tolerance if it depends on the
-            input.
-        extreme: what is extreme about the input, and where the obvious computation fails.
-        naive, ours: the two computations, in words.
-        unit: of the error.
-        error: of a result, against the exact one.
-        tolerance: the largest error of ours for which the case holds.
+    It returns two functions without arguments, the obvious computation and ours, then the exact
+    result, then a tolerance if it depends on the input.
     """
 
     part: str
-    name: str
-    prepare: Callable[..., tuple[Any, ...]]
     extreme: str
     naive: str
     ours: str
     unit: str
+    name: str
+    prepare: Callable[[], tuple[Any, ...]]
     error: Callable[[Any, Any], float] = largest
     tolerance: float = 0.0
 
-    def row(self, **arguments: Any) -> Row:
-        """Both errors and the verdict; arguments are those of `prepare`."""
-        naive, ours, exact, *tolerances = self.prepare(**arguments)
+    def row(self) -> Row:
+        """Both errors and the verdict."""
+        naive, ours, exact, *tolerances = self.prepare()
         tolerance = (*tolerances, self.tolerance)[0]
         error_ours = self._error(ours, exact)
         texts = ("part", "extreme", "naive", "ours", "unit")
@@ -85,14 +76,12 @@ CASES: list[Case] = []
 """Every case, once the modules of ``cases`` are imported."""
 
 
-def case(
-    part: str, extreme: str, naive: str, ours: str, unit: str, name: str = "", **rest: Any
-) -> Any:
-    """Register a function as a :class:`Case` with these attributes."""
+def case(*texts: str, name: str = "", **rest: Any) -> Any:
+    """Register a function as the `prepare` of a :class:`Case` with these attributes."""
 
     def register(prepare: Any) -> Any:
         words = name or prepare.__name__.replace("_", " ")
-        CASES.append(Case(part, words, prepare, extreme, naive, ours, unit, **rest))
+        CASES.append(Case(*texts, name=words, prepare=prepare, **rest))
         return prepare
 
     return register
