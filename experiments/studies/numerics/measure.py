@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from torch import Tensor
 
@@ -33,18 +33,13 @@ def numerics(run: Run, samples: int = 100, pixels: int = 25_000, repeats: int = 
     ``error`` against an exact reference, ``time_s``, and ``tolerance``, the error that it may have.
     Arguments: configs/experiment/numerics.yaml.
     """
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with threadpool_limits(1):  # of numpy: waiting threads would count as CPU time
-            yield from phases(repeats)
-            yield from correlations(samples, pixels, repeats)
-    finally:
-        torch.set_num_threads(before)
+    with threadpool_limits(1):  # of numpy and torch: waiting threads would count as CPU time
+        yield from phases(repeats)
+        yield from correlations(samples, pixels, repeats)
 
 
 def cpu_time(call: Callable[[], object], repeats: int) -> float:
-    """Least CPU seconds of one call; other load on the machine does not show in them."""
+    """Least CPU seconds of one call."""
     call()
     return min(timeit.repeat(call, timer=time.process_time, number=1, repeat=repeats))
 
@@ -53,7 +48,7 @@ def phases(repeats: int) -> Iterator[Row]:
     """Root mean square error of e^{iφ} for 62,856 phases of 10⁵, 10⁶ and 10⁷ rad.
 
     An error ε of each path changes an intensity by √2·ε of its mean; the tolerance is where that is
-    the read noise of the camera. The reference has the mantissa of ``numpy.longdouble``.
+    the camera's read noise. The reference has the mantissa of ``numpy.longdouble``.
     """
     camera = Camera()
     for largest in (1e5, 1e6, 1e7):
@@ -75,15 +70,15 @@ def field(phase: Tensor) -> Tensor:
     return torch.complex(phase.cos().float(), phase.sin().float())
 
 
-def reduced(phase: Tensor) -> Tensor:
-    """The phases modulo 2π: reduced in float64, the remainder in float32."""
+def mixed(phase: Tensor) -> Tensor:
+    """The same of phases reduced modulo 2π in float64, the remainder in float32."""
     turns = phase * (1 / (2 * math.pi))
-    return (turns - turns.floor()).mul_(2 * math.pi).float()
+    return field((turns - turns.floor()).mul_(2 * math.pi).float())
 
 
 FIELDS: dict[str, Callable[[Tensor], Tensor]] = {
     "float32": lambda phase: field(phase.float()),
-    "mixed": lambda phase: field(reduced(phase)),
+    "mixed": mixed,
     "float64": field,
 }
 
@@ -127,18 +122,9 @@ def exact_mean(frames: Samples) -> float:
         return float(sum(values) / len(values))
 
 
-def gram(frames: Samples, dtype: DTypeLike) -> float:
-    """Mean of the Gram matrix of standardised frames, off its diagonal: O(N²·D) operations."""
-    x = frames.astype(dtype)
-    z = (x - x.mean(1, keepdims=True)) / x.std(1, keepdims=True)
-    return float((z @ z.T)[np.triu_indices(len(z), 1)].mean() / x.shape[1])
-
-
 FORMS: tuple[tuple[str, str, Callable[[Samples], float]], ...] = (
     ("double sum", "float32", lambda x: pair_correlations_double_sum(x, x, np.float32)),
     ("double sum", "float64", lambda x: pair_correlations_double_sum(x, x)),
-    ("Gram matrix", "float32", lambda x: gram(x, np.float32)),
-    ("Gram matrix", "float64", lambda x: gram(x, np.float64)),
     ("class sum", "float32", lambda x: mean_pair_correlations(x, x, np.float32)),
     ("class sum", "float64", lambda x: mean_pair_correlations(x, x)),
 )
