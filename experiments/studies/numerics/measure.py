@@ -34,17 +34,13 @@ def numerics(run: Run, samples: int = 100, pixels: int = 25_000, repeats: int = 
     Arguments: configs/experiment/numerics.yaml.
     """
     with threadpool_limits(1):  # of numpy and torch: waiting threads would count as CPU time
-        yield from phases(repeats)
-        yield from correlations(samples, pixels, repeats)
+        for row, call in (*phases(), *correlations(samples, pixels)):
+            call()
+            times = timeit.repeat(call, timer=time.process_time, number=1, repeat=repeats)
+            yield row | {"time_s": min(times)}
 
 
-def cpu_time(call: Callable[[], object], repeats: int) -> float:
-    """Least CPU seconds of one call."""
-    call()
-    return min(timeit.repeat(call, timer=time.process_time, number=1, repeat=repeats))
-
-
-def phases(repeats: int) -> Iterator[Row]:
+def phases() -> Iterator[tuple[Row, Callable[[], object]]]:
     """Root mean square error of e^{iφ} for 62,856 phases of 10⁵, 10⁶ and 10⁷ rad.
 
     An error ε of each path changes an intensity by √2·ε of its mean; the tolerance is where that is
@@ -57,12 +53,10 @@ def phases(repeats: int) -> Iterator[Row]:
         for number, form in FIELDS.items():
             value = form(phase).numpy()
             square = (value.real - np.cos(long)) ** 2 + (value.imag - np.sin(long)) ** 2
-            yield {
-                "input": "phases", "method": f"to {largest:.0e} rad", "number": number,
-                "error": float(np.sqrt(square.mean())),
-                "time_s": cpu_time(partial(form, phase), repeats),
-                "tolerance": camera.read_noise / camera.grey / math.sqrt(2),
-            }  # fmt: skip
+            row: Row = {"input": "phases", "method": f"to {largest:.0e} rad", "number": number}
+            row["error"] = float(np.sqrt(square.mean()))
+            row["tolerance"] = camera.read_noise / camera.grey / math.sqrt(2)
+            yield row, partial(form, phase)
 
 
 def field(phase: Tensor) -> Tensor:
@@ -83,16 +77,13 @@ FIELDS: dict[str, Callable[[Tensor], Tensor]] = {
 }
 
 
-def correlations(n: int, d: int, repeats: int) -> Iterator[Row]:
+def correlations(n: int, d: int) -> Iterator[tuple[Row, Callable[[], object]]]:
     """Error of C_ll; the tolerance is half of the last digit that the paper prints."""
     for name, frames in (("8-bit speckle", speckle(n, d)), ("mean 10⁶ × deviation", flat(n, d))):
         exact = exact_mean(frames)
         for method, number, form in FORMS:
-            yield {
-                "input": name, "method": method, "number": number, "tolerance": 5e-4,
-                "error": abs(form(frames) - exact),
-                "time_s": cpu_time(partial(form, frames), repeats),
-            }  # fmt: skip
+            row = {"input": name, "method": method, "number": number, "tolerance": 5e-4}
+            yield row | {"error": abs(form(frames) - exact)}, partial(form, frames)
 
 
 def speckle(n: int, d: int) -> Samples:

@@ -74,7 +74,7 @@ CASES: list[Case] = []
 """Every case, once the modules of ``cases`` are imported."""
 
 
-def case(*texts: str, name: str = "", **rest: Any) -> Any:
+def case(*texts: Any, name: str = "", **rest: Any) -> Any:
     """Register a function as the `prepare` of a :class:`Case` with these attributes."""
 
     def register(prepare: Any) -> Any:
