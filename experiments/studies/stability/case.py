@@ -79,7 +79,7 @@ def case(*texts: Any, name: str = "", **rest: Any) -> Any:
 
     def register(prepare: Any) -> Any:
         words = name or prepare.__name__.replace("_", " ")
-        CASES.append(Case(*texts, name=words, prepare=prepare, **rest))
+        CASES.append(Case(*texts, **{"name": words, "prepare": prepare, **rest}))
         return prepare
 
     return register
