@@ -1,21 +1,16 @@
 """Every way to carry out an operation on the same bytes: ours, the peers', the machine's limits.
 
 :data:`OPERATIONS` is the registry: a function an operation, which yields its routes for a case. The
-routes of a case share its inputs, in the form that their users have at hand; anything else that a
-call needs is prepared by the first call, which is not timed. A new peer is one more ``yield``.
+routes of a case share its inputs, in the form that their users have at hand. A call prepares
+anything else that it needs when it is first made, which is not timed.
 """
 
 from __future__ import annotations
 
-import contextlib
-import io
 import itertools
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
 from importlib import import_module as load
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,13 +24,11 @@ from hdc.prototypes import Counters
 
 OURS, OURS_COMPILED = "hdc", "hdc, compiled"
 READ, COPY = "one read of the bytes", "one copy of the bytes"
-DECODED = "OpenCV in as many threads, no more"
-ENCODING, COUNTING = "hdc, compiled: encode only", "hdc, compiled: count only"
-UNCHECKED = (READ, COPY, DECODED, ENCODING)  # no result, or that of another operation
+UNCHECKED = (READ, COPY)  # no result
 NUMKONG, TORCHHD_BUNDLE = "numkong.cdist", "torchhd.multiset"
 TORCHHD_TRAIN = "torch.median, torchhd.multiset"
-ORDINARY_ROUTES = (TORCHHD_TRAIN, "numpy.median, torchhd.multiset")
-"""Frames to prototypes by the functions that numpy, torch and torchhd offer."""
+ORDINARY_ROUTES = (TORCHHD_TRAIN,)
+"""Frames to prototypes by the functions that torch and torchhd offer."""
 
 
 class Route(NamedTuple):
@@ -56,16 +49,11 @@ def encode_routes(case: Case) -> Iterator[Route]:
 
 def bundle_routes(case: Case) -> Iterator[Route]:
     """Hypervectors to prototypes."""
-    words = case.words
-    ones = cache(lambda: bits.unpack(words, case.d))  # as torchhd has them, a byte a bit
-    classes = cache(lambda: by_class(case, ones()))
+    # As torchhd has them, a byte a bit.
+    classes = cache(lambda: by_class(case, bits.unpack(case.words, case.d)))
     yield from ours(lambda backend: partial(count, case, backend))
     yield Route(TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
-    yield Route(
-        "numpy.add.reduce of bytes",
-        "numpy",
-        lambda: np.stack([2 * x.numpy().sum(0, dtype=np.int16) > len(x) for x in classes()]),
-    )
+    yield Route("numpy.add.reduce of bytes", "numpy", lambda: np.stack([*map(summed, classes())]))
 
 
 def hamming_routes(case: Case) -> Iterator[Route]:
@@ -73,38 +61,23 @@ def hamming_routes(case: Case) -> Iterator[Route]:
     pair = case.words, case.prototypes
     q, p = (x.numpy().view(np.uint8) for x in pair)
 
-    @cache
-    def index() -> Any:
-        index = load("faiss").IndexBinaryFlat(8 * p.shape[1])
-        index.add(p)
-        return index
-
     def faiss_distances() -> np.ndarray:
-        distances, order = index().search(q, len(p))
+        distances, order = load("faiss").knn_hamming(q, p, len(p))
         return np.take_along_axis(distances, order.argsort(1), 1)
 
     yield from ours(lambda backend: partial(bits.hamming, *pair, backend))
     metric = {"metric": "hamming", "dtype": "uint1"}
     yield Route(NUMKONG, "numkong", lambda: load("numkong").cdist(q, p, **metric))
-    yield Route("faiss.IndexBinaryFlat", "faiss", faiss_distances)
+    yield Route("faiss.knn_hamming", "faiss", faiss_distances)
 
 
 def train_routes(case: Case) -> Iterator[Route]:
-    """Frames to prototypes; of ours also the two halves, encoding and counting."""
-    frames, out = case.pixels, torch.empty_like(case.words)
-    copied = np.zeros(frames.shape, np.uint8)
-
-    def numpy_bits() -> Tensor:
-        array = frames.numpy()
-        return torch.from_numpy(array > np.median(array, axis=1, keepdims=True))
-
+    """Frames to prototypes."""
+    frames, copied = case.pixels, np.zeros(case.pixels.shape, np.uint8)
     yield from ours(lambda backend: lambda: HDCClassifier(backend=backend).fit(frames, case.labels))
-    yield Route(ENCODING, "numba", lambda: encode(frames, backend="compiled", out=out))
-    yield Route(COUNTING, "numba", partial(count, case, "compiled"))
     yield Route(READ, "numpy", lambda: np.bitwise_xor.reduce(frames.numpy().view(np.uint64)))
     yield Route(COPY, "numpy", lambda: np.copyto(copied, frames.numpy()))
     yield Route(TORCHHD_TRAIN, "torchhd", lambda: multisets(by_class(case, torch_bits(frames))))
-    yield Route(ORDINARY_ROUTES[1], "torchhd", lambda: multisets(by_class(case, numpy_bits())))
 
 
 def predict_routes(case: Case) -> Iterator[Route]:
@@ -133,42 +106,12 @@ def predict_routes(case: Case) -> Iterator[Route]:
     yield Route("cv2.calcHist, numpy.bitwise_count", "cv2", each(opencv_label))
 
 
-def file_routes(case: Case) -> Iterator[Route]:
-    """Images or a video to a saved model, as ``hdc train`` does it once it has started."""
-    cv2, folder = load("cv2"), tempfile.TemporaryDirectory()  # deleted with the routes
-    recording = write_recording(case, Path(folder.name))
-    model = Path(folder.name, "model.safetensors")
-
-    def train() -> Path:
-        main = load("hdc.command").main
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
-            main(["train", str(recording), "-o", str(model)])
-        return model
-
-    def is_decoded(file: Path) -> bool:
-        return cv2.imread(str(file), cv2.IMREAD_UNCHANGED) is not None
-
-    def decode() -> int:
-        threads = torch.get_num_threads()
-        if case.operation == "video":
-            options = [cv2.CAP_PROP_N_THREADS, threads]
-            video = cv2.VideoCapture(str(recording), cv2.CAP_ANY, options)
-            return sum(1 for _ in iter(lambda: video.read()[0], False))
-        with ThreadPoolExecutor(threads) as executor:
-            return sum(executor.map(is_decoded, sorted(recording.rglob("*.png"))))
-
-    yield Route(OURS, "cv2", train)
-    yield Route(DECODED, "cv2", decode)
-
-
 OPERATIONS: Mapping[str, Callable[[Case], Iterator[Route]]] = {
     "encode": encode_routes,
     "bundle": bundle_routes,
     "hamming": hamming_routes,
     "train": train_routes,
     "predict": predict_routes,
-    "folder": file_routes,
-    "video": file_routes,
 }
 
 
@@ -177,17 +120,12 @@ def common_form(case: Case, call: Callable[[], Any]) -> np.ndarray:
     if case.operation == "predict":
         return np.array([call() for _ in range(HELD_OUT)]).ravel()
     result: Any = call()
-    if isinstance(result, Path):
-        result = HDCClassifier.load(result)
     if isinstance(result, HDCClassifier):
         result = result.prototypes_
     if isinstance(result, Tensor) and result.dtype == torch.int64 and case.operation != "hamming":
         result = unpack_bits(result, case.d)
     array = np.asarray(result)
     return pack_bits(array) if array.dtype == np.bool_ else array
-
-
-# Parts of routes ----------------------------------------------------------------------------------
 
 
 def ours(build: Callable[[str], Callable[[], Any]]) -> Iterator[Route]:
@@ -221,28 +159,13 @@ def by_class(case: Case, ones: Tensor) -> list[Tensor]:
     return [ones[case.labels == c] for c in range(case.l)]
 
 
+def summed(ones: Tensor) -> np.ndarray:
+    """Majority [D] of hypervectors bool [n, D], ties zero."""
+    return 2 * ones.numpy().sum(0, dtype=np.int16) > len(ones)
+
+
 def multisets(classes: list[Tensor]) -> Tensor:
     """Prototypes by torchhd, bool [L, D]."""
     torchhd = load("torchhd")
     prototypes = [torchhd.multiset(torchhd.BSCTensor(ones)) for ones in classes]
     return torch.stack(prototypes).as_subclass(Tensor)
-
-
-def write_recording(case: Case, folder: Path) -> Path:
-    """The case's frames as PNGs in a folder a class, or as a lossless video with its intervals."""
-    cv2, side = load("cv2"), round(case.d**0.5)
-    frames = case.pixels.numpy().reshape(-1, side, side)
-    if case.operation == "video":
-        codec = cv2.VideoWriter.fourcc(*"FFV1")
-        video = cv2.VideoWriter(str(folder / "touches.avi"), codec, 25, (side, side), False)
-        for frame in frames:
-            video.write(frame)
-        video.release()
-        rows = [f"{max(0, i - 0.3) / 25},{(i + 0.3) / 25},{x}" for i, x in enumerate(case.labels)]
-        (folder / "touches.csv").write_text("\n".join(["start_s,end_s,label", *rows]))
-        return folder / "touches.avi"
-    for i, (frame, label) in enumerate(zip(frames, case.labels, strict=True)):
-        file = folder / "touches" / str(label) / f"{i}.png"
-        file.parent.mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(str(file), frame)
-    return folder / "touches"

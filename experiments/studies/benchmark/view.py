@@ -25,7 +25,7 @@ NOTE = (
     "frames not learnt were recognised. Frames: speckle in uint8 unless another kind is named. "
     '“hdc, compiled” is HDCClassifier(backend="compiled").'
 )
-TEXTS = {"predict": "predict, one frame", "folder": "hdc train FOLDER", "video": "hdc train VIDEO"}
+TEXTS = {"predict": "predict, one frame"}
 GOALS: tuple[tuple[str, tuple[str, str], str, float], ...] = (
     # operation, (numerator, denominator), bound, limit
     ("bundle", (routes.TORCHHD_BUNDLE, OURS_COMPILED), "≥", 200),
@@ -33,8 +33,6 @@ GOALS: tuple[tuple[str, tuple[str, str], str, float], ...] = (
     ("train", (OURS_COMPILED, routes.READ), "≤", 1.15),
     ("train", (OURS_COMPILED, routes.COPY), "≤", 1),
     ("hamming", (OURS_COMPILED, routes.NUMKONG), "≤", 1.1),
-    ("folder", (routes.DECODED, OURS), "≥", 0.9),
-    ("video", (routes.DECODED, OURS), "≥", 0.9),
 )
 
 STUDY = Study(

@@ -9,7 +9,6 @@ trains alike, and its test logits differ by X_test·W₀ᵀ − K_test·K⁻¹·
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,12 +25,9 @@ _RANK = 1e-12  # eigenvalues of K below this fraction of the largest count as ze
 class Start:
     """Distribution of the initial weights.
 
-    Args:
-        rule: ``zeros``; ``linear``: PyTorch's default for ``nn.Linear``, weights and intercepts
-            uniform within ±1/√D; ``glorot``: Keras's default for ``Dense``, weights uniform within
-            ±√(6/(D + L)); ``normal``: standard deviation ``std``. Intercepts start at zero except
-            for ``linear``.
-        std: for ``normal``, above zero.
+    Rules: ``zeros``; ``linear``: PyTorch's default for ``nn.Linear``, weights and intercepts
+    uniform within ±1/√D; ``glorot``: Keras's default for ``Dense``, weights uniform within
+    ±√(6/(D + L)); ``normal``: standard deviation ``std``. Other intercepts start at zero.
     """
 
     rule: str
@@ -65,97 +61,76 @@ def draw(seed: int, number: int, classes: int, pixels: int) -> dict[str, Tensor]
     }
 
 
-@dataclass(frozen=True)
 class Products:
     """Inner products of raw frames among themselves and with initial weights.
 
     All scalings x ↦ a·(x − c) share them.
+
+    Args:
+        frames: uint8 [n, H, W].
+        seed, draws, classes: of the initial weights.
     """
 
-    gram: Tensor  # float64 [n, n] of the frames, exact for 8-bit pixels
-    sums: Tensor  # float64 [n], of the pixels of each frame
-    pixels: int
-    logits: Mapping[str, Tensor]  # by family, float64 [draws, n, L]
-    weight_sums: Mapping[str, Tensor]  # by family, of a class, float64 [draws, L]
-    intercepts: Tensor  # float64 [draws, L], in ±1
+    def __init__(self, frames: Tensor, seed: int, draws: int, classes: int):
+        flat = frames.flatten(1)
+        n, self.pixels = flat.shape
+        drawn = [draw(seed, number, classes, self.pixels) for number in range(draws)]
+        self.intercepts = torch.stack([one["intercepts"] for one in drawn])  # [draws, L], in ±1
+        # By family: logits float64 [draws, n, L], and sums of the weights of a class [draws, L].
+        self.logits, self.weight_sums = {}, {}
+        for name in ("uniform", "normal"):
+            w = torch.cat([one[name] for one in drawn])
+            logits = torch.zeros(n, len(w), dtype=torch.float64)
+            for first in range(0, self.pixels, _COLUMNS):
+                part = slice(first, first + _COLUMNS)
+                logits.addmm_(flat[:, part].double(), w[:, part].T.double())
+            self.logits[name] = logits.view(n, draws, classes).transpose(0, 1)
+            self.weight_sums[name] = w.double().sum(dim=1).view(-1, classes)
+        everyone = np.arange(n)
+        products = dual.Products(frames, np.zeros(n), 1)
+        # Float64 [n, n], exact for 8-bit pixels; and the sums [n] of the pixels of each frame.
+        self.gram, _ = products.kernel(everyone, everyone[:0], "raw")
+        self.sums = flat.sum(dim=1, dtype=torch.float64)
 
 
-def products(frames: Tensor, seed: int, draws: int, classes: int) -> Products:
-    """Inner products of frames uint8 [n, H, W]."""
-    flat = frames.flatten(1)
-    n, pixels = flat.shape
-    drawn = [draw(seed, number, classes, pixels) for number in range(draws)]
-    weights = {name: torch.cat([one[name] for one in drawn]) for name in ("uniform", "normal")}
-    logits = {name: torch.zeros(n, len(w), dtype=torch.float64) for name, w in weights.items()}
-    for first in range(0, pixels, _COLUMNS):
-        part = slice(first, first + _COLUMNS)
-        block = flat[:, part].double()
-        for name, w in weights.items():
-            logits[name].addmm_(block, w[:, part].T.double())
-    everyone = np.arange(n)
-    gram, _ = dual.Products(frames, np.zeros(n), 1).kernel(everyone, everyone[:0], "raw")
-    return Products(
-        gram,
-        flat.sum(dim=1, dtype=torch.float64),
-        pixels,
-        {name: z.view(n, draws, classes).transpose(0, 1) for name, z in logits.items()},
-        {name: w.double().sum(dim=1).view(-1, classes) for name, w in weights.items()},
-        torch.stack([one["intercepts"] for one in drawn]),
-    )
-
-
-@dataclass(frozen=True)
 class Problem:
     """Scaled frames of one split as softmax regression sees them, training frames first.
 
+    ``kernel`` is K = X·X_trainᵀ, float64 [N + M, N]; ``targets`` are class indices int64 [N + M];
     ``across`` is the mean length of the part of a test frame orthogonal to all training frames.
+
+    Args:
+        known: products of all frames.
+        labels: of all frames; `train` and `test` are indices of them.
+        scaling: of ``baselines.pixels``: unit, raw, standard_global.
     """
 
-    kernel: Tensor  # K = X·X_trainᵀ, float64 [N + M, N]
-    targets: Tensor  # class indices, int64 [N + M]
-    across: float
-    _scaling: tuple[float, float]
-    _products: Products
-    _order: Tensor
-    _inverse: Tensor
-
-    @property
-    def n_train(self) -> int:
-        return self.kernel.shape[1]
+    def __init__(
+        self, known: Products, labels: np.ndarray, train: np.ndarray, test: np.ndarray, scaling: str
+    ):
+        self.n_train = n = len(train)
+        self._known, pixels = known, known.pixels
+        self._order = order = torch.from_numpy(np.concatenate([train, test]))
+        sums, gram = known.sums[order], known.gram[order][:, order]
+        scale, offset = (1.0 if scaling == "raw" else 1 / 255), 0.0
+        if scaling == "standard_global":
+            offset = float(sums[:n].sum()) / (n * pixels)
+            scale = (float(gram.diagonal()[:n].sum()) / (n * pixels) - offset**2) ** -0.5
+        self._scale, self._offset = scale, offset
+        inner = scale**2 * (gram - offset * (sums[:, None] + sums) + offset**2 * pixels)
+        self.kernel, self.targets = inner[:, :n], torch.from_numpy(labels)[order]
+        inverse = torch.linalg.pinv(self.kernel[:n], rtol=_RANK, hermitian=True)
+        self._inverse = self.kernel[n:] @ inverse
+        across = inner.diagonal()[n:] - (self._inverse * self.kernel[n:]).sum(dim=1)
+        self.across = float(across.clamp(min=0).sqrt().mean())
 
     def start(self, start: Start, number: int) -> tuple[Tensor, Tensor]:
         """Initial logits [N + M, L] of a draw, and the change [M, L] of the test logits when the
         weights are projected on the span of the training frames."""
-        known, (scale, offset) = self._products, self._scaling
-        raw = known.logits[start.family][number][self._order]
-        factor = start.factor(known.pixels, raw.shape[1])
-        logits = factor * (scale * (raw - offset * known.weight_sums[start.family][number]))
+        raw = self._known.logits[start.family][number][self._order]
+        factor = start.factor(self._known.pixels, raw.shape[1])
+        weights = self._known.weight_sums[start.family][number]
+        logits = factor * (self._scale * (raw - self._offset * weights))
         within = self._inverse @ logits[: self.n_train]
-        intercepts = known.intercepts[number] * (factor if start.rule == "linear" else 0.0)
+        intercepts = self._known.intercepts[number] * (factor if start.rule == "linear" else 0.0)
         return logits + intercepts, within - logits[self.n_train :]
-
-
-def problem(
-    known: Products, labels: np.ndarray, train: np.ndarray, test: np.ndarray, scaling: str
-) -> Problem:
-    """Training and test frames in a scaling of ``baselines.pixels``: unit, raw, standard_global."""
-    order = torch.from_numpy(np.concatenate([train, test]))
-    n, pixels = len(train), known.pixels
-    sums, gram = known.sums[order], known.gram[order][:, order]
-    scale, offset = (1.0 if scaling == "raw" else 1 / 255), 0.0
-    if scaling == "standard_global":
-        offset = float(sums[:n].sum()) / (n * pixels)
-        scale = (float(gram.diagonal()[:n].sum()) / (n * pixels) - offset**2) ** -0.5
-    inner = scale**2 * (gram - offset * (sums[:, None] + sums) + offset**2 * pixels)
-    kernel = inner[:, :n]
-    inverse = kernel[n:] @ torch.linalg.pinv(kernel[:n], rtol=_RANK, hermitian=True)
-    across = inner.diagonal()[n:] - (inverse * kernel[n:]).sum(dim=1)
-    return Problem(
-        kernel,
-        torch.from_numpy(labels)[order],
-        float(across.clamp(min=0).sqrt().mean()),
-        (scale, offset),
-        known,
-        order,
-        inverse,
-    )

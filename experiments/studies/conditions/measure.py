@@ -56,9 +56,9 @@ def table1_conditions(
         hdc = HDCClassifier().fit(frames[train], made.labels[train])
         right = float((hdc.predict(frames[test]) == made.labels[test]).mean())
         classes, dimension = len(made.classes), frames[0].numel()
-        products = linear.products(frames, seed, draws, classes)
+        products = linear.Products(frames, seed, draws, classes)
         for scaling in pixels:
-            problem = linear.problem(products, made.labels, train, test, scaling)
+            problem = Problem(products, made.labels, train, test, scaling)
             for method, how in methods.items():
                 readings = train_all(problem, trainings, rate, levels, seed, **how)
                 for (start, number), reading in zip(trainings, readings, strict=True):
@@ -80,14 +80,8 @@ def train_all(
     reports_per_epoch: int,
     steps: int,
 ) -> list[Row]:
-    """Accuracies of each training at each level, all trained side by side.
-
-    Args:
-        problem: the frames.
-        trainings: start and number of the draw.
-        rate, levels, batch, reports_per_epoch, steps: as the YAML has them.
-        seed: of the minibatches.
-    """
+    """Accuracies of each training (a start and the number of its draw) at each level, all trained
+    side by side; `seed` is that of the minibatches."""
     n = problem.n_train
     every = max(1, -(-n // (batch or n)) // reports_per_epoch)
     logits, shifts = zip(*(problem.start(*training) for training in trainings), strict=True)
@@ -103,13 +97,10 @@ def train_all(
         descent.step()
         if step % every and step != steps:
             continue
-        test = descent.logits[n:]
-        shares = (
-            accuracy(descent.logits[:n], targets),
-            accuracy(test, problem.targets[n:]),
-            accuracy(test + to_span, problem.targets[n:]),
-        )
-        for k, *values in zip(alive, *(share.tolist() for share in shares), strict=True):
+        train, test = descent.logits[:n], descent.logits[n:]
+        shares = [accuracy(train, targets)]
+        shares += [accuracy(logits, problem.targets[n:]) for logits in (test, test + to_span)]
+        for k, *values in zip(alive, *shares, strict=True):
             for level, least in levels.items():
                 passed = values[0] >= least - 1e-9 if level == last else values[0] > least
                 if passed and readings[k][f"steps_{level}"] is None:
@@ -125,10 +116,7 @@ def train_all(
     return readings
 
 
-def accuracy(logits: Tensor, targets: Tensor) -> Tensor:
-    """Share of frames whose class has the highest logit: logits [n, L, V] → [V].
-
-    Ties count as right, a logit that is not a number as wrong.
-    """
+def accuracy(logits: Tensor, targets: Tensor) -> list[float]:
+    """Share of frames whose class has the highest logit, ties included: [n, L, V] → V numbers."""
     right = logits[torch.arange(len(targets)), targets]
-    return (right >= logits.amax(dim=1)).double().mean(dim=0)
+    return (right >= logits.amax(dim=1)).double().mean(dim=0).tolist()

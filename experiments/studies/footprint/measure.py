@@ -19,22 +19,18 @@ from experiments.studies.footprint import probe
 def footprint(run: Run, scenes: Sequence[str], models: Sequence[str], frames: int) -> Iterator[Row]:
     """One row: a scene and a model in a process of their own (:mod:`…footprint.probe`).
 
-    ``first_prediction_s`` since the import of torch, which took ``torch_s`` of it; ``frame_s``;
-    ``peak_bytes`` and ``torch_bytes``, the peak after that import; ``modules``; those ``loaded`` of
-    the ones watched. Arguments: configs/experiment/footprint.yaml.
-
-    Raises:
-        RuntimeError: with the end of its complaint, if a process failed.
+    ``first_prediction_s`` since the import of torch, which took ``torch_s`` of it; ``peak_bytes``;
+    the modules ``loaded`` of those watched. Arguments: configs/experiment/footprint.yaml.
     """
     environment = {**os.environ, "OMP_NUM_THREADS": str(torch.get_num_threads())}
     for scene in scenes:
         for model in models:
             run.note(f"{scene}, {model}")
             command = [sys.executable, "-m", probe.__name__, scene, model, str(frames)]
-            done = subprocess.run(
-                command, cwd=ROOT, env=environment, capture_output=True, text=True
-            )
-            if done.returncode:
-                raise RuntimeError(f"footprint of {scene}, {model}: {done.stderr.strip()[-500:]}")
-            answer = json.loads(done.stdout.splitlines()[-1])
-            yield {"scene": scene, "model": model, "n": frames, **answer}
+            answer = subprocess.check_output(command, cwd=ROOT, env=environment, text=True)
+            yield {
+                "scene": scene,
+                "model": model,
+                "n": frames,
+                **json.loads(answer.splitlines()[-1]),
+            }

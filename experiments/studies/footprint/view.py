@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.reporting.columns import Column, milliseconds
+from experiments.reporting.columns import Column
 from experiments.reporting.study import Study
 from experiments.reporting.text import size
 from experiments.studies.footprint.probe import WATCHED
@@ -15,17 +15,13 @@ from experiments.studies.footprint.probe import WATCHED
 STUDY = Study(
     "footprint",
     "Footprint",
-    "What does each scene and model load and build, how much memory does it take, and is what it "
-    "does not need left out?",
+    "How much memory does each scene and model take, and is what it does not need left out?",
     order=13,
 )
 COLUMNS = {
     "first_prediction_s": Column("First prediction, s"),
     "torch_s": Column("of it importing torch, s"),
-    "frame_s": Column("A frame, ms", milliseconds),
     "peak_bytes": Column("Peak memory", lambda value: size(int(value))),
-    "above_torch_bytes": Column("above torch's", lambda value: size(int(value))),
-    "modules": Column("Modules"),
     "loaded": Column("Loaded of those watched", note=f"Watched: {', '.join(WATCHED)}."),
 }
 
@@ -41,4 +37,4 @@ COLUMNS = {
 )
 def footprint(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """A row a process."""
-    return rows.assign(above_torch_bytes=rows["peak_bytes"] - rows["torch_bytes"])
+    return rows

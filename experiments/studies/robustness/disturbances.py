@@ -50,10 +50,8 @@ def flipped_bits(tensors: Iterable[Tensor], rate: float, seed: Sequence[int]) ->
     """
     memory = [tensor.detach().view(-1).view(torch.uint8).numpy() for tensor in tensors]
     _flip(memory, rate, seed)
-    try:
-        yield
-    finally:
-        _flip(memory, rate, seed)
+    yield
+    _flip(memory, rate, seed)
 
 
 @contextmanager
@@ -63,7 +61,6 @@ def flipped_bits_of_int8(
     """:func:`flipped_bits` of a model whose floating-point tensors are stored in 8 bits a number.
 
     x = q·s with q in −127…127 and a step s = max|x| / 127 for each tensor, which no flip reaches.
-    A flipped bit of q is then worth 128 steps at most, where one of an exponent may be worth 2^128.
     """
     stored, rounded = [], []
     for tensor in (given.detach() for given in tensors):
@@ -73,13 +70,11 @@ def flipped_bits_of_int8(
             rounded.append((tensor, tensor.clone(), q, step))
         stored.append(q if tensor.is_floating_point() else tensor)
     with flipped_bits(stored, rate, seed):
-        try:
-            for tensor, _, q, step in rounded:
-                tensor.copy_(q * step)
-            yield
-        finally:
-            for tensor, exact, *_ in rounded:
-                tensor.copy_(exact)
+        for tensor, _, q, step in rounded:
+            tensor.copy_(q * step)
+        yield
+        for tensor, exact, *_ in rounded:
+            tensor.copy_(exact)
 
 
 def _flip(memory: Sequence[np.ndarray], rate: float, seed: Sequence[int]) -> None:

@@ -1,9 +1,8 @@
 """Accuracy that is left when something goes wrong after training.
 
-Every model is trained on clean frames, once a seed. Then its test frames are disturbed (laser
-power, dead pixels, a shifted camera), or its stored bits are flipped at a bit error rate. A model
-that stores floating-point numbers is tested a second time with 8 bits a number, which tells the
-tolerance of the method from that of the number format.
+Every model is trained on clean frames, once a seed. Then its test frames are disturbed, or its
+stored bits are flipped at a bit error rate. A model that stores floating-point numbers is tested a
+second time with 8 bits a number: is it the method that tolerates faults, or the number format?
 """
 
 from __future__ import annotations
@@ -66,17 +65,14 @@ def rows_of(
     seed: int = 0,
 ) -> Iterator[Row]:
     """The rows of one trained model, which is left as it was; the first is undisturbed."""
-    labels = scene.labels[test]
-    frames = data.take(scene, test, Clock())[:]
+    labels, frames = scene.labels[test], data.take(scene, test, Clock())[:]
     state = model.state_tensors() or {}
-    size = sum(tensor.nbytes for tensor in state.values())
+    same = {"n_test": len(labels), "n_classes": len(scene.classes)}
+    same["model_bytes"] = sum(tensor.nbytes for tensor in state.values())
 
     def row(disturbance: str, level: float, predicted: np.ndarray) -> Row:
-        return {
-            "disturbance": disturbance, "level": float(level),
-            "n_test": len(labels), "right": int((predicted == labels).sum()),
-            "n_classes": len(scene.classes), "model_bytes": size,
-        }  # fmt: skip
+        right = int((predicted == labels).sum())
+        return {"disturbance": disturbance, "level": float(level), "right": right, **same}
 
     yield row("none", 0, model.predict(frames))
     for place, (name, levels) in enumerate(disturbances.items()):
@@ -96,4 +92,4 @@ def rows_of(
                     predicted = model.predict(frames)
                 except (RuntimeError, ValueError, IndexError):  # too damaged to be asked
                     predicted = np.full(len(frames), -1)
-                yield row(name, rate, predicted)
+            yield row(name, rate, predicted)

@@ -30,44 +30,33 @@ def differing(result: Any, exact: Any) -> float:
 
 @dataclass(frozen=True)
 class Case:
-    """What is computed, and why it is hard.
+    """The computations in words, the unit of the error, and `prepare`, which makes the input.
 
-    Attributes:
-        part: hypervectors, correlations or training.
-        name: of the function that prepares it, in words.
-        prepare: makes the input, and returns two functions without arguments, the obvious
-            computation and ours, then the exact result, then a tolerance if it depends on the
-            input.
-        extreme: what is extreme about the input, and where the obvious computation fails.
-        naive, ours: the two computations, in words.
-        unit: of the error.
-        error: of a result, against the exact one.
-        tolerance: the largest error of ours for which the case holds.
+    It returns two functions without arguments, the obvious computation and ours, and the exact
+    result.
     """
 
     part: str
-    name: str
-    prepare: Callable[..., tuple[Any, ...]]
     extreme: str
     naive: str
     ours: str
     unit: str
+    name: str
+    prepare: Callable[[], tuple[Any, ...]]
     error: Callable[[Any, Any], float] = largest
     tolerance: float = 0.0
 
-    def row(self, **arguments: Any) -> Row:
-        """Both errors and the verdict; arguments are those of `prepare`."""
-        naive, ours, exact, *tolerances = self.prepare(**arguments)
-        tolerance = (*tolerances, self.tolerance)[0]
+    def row(self) -> Row:
+        """Both errors and the verdict."""
+        naive, ours, exact = self.prepare()
         error_ours = self._error(ours, exact)
-        texts = ("part", "extreme", "naive", "ours", "unit")
+        same = ("part", "extreme", "naive", "ours", "unit", "tolerance")
         return {
             "case": self.name,
-            **{text: getattr(self, text) for text in texts},
+            **{name: getattr(self, name) for name in same},
             "error_naive": self._error(naive, exact),
             "error_ours": error_ours,
-            "tolerance": tolerance,
-            "verdict": "holds" if error_ours is not None and error_ours <= tolerance else "fails",
+            "verdict": "fails" if error_ours is None or error_ours > self.tolerance else "holds",
         }
 
     def _error(self, compute: Callable[[], Any], exact: Any) -> float | None:
@@ -85,14 +74,12 @@ CASES: list[Case] = []
 """Every case, once the modules of ``cases`` are imported."""
 
 
-def case(
-    part: str, extreme: str, naive: str, ours: str, unit: str, name: str = "", **rest: Any
-) -> Any:
-    """Register a function as a :class:`Case` with these attributes."""
+def case(*texts: Any, name: str = "", **rest: Any) -> Any:
+    """Register a function as the `prepare` of a :class:`Case` with these attributes."""
 
     def register(prepare: Any) -> Any:
         words = name or prepare.__name__.replace("_", " ")
-        CASES.append(Case(part, words, prepare, extreme, naive, ours, unit, **rest))
+        CASES.append(Case(*texts, **{"name": words, "prepare": prepare, **rest}))
         return prepare
 
     return register

@@ -8,13 +8,11 @@ from experiments.protocol.experiment import Row, Run, experiment
 from experiments.studies.stability.case import CASES
 from experiments.studies.stability.cases import correlations, hypervectors, training  # noqa: F401  (their cases register themselves)
 
-PARTS = ("hypervectors", "correlations", "training")
-
 
 @experiment
 def stability(run: Run) -> Iterator[Row]:
     """One row: a case, with the errors of both computations."""
-    for case in sorted(CASES, key=lambda case: PARTS.index(case.part)):
+    for case in CASES:
         row = case.row()
         run.note(f"{row['verdict']}: {case.name}")
         yield row

@@ -56,11 +56,10 @@ def stiffness(
         at_optimum = softmax.spectrum(gram, gram @ a + b, 1, strength)
         noise = torch.from_numpy(np.random.default_rng(seed).standard_normal(a.shape))
         zero: dict[str, Any] = {"steps": steps, "each": 1}
-        near = zero | {"coefficients": (a * (1 + _PERTURBATION * noise))[:, :, None]}
-        near |= {"intercepts": b[:, None], "decay": strength}
+        best = zero | {"coefficients": a[:, :, None], "intercepts": b[:, None], "decay": strength}
+        near = best | {"coefficients": (a * (1 + _PERTURBATION * noise))[:, :, None]}
         minibatches = {"steps": epochs, "each": -(-len(targets) // batch), "batch": batch}
-        best = near | {"coefficients": a[:, :, None], "steps": 0}
-        (floor,) = descend(gram, targets, 0.0, **best)
+        (floor,) = descend(gram, targets, 0.0, **best | {"steps": 0})
         for method, start, lambda_max, how in (
             ("GD", "zero", at_start[0], zero),
             ("GD", "optimum", at_optimum[0], near),
@@ -82,12 +81,12 @@ def descend(
 ) -> list[float]:
     """Losses at the start and after every so many (`each`) of ``steps`` times as many steps."""
     descent = Descent(gram, targets, int(targets.max()) + 1, rate, **how)
-    penalised = "decay" in how
-    losses = [descent.losses(penalised).item()]
-    for _ in range(steps):
-        for _ in range(each):
+    losses = []
+    for step in range(steps * each + 1):
+        if step:
             descent.step()
-        losses.append(descent.losses(penalised).item())
+        if step % each == 0:
+            losses.append(descent.losses("decay" in how).item())
     return losses
 
 
@@ -95,11 +94,10 @@ def verdict(losses: Sequence[float], floor: float = 0.0) -> Row:
     """Whether the loss (less the floor) rises, exceeds the one at the start, and ends above it."""
     slack = _ROUNDING * max(losses[0], floor)
     highest = math.inf if any(map(math.isnan, losses)) else max(losses)
-    return {
+    return {  # a loss that is not a number has not fallen
         "loss_start": losses[0],
         "loss_end": losses[-1],
         "loss_max": highest,
-        # A loss that is not a number has not fallen.
         "rises": any(not after <= before + slack for before, after in itertools.pairwise(losses)),
         "exceeds": highest > losses[0] + slack,
         "ends_above": not losses[-1] <= losses[0],

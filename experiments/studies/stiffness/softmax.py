@@ -6,18 +6,19 @@ The mean cross-entropy F of logits Z = X·Wᵀ + b, with the intercept a pixel t
 
 At W = 0 every p is 1/L, and the eigenvalues of H other than zero are those of (K + 1)/(NL) with
 K = X·Xᵀ, each L − 1 times. Elsewhere they are those of Bᵀ(K + 1)B/N with diag(p) − ppᵀ = BBᵀ,
-B = diag(√p) − p√pᵀ. Gradient descent is the explicit Euler method on the gradient flow, stable only
-for rates below 2/λ_max.
+B = diag(√p) − p√pᵀ.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import torch
 from scipy.sparse.linalg import LinearOperator, eigsh
 from torch import Tensor
 
-from baselines.pixels import PixelScaling, fit_scaling
+from baselines.pixels import fit_scaling
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
 
@@ -31,8 +32,7 @@ def kernel(pixels: str, frames: Tensor, labels: np.ndarray) -> tuple[Tensor, Ten
     """
     model = SoftmaxRegression(pixels=pixels)
     targets = model.start(frames, labels)
-    scaling = fit_scaling(pixels, model, frames)
-    assert isinstance(scaling, PixelScaling)
+    scaling: Any = fit_scaling(pixels, model, frames)
     offset, scale, shift = (
         torch.as_tensor(x, dtype=torch.float64).expand(frames.shape[1:])
         for x in (scaling.offset, scaling.scale, scaling.shift)
@@ -85,7 +85,5 @@ def spectrum(gram: Tensor, logits: Tensor, count: int, penalty: float = 0.0) -> 
 
     operator = LinearOperator((n * classes, n * classes), matvec=product, dtype=np.float64)
     start = np.random.default_rng(0).standard_normal(n * classes)
-    if not product(start).any():  # every p is 0 or 1 to the last digit: ARPACK finds no direction
-        return np.full(count, penalty)
     values = eigsh(operator, k=count, which="LA", v0=start, return_eigenvectors=False)
     return np.sort(values)[::-1] + penalty

@@ -45,32 +45,27 @@ def values(
 
     Arguments: configs/experiment/values.yaml.
     """
-    for seed, recording in run.scenes(scene, seeds):
+    for recording, row, pool, test in parts(run, scene, splits, seeds, draws, most_test):
+        seed = row["seed"]
         known: Any = recording  # a cached scene has frames and labels alone
         if not hasattr(recording, "values"):
             known = scene_at(scene, seed, False, run.console)
-        numbers, about = known.values[:, 0], (known.value_names[0], known.units[0])
-        for split, key in splits.items():
-            for draw in range(draws):
-                parts = draw_split(recording, key, (seed, draw), most_test)
-                if at_least is not None:
-                    parts = tuple(part[numbers[part] >= at_least] for part in parts)
-                pool, test = parts
-                order = np.random.default_rng((seed, draw, 1)).permutation(pool)
-                train = order[: max(n for n in n_train if n <= len(order))]
-                images = recording.frames(np.concatenate([train, test])).cpu()
-                answers = Answers(images, np.concatenate([numbers[train], numbers[test]]))
-                queries = np.arange(len(train), len(images))
-                for n in (n for n in n_train if n <= len(train)):
-                    row = {
-                        "origin": recording.origin, "seed": seed, "split": split, "draw": draw,
-                        "n": n, "n_test": len(test), "value": about[0], "unit": about[1],
-                    }  # fmt: skip
-                    for model, answer in answers.of(np.arange(n), queries, bins).items():
-                        error = float(np.abs(answer - numbers[test]).mean())
-                        yield {**row, "model": model, "error": error}
-                    yield {**row, "model": "regressor", **answers.regressor(n, queries, alphas)}
-        run.note(f"seed {seed}")
+        numbers = known.values[:, 0]
+        if at_least is not None:
+            pool, test = (part[numbers[part] >= at_least] for part in (pool, test))
+        order = np.random.default_rng((seed, row["draw"], 1)).permutation(pool)
+        train = order[: max(n for n in n_train if n <= len(order))]
+        images = recording.frames(np.concatenate([train, test])).cpu()
+        words, queries = encode(images), np.arange(len(train), len(images))
+        products = Products(images, np.zeros(len(images), np.int64), 1)
+        row |= {"n_test": len(test), "value": known.value_names[0], "unit": known.units[0]}
+        for n in (n for n in n_train if n <= len(train)):
+            y, truth = numbers[train[:n]], numbers[test]
+            for model, answer in answers(images, words, products, y, queries, bins).items():
+                error = float(np.abs(answer - truth).mean())
+                yield {**row, "n": n, "model": model, "error": error}
+            of = regressor(images, y, queries, truth, alphas)
+            yield {**row, "n": n, "model": "regressor", **of}
 
 
 @experiment
@@ -90,80 +85,79 @@ def coverage(
 
     Arguments: configs/experiment/coverage.yaml.
     """
+    for recording, row, pool, test in parts(run, scene, splits, seeds, draws, most_test):
+        key = row["seed"], row["draw"]
+        order, _ = nested(pool, recording.labels, [], key)
+        n = min(n_per_class, *map(len, order))
+        train = np.concatenate([of[:n] for of in order])
+        model = HDCClassifier().fit(recording.frames(train), recording.labels[train])
+        frames, labels = recording.frames(test), recording.labels[test].tolist()
+        sets = [[s.tolist() for s in model.predict_set(frames, a)] for a in alphas]
+        row |= {
+            "n": n, "n_test": len(test), "alpha": list(alphas),
+            "accuracy": model.score(frames, labels),
+            "covered": [_mean(map(contains, of, labels)) for of in sets],
+            "size": [_mean(map(len, of)) for of in sets],
+            "refused": [_mean(not s for s in of) for of in sets],
+            "unknown_refused": [None for _ in alphas],
+        }  # fmt: skip
+        if (others := getattr(recording, "unknown", None)) is not None:
+            some = np.random.default_rng(key).permutation(len(others.labels))
+            strange = others.frames(some[:most_test])
+            row["unknown_refused"] = [_mean(~model.is_known(strange, a)) for a in alphas]
+        yield row
+
+
+def parts(
+    run: Run, scene: Any, splits: Any, seeds: Sequence[int], draws: int, most_test: int
+) -> Iterator[tuple[Any, Row, np.ndarray, np.ndarray]]:
+    """Every draw of every split: the recording, the row's start, indices to learn and to test."""
     for seed, recording in run.scenes(scene, seeds):
-        others = getattr(recording, "unknown", None)
         for split, key in splits.items():
             for draw in range(draws):
                 pool, test = draw_split(recording, key, (seed, draw), most_test)
-                order, _ = nested(pool, recording.labels, [], (seed, draw))
-                n = min(n_per_class, *map(len, order))
-                train = np.concatenate([of[:n] for of in order])
-                model = HDCClassifier().fit(recording.frames(train), recording.labels[train])
-                frames, labels = recording.frames(test), recording.labels[test].tolist()
-                sets = [[s.tolist() for s in model.predict_set(frames, a)] for a in alphas]
-                row = {
-                    "origin": recording.origin, "seed": seed, "split": split, "draw": draw,
-                    "n": n, "n_test": len(test), "alpha": list(alphas),
-                    "accuracy": model.score(frames, labels),
-                    "covered": [_mean(map(contains, of, labels)) for of in sets],
-                    "size": [_mean(map(len, of)) for of in sets],
-                    "refused": [_mean(not s for s in of) for of in sets],
-                    "unknown_refused": [None for _ in alphas],
-                }  # fmt: skip
-                if others is not None:
-                    some = np.random.default_rng((seed, draw)).permutation(len(others.labels))
-                    strange = others.frames(some[:most_test])
-                    known = [model.is_known(strange, alpha) for alpha in alphas]
-                    row["unknown_refused"] = [_mean(~k) for k in known]
-                yield row
+                row = {"origin": recording.origin, "seed": seed, "split": split, "draw": draw}
+                yield recording, row, pool, test
         run.note(f"seed {seed}")
 
 
-class Answers:
-    """Numbers for some frames by models of others.
+def answers(
+    images: Tensor, words: Tensor, products: Products, y: np.ndarray, queries: np.ndarray, bins: int
+) -> dict[str, np.ndarray]:
+    """Numbers [Q] of the queries by each model of the first frames, whose values are y [n].
 
     Args:
-        images: frames uint8 [N, H, W].
-        numbers: their values float64 [N].
+        images, words, products: all frames uint8 [N, H, W], their hypervectors and products.
+        y: values of the training frames.
+        queries: indices of the frames asked for.
+        bins: prototypes, one a bin of the value; bins hold as many frames each.
     """
+    train = np.arange(len(y))
+    edges = np.unique(np.quantile(y, np.linspace(0, 1, bins + 1)[1:-1]))
+    of = np.unique(np.searchsorted(edges, y, side="right"), return_inverse=True)[1]
+    centres = np.array([y[of == k].mean() for k in range(of.max() + 1)])
+    nearest = bits.hamming(words[queries], words[train]).argmin(1).numpy()
+    found = {
+        "mean": np.full(len(queries), y.mean()),
+        "bins": centres[HDCClassifier().fit(images[train], of).predict(images[queries])],
+        "nearest_neighbour": y[nearest],
+    }
+    for name, pixels in (("ridge_bits", "bits"), ("ridge_greys", "unit")):
+        found[name] = ridge_values(*products.centred(train, queries, pixels), y)
+    return found
 
-    def __init__(self, images: Tensor, numbers: np.ndarray):
-        self.images, self.numbers = images, numbers
-        self.words = encode(images)
-        self.products = Products(images, np.zeros(len(images), np.int64), 1)
 
-    def of(self, train: np.ndarray, queries: np.ndarray, bins: int) -> dict[str, np.ndarray]:
-        """Numbers [Q] of the queries by each model of the training frames."""
-        y = self.numbers[train]
-        nearest = bits.hamming(self.words[queries], self.words[train]).argmin(1).numpy()
-        answers = {
-            "mean": np.full(len(queries), y.mean()),
-            "bins": self._of_bins(train, queries, bins),
-            "nearest_neighbour": y[nearest],
-        }
-        for name, pixels in (("ridge_bits", "bits"), ("ridge_greys", "unit")):
-            answers[name] = ridge_values(*self.products.centred(train, queries, pixels), y)
-        return answers
-
-    def _of_bins(self, train: np.ndarray, queries: np.ndarray, bins: int) -> np.ndarray:
-        """Mean value of the bin whose prototype is nearest; bins hold as many frames each."""
-        y = self.numbers[train]
-        edges = np.unique(np.quantile(y, np.linspace(0, 1, bins + 1)[1:-1]))
-        of = np.unique(np.searchsorted(edges, y, side="right"), return_inverse=True)[1]
-        centres = np.array([y[of == k].mean() for k in range(of.max() + 1)])
-        model = HDCClassifier().fit(self.images[train], of)
-        return centres[model.predict(self.images[queries])]
-
-    def regressor(self, n: int, queries: np.ndarray, alphas: Sequence[float]) -> Row:
-        """Error, coverage and width of the library's regressor of the first n frames."""
-        model = HDCRegressor().fit(self.images[:n], self.numbers[:n])
-        truth, covered, width = self.numbers[queries], [], []
-        for alpha in alphas:
-            answer, low, high = model.predict(self.images[queries], True, alpha)
-            covered.append(float(((low <= truth) & (truth <= high)).mean()))
-            width.append(float((high - low).mean()))
-        error = float(np.abs(answer - truth).mean())
-        return {"error": error, "alpha": list(alphas), "covered": covered, "width": width}
+def regressor(
+    images: Tensor, y: np.ndarray, queries: np.ndarray, truth: np.ndarray, alphas: Sequence[float]
+) -> Row:
+    """Error, coverage and width of the library's regressor of the first frames [n]."""
+    model, covered, width = HDCRegressor().fit(images[: len(y)], y), [], []
+    for alpha in alphas:
+        answer, low, high = model.predict(images[queries], True, alpha)
+        covered.append(float(((low <= truth) & (truth <= high)).mean()))
+        width.append(float((high - low).mean()))
+    error = float(np.abs(answer - truth).mean())
+    return {"error": error, "alpha": list(alphas), "covered": covered, "width": width}
 
 
 def ridge_values(inside: Tensor, across: Tensor, y: np.ndarray) -> np.ndarray:

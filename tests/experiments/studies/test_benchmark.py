@@ -10,7 +10,6 @@ from experiments.studies.benchmark import measure as benchmark
 from experiments.studies.benchmark.cases import SHUFFLED, SORTED, Case
 from experiments.studies.benchmark.routes import (
     COPY,
-    DECODED,
     NUMKONG,
     OPERATIONS,
     ORDINARY_ROUTES,
@@ -74,19 +73,14 @@ def rows_of(monkeypatch, *routes):
 
 
 def test_a_route_without_a_right_result_is_not_timed(monkeypatch):
-    def raising():
-        raise OSError("no  such\nfile")
-
     wrong = encode(Case("encode", 6, 640, 3).pixels) ^ 1
     rows = rows_of(
         monkeypatch,
         Route("wrong", "torch", lambda: wrong),
-        Route("raising", "torch", raising),
-        Route("absent", "no_such_module", raising),
+        Route("absent", "no_such_module", lambda: None),
     )
     assert rows["wrong"]["status"] == "wrong result"
     assert rows["wrong"]["equal_result"] == "no"
-    assert rows["raising"]["status"] == "failed: OSError: no such file"
     assert rows["absent"]["status"] == "not installed"
     assert [name for name, row in rows.items() if "median_s" in row] == [OURS]
 
@@ -122,7 +116,7 @@ def test_a_wrong_route_fails_the_experiment_at_its_end(monkeypatch):
         Run(force=True), [{"operation": ["encode"], "n": [1, 2], "d": [8], "l": [1]}], 0.0, 0
     )
     assert [next(rows), next(rows)] == [row, row]
-    with pytest.raises(RuntimeError, match=r"encode by a \(wrong result\), encode by a"):
+    with pytest.raises(RuntimeError, match="encode by a"):
         next(rows)
 
 
@@ -148,8 +142,6 @@ def test_goals_are_judged(tmp_path, write_measurement):
             row("hamming", NUMKONG, 1.0, n=100),
             row("encode", OURS, 0.5, n=100, frames=SHUFFLED),
             row("encode", OURS, 0.3, n=100, frames=SORTED),
-            row("folder", OURS, 1.0),
-            row("folder", DECODED, 0.85),
         ],
     )
     tables = {table.name: table for table in STUDY.tables_of(Results(tmp_path))}
@@ -161,6 +153,5 @@ def test_goals_are_judged(tmp_path, write_measurement):
         f"train: {OURS_COMPILED}, × {READ}": ["≤ 1.15", "2.00", "no"],
         f"train: {OURS_COMPILED}, × {COPY}": ["≤ 1", "1.00", "yes"],
         f"hamming: {OURS_COMPILED}, × {NUMKONG}": ["≤ 1.1", "0.900", "yes"],
-        f"folder: {DECODED}, × {OURS}": ["≥ 0.9", "0.850", "no"],
         f"encode {SHUFFLED}, × {SORTED}: {OURS}": ["≤ 1.3", "1.67", "no"],
     }

@@ -27,7 +27,7 @@ LEVELS = {"90": 0.9, "end": 0.992}
 def known(frames_and_labels):
     frames, labels = frames_and_labels(n=30, classes=3, side=12)
     frames = torch.from_numpy(frames)
-    return frames, labels, linear.products(frames, 5, 2, 3)
+    return frames, labels, linear.Products(frames, 5, 2, 3)
 
 
 def scaled(frames, pixels):
@@ -45,7 +45,7 @@ def scaled(frames, pixels):
 def test_sample_space_is_torch_step_by_step(known, pixels, batch):
     frames, labels, products = known
     rate = 1e-2 if pixels != "raw" else 1e-6
-    problem = linear.problem(products, labels, TRAIN, TEST, pixels)
+    problem = linear.Problem(products, labels, TRAIN, TEST, pixels)
     logits, _ = problem.start(Start("linear"), 1)
     targets = problem.targets[:20]
     descent = Descent(problem.kernel, targets, 3, rate, logits=logits[:, :, None], batch=batch)
@@ -69,7 +69,7 @@ def test_sample_space_is_torch_step_by_step(known, pixels, batch):
 
 def test_projecting_the_start_is_projecting_its_weights_on_the_span(known):
     frames, labels, products = known
-    problem = linear.problem(products, labels, TRAIN, TEST, "unit")
+    problem = linear.Problem(products, labels, TRAIN, TEST, "unit")
     logits, shift = problem.start(Start("normal", 0.02), 0)
     x = scaled(frames, "unit")
     weights = linear.draw(5, 0, 3, x.shape[1])["normal"].double() * 0.02
@@ -93,7 +93,7 @@ def test_sizes_of_starts_are_those_of_the_frameworks():
 
 def test_trainings_side_by_side_are_read_as_if_each_were_alone(known):
     _, labels, products = known
-    problem = linear.problem(products, labels, TRAIN, TEST, "unit")
+    problem = linear.Problem(products, labels, TRAIN, TEST, "unit")
     trainings = [(Start("normal", 0.01), 0), (Start("normal", 20.0), 1), (Start("normal", 1e6), 0)]
     how = {"batch": 5, "reports_per_epoch": 2, "steps": 1200}
     together = measure.train_all(problem, trainings, 0.1, LEVELS, 0, **how)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,9 +28,9 @@ def one_pass(x: NDArray[Any], y: NDArray[Any]) -> float:
     return float(covariance / np.sqrt(variances))
 
 
-def correlated(d: int, levels: int) -> NDArray[np.int64]:
-    """Two frames of integers 0 … levels − 1 that share half of their pixels: [2, d]."""
-    frames = np.random.default_rng(0).integers(0, levels, (2, d))
+def correlated(levels: int) -> NDArray[np.int64]:
+    """Two frames of integers 0 … levels − 1 that share half of their pixels: [2, D]."""
+    frames = np.random.default_rng(0).integers(0, levels, (2, D))
     frames[1, ::2] = frames[0, ::2]
     return frames
 
@@ -39,35 +40,32 @@ def compared(
 ) -> tuple[Any, ...]:
     """A computation for `given`, the frames in its type, beside ours for the frames in ours."""
     samples = given if ours is None else ours
-    return (
-        lambda: naive(*given),
-        lambda: mean_pair_correlations(samples, samples),
-        exact_mean(frames),
-    )
+    mean = partial(mean_pair_correlations, samples, samples)
+    return partial(naive, *given), mean, exact_mean(frames)
 
 
 @correlation_case(
     "16-bit frames, mean 10^6 times the deviation: 65,000² has 10 digits, float32 seven",
     "⟨xy⟩ − ⟨x⟩⟨y⟩ in float32",
 )
-def mean_far_above_the_deviation(d: int = D) -> Any:
-    frames = 65_000 + (correlated(d, 236) == 0)  # one pixel in 236 is brighter by one
+def mean_far_above_the_deviation() -> Any:
+    frames = 65_000 + (correlated(236) == 0)  # one pixel in 236 is brighter by one
     return compared(one_pass, frames, frames.astype(np.float32), frames.astype(np.uint16))
 
 
 @correlation_case(
     "mean 10^9, deviation 577: float64 loses 12 of its 16 digits", "⟨xy⟩ − ⟨x⟩⟨y⟩ in float64"
 )
-def mean_far_above_the_deviation_in_float64(d: int = D) -> Any:
-    frames = 10**9 + correlated(d, 2000)
+def mean_far_above_the_deviation_in_float64() -> Any:
+    frames = 10**9 + correlated(2000)
     return compared(one_pass, frames, frames.astype(np.float64))
 
 
 @correlation_case(
     "16-bit frames up to 65,535: products in uint16 wrap", "⟨xy⟩ − ⟨x⟩⟨y⟩ of the camera's integers"
 )
-def sixteen_bit_frames(d: int = D) -> Any:
-    frames = correlated(d, 65_536)
+def sixteen_bit_frames() -> Any:
+    frames = correlated(65_536)
     return compared(one_pass, frames, frames.astype(np.uint16))
 
 
@@ -75,15 +73,16 @@ def sixteen_bit_frames(d: int = D) -> Any:
     "pixels of 10^-200: their squares are zero in float64, a variance of zero gives NaN",
     "numpy.corrcoef",
 )
-def squares_that_underflow(d: int = D) -> Any:
-    frames = correlated(d, 4096)  # scaled by a power of two: exact
+def squares_that_underflow() -> Any:
+    frames = correlated(4096)  # scaled by a power of two: exact
     return compared(lambda x, y: np.corrcoef(x, y)[0, 1], frames, frames * 2.0**-664)
 
 
 @correlation_case(
     "N_s = 2: one pair; the mean over a whole Gram matrix counts each frame with itself",
-    "mean of numpy.corrcoef", 1e-12,
+    "mean of numpy.corrcoef",
+    1e-12,
 )  # fmt: skip
-def two_samples_a_class(d: int = D) -> Any:
-    frames = correlated(d, 256)
+def two_samples_a_class() -> Any:
+    frames = correlated(256)
     return compared(lambda *both: np.corrcoef(both).mean(), frames, frames.astype(np.uint8))
