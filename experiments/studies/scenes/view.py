@@ -19,7 +19,6 @@ from experiments.records.record import Finished
 from experiments.records.results import Group, Results
 from experiments.reporting import estimates
 from experiments.reporting import rows as rows_of
-from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import ONE_SENSOR
 from experiments.reporting.plot import (
     CONFUSION_MAP,
