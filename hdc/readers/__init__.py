@@ -1,4 +1,4 @@
-"""Readers of recorded frames: a folder of images as it is, an .npz, a video, or a camera.
+"""Readers of recorded frames: a folder of images as it is, an array, a video, or a camera.
 
 docs/formats.md describes every kind. Images, videos and cameras need OpenCV and Pillow
 (``pip install 'speckle-hdc[readers]'``); this module itself imports numpy only. Each error names
@@ -25,6 +25,7 @@ __all__ = [
     "open_recording",
 ]
 
+ARRAYS = (".npz", ".npy")
 VIDEO_SUFFIXES = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
 
 
@@ -35,6 +36,7 @@ def open_recording(
     subsample: int = 1,
     memory_bytes: int = 2**28,
     *,
+    axes: Sequence[str] | None = None,
     template: str | None = None,
     table: str | Path | None = None,
     image_column: str = "image",
@@ -46,12 +48,13 @@ def open_recording(
     """Open recorded frames with their labels, values and order.
 
     Args:
-        path: a folder of images, an .npz or a video; ``~`` is the home folder.
+        path: a folder of images, an .npz or .npy, or a video; ``~`` is the home folder.
         intervals: table of a video; default: beside the video, its suffix replaced by .csv.
         crop: (x, y, width, height) in pixels, x to the right and y down from the top left corner.
         subsample: every subsample-th pixel of the crop on both axes is kept (not averaged, which
             would lower the contrast of a speckle).
         memory_bytes: images are kept in memory up to this size, else decoded again when asked for.
+        axes: of an .npy, such as ``("label", "order", "height", "width")``.
         template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``.
         table: CSV with a row an image, in or relative to the folder; other columns are values.
         image_column: column of the table that names the image.
@@ -74,6 +77,7 @@ def open_recording(
         ("template", template, folder, "a folder"),
         ("table", table, folder, "a folder"),
         ("intervals", intervals, is_video, "a video"),
+        ("axes", axes, suffix == ".npy" and not folder, "an .npy"),
     ):
         require(setting is None or fits, name, setting, f"null unless path is {kind} ({path})")
     if not path.exists():
@@ -85,12 +89,12 @@ def open_recording(
         listing = list_folder(path, template, table, image_column, value_columns)
         return open_listing(path, listing, window, check, fewest_classes, memory_bytes)
     check_file(path)
-    if suffix == ".npz":
+    if suffix in ARRAYS:
         from hdc.readers.archive import open_array
 
-        return open_array(path, window, value_columns, fewest_classes)
+        return open_array(path, window, axes, value_columns, fewest_classes)
     if not is_video:
-        kinds = ", ".join((".npz", *VIDEO_SUFFIXES))
+        kinds = ", ".join((*ARRAYS, *VIDEO_SUFFIXES))
         raise SettingError(f"path: expected a folder or a file ({kinds}), found {path}")
     from hdc.readers.video import open_video
 

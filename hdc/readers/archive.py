@@ -1,4 +1,7 @@
-"""Arrays: an .npz with frames and labels, read as a whole; nothing is unpickled."""
+"""Arrays: an .npz with frames and labels, or an .npy whose axes are named; nothing is unpickled.
+
+An .npz is read as a whole, an .npy from disk as needed, however large it is.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +14,19 @@ import numpy as np
 from hdc.readers.files import SettingError, file_digest
 from hdc.readers.recording import Recording, Window, check_times, class_indices
 
+AXES = ("label", "order", "session", "group", "value")  # an array may have, before its images
+
 
 def open_array(
-    path: Path, window: Window, value_columns: Sequence[str], fewest_classes: int
+    path: Path,
+    window: Window,
+    axes: Sequence[str] | None,
+    value_columns: Sequence[str],
+    fewest_classes: int,
 ) -> Recording:
-    """Open an .npz with ``frames`` [N, H, W] and ``labels`` [N], or ``value_columns`` [N].
+    """Open an .npz with ``frames`` [N, H, W] and ``labels`` [N], or ``value_columns`` [N], or an
+    .npy of frames whose axes are named: some of :data:`AXES`, whose numbers are places along the
+    axis, then ``height`` and ``width``.
 
     Raises:
         ValueError: the file or one of its arrays is not as described.
@@ -24,6 +35,10 @@ def open_array(
     if "frames" not in arrays:
         raise ValueError(f"{path}: expected arrays frames and labels, found no frames")
     frames = arrays.pop("frames")
+    if axes is not None:
+        arrays = _places(axes, frames.shape)
+        value_columns = value_columns or [name for name in ("value",) if name in axes]
+        frames = frames.reshape(-1, *frames.shape[-2:])
     if frames.ndim != 3 or 0 in frames.shape:
         raise ValueError(f"{path}[frames]: expected shape [N, H, W], found {frames.shape}")
     if frames.dtype.kind != "u" or frames.dtype.itemsize > 2:
@@ -64,13 +79,26 @@ def open_array(
     )
 
 
+def _places(axes: Sequence[str], shape: Sequence[int]) -> dict[str, np.ndarray]:
+    """Place along each axis but height and width, of every frame [N]; that along label: labels."""
+    *names, height, width = axes if len(axes) > 2 else ("", "", "")
+    fits = (height, width) == ("height", "width") and len(set(names)) == len(names)
+    if not fits or not set(names) <= set(AXES) or len(axes) != len(shape):
+        wanted = f"{len(shape)} different names among {', '.join(AXES)}, then height and width"
+        raise SettingError(f"axes: expected {wanted}, found {list(axes)}")
+    places = np.indices(shape[:-2]).reshape(len(names), -1)
+    return {"labels" if k == "label" else k: p for k, p in zip(names, places, strict=True)}
+
+
 def _load(path: Path) -> dict[str, np.ndarray]:
     try:
+        if path.suffix.lower() == ".npy":
+            return {"frames": np.load(path, mmap_mode="r", allow_pickle=False)}
         with np.load(path, allow_pickle=False) as archive:
             return dict(archive)
     except Exception as error:  # a damaged archive makes zipfile and numpy raise a dozen types
         found = str(error) or type(error).__name__
-        raise ValueError(f"{path}: expected an intact .npz, found: {found}") from error
+        raise ValueError(f"{path}: expected an intact {path.suffix}, found: {found}") from error
 
 
 def _labels(

@@ -52,6 +52,21 @@ def test_classes_can_be_named_or_be_labels_themselves(save):
     assert np.array_equal(both.labels, LABELS)
 
 
+def test_axes_of_an_array_are_named(tmp_path, pixels):
+    path = tmp_path / "x.npy"
+    np.save(path, pixels.reshape(3, 4, 20, 30))
+    recording = open_recording(path, axes=("label", "order", "height", "width"))
+    assert recording.names == [*"000011112222"]
+    assert recording.order.tolist() == [0, 1, 2, 3] * 3
+    assert np.array_equal(recording.frames([5, 0]), pixels[[5, 0]])
+    values = open_recording(path, axes=["session", "value", "height", "width"])
+    assert values.values[:, 0].tolist() == [0, 1, 2, 3] * 3
+    assert values.session.tolist() == [0] * 4 + [1] * 4 + [2] * 4
+    for axes in (["label", "height", "order", "width"], ["x", "y", "height", "width"], ["label"]):
+        with pytest.raises(ValueError, match="axes: expected 4 different names among label, order"):
+            open_recording(path, axes=axes)
+
+
 class Trap:
     """Fails the test if it is unpickled."""
 
