@@ -98,7 +98,7 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
     page = report.write(results, Console(file=io.StringIO())).read_text(encoding="utf-8")
     read = Results(results)
     assert read.problems == []
-    recording = next(name for name in read.scenes if name.startswith("recorded my"))
+    recording = next(r.scene for r in read.runs if r.scene.startswith("recorded my"))
 
     runs = table(results, "runs")
     assert len(runs) == 15
