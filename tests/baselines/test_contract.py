@@ -19,7 +19,7 @@ from baselines.training import IterativeClassifier
 MODELS = Path(__file__).parents[2] / "configs" / "model"
 CONFIGS = {path.stem: OmegaConf.load(path) for path in sorted(MODELS.glob("*.yaml"))}
 # Variants of a recipe that differ in a number only.
-VARIANTS = {"softmax_sgd", "softmax_zero", "cnn1_fast", "cnn3"}
+VARIANTS = {"softmax_sgd", "softmax_zero", "cnn1_fast", "cnn1_centred", "cnn3", "cnn3_centred"}
 NAMES = [
     name
     for name, config in CONFIGS.items()
