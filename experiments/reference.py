@@ -9,7 +9,6 @@ again and adopts today's code where nothing differs (:mod:`experiments.prove`).
 from __future__ import annotations
 
 import argparse
-import csv
 import os
 import re
 import shutil
@@ -26,7 +25,6 @@ from experiments.records import record as records
 from experiments.records.files import REFERENCE, ROOT, results_dir
 from experiments.records.results import Results, Run
 from experiments.reporting.study import with_places
-from experiments.reporting.text import markdown_text, number
 from hdc.io import write_atomically
 
 # Scenes of published data; other recordings are one's own.
@@ -115,41 +113,11 @@ def fill(text: str) -> str:
 
 
 def _claims() -> str:
-    """The paper's claims, a row each: numbers from measured and simulated frames, and the word."""
-    files = [REFERENCE / "tables" / f"{name}.csv" for name in ("claims", "claims_evidence")]
-    if not all(file.exists() for file in files):
-        return "*missing: no claim was measured*"
-    claims, evidence = (
-        list(csv.DictReader(file.read_text(encoding="utf-8").splitlines())) for file in files
-    )
-    lines = ["| The paper says | Measured frames | Simulated frames | In short |"]
-    lines.append("|---|---|---|---|")
-    for row in claims:
-        own = [entry for entry in evidence if entry["claim"] == row["claim"] and entry["value"]]
-        measured = [_evidence(entry) for entry in own if entry["kind"] == "measured"]
-        simulated = [_evidence(entry) for entry in own if entry["kind"] != "measured"]
-        cells = ["<br>".join(texts) or "–" for texts in (measured, simulated)]
-        word, _, phrase = markdown_text(row["verdict"]).partition(": ")
-        short = f"**{word.capitalize()}**" + f": {phrase}" * bool(phrase)
-        lines.append(f"| {markdown_text(row['paper'])} | {' | '.join(cells)} | {short} |")
-    return "\n".join(lines)
-
-
-def _evidence(row: dict[str, str]) -> str:
-    """A number with its name, its unit and its interval, to two significant digits."""
-    unit, name = row["unit"], row["evidence"]
-    if unit == "1":  # of a bare number, the quantity has both values
-        return markdown_text(f"{name}: {row['quantity']}")
-    sign = "+" if unit == "points" else ""
-    value, low, high = (
-        f"{float(text):{sign}.{0 if abs(float(text)) >= 10 else 1}f}"
-        if sign
-        else number(float(text), 2)
-        for text in (row["value"], row["value_low"] or "nan", row["value_high"] or "nan")
-    )
-    shown = f"×{value}" if unit == "×" else f"{value} {unit}"
-    known = f" [{low}, {high}]" if row["value_low"] and row["value_high"] else ""
-    return markdown_text(f"{name}: {shown}{known}".replace("-", "−"))
+    """The rows of the paper's claims, without title and note."""
+    path = REFERENCE / "tables" / "claims.md"
+    lines = path.read_text("utf-8").splitlines() if path.exists() else []
+    rows = [line for line in lines if line.startswith("|")]
+    return "\n".join(rows) or "*missing: no claim was measured*"
 
 
 def _table1() -> str:

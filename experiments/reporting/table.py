@@ -77,7 +77,7 @@ class Table:
     def markdown(self) -> str:
         """The table with its title above and its note below."""
         lines = [self.heads, ["---"] * len(self.heads)]
-        lines += [[markdown_text(cell) for cell in row] for row in self.cells()]
+        lines += [[_lines(cell) for cell in row] for row in self.cells()]
         table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
         parts = [f"**{markdown_text(self.title)}**", table, markdown_text(self.notes)]
         return "\n\n".join(filter(None, parts)) + "\n"
@@ -94,6 +94,10 @@ def frame(rows: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()) -> pd.
 def records(data: pd.DataFrame) -> list[dict[str, Any]]:
     """The rows of a data frame as mappings; a missing value is None."""
     return data.astype(object).where(data.notna(), None).to_dict("records")
+
+
+def _lines(cell: str) -> str:
+    return "<br>".join(map(markdown_text, cell.split("\n")))
 
 
 def _exact(value: Any) -> str:
