@@ -13,7 +13,6 @@ from torch import Tensor
 from hdc.encode import encode
 
 HELD_OUT = 16  # frames that trained models predict
-SORTED, SHUFFLED = "camera, by class", "camera, shuffled"
 
 
 @dataclass
@@ -22,15 +21,12 @@ class Case:
 
     Frames [N, D] are speckle-like: half a pattern of the class, half one of the frame alone, with
     gamma-distributed intensity of mean 50, and a brightness that varies by 1 % from frame to frame.
-    Camera frames have one of six exposures, whose medians are 100 grey levels apart, and flicker
-    by 5 %: sorted by exposure, or in random order.
     """
 
     operation: str
     n: int  # frames
     d: int  # pixels
     l: int  # noqa: E741  (classes)
-    frames: str = "speckle"  # or SORTED, or SHUFFLED
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -72,10 +68,6 @@ class Case:
         of_class = np.random.default_rng([self.seed, 0]).integers(0, spare, self.l)
         rng = np.random.default_rng([self.seed, stream])
         gains = 1 + 0.01 * rng.standard_normal(n)
-        if self.frames != "speckle":
-            exposures = np.linspace(33, 133, 6) / 50 * 1.06  # of the mean, whose median is lower
-            gains = np.sort(rng.choice(exposures, n)) * rng.uniform(0.95, 1.05, n)
-            gains = rng.permutation(gains) if self.frames == SHUFFLED else gains
         for label, start, gain in zip(labels, rng.integers(0, spare, n), gains, strict=True):
             pattern = patterns[of_class[label] :][: self.d] + patterns[start:][: self.d]
             yield np.minimum(np.float32(gain * 50 / 3 / 2) * pattern, 255).astype(np.uint8)

@@ -31,7 +31,7 @@ from experiments.studies.benchmark.routes import (
     common_form,
 )
 
-SIZE = ("operation", "n", "d", "l", "frames")
+SIZE = ("operation", "n", "d", "l")
 _SAMPLE_S = 20e-3  # shorter calls are repeated, so that each finds its own data in the caches
 
 
@@ -41,17 +41,16 @@ def benchmark(
 ) -> Iterator[Row]:
     """One row: a route at one size.
 
-    ``operation``, ``frames`` (their kind), ``route``; ``n`` frames (of ``hamming``,
-    queries), ``d``, ``l``; ``median_s`` and ``min_s`` of ``samples`` turns; ``ratio_to_ours``;
-    ``equal_result``; ``status``. Arguments: configs/experiment/benchmark.yaml.
+    ``operation``, ``route``; ``n`` frames (of ``hamming``, queries), ``d``, ``l``; ``median_s`` and
+    ``min_s`` of ``samples`` turns; ``ratio_to_ours``; ``equal_result``; ``status``.
+    Arguments: configs/experiment/benchmark.yaml.
 
     Raises:
         RuntimeError: at the end, if a route gave another result.
     """
     wrong = []
     for step in steps:
-        lists = [step.get(key, ["speckle"]) for key in SIZE]
-        for size in itertools.product(*lists):
+        for size in itertools.product(*(step[key] for key in SIZE)):
             key = dict(zip(SIZE, size, strict=True))
             compute = functools.partial(measure, Case(**key, seed=seed), budget_s)
             for row in run.part(key, compute):
