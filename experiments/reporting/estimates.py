@@ -124,17 +124,6 @@ def training_time(run: Run) -> float:
     return math.inf if reached is None else reached
 
 
-def quartiles(times: Sequence[float]) -> list[float]:
-    """Quartiles of times of which some may be infinite; one between a number and infinity is."""
-    ordered = np.sort(times)
-    result = []
-    for q in (0.25, 0.5, 0.75):
-        place = q * (len(ordered) - 1)
-        below, above = ordered[int(np.floor(place))], ordered[int(np.ceil(place))]
-        result.append(math.inf if np.isinf(above) else float(below + place % 1 * (above - below)))
-    return result
-
-
 def _student(values: Sequence[float], least: float, parts: float) -> Estimate:
     """Student's interval; `parts` of the variance of a value is that of what is estimated."""
     from scipy.special import stdtrit  # scipy.stats takes as long to import as the rest

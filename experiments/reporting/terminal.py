@@ -32,6 +32,4 @@ def summarise(console: Console, record: Finished, repeated: bool = False) -> Non
     ]
     if scene.saturated:
         lines.append(f"  ranks no models: {scene.saturated}")
-    if skipped := scene.skipped:
-        lines.append(f"  {len(skipped)} files skipped, the first: {skipped[0]}")
     console.print(Text("\n".join([*lines, f"  record {record.id}"])), soft_wrap=True)

@@ -136,7 +136,7 @@ def _over_seeds(name: str, values: Sequence[float]) -> dict[str, float]:
     if not values:
         return {}
     bounds = (min(values), max(values)) if min(values) < max(values) else ()
-    return estimates.Estimate(estimates.quartiles(values)[1], *bounds).columns(name)
+    return estimates.Estimate(float(np.median(values)), *bounds).columns(name)
 
 
 def _or_never(value: float) -> str:

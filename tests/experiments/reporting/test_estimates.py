@@ -67,9 +67,3 @@ def test_where_a_curve_crosses():
     assert estimates.crossing([20, 5, 10], [1.0, 0.5, 0.8]) == pytest.approx(15)
     assert estimates.crossing([5, 10], [0.95, 1.0]) == 5
     assert math.isnan(estimates.crossing([5, 10], [0.5, 0.9]))
-
-
-def test_quartiles_count_infinite_times():
-    times = [3.0, 1.0, 2.0, 7.0, 5.5]
-    assert estimates.quartiles(times) == pytest.approx(np.quantile(times, [0.25, 0.5, 0.75]))
-    assert estimates.quartiles([1.0, 2.0, math.inf]) == [1.5, 2.0, math.inf]
