@@ -69,7 +69,6 @@ def _register(name: str, what: str) -> None:
 
 _register("accuracy_vs_n", "Accuracy against the number N of training samples")
 _register("accuracy_vs_d", "Accuracy against the number D of pixels seen")
-_register("work_precision", "Accuracy against the time of a prediction")
 
 
 @STUDY.quantities()

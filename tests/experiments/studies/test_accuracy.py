@@ -7,7 +7,7 @@ from experiments.records import configs
 from experiments.records.results import Results
 from experiments.studies.accuracy.view import STUDY
 
-TABLES = {"accuracy_vs_n", "accuracy_vs_d", "work_precision"}
+TABLES = {"accuracy_vs_n", "accuracy_vs_d"}
 
 
 def test_a_table_has_a_row_for_all_that_its_experiments_ask_for(tmp_path, a_full_set):
