@@ -116,7 +116,6 @@ def run(
             "shape": list(scene.shape),
             "n": len(scene.labels),
             "fingerprint": fingerprint,
-            "skipped": [str(frame) for frame in getattr(scene, "skipped", ())],
             "saturated": str(getattr(scene, "saturated", "") or ""),
         },
     }

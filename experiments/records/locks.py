@@ -34,9 +34,6 @@ def held(path: Path, what: str | None = None, timeout_s: float = 0) -> Iterator[
         lock.acquire()
     except Timeout:
         raise Held(f"{what or path.parent.name}: being run by another process") from None
-    except OSError as error:
-        text = f"{path}: expected a file system with locks, found {error.strerror}"
-        raise error if error.filename else OSError(error.errno, text) from error
     try:
         yield
     finally:

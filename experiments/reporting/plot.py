@@ -80,12 +80,6 @@ def star(label: str) -> Line2D:
     return Line2D([], [], label=label, **PAPER)
 
 
-def measured_models(rows: Sequence[Row], models: Iterable[str]) -> list[str]:
-    """Which of these models have a row with runs."""
-    found = {line["model"] for line in rows if line["seeds"]}
-    return [model for model in dict.fromkeys(models) if model in found]
-
-
 def head(figure: Figure, title: str, details: Iterable[str]) -> None:
     """A title and, below it, what it is of; wrapped to the width of a column."""
     lines = [line for text in (title, *details) for line in textwrap.wrap(text, _LINE)]
@@ -95,11 +89,6 @@ def head(figure: Figure, title: str, details: Iterable[str]) -> None:
 def literal(text: str) -> str:
     """A name of the user's, in which matplotlib must not look for mathematics."""
     return printable(text).replace("$", r"\$")
-
-
-def seeds_of(n: int) -> str:
-    """``5 seeds``."""
-    return f"{n} seed{'s' * (n != 1)}"
 
 
 def title(
@@ -115,7 +104,8 @@ def title(
     seeds = sorted({line["seeds"] for line in rows if line["seeds"]})
     details = []
     if seeds:
-        count = seeds_of(seeds[0]) if len(seeds) == 1 else f"{seeds[0]}–{seeds[-1]} seeds"
+        count = "–".join(map(str, dict.fromkeys((seeds[0], seeds[-1]))))
+        count += " seed" if seeds[-1] == 1 else " seeds"
         strip = ", grey: no error" if axes.get_yscale() == "log" else ""
         details.append(f"{frames_of(rows)}, {count}, 95 % intervals{strip}")
     # Lines break between names, not within one.

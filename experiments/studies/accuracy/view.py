@@ -16,7 +16,6 @@ from experiments.reporting import rows as rows_of
 from experiments.reporting.plot import (
     accuracy_curves,
     handle,
-    measured_models,
     published_point,
     star,
     title,
@@ -107,7 +106,7 @@ def quantities(results: Results) -> Iterator[Quantity]:
 def accuracy_vs_n(figure: Figure, results: Results) -> None:
     """Test accuracy against the number of training samples (Fig. 5(b) of the paper)."""
     lines = rows(results, "accuracy_vs_n")
-    measured = measured_models(lines, [line["model"] for line in lines])
+    measured = list(dict.fromkeys(line["model"] for line in lines if line["seeds"]))
     above = [m for m in configs.models("paper", "fast") if m in measured]
     below = ["hdc", *(m for m in measured if m not in above)]
     panels = figure.subplots(2, 1, sharex=True)

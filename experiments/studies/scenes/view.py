@@ -28,7 +28,6 @@ from experiments.reporting.plot import (
     literal,
     matrix,
     panel,
-    seeds_of,
 )
 from experiments.reporting.rows import row
 from experiments.reporting.study import RUN, Quantity, Study, with_places
@@ -174,7 +173,7 @@ def spatial(figure: Figure, results: Results) -> None:
     text = "mean {:.2f} mm, median {:.3g} mm, 95th percentile {:.3g} mm"
     panel(below, "c", text.format(error.mean(), *np.percentile(error, (50, 95))))
     frames = frames_of([{"origin": group.runs[0].record.scene.origin}])
-    details = [f"{frames}, {seeds_of(len(group.runs))}"]
+    details = [f"{frames}, seeds: {len(group.runs)}"]
     head(figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", details)
 
 
