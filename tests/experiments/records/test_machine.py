@@ -1,0 +1,75 @@
+"""The store of runs against a dictionary: runs, failures, repeats, kills, and two writers."""
+
+import json
+import shutil
+from pathlib import Path
+from threading import Thread
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule, run_state_machine_as_test
+
+from experiments.records import record
+
+NAMES = st.integers(0, 3).map("touch-hdc-{:012x}".format)
+TIMES = st.floats(0.1, 10)
+
+
+def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
+    write_run("hdc")
+    template = json.loads((tmp_path / record.RUNS).read_text())
+    template["environment"]["sources"] = next(iter(record.read_code(tmp_path).values()))
+    curve = [{"training_s": 0.5, "samples_seen": 400.0}]
+
+    class Store(RuleBasedStateMachine):
+        def __init__(self):
+            super().__init__()
+            self.folder = Path(tmp_path) / "store"
+            shutil.rmtree(self.folder, ignore_errors=True)
+            self.folder.mkdir()
+            self.known, self.damaged = {}, 0
+
+        def entry(self, name, status, seconds):
+            more = {"error": "ValueError: it broke"} if status == "failed" else {}
+            return {**template, "id": name, "status": status, "training_s": seconds, **more}
+
+        def note(self, name, status, seconds):
+            if status == "finished" or self.known.get(name, ("", 0))[0] != "finished":
+                self.known[name] = (status, seconds)
+
+        @rule(name=NAMES, status=st.sampled_from(["finished", "failed"]), seconds=TIMES)
+        def run_or_repeat(self, name, status, seconds):
+            record.append(self.folder, self.entry(name, status, seconds), curve)
+            self.note(name, status, seconds)
+
+        @rule(name=NAMES, share=st.floats(0.01, 0.99))
+        def kill_while_a_line_is_written(self, name, share):
+            line = record.to_line(self.entry(name, "finished", 99.0), curve).encode()
+            path = self.folder / record.RUNS
+            before = path.read_bytes() if path.exists() else b""
+            gap = b"" if not before or before.endswith(b"\n") else b"\n"
+            path.write_bytes(before + gap + line[: max(1, int(share * len(line)))])
+            self.damaged += 1
+
+        @rule(names=st.tuples(NAMES, NAMES), seconds=TIMES)
+        def two_at_once(self, names, seconds):
+            entries = [self.entry(name, "finished", seconds) for name in names]
+            threads = [Thread(target=record.append, args=(self.folder, e, curve)) for e in entries]
+            for thread in threads:
+                thread.start()
+            for thread, name in zip(threads, names, strict=True):
+                thread.join()
+                self.note(name, "finished", seconds)
+
+        @invariant()
+        def reads_as_the_dictionary(self):
+            found = list(record.read(self.folder))
+            errors = [entry for entry in found if isinstance(entry, ValueError)]
+            runs = {r.id: (r.status, r.training_s) for r in found if r not in errors}
+            assert runs == self.known
+            assert len(errors) == self.damaged
+            for name, (status, _) in self.known.items():
+                assert (record.find(self.folder, name) is not None) == (status == "finished")
+
+    few = settings(max_examples=15, stateful_step_count=12, deadline=None)
+    run_state_machine_as_test(Store, settings=few)
