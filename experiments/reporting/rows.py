@@ -57,21 +57,6 @@ def caption(rows: Sequence[Mapping[str, Any]], what: str) -> str:
     return f"{text} {machine}." if machine else text
 
 
-STOPS = {
-    "finished": "finished: a one-pass model, or converged",
-    "trained": "trained: the loss converged",
-    "reached": "reached: stopped when training accuracy passed 90 %",
-    "steps": "steps: the limit of steps came before the loss converged",
-    "budget": "budget: the limit of time came before the loss converged",
-}
-
-
-def stop_note(rows: Iterable[Mapping[str, Any]]) -> str:
-    """Why runs of these rows stopped, where one did not simply finish."""
-    stops = {stop for line in rows for stop in (line.get("stop") or "").split("; ")}
-    return "; ".join(text for stop, text in STOPS.items() if stop in stops - {"finished"})
-
-
 def commands(groups: Iterable[Group]) -> list[str]:
     """Commands that made the runs of these groups."""
     return list(dict.fromkeys(run.record.command for group in groups for run in group.runs))

@@ -59,6 +59,7 @@ CLAIMS = {
         {
             YES: "at least ten times, however HDC is computed",
             "partly": "depends on how HDC is computed",
+            UNDECIDABLE: "not every run, by each way of computing HDC, reaches ten times",
         },
     ),
     "softmax": (

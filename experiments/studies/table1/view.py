@@ -61,6 +61,8 @@ def _ratio(cells: Mapping[str, Any]) -> str:
 def _trained(cells: Mapping[str, Any]) -> str:
     if not cells["seeds"]:
         return str(cells["status"])
+    if cells["stop"] == "reached":
+        return "not trained on"
     ends = ("", "_low", "_high")
     accuracy, low, high = (percent(cells[f"test_accuracy_final{end}"]) for end in ends)
     time, seconds = cells["training_time_s"], cells["total_time_s"]
@@ -80,13 +82,13 @@ COLUMNS = {
     "ratio": Column(
         "× HDC: paper → here",
         cell=_ratio,
-        note="× HDC: training time over that of this library's HDC; in brackets over that of "
-        "HDC by ordinary routes, the faster of NumPy and PyTorch medians followed by torchhd.",
+        note="× HDC: training time over that of this library's HDC; in parentheses over that "
+        "of HDC by ordinary routes, the faster of NumPy and PyTorch medians followed by torchhd.",
     ),
     "published_test_accuracy": Column("Test, %: paper", percent),
     "test_accuracy_at_target": Column("Test, %: here, when the paper's clock stops", percent),
     "trained": Column(
-        "Test, %: here, trained on [95 %]",
+        "Test, %: here, after training on [95 % interval]",
         cell=_trained,
         note="Intervals: Student over seeds, never narrower than the test set allows; Wilson for "
         "one seed.",
@@ -115,9 +117,7 @@ def table1(results: Results) -> pd.DataFrame | None:
         return None
     shown = [line for line in rows if line["seeds"] or line["model"] in PAPER]
     data = frame(shown)
-    stops = rows_of.stop_note(shown)
     data.attrs["title"] = rows_of.caption(shown, "Table I, published and measured")
-    data.attrs["note"] = f"Stops: {stops}." if stops else ""
     data.attrs["commands"] = rows_of.commands(groups) or [f"{RUN}table1"]
     return data
 
