@@ -109,6 +109,7 @@ COLUMNS = {
     "softmax_dual": Column("Softmax at its optimum, %", percent),
     "softmax_dual_standardised": Column("… on standardised frames, %", percent),
     "nearest_neighbour": Column("Nearest neighbour on bits, %", percent),
+    "softmax": Column("Softmax, published recipe, two draws, %", percent),
 }
 NOTE = (
     "Split by time, session, group or position, as each recording states, so that near copies of a "
