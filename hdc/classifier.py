@@ -10,7 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits, inputs, io
+from hdc import bits, inputs, io, planes
+from hdc.encode import warn_of_constant
 from hdc.estimator import CHUNK, Estimator, check_share
 from hdc.inputs import Label
 from hdc.prototypes import Counters, check_probability, merged, replaced_bits
@@ -123,6 +124,7 @@ class HDCClassifier(Estimator):
         trained = self._untrained()
         for _ in trained._train(frames, y):
             pass
+        trained._update_prototypes(range(len(trained.classes_)))
         self._adopt(trained)
         return self
 
@@ -133,10 +135,12 @@ class HDCClassifier(Estimator):
         """
         trained = self._untrained()
         for seen in trained._train(frames, y):
+            trained._update_prototypes(range(len(trained.classes_)))
             self._adopt(trained)
             yield {"samples_seen": seen}
 
     def _train(self, frames: Any, y: Any) -> Iterator[int]:
+        """Count frames; yield how many there were once all classes have one, without prototypes."""
         frames, labels = self._samples(frames, y)
         classes = inputs.classes_of(labels)
         inputs.check_two_classes(classes)
@@ -144,13 +148,17 @@ class HDCClassifier(Estimator):
         words: Tensor | None = None
         for start in range(0, len(frames), CHUNK):
             part = inputs.tensor(frames[start : start + CHUNK])
-            reused = words if self.readout == "prototype" else None
-            words = self._encode(part, start, backend, reused)
+            names = labels[start : start + CHUNK]
             if start == 0:  # room once for all that will come
                 self._start(part.shape[1:])
                 self._know(classes.tolist())
                 self.counters_.reserve(max(Counter(labels).values()))
-            self._add(words, labels[start : start + CHUNK], backend)
+            kernels_read = backend == "compiled" and part.dtype == torch.uint8
+            if kernels_read and self.readout == "prototype" and self.dimension_ > 1:
+                self._add_in_one_read(part, names, start)
+            else:
+                words = self._encode(part, start, backend, words if self._frames is None else None)
+                self._add(words, names, backend)
             seen = min(start + CHUNK, len(frames))
             if self.readout == "ridge":
                 if seen < len(frames):
@@ -158,8 +166,7 @@ class HDCClassifier(Estimator):
                 assert self._frames is not None
                 pairs, self._frames = self._targets(*self._frames), None
                 self.ridge_, _ = ridge(*pairs, self.dimension_, backend=backend)
-            if self._empty() is None:  # a model that has seen one frame of each class at least
-                self._update_prototypes(range(len(classes)))
+            if self._empty() is None:
                 yield seen
 
     def _samples(self, frames: Any, y: Any) -> tuple[Any, list[Label]]:
@@ -456,7 +463,7 @@ class HDCClassifier(Estimator):
         counters = Counters(len(index), self.dimension_, self.device)
         counters.merge(self.counters_, [index[label] for label in self._index])
         self._index, self.classes_, self.counters_ = index, classes, counters
-        self.prototypes_ = torch.zeros_like(counters.planes[:, 0])
+        self.prototypes_ = planes.zeros((len(index), bits.words_for(self.dimension_)), self.device)
         self._size = -1  # all are to be made: random ties and thinned counts go by rows
 
     def _add(self, words: Tensor, labels: Sequence[Label], backend: str) -> list[int]:
@@ -468,6 +475,15 @@ class HDCClassifier(Estimator):
         if self.readout != "prototype":
             self._keep(words, labels)
         return rows
+
+    def _add_in_one_read(self, frames: Tensor, labels: Sequence[Label], first: int) -> None:
+        """:meth:`_add` of 8-bit frames, of whose hypervectors only those of the sample are kept."""
+        inputs.check_shape(frames.shape[1:], self.frame_shape_, type(self).__name__)
+        rows = torch.tensor([self._index[label] for label in labels], dtype=torch.int64)
+        chosen = self._sample.choose(labels)
+        kept, constant = self.counters_.add_frames(frames, rows, list(chosen))
+        self._sample.keep(chosen, kept)
+        warn_of_constant(constant, first)
 
     def _keep(self, words: Tensor, labels: Sequence[Label]) -> None:
         """Keep hypervectors for the read-outs that are made of them."""
@@ -488,7 +504,8 @@ class HDCClassifier(Estimator):
     def _update_prototypes(self, rows: Iterable[int]) -> None:
         """Make the prototypes of classes that have more samples, or all where that changes them."""
         counters, size = self.counters_, self._common_size()
-        prototypes = self.prototypes_.clone()  # others may be reading the ones of before
+        prototypes = torch.empty_like(self.prototypes_)  # others may be reading the ones of before
+        planes.plain(prototypes)[:] = planes.plain(self.prototypes_)
         for c in set(rows) if size == self._size else range(len(self._index)):
             if counters.n[c]:
                 prototypes[c] = counters.prototype(c, self.ties, self.seed, size=size)

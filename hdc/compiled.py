@@ -41,9 +41,43 @@ def encode_uint8(images: np.ndarray, words: np.ndarray) -> list[int]:
     images = np.ascontiguousarray(images)
 
     def work(start: int, stop: int) -> None:
-        _encode(images[start:stop], words[start:stop], constant[start:stop])
+        _encode(images, np.arange(start, stop), words[start:stop], constant, 127)
 
     _share(work, len(images), images.nbytes)
+    return np.flatnonzero(constant).tolist()
+
+
+def count_uint8(
+    images: np.ndarray,
+    counts: np.ndarray,
+    order: np.ndarray,
+    ends: np.ndarray,
+    places: np.ndarray,
+    kept: np.ndarray,
+) -> list[int]:
+    """:func:`encode_uint8` and :func:`count_into` in one read; return constant frames.
+
+    The hypervector of image i is written to row places[i] of `kept` [K, W], or, with −1, nowhere.
+    """
+    constant = np.zeros(len(images), np.bool_)
+    images = np.ascontiguousarray(images)
+    shared: list[tuple[int, np.ndarray]] = []  # counts of a class that another thread began
+
+    def work(start: int, stop: int) -> None:
+        first = int(np.searchsorted(ends, start, "right"))
+        for c in range(first, int(np.searchsorted(ends, stop, "left")) + 1):
+            left, right = max(start, int(ends[c - 1]) if c else 0), min(stop, int(ends[c]))
+            if left == right:
+                continue
+            into = counts[c : c + 1]
+            if left == start > (ends[c - 1] if c else 0):
+                into = np.zeros_like(into)
+                shared.append((c, into))
+            _encode_and_count(images, order[left:right], into, places, kept, constant)
+
+    _share(work, len(images), images.nbytes)
+    for c, part in shared:
+        _add(counts[c], part[0])
     return np.flatnonzero(constant).tolist()
 
 
@@ -147,9 +181,9 @@ def _compile(signature):
     return compiled
 
 
-@_compile("UniTuple(int64, 2)(uint8[:, ::1], intp, uint8, int64[:, ::1], int64[::1], boolean)")
+@_compile("UniTuple(int64, 2)(uint8[:, ::1], intp, uint8, int64[::1], int64[::1], boolean)")
 def _threshold(images, i, level, words, sample, sampled):
-    """Fill row i with the pixels above a level; return how many there are, and how many equal.
+    """Fill words [W] with the pixels above a level; return how many there are, and how many equal.
 
     Where it is to be `sampled`, one pixel of each word is counted in sample [256].
     """
@@ -157,7 +191,7 @@ def _threshold(images, i, level, words, sample, sampled):
     n_greater = n_equal = 0
     for w in range(whole):
         greater = _greater(images, i, w * _WORD, level)
-        words[i, w] = np.int64(greater)
+        words[w] = np.int64(greater)
         n_greater += _ones(greater)
         n_equal += _ones(_equal(images, i, w * _WORD, level))
         if sampled:  # at a place that differs, lest the sample follow a pattern
@@ -169,14 +203,14 @@ def _threshold(images, i, level, words, sample, sampled):
             pixel = images[i, whole * _WORD + j]
             word |= np.int64(pixel > level) << j
             n_equal += pixel == level
-        words[i, whole] = word
+        words[whole] = word
         n_greater += _ones(np.uint64(word))
     return n_greater, n_equal
 
 
-@_compile("void(uint8[:, ::1], intp, uint8, int64[:, ::1], int64)")
+@_compile("void(uint8[:, ::1], intp, uint8, int64[::1], int64)")
 def _add_ties(images, i, level, words, missing):
-    """Add the first `missing` pixels that equal the level to row i."""
+    """Add the first `missing` pixels that equal the level to words [W]."""
     whole = images.shape[1] // _WORD
     w = 0
     while missing > 0 and w < whole:
@@ -187,20 +221,20 @@ def _add_ties(images, i, level, words, missing):
             for _ in range(missing):
                 rest &= rest - 1
             ties ^= rest
-        words[i, w] |= ties
+        words[w] |= ties
         missing -= n
         w += 1
     j = whole * _WORD
     while missing > 0:
         if images[i, j] == level:
-            words[i, whole] |= np.int64(1) << (j - whole * _WORD)
+            words[whole] |= np.int64(1) << (j - whole * _WORD)
             missing -= 1
         j += 1
 
 
-@_compile("void(uint8[:, ::1], int64[:, ::1], boolean[::1])")
-def _encode(images, words, constant):
-    """:func:`encode_uint8` in one thread.
+@_compile("uint8(uint8[:, ::1], int64[::1], int64[:, ::1], boolean[::1], uint8)")
+def _encode(images, rows, words, constant, level):
+    """:func:`encode_uint8` of some rows of images, in one thread; return the level of the last.
 
     The level of the frame before is tried first, in one pass over the frame. Then the counts of all
     pixels say how many are too many or too few above it, and a sample which level has as many. What
@@ -208,13 +242,16 @@ def _encode(images, words, constant):
     """
     dimension = images.shape[1]
     ones = dimension // 2
-    level = 127
+    level = np.int64(level)
     sample = np.zeros(256, np.int64)
-    for i in range(len(images)):
+    for k in range(len(rows)):
+        i = rows[k]
         sample[:] = 0
         low, high, trials = 0, 255, 0
         while True:
-            n_greater, n_equal = _threshold(images, i, np.uint8(level), words, sample, trials == 0)
+            n_greater, n_equal = _threshold(
+                images, i, np.uint8(level), words[k], sample, trials == 0
+            )
             trials += 1
             if n_greater > ones:
                 low = level + 1
@@ -234,8 +271,9 @@ def _encode(images, words, constant):
                 break
             if trials > _TRIALS:
                 level = (low + high) // 2
-        _add_ties(images, i, np.uint8(level), words, ones - n_greater)
+        _add_ties(images, i, np.uint8(level), words[k], ones - n_greater)
         constant[i] = n_equal == dimension
+    return np.uint8(level)
 
 
 @_compile("UniTuple(int64, 2)(int64, int64, int64)")
@@ -290,6 +328,36 @@ def _count(counts, words, order, ends, start, stop):
                         plane[i] = old ^ carry[i]
                         carry[i] &= old
                     p += 1
+
+
+_EIGHT = 8  # hypervectors that _count takes at once; their words stay in the cache
+
+
+@_compile(
+    "void(uint8[:, ::1], int64[::1], int64[:, :, ::1], int64[::1], int64[:, ::1], boolean[::1])"
+)
+def _encode_and_count(images, rows, counts, places, kept, constant):
+    """:func:`count_uint8` of images of one class, with counts [1, P, W], in one thread."""
+    words = np.empty((_EIGHT, counts.shape[2]), np.int64)
+    order, ends = np.arange(_EIGHT), np.empty(1, np.int64)
+    level = np.uint8(127)
+    for start in range(0, len(rows), _EIGHT):
+        eight = rows[start : start + _EIGHT]
+        level = _encode(images, eight, words, constant, level)
+        for k in range(len(eight)):
+            if places[eight[k]] >= 0:
+                kept[places[eight[k]]] = words[k]
+        ends[0] = len(eight)
+        _count(counts, words, order, ends, 0, counts.shape[2])
+
+
+@_compile("void(int64[:, ::1], int64[:, ::1])")
+def _add(counts, others):
+    """Add bit-sliced counts [P, W] to others, in place."""
+    for w in range(counts.shape[1]):
+        carry = np.int64(0)
+        for p in range(counts.shape[0]):
+            counts[p, w], carry = _full_adder(counts[p, w], others[p, w], carry)
 
 
 @_compile("void(int64[:, ::1], int64[:, ::1], int64[:, ::1])")

@@ -74,13 +74,18 @@ def encode(
             block = slice(start, start + step)
             flat = route(_pixels(frames[block], first + start), words[block])
             constant += [start + i for i, is_flat in enumerate(flat) if is_flat]
+    warn_of_constant(constant, first)
+    return words
+
+
+def warn_of_constant(constant: list[int], first: int) -> None:
+    """Warn of frames, counted from number `first`, of which all pixels are equal; if there are."""
     if constant:
         listed = ", ".join([*(str(first + i) for i in constant[:10]), "…"][: len(constant)])
         reason = "every pixel is equal, so the hypervector carries no information"
         warnings.warn(
-            f"{len(constant)} constant frame(s), at index {listed}: {reason}", stacklevel=2
+            f"{len(constant)} constant frame(s), at index {listed}: {reason}", stacklevel=3
         )
-    return words
 
 
 def _pixels(frames: Tensor, first: int) -> Tensor:

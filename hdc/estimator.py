@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 import sys
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from math import prod
 from pathlib import Path
@@ -23,7 +24,7 @@ from hdc.encode import encode
 CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
 
 
-class Estimator:
+class Estimator(ABC):
     """Parameters by name, tags, chunks of frames, and how an untrained model is refused."""
 
     _estimator_type: str
@@ -155,13 +156,13 @@ class Estimator:
         except Exception as error:  # a hostile header reaches numpy and torch in many ways
             raise ValueError(f"{path}: expected a saved {cls.__name__}, found {error}") from error
 
+    @abstractmethod
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         """Header and tensors of the estimator itself."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
         """Become the model of :meth:`_stored`."""
-        raise NotImplementedError
 
     def __repr__(self) -> str:
         parameters = ", ".join(f"{k}={v!r}" for k, v in self.get_params().items())

@@ -25,6 +25,11 @@ def zeros(shape: tuple[int, ...], device: torch.device | str) -> Tensor:
     return torch.zeros(shape, dtype=torch.int64, device=device)
 
 
+def plain(words: Tensor) -> Any:
+    """The same memory as a numpy array on the CPU, where waking torch's threads takes longer."""
+    return words.numpy() if words.device.type == "cpu" else words
+
+
 def vertical_sum(words: Tensor) -> Tensor:
     """Count the ones of each bit position: int64 [N, W] → planes [P, W], P = bit length of N."""
     n, width = words.shape
@@ -41,8 +46,7 @@ def count_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:
     if counts.device.type != "cpu":
         _count_into(counts, words, rows)
         return
-    # Not by torch's threads: handing one row to them takes longer than the row.
-    into, source = counts.numpy(), words.numpy()
+    into, source = plain(counts), plain(words)
     for start in range(0, words.shape[1], _BLOCK):
         block = slice(start, start + _BLOCK)
         _count_into(into[:, block], source[:, block], rows)
@@ -105,7 +109,7 @@ def greater(counts: Tensor, threshold: int) -> Tensor:
         return ~mask
     if threshold >> n_planes:
         return mask  # more than the planes can hold
-    carry, rows = (mask.numpy(), counts.numpy()) if counts.device.type == "cpu" else (mask, counts)
+    carry, rows = plain(mask), plain(counts)
     for p in range(n_planes):
         if threshold >> p & 1:
             carry &= rows[p]

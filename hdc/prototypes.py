@@ -49,16 +49,7 @@ class Counters:
             ValueError: if lengths or widths disagree or a label is outside [0, L).
         """
         bits.check_width(words, self.dimension)
-        labels, n_classes = labels.cpu(), len(self.n)
-        if len(words) != len(labels):
-            raise ValueError(f"labels: expected {len(words)}, one a sample, found {len(labels)}")
-        if len(outside := labels[(labels < 0) | (labels >= n_classes)]):
-            found = int(outside[0])
-            raise ValueError(f"labels: expected class indices in [0, {n_classes}), found {found}")
-        n = torch.bincount(labels, minlength=n_classes)
-        total = self.n + n
-        self.reserve(max(total.tolist(), default=0))
-        order = labels.argsort(stable=True)
+        order, n = self._order(words, labels)
         if kernels := bits.kernels(self.backend, self.device):
             kernels.count_into(*(x.numpy() for x in (self.planes, words, order, n.cumsum(0))))
         else:
@@ -67,7 +58,38 @@ class Counters:
                 if n_c:
                     planes.count_into(self.planes[c], words, rows[start : start + n_c])
                     start += n_c
-        self.n = total
+        self.n += n
+
+    def add_frames(
+        self, frames: Tensor, labels: Tensor, chosen: Sequence[int]
+    ) -> tuple[Tensor, list[int]]:
+        """Encode and :meth:`add` frames uint8 [N, ...] of D ≥ 2 pixels, in one read, if compiled.
+
+        Returns:
+            The hypervectors of the chosen frames, int64 [K, W], and which frames are constant.
+        """
+        from hdc import compiled
+
+        order, n = self._order(frames, labels)
+        kept = torch.from_numpy(np.empty((len(chosen), bits.words_for(self.dimension)), np.int64))
+        places = torch.full((len(frames),), -1)
+        places[list(chosen)] = torch.arange(len(chosen))
+        arrays = (x.numpy() for x in (self.planes, order, n.cumsum(0), places, kept))
+        constant = compiled.count_uint8(frames.reshape(len(frames), -1).numpy(), *arrays)
+        self.n += n
+        return kept, constant
+
+    def _order(self, samples: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
+        """Rows of samples, class by class, and how many each class has; room for them is made."""
+        labels, n_classes = labels.cpu(), len(self.n)
+        if len(samples) != len(labels):
+            raise ValueError(f"labels: expected {len(samples)}, one a sample, found {len(labels)}")
+        if len(outside := labels[(labels < 0) | (labels >= n_classes)]):
+            found = int(outside[0])
+            raise ValueError(f"labels: expected class indices in [0, {n_classes}), found {found}")
+        n = torch.bincount(labels, minlength=n_classes)
+        self.reserve(max((self.n + n).tolist(), default=0))
+        return labels.argsort(stable=True), n
 
     def merge(self, other: Counters, rows: Sequence[int] | None = None) -> None:
         """Add another set of counters, whose classes have these rows here (default: the same).
@@ -140,7 +162,7 @@ class Counters:
 
     def prototypes(self, ties: str = "zero", seed: int = 0, size: int | None = None) -> Tensor:
         """:meth:`majority`, zeros for classes without samples; `size` as of :meth:`thinned`."""
-        prototypes = torch.zeros_like(self.planes[:, 0])
+        prototypes = planes.zeros((len(self.n), self.planes.shape[2]), self.device)
         for c in self.n.nonzero().flatten().tolist():
             prototypes[c] = self.prototype(c, ties, seed, size=size)
         return prototypes
@@ -181,7 +203,7 @@ class Counters:
         n_classes, n_old, width = self.planes.shape
         if n_planes > n_old:
             grown = planes.zeros((n_classes, n_planes, width), self.device)
-            grown[:, :n_old] = self.planes
+            planes.plain(grown)[:, :n_old] = planes.plain(self.planes)
             self.planes = grown
 
     def _tie_breaker(self, seed: int, c: int) -> Tensor:

@@ -14,6 +14,7 @@ with the least Σ r_i² is taken.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,14 +32,22 @@ _STEP = 256  # words unpacked at a time
 _ROWS = 64  # of a Gram matrix at a time
 
 
-def dot(planes: Tensor, n: Tensor, words: Tensor, dimension: int, backend: str = "numpy") -> Tensor:
+def dot(
+    planes: Tensor,
+    plane_ones: Tensor,
+    n: Tensor,
+    words: Tensor,
+    dimension: int,
+    backend: str = "numpy",
+) -> Tensor:
     """(2v − 1)·(2c − n) of queries v, int64 [Q, L], from bit-sliced c, int64 [L, P, W].
 
-    A query v ∈ {0, 1} has v·c = Σ_p 2^p |v ∧ plane_p| and |v ∧ b| = (|v| + |b| − Ham(v, b))/2.
+    A query v ∈ {0, 1} has v·c = Σ_p 2^p |v ∧ plane_p| and |v ∧ b| = (|v| + |b| − Ham(v, b))/2;
+    `plane_ones` [L, P] are the |plane_p|.
     """
     n_classes, n_planes, width = planes.shape
     weights = 2 ** torch.arange(n_planes, device=words.device)
-    ones, plane_ones = bits.count_ones(words), bits.count_ones(planes)
+    ones = bits.count_ones(words)
     distances = bits.hamming(words, planes.reshape(-1, width), backend)
     distances = distances.view(-1, n_classes, n_planes)
     overlap = (ones[:, None, None] + plane_ones - distances) // 2
@@ -87,7 +96,9 @@ def cosines(counters: Counters, words: Tensor, size: int | None = None) -> Tenso
     if counters.n.max() >= 2**60 // counters.dimension:
         raise ValueError(f"counters: expected fewer samples, found {int(counters.n.max())}")
     lengths = torch.tensor(norms(counters, size), dtype=torch.float64, device=words.device)
-    return -dot(counters.planes, counters.n, words, counters.dimension) / lengths.clamp(min=1)
+    ones = bits.count_ones(counters.planes)
+    products = dot(counters.planes, ones, counters.n, words, counters.dimension)
+    return -products / lengths.clamp(min=1)
 
 
 @dataclass(frozen=True)
@@ -103,8 +114,12 @@ class Ridge:
     def scores(self, words: Tensor, backend: str = "numpy") -> Tensor:
         """w·x + b of hypervectors int64 [Q, W], float64 [Q, T]; the products are exact."""
         n = torch.full((len(self.planes),), 2 * _OFFSET)
-        products = dot(self.planes, n, words, self.dimension, backend) // 2
+        products = dot(self.planes, self._ones, n, words, self.dimension, backend) // 2
         return products * self.scales.to(words.device) + self.intercepts.to(words.device)
+
+    @functools.cached_property
+    def _ones(self) -> Tensor:
+        return bits.count_ones(self.planes)
 
     def tensors(self) -> dict[str, Tensor]:
         """The tensors of a file."""

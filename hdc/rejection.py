@@ -25,14 +25,14 @@ their distances spread alike.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits, planes
+from hdc import bits
 from hdc.inputs import Label
 from hdc.prototypes import Counters
 
@@ -56,10 +56,10 @@ class Sample:
 
     def __init__(self) -> None:
         self.seen: dict[Label, int] = {}  # how many of each class came by
-        self._words: dict[Label, Tensor] = {}
+        self._kept: dict[Label, list[Tensor]] = {}
 
-    def add(self, words: Tensor, labels: Sequence[Label]) -> None:
-        """Let hypervectors int64 [N, W] of N labels come by; those that are kept are copied."""
+    def choose(self, labels: Sequence[Label]) -> dict[int, tuple[Label, int]]:
+        """Let frames of these labels come by: which of them take a place, and which place."""
         chosen: dict[tuple[Label, int], int] = {}
         for i, label in enumerate(labels):
             k = self.seen.get(label, 0)
@@ -68,23 +68,26 @@ class Sample:
             place = k if k < KEPT else (k * _GOLDEN % 2**64) * (k + 1) >> 64
             if place < KEPT:
                 chosen[label, place] = i
-        on_cpu = words.device.type == "cpu"  # where numpy's rows take a tenth of torch's time
-        source = words.numpy() if on_cpu else words
-        for (label, place), i in chosen.items():
-            if label not in self._words:
-                self._words[label] = planes.zeros((KEPT, words.shape[1]), words.device)
-            into = self._words[label]
-            (into.numpy() if on_cpu else into)[place] = source[i]
+        return {i: place for place, i in chosen.items()}
+
+    def add(self, words: Tensor, labels: Sequence[Label]) -> None:
+        """Let hypervectors int64 [N, W] of N labels come by; those that are kept are copied."""
+        chosen = self.choose(labels)
+        self.keep(chosen, (words[i].clone() for i in chosen))
+
+    def keep(self, chosen: Mapping[int, tuple[Label, int]], words: Iterable[Tensor]) -> None:
+        """Give the chosen their places, by hypervectors int64 [W] that nobody overwrites."""
+        for (label, place), row in zip(chosen.values(), words, strict=True):
+            kept = self._kept.setdefault(label, [])
+            kept[place : place + 1] = [row]
 
     def of(self, label: Label) -> Tensor:
         """The hypervectors of a class, int64 [m, W]."""
-        return self._words[label][: self.seen[label]]
+        return torch.stack(self._kept[label])
 
     def put(self, label: Label, words: Tensor, seen: int) -> None:
         """Keep these hypervectors, of so many, for a class."""
-        self._words[label] = words.new_zeros(KEPT, words.shape[1])
-        self._words[label][: len(words)] = words
-        self.seen[label] = seen
+        self._kept[label], self.seen[label] = list(words), seen
 
     def merge(self, other: Sample) -> None:
         """Make this a sample of all that came by either."""

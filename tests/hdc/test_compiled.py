@@ -150,3 +150,48 @@ def test_auto_is_compiled_where_the_work_is_worth_it(monkeypatch) -> None:
     assert bits.choose_backend("auto", "cpu", 400 * 250_000) == "numpy"
     assert bits.choose_backend("auto", "cpu", 10_000 * 250_000) == "compiled"
     assert bits.choose_backend("auto", "meta", 10_000 * 250_000) == "numpy"
+
+
+@needs_numba
+@pytest.mark.filterwarnings(NEAR)
+@settings(max_examples=100, deadline=None)
+@given(
+    arrays(np.uint8, array_shapes(min_dims=2, max_dims=2, min_side=2, max_side=200),
+           elements=st.integers(0, 255)),
+    st.integers(1, 6), st.integers(1, 4), st.data(),
+)  # fmt: skip
+def test_one_read_counts_and_keeps_what_two_do(frames, n_classes, n_threads, data) -> None:
+    """Wherever the classes are cut among threads, and whichever hypervectors are kept."""
+    from hdc import compiled
+
+    n, d = frames.shape
+    images, labels = torch.from_numpy(frames), torch.from_numpy(frames[:, 0] % n_classes).long()
+    chosen = data.draw(st.lists(st.integers(0, n - 1), unique=True))
+    words = encode(images)
+    twice, once = (Counters(n_classes, d, backend=b) for b in bits.BACKENDS)
+    before = torch.get_num_threads()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiled, "_SHARE_BYTES", 1)
+        torch.set_num_threads(n_threads)
+        try:
+            for _ in range(2):
+                twice.add(words, labels)
+                kept, constant = once.add_frames(images, labels, chosen)
+        finally:
+            torch.set_num_threads(before)
+    assert torch.equal(once.planes, twice.planes)
+    assert torch.equal(once.n, twice.n)
+    assert torch.equal(kept, words[chosen])
+    assert constant == np.flatnonzero((frames == frames[:, :1]).all(1)).tolist()
+
+
+@needs_numba
+@pytest.mark.parametrize("balance", [True, False])
+def test_a_model_trained_in_one_read_is_the_same(balance: bool, tmp_path) -> None:
+    frames, labels = frames_of(400, 70), np.arange(400) % 7 % 3
+    files = []
+    for backend in bits.BACKENDS:
+        model = HDCClassifier(backend=backend, balance=balance).fit(frames, labels)
+        model.save(tmp_path / backend)
+        files.append((tmp_path / backend).read_bytes())
+    assert files[0] == files[1]
