@@ -2,8 +2,7 @@
 
 The finished runs and measurements of the folder of own results replace those of the same studies in
 ``results/reference``, its tables and figures are made again, and the marked tables of README.md are
-filled from them; committed records of other code are named. ``--prove`` computes a part of each
-again and adopts today's code where nothing differs (:mod:`experiments.prove`).
+filled from them; committed records of other code are named.
 """
 
 from __future__ import annotations
@@ -20,30 +19,24 @@ import msgspec
 from rich.console import Console
 
 from experiments import report, reproduce
-from experiments.prove import prove
 from experiments.records import record as records
 from experiments.records.files import REFERENCE, ROOT, results_dir
 from experiments.records.results import Results, Run
 from experiments.reporting.study import with_places
 from hdc.io import write_atomically
 
-# Scenes of published data; other recordings are one's own.
-PUBLIC = ("scenes.fibre.", "scenes.measured.", "scenes.sessions.")
+OWN = "scenes.recorded."  # scenes of recordings that others do not have
 README = ROOT / "README.md"
 COMMANDS = {"table1": "make table1", "full": "make reproduce", "quick": "make reproduce QUICK=1"}
 _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Carry it out; 1 if a record is of other code, or could not be proven."""
+    """Carry it out; 1 if a record is of other code."""
     parser = argparse.ArgumentParser(prog="python -m experiments.reference", description=__doc__)
-    parser.add_argument("--prove", nargs="*", metavar="ROW", help="only prove them (scene-model …)")
     parser.add_argument("--tables", action="store_true", help="only tables, figures and README")
     chosen = parser.parse_args(arguments)
     console = Console(highlight=False)
-    if chosen.prove is not None:
-        wanted = set(chosen.prove)
-        return int(prove(REFERENCE, console, lambda name: not wanted or name in wanted) > 0)
     if not chosen.tables:
         adopt(results_dir(), REFERENCE)
     report.main(["--reference"])
@@ -57,7 +50,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def adopt(own: Path, reference: Path) -> None:
-    """Take over runs and measurements of configs as they are, and measurements on published data.
+    """Take over runs of configs as they are, and measurements, but none of one's own recordings.
 
     Of the reference those go whose config has changed since, or that were made again.
     """
@@ -80,7 +73,7 @@ def adopt(own: Path, reference: Path) -> None:
     for name in sorted({measured.record.name for measured in results.measurements}):
         for place, measured in with_places(results, name):
             scene = measured.record.config.get("scene", {})
-            if place and not scene.get("_target_", "").startswith(PUBLIC):
+            if scene.get("_target_", "").startswith(OWN):
                 continue
             target = reference / "measured" / f"{name}{place}"
             shutil.rmtree(target, ignore_errors=True)

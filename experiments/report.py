@@ -156,7 +156,7 @@ def _about(answers: Answers) -> str:
     counts = f"{len(results.runs)} runs and {len(results.measurements)} measurements on {where}"
     old = [record for record in records if record.outdated]
     if not old:
-        return f"{counts}, all by this code or code proven to compute the same"
+        return f"{counts}, all by this code"
     files = sorted({name for record in old for name in record.outdated})
     return f"{counts}; {len(old)} by other code, {len(files)} files changed since: {files[0]} …"
 

@@ -40,7 +40,6 @@ class Entry(msgspec.Struct, kw_only=True):
         identity: hash of config, code and device.
         config, scene: as :func:`measure` has them.
         seconds: of the call that made the rows.
-        proven: how later code was shown to compute the same (experiments.reference --prove).
     """
 
     schema: Literal[3]
@@ -52,7 +51,6 @@ class Entry(msgspec.Struct, kw_only=True):
     scene: str = ""
     command: str = ""
     seconds: float | None = None
-    proven: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)

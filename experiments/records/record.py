@@ -91,7 +91,6 @@ class Record(msgspec.Struct, kw_only=True):
         config: everything that determines it, resolved.
         curve: a row a report.
         training_s: seconds of training, as far as it came.
-        proven: how later code was shown to compute the same (experiments.reference --prove).
     """
 
     schema: Literal[3]
@@ -108,7 +107,6 @@ class Record(msgspec.Struct, kw_only=True):
     curve: dict[str, list[Any]] = {}
     training_s: float | None = None
     error: str | None = None
-    proven: dict[str, Any] | None = None
 
     @property
     def seed(self) -> int:
@@ -128,7 +126,6 @@ class Finished(Record, kw_only=True):
         train_accuracy_max, test_accuracy_max: largest of the curve.
         model_bytes: size of what was learnt; None where it is not known.
         test_labels, predicted: class of each test sample, true and predicted by the last model.
-        times_by: digest of the code that was timed, where later code was shown to compute the same.
     """
 
     stop: str
@@ -149,7 +146,6 @@ class Finished(Record, kw_only=True):
     predict_single_s: float
     predict_batch_s_per_frame: float
     data_sha256: Digests
-    times_by: str | None = None
 
     @property
     def right(self) -> np.ndarray:

@@ -36,7 +36,7 @@ COLUMNS = (
 )
 _SETTINGS = ("table1/learning_rate", "touch/labels")
 # What makes an experiment of published.csv where that is not the one of its name.
-_MAKES = {"finger": "scenes", "spatial": "scenes", "tactile": "scenes", "touch": "table1"}
+_MAKES = dict.fromkeys(("finger", "spatial", "tactile"), "all_scenes") | {"touch": "table1"}
 
 
 def compare(quantities: Iterable[Quantity]) -> Table:

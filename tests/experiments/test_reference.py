@@ -56,9 +56,10 @@ def test_of_older_code_only_what_was_made_again_goes(tmp_path, target, write_run
     assert {run.record.id for run in Results(target).runs} == {fewer, again}
 
 
-def test_measurements_of_the_experiments_own_scene_are_adopted(tmp_path, target, write_measurement):
+def test_measurements_are_adopted_but_those_of_own_recordings(tmp_path, target, write_measurement):
     write_measurement("drift", [{"a": 1}])
-    write_measurement("correlation", [{"a": 1}], config={"scene": {"path": "mine.npz"}})
+    mine = {"_target_": "scenes.recorded.Recording", "path": "mine.npz"}
+    write_measurement("correlation", [{"a": 1}], config={"scene": mine})
     old = target / "measured" / "drift"
     old.mkdir(parents=True)
     (old / "left over.png").write_text("")

@@ -97,7 +97,7 @@ def all_scenes(results: Results) -> pd.DataFrame:
     caption="Confusion of the classes by HDC, in percent of the true label (rows), test samples of "
     "all seeds together (Figs. 5(a), 6(b) and 9(d)); less than 0.5 % is left blank.",
     needs=lambda results: bool(confused(results)),
-    commands=(f"{RUN}scenes", f"{RUN}{EXPERIMENT}"),
+    commands=(f"{RUN}{EXPERIMENT}",),
 )
 def confusions(figure: Figure, results: Results) -> None:
     """A panel a scene."""
@@ -147,7 +147,7 @@ def positions(record: Finished) -> np.ndarray:
     caption="51 positions: correlations, confusion and error in millimetres (Fig. 7).",
     size=(WIDTH, 3.9),
     needs=lambda results: bool(results.group("spatial", "hdc").runs),
-    commands=(f"{RUN}scenes", SPATIAL_CORRELATION),
+    commands=(f"{RUN}{EXPERIMENT}", SPATIAL_CORRELATION),
 )
 def spatial(figure: Figure, results: Results) -> None:
     """Fig. 7 and the error in millimetres."""
@@ -184,5 +184,5 @@ def quantities(results: Results) -> Iterator[Quantity]:
         group = results.group(scene, "hdc")
         if group.runs:
             share, n = estimates.share_of_one_sensor(group), len(group.right)
-            rest = {"n": n, "seeds": len(group.runs), "made_by": f"{RUN}scenes"}
+            rest = {"n": n, "seeds": len(group.runs), "made_by": f"{RUN}{EXPERIMENT}"}
             yield Quantity.of(f"{scene}/test_accuracy", share, ONE_SENSOR, 100, **rest)
