@@ -19,6 +19,37 @@ def shared_data() -> Path:
     return folder
 
 
+@pytest.fixture
+def full_disk(monkeypatch):
+    """full_disk(k, act): act() with a disk that fails at the k-th change of a file, from zero; what
+    act raised then, or None if it made fewer changes."""
+    steps = [(Path, "mkdir"), (Path, "open"), (os, "fsync"), (os, "replace"), (Path, "unlink")]
+
+    def run(failing, act):
+        left = iter(range(10_000))
+
+        def counted(call):
+            def step(*args, **options):
+                if next(left) == failing:
+                    raise OSError(28, "No space left on device")
+                return call(*args, **options)
+
+            return step
+
+        with monkeypatch.context() as patch:
+            for owner, name in steps:
+                patch.setattr(owner, name, counted(getattr(owner, name)))
+            try:
+                act()
+            except OSError as error:
+                return error
+            except SystemExit as ended:  # of a command
+                return ended
+            return None
+
+    return run
+
+
 @pytest.fixture(scope="module")
 def browser():
     """A headless Chromium, driven by Playwright."""

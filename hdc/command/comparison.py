@@ -20,6 +20,7 @@ from sklearn.decomposition import KernelPCA
 from sklearn.linear_model import LogisticRegression, RidgeClassifierCV
 from sklearn.neighbors import NearestCentroid
 
+from hdc import theory
 from hdc.accuracy import wilson
 from hdc.bits import hamming
 from hdc.command.work import last_sessions, split
@@ -130,7 +131,21 @@ def compare(
     return {
         "recording": str(path), "frames": n, "classes": known, "shape": list(first.shape),
         "test_fraction": fraction, "draws": draws, "splits": splits, "advice": advice(splits),
+        "expected": expected(data, labels[:n]),
     }  # fmt: skip
+
+
+def expected(data: Frames, labels: np.ndarray) -> dict[int, float]:
+    """Frames a class, all and more, and the accuracy that :mod:`hdc.theory` expects of prototypes.
+
+    It is that of the random split; nothing is expected from classes of fewer than three frames.
+    """
+    n, (n_classes, least) = len(labels), (labels.max() + 1, np.bincount(labels).min())
+    if least < 3:
+        return {}
+    moments = theory.correlations(data.products["bits"][:n, :n] / data.pixels, labels)
+    sizes = [n // n_classes * times for times in (1, 2, 10)]
+    return {k: theory.hdc_accuracy(moments, k * int(n_classes), data.pixels) for k in sizes}
 
 
 def _curves(
@@ -189,10 +204,12 @@ def text(result: dict[str, Any]) -> str:
                 interval = f" [{curve[-1]['low']:.0%}, {curve[-1]['high']:.0%}]"
                 table.add_row(name, METHODS[name][0], *cells, last + interval)
             console.print(table, "")
+    likely = ", ".join(f"{p:.0%} with {n}" for n, p in result["expected"].items())
+    theory_says = f"Theory expects of prototypes, random split: {likely} frames a class.\n\n"
     return (
         f"{result['frames']} frames of {len(result['classes'])} classes, {width} × {height} "
         f"pixels, {result['test_fraction']:.0%} held out, {result['draws']} draws\n\n"
-        f"{captured.get().rstrip()}\n\n{result['advice']}"
+        f"{captured.get().rstrip()}\n\n{theory_says * bool(likely)}{result['advice']}"
     )
 
 

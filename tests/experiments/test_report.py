@@ -61,6 +61,22 @@ def test_rows_of_the_committed_table_1_have_three_seeds(model):
     assert len(Results(REFERENCE).group("touch", model).runs) >= 3
 
 
+def test_whatever_step_of_a_write_fails_the_next_report_is_whole(
+    tmp_path, write_run, alone, monkeypatch, full_disk
+):
+    monkeypatch.setattr(report, "studies_of", lambda _: [])  # the page and two tables suffice
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    write_run("hdc")
+    first, records = written(tmp_path)[1], (tmp_path / "runs.jsonl").read_bytes()
+    for k in range(100):
+        if (failed := full_disk(k, lambda: report.main([]))) is None:
+            break
+        assert "No space left" in str(failed)
+        assert (tmp_path / "runs.jsonl").read_bytes() == records
+        assert written(tmp_path)[1] == first
+    assert k > 20
+
+
 def test_the_same_records_give_the_same_bytes(tmp_path, a_full_set, alone):
     before = (tmp_path / "runs.jsonl").read_bytes()
     first = written(tmp_path)

@@ -18,8 +18,7 @@ from torch import Tensor
 from baselines.dual import Products
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import models_of
-from experiments.studies.crossing import theory
-from hdc import HDCClassifier, bits
+from hdc import HDCClassifier, bits, theory
 from hdc.encode import encode
 from hdc.prototypes import Counters
 from scenes.split import learning_curve_subsets, split

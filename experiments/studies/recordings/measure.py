@@ -25,9 +25,8 @@ from baselines.dual import Products
 from experiments.protocol import data, trial
 from experiments.protocol.data import at_seed
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.studies.crossing import theory
 from experiments.studies.crossing.measure import bit_correlations
-from hdc import HDCClassifier, bits
+from hdc import HDCClassifier, bits, theory
 from hdc.encode import encode
 from hdc.prototypes import Counters
 from scenes.frames import Scene
@@ -141,7 +140,7 @@ def recording_theory(
     """One row: accuracies that theory expects of ``hdc`` and of the mean image (``mean_image``)
     after ``n`` frames of every class, from the pairs of only ``sample`` frames of every class.
 
-    No frame is classified. See :mod:`experiments.studies.crossing.theory`.
+    No frame is classified. See :mod:`hdc.theory`.
     Arguments: configs/experiment/recording_theory.yaml.
     """
     for seed, recording in run.scenes(scene, seeds):

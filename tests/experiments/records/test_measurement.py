@@ -1,5 +1,7 @@
 """Measurements: typed rows, found again by config and code, never lost to a later failure."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -95,3 +97,20 @@ def test_finished_parts_are_not_computed_again(results):
 def test_numbers_that_json_lacks_become_null():
     text = measurement.to_lines([{"a": float("nan"), "b": float("inf"), "c": np.int64(3)}])
     assert measurement.from_lines(text) == [{"a": None, "b": None, "c": 3}]
+
+
+def test_whatever_step_of_a_write_fails_no_record_vouches_for_rows_of_another_call(
+    results, full_disk
+):
+    folder = powers(base=2, force=False)
+    entry = json.loads((folder / "record.json").read_text())
+    for k in range(100):
+        again = {**entry, "seconds": k}
+        failed = full_disk(k, lambda again=again, k=k: measurement.write(folder, again, [{"n": k}]))
+        if (found := read(folder)) is not None:
+            assert found.rows == ([{"n": k}] if found.record.seconds == k else [{"n": k - 1}])
+        if failed is None:
+            break
+        assert "No space left" in str(failed)
+        measurement.write(folder, again, [{"n": k}])
+    assert k == 11  # the old record; folder, file, flush, name and temporary file of both

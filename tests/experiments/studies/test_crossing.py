@@ -10,9 +10,9 @@ import torch
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.studies.crossing import measure, theory, view
-from experiments.studies.crossing.theory import Correlations
 from hdc import HDCClassifier
 from hdc.encode import encode
+from hdc.theory import Correlations
 
 MODELS = {name: configs.part("model", name) for name in ("hdc", "hdc_random_ties", "ridge")}
 

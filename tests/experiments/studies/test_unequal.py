@@ -77,7 +77,7 @@ def test_sizes_that_a_class_cannot_fill_are_left_out(rows):
 def test_the_majority_multiplies_a_small_correlation_by_the_stated_factor(n, odd):
     from math import comb
 
-    from experiments.studies.crossing.theory import expected
+    from hdc.theory import expected
 
     tiny = np.full((2, 2), 1e-4)
     gain = expected(tiny, np.array([n, n]), np.full(2, 1e-6))[0, 1] / 1e-4
