@@ -140,12 +140,12 @@ def expected(data: Frames, labels: np.ndarray) -> dict[int, float]:
 
     It is that of the random split; nothing is expected from classes of fewer than three frames.
     """
-    n, (n_classes, least) = len(labels), (labels.max() + 1, np.bincount(labels).min())
-    if least < 3:
+    n, counts = len(labels), np.bincount(labels)
+    if counts.min() < 3:
         return {}
     moments = theory.correlations(data.products["bits"][:n, :n] / data.pixels, labels)
-    sizes = [n // n_classes * times for times in (1, 2, 10)]
-    return {k: theory.hdc_accuracy(moments, k * int(n_classes), data.pixels) for k in sizes}
+    sizes = [n // len(counts) * times for times in (1, 2, 10)]
+    return {k: theory.hdc_accuracy(moments, k * len(counts), data.pixels) for k in sizes}
 
 
 def _curves(

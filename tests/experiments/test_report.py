@@ -64,7 +64,8 @@ def test_rows_of_the_committed_table_1_have_three_seeds(model):
 def test_whatever_step_of_a_write_fails_the_next_report_is_whole(
     tmp_path, write_run, alone, monkeypatch, full_disk
 ):
-    monkeypatch.setattr(report, "studies_of", lambda _: [])  # the page and two tables suffice
+    few = [study for study in studies_of(studies) if study.name == "table1"]
+    monkeypatch.setattr(report, "studies_of", lambda _: few)
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
     write_run("hdc")
     first, records = written(tmp_path)[1], (tmp_path / "runs.jsonl").read_bytes()

@@ -104,6 +104,7 @@ def test_whatever_step_of_a_write_fails_no_record_vouches_for_rows_of_another_ca
 ):
     folder = powers(base=2, force=False)
     entry = json.loads((folder / "record.json").read_text())
+    measurement.write(folder, {**entry, "seconds": -1}, [{"n": -1}])
     for k in range(100):
         again = {**entry, "seconds": k}
         failed = full_disk(k, lambda again=again, k=k: measurement.write(folder, again, [{"n": k}]))

@@ -9,8 +9,8 @@ import torch
 
 from experiments.protocol.experiment import Run
 from experiments.records import configs
-from experiments.studies.crossing import measure, theory, view
-from hdc import HDCClassifier
+from experiments.studies.crossing import measure, view
+from hdc import HDCClassifier, theory
 from hdc.encode import encode
 from hdc.theory import Correlations
 
