@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from hydra import compose, initialize_config_dir
@@ -18,7 +19,7 @@ SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to rep
 
 
 @functools.cache
-def _composed(*overrides: str) -> dict[str, Any]:
+def _composed(*overrides: str, resolve: bool = True) -> dict[str, Any]:
     state = GlobalHydra.instance()
     running, state.hydra = state.hydra, None  # a task of experiments.run may ask, too
     try:
@@ -26,15 +27,26 @@ def _composed(*overrides: str) -> dict[str, Any]:
             cfg = compose("config", overrides=list(overrides))
     finally:
         GlobalHydra.instance().hydra = running
-    return OmegaConf.to_container(cfg, resolve=True, throw_on_missing=False)  # type: ignore[return-value]
+    return OmegaConf.to_container(cfg, resolve=resolve, throw_on_missing=False)  # type: ignore[return-value]
+
+
+@functools.cache
+def _with_model(path: Path) -> dict[str, Any]:
+    """What Hydra composes with a model, in a twentieth of the time if its file needs no other."""
+    tree = OmegaConf.to_container(OmegaConf.load(path))
+    if "defaults" in tree:  # type: ignore[operator]
+        return _composed(f"model={path.stem}")
+    whole = OmegaConf.create({**_composed(resolve=False), **tree})  # type: ignore[dict-item]
+    return OmegaConf.to_container(whole, resolve=True)  # type: ignore[return-value]
 
 
 def part(group: str, name: str) -> dict[str, Any] | None:
     """The resolved part of a config that a file of ``configs/<group>/`` makes, if it is there; a
     scene brings its ``split``, required values that are not set are ``???``."""
-    if not (CONFIGS / group / f"{name}.yaml").is_file():
+    path = CONFIGS / group / f"{name}.yaml"
+    if not path.is_file():
         return None
-    whole = _composed(f"{group}={name}")
+    whole = _with_model(path) if group == "model" else _composed(f"{group}={name}")
     return {key: whole[key] for key in (group, *(["split"] if group == "scene" else []))}
 
 

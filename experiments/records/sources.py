@@ -42,9 +42,13 @@ def code_hash(files: Mapping[str, str]) -> str:
 
 def outdated(files: Mapping[str, str]) -> list[str]:
     """The files of a record whose code this checkout does not have, at that or another address."""
-    gone = (ROOT / name for name, known in sorted(files.items()) if known not in _all_now())
-    changed = (path for path in gone if not path.is_file() or digest(path) != files[_address(path)])
-    return [_address(path) for path in changed]
+    return list(_outdated(tuple(sorted(files.items()))))
+
+
+@functools.cache
+def _outdated(files: tuple[tuple[str, str], ...]) -> tuple[str, ...]:
+    gone = ((ROOT / name, known) for name, known in files if known not in _all_now())
+    return tuple(_address(p) for p, known in gone if not p.is_file() or digest(p) != known)
 
 
 class _Computing(ast.NodeTransformer):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -253,6 +253,7 @@ EVIDENCE = (
 # fmt: on
 
 
+@cache
 def evidence(results: Results) -> pd.DataFrame:
     """Every piece of evidence: ``claim, evidence, kind, quantity, value, value_low, value_high,
     unit, n, rule, command, verdict``."""

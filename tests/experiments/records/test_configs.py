@@ -38,3 +38,9 @@ def test_an_experiment_has_a_task_or_a_sweep():
 )
 def test_differences_are_named_by_key(config, reference, expected):
     assert configs.differences(config, reference) == expected
+
+
+def test_models_are_composed_as_hydra_does():
+    for path in (configs.CONFIGS / "model").glob("*.yaml"):
+        whole = configs._composed(f"model={path.stem}")
+        assert configs.part("model", path.stem) == {"model": whole["model"]}
