@@ -21,11 +21,10 @@ from rich.console import Console
 from experiments import report, reproduce
 from experiments.records import record as records
 from experiments.records.files import REFERENCE, ROOT, results_dir
-from experiments.records.results import Results, Run
+from experiments.records.results import Results
 from experiments.reporting.study import with_places
 from hdc.io import write_atomically
 
-OWN = "scenes.recorded."  # scenes of recordings that others do not have
 README = ROOT / "README.md"
 COMMANDS = {"table1": "make table1", "full": "make reproduce", "quick": "make reproduce QUICK=1"}
 _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
@@ -52,14 +51,15 @@ def main(arguments: list[str] | None = None) -> int:
 def adopt(own: Path, reference: Path) -> None:
     """Take over runs of configs as they are, and measurements, but none of one's own recordings.
 
-    Of the reference those go whose config has changed since, or that were made again.
+    What another code or config made leaves the reference.
     """
     results, before = Results(own), Results(reference)
-    plain = (run for run in results.runs if not run.overrides)
-    ours = {run.record.id: run for run in plain if run.record.scene.origin != "recorded"}
-    again = set(map(_place, ours.values()))
-    replaced = (r for r in before.runs if r.overrides or (r.outdated and _place(r) in again))
-    gone = {run.record.id for run in replaced}
+    plain = (run.record for run in results.runs if not run.overrides)
+    ours = {record.id for record in plain if record.scene.origin != "recorded"}
+    gone = {run.record.id for run in before.runs if run.overrides or run.outdated}
+    for measured in before.measurements:
+        if measured.outdated:
+            shutil.rmtree(measured.folder)
     code = records.read_code(reference) | records.read_code(own)
     lines: dict[str, dict[str, Any]] = {}
     for folder in (reference, own):
@@ -73,19 +73,13 @@ def adopt(own: Path, reference: Path) -> None:
     for name in sorted({measured.record.name for measured in results.measurements}):
         for place, measured in with_places(results, name):
             scene = measured.record.config.get("scene", {})
-            if scene.get("_target_", "").startswith(OWN):
-                continue
+            if scene.get("_target_", "").startswith("scenes.recorded."):
+                continue  # others do not have that recording
             target = reference / "measured" / f"{name}{place}"
             shutil.rmtree(target, ignore_errors=True)
             shutil.copytree(measured.folder, target, ignore=shutil.ignore_patterns(".*"))
     if steps := reproduce.read(reference) | reproduce.read(own):
         reproduce.write(reference, steps.values())
-
-
-def _place(run: Run) -> tuple[str, str, Any, Any]:
-    """Scene, model, and how many training samples and pixels."""
-    config = run.record.config
-    return run.scene, run.model, config["split"]["n_train"], config["data"]["pixels"]
 
 
 def outdated(results: Results) -> dict[str, list[str]]:

@@ -1,6 +1,7 @@
 """Own results become the reference: what is adopted, what is filled in, what may stand."""
 
 import re
+import shutil
 
 import pytest
 
@@ -46,14 +47,16 @@ def test_finished_runs_are_adopted_and_what_was_there_stays(tmp_path, target, wr
     assert Results(target).group("touch", "hdc").right.sum() == 95
 
 
-def test_of_older_code_only_what_was_made_again_goes(tmp_path, target, write_run):
+def test_records_of_other_code_leave(tmp_path, target, write_run, write_measurement):
     write_run("hdc", seed=1, environment=OLD)
-    fewer = write_run("hdc", pixels=100, environment=OLD)  # of another question
+    write_measurement("drift", [{"a": 1}], environment=OLD)
     reference.adopt(tmp_path, target)
     (tmp_path / "runs.jsonl").unlink()
+    shutil.rmtree(tmp_path / "measured")
     again = write_run("hdc")
     reference.adopt(tmp_path, target)
-    assert {run.record.id for run in Results(target).runs} == {fewer, again}
+    assert {run.record.id for run in Results(target).runs} == {again}
+    assert Results(target).measurements == []
 
 
 def test_measurements_are_adopted_but_those_of_own_recordings(tmp_path, target, write_measurement):

@@ -100,13 +100,18 @@ def test_the_time_to_hdcs_accuracy_is_that_of_the_first_report_that_has_it(tmp_p
         write_run("softmax", seed=seed, curve=epochs(0.5, 0.92, 0.96, 0.9)[seed:])
         write_run("cnn1", seed=seed, curve=epochs(0.5, 0.94 + 0.02 * seed))
         write_run("correlation", seed=seed, curve=[{"training_s": 2.0}], wrong=range(5))
+        for pixels, wrong in ((100, 4 + seed), (300, 4), (1000, 0)):  # 300 suffice every seed
+            pixel = [{"training_s": pixels / 1000}]
+            write_run("correlation", seed=seed, pixels=pixels, curve=pixel, wrong=range(wrong))
     write_run("ridge", seed=7)  # no HDC of its seed
     rows, made = table(tmp_path, "equal_accuracy")
     assert list(rows) == ["hdc", "softmax", "cnn1", "correlation"]
+    assert [cells[1] for cells in made.cells()] == ["all"] * 4 + ["300"]
+    assert (rows["correlation"]["time"], rows["correlation"]["ratio"]) == (0.3, 0.6)  # the last
     assert rows["hdc"]["ratio"] == 1
     assert (rows["softmax"]["time"], rows["softmax"]["ratio"]) == (30, 60)
     assert (rows["cnn1"]["ratio_low"], rows["cnn1"]["ratio_high"]) == (40, np.inf)
-    assert [cells[2] for cells in made.cells()][2:] == ["never [20.0, never]", "never"]
+    assert [cells[3] for cells in made.cells()][2:4] == ["never [20.0, never]", "never"]
 
 
 @pytest.mark.filterwarnings("error")
