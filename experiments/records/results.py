@@ -168,7 +168,7 @@ class Results:
         self, scene: str, model: str, n_train: int | None = None, pixels: int | None = None
     ) -> Group:
         """The runs of one row, named as in :class:`Group`: of those that are alike, those of
-        today's code, then by stopping rule, then the most."""
+        today's code, then those timed alone, then by stopping rule, then the most."""
         runs = self._groups.get((scene, model, n_train, pixels), [])
         alike = defaultdict[tuple[str, str], list[Run]](list)
         for run in runs:
@@ -226,10 +226,11 @@ class Results:
             self.unfinished.append(entry)
 
 
-def _preference(runs: list[Run]) -> tuple[bool, int, int, str]:
-    stop = runs[0].record.choices.stop
-    rank = STOPS.index(stop) if stop in STOPS else len(STOPS)
-    return bool(runs[0].outdated), rank, -len(runs), runs[0].record.environment.code
+def _preference(runs: list[Run]) -> tuple[Any, ...]:
+    first = runs[0].record
+    rank = STOPS.index(first.choices.stop) if first.choices.stop in STOPS else len(STOPS)
+    beside = not first.environment.exclusive
+    return bool(runs[0].outdated), beside, rank, -len(runs), first.environment.code
 
 
 def _overrides(record: Record, curve: Curve) -> dict[str, str]:
