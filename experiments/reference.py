@@ -113,19 +113,16 @@ def _table1() -> str:
 
 
 def _reproduction() -> str:
-    """What the steps took, added up, and the two that needed most memory."""
-    rows = list(reproduce.read(REFERENCE).values())
-    lines = ["| command | steps | time | most memory |", "|---|---:|---:|---|"]
+    """How many steps each command took, their time added up, and the most memory one needed."""
+    rows, texts = list(reproduce.read(REFERENCE).values()), []
     for mode, command in COMMANDS.items():
         done = [row for row in rows if row["mode"] == mode and row["status"] == "finished"]
         if done:
-            most = sorted(done, key=lambda row: -int(row["peak_bytes"]))[:2]
-            memory = ", ".join(f"{int(x['peak_bytes']) / 1e9:.2f} GB ({x['step']})" for x in most)
+            most = max(int(row["peak_bytes"]) for row in done) / 1e9
             time = reproduce.span(sum(float(row["seconds"]) for row in done))
-            steps = len(reproduce.steps(mode))
-            of = f" of {steps}" * (len(done) < steps)
-            lines.append(f"| `{command}` | {len(done)}{of} | {time} | {memory} |")
-    return "\n".join(lines) if len(lines) > 2 else "*missing: no whole reproduction was timed*"
+            steps = f"{len(done)} of {len(reproduce.steps(mode))} steps"
+            texts.append(f"`{command}`, {steps}: {time}, {most:.1f} GB")
+    return "; ".join(texts) + "." if texts else "*missing: no whole reproduction was timed*"
 
 
 if __name__ == "__main__":
