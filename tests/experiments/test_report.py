@@ -51,12 +51,7 @@ def test_the_committed_tables_are_those_of_the_committed_records():
     assert [name for name in made if made[name] != committed[name]] == []
 
 
-ONE_SEED = pytest.param(
-    "cnn3", marks=pytest.mark.xfail(reason="until the next reproduction: one seed", strict=True)
-)
-
-
-@pytest.mark.parametrize("model", ["hdc", "softmax", "softmax_dual", "cnn1", ONE_SEED])
+@pytest.mark.parametrize("model", ["hdc", "softmax", "softmax_dual", "cnn1", "cnn3"])
 def test_rows_of_the_committed_table_1_have_three_seeds(model):
     assert len(Results(REFERENCE).group("touch", model).runs) >= 3
 
