@@ -126,7 +126,7 @@ COLUMNS: dict[str, Column] = {
     "scene": Column("Scene", of=lambda group, _: group.scene),
     "model": Column("Model", display_name, of=lambda group, _: group.model),
     "n_train": Column("N", of=lambda group, _: group.runs[0].record.n_train),
-    "pixels": Column("D",
+    "pixels": Column("D", show=lambda d: d if isinstance(d, str) else f"{int(d):,}",
         of=lambda group, _: group.pixels or math.prod(group.runs[0].record.scene.shape)),
     "seeds": Column("Seeds", of=lambda group, _: len(group.runs)),
     "stop": Column("Stop",
