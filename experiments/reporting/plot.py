@@ -42,7 +42,7 @@ WIDTH = 3.4  # in, one column
 CORRELATION_MAP, CONFUSION_MAP = "cividis", "Blues"
 PAPER: Any = {"ls": "", "marker": "*", "mfc": "white", "mec": "black", "ms": 7, "mew": 0.7}
 PRINTED = 12  # classes up to which every one is named, and its cells have room for numbers
-_LINE = 66  # characters of a head's line
+_LINE = 60  # characters of a head's line
 
 
 def save(figure: Figure, kind: str) -> bytes:
