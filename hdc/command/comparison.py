@@ -138,13 +138,14 @@ def compare(
 def expected(data: Frames, labels: np.ndarray) -> dict[int, float]:
     """Frames a class, all and more, and the accuracy that :mod:`hdc.theory` expects of prototypes.
 
-    It is that of the random split; nothing is expected from classes of fewer than three frames.
+    It is that of the random split. Nothing is expected of fewer than three frames, or equal ones.
     """
     n, counts = len(labels), np.bincount(labels)
     if counts.min() < 3:
         return {}
-    moments = theory.correlations(data.products["bits"][:n, :n] / data.pixels, labels)
-    sizes = [n // len(counts) * times for times in (1, 2, 10)]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moments = theory.correlations(data.products["bits"][:n, :n] / data.pixels, labels)
+    sizes = [n // len(counts) * times for times in (1, 2, 10) if np.isfinite(moments.skew).all()]
     return {k: theory.hdc_accuracy(moments, k * len(counts), data.pixels) for k in sizes}
 
 

@@ -139,3 +139,5 @@ def test_theory_expects_about_what_more_frames_give():
     assert 0.4 < expected[10] < expected[20] < expected[100] < 1
     assert expected[20] == pytest.approx(right, abs=0.1)
     assert comparison.expected(comparison.Frames(frames[::30]), labels[::30]) == {}  # two a class
+    alike = np.repeat(frames[::60], 5, 0)
+    assert comparison.expected(comparison.Frames(alike), np.repeat(np.arange(4), 5)) == {}
