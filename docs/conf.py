@@ -34,11 +34,6 @@ html_title = f"hdc {release}"
 html_theme_options = {
     "description": "Optical hyperdimensional sensing",
     "fixed_sidebar": False,
-    "page_width": "1080px",
-    "body_max_width": "46rem",
-    "font_family": "system-ui, sans-serif",
-    "head_font_family": "system-ui, sans-serif",
-    "code_font_family": "ui-monospace, monospace",
     "show_powered_by": False,
 }
 html_static_path = ["static"]

@@ -63,6 +63,7 @@ def without_display(node: Any) -> Any:
     return node
 
 
+@functools.cache
 def sweep(experiment: str) -> dict[str, list[str]]:
     """The values that an experiment sweeps over, by key: what its tables expect to find."""
     tree = OmegaConf.load(CONFIGS / "experiment" / f"{experiment}.yaml")

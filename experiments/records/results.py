@@ -30,6 +30,9 @@ STOPS = ("paper", "long", "quick", "reached")
 _COORDINATES = ("split.n_train", "data.pixels", "scene.path")
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
 
+Row = tuple[str, str, int | None, int | None]
+"""Scene, model, number of training samples, number of pixels; None for all of them."""
+
 
 @dataclass(frozen=True)
 class Run:
@@ -155,11 +158,13 @@ class Results:
                 self._take(entry)
             except (ValueError, HydraException, OmegaConfBaseException) as error:
                 self.problems.append(str(error))
-        self._groups = defaultdict[tuple[Any, ...], list[Run]](list)
+        rows = defaultdict[Row, list[Run]](list)
         for run in self.runs:
             config = run.record.config
             sizes = config["split"]["n_train"], config["data"]["pixels"]
-            self._groups[run.scene, run.model, *sizes].append(run)
+            rows[run.scene, run.model, *sizes].append(run)
+        ordered = sorted(rows, key=lambda row: [(x is not None, x) for x in row])
+        self._groups = {row: _group(row, rows[row]) for row in ordered}
 
     def __bool__(self) -> bool:
         return bool(self.runs or self.unfinished or self.measurements)
@@ -167,21 +172,13 @@ class Results:
     def group(
         self, scene: str, model: str, n_train: int | None = None, pixels: int | None = None
     ) -> Group:
-        """The runs of one row, named as in :class:`Group`: of those that are alike, those of
-        today's code, then those timed alone, then by stopping rule, then the most."""
-        runs = self._groups.get((scene, model, n_train, pixels), [])
-        alike = defaultdict[tuple[str, str], list[Run]](list)
-        for run in runs:
-            alike[run.configuration, run.record.environment.code].append(run)
-        best = min(alike.values(), key=_preference, default=[])
-        by_seeds = {json.dumps(_seeds(run.record.config)): run for run in best}
-        ordered = sorted(by_seeds.values(), key=lambda run: run.record.seed)
-        return Group(scene, model, n_train, pixels, ordered, len(runs) - len(best))
+        """The runs of one row, named as in :class:`Group`; none where there are none."""
+        row = scene, model, n_train, pixels
+        return self._groups.get(row, Group(*row))
 
     def groups(self) -> list[Group]:
         """Every row there is, by scene, model, number of samples and pixels."""
-        rows = sorted(self._groups, key=lambda row: tuple((x is not None, x) for x in row))
-        return [self.group(*row) for row in rows]
+        return list(self._groups.values())
 
     def models(self, scene: str) -> set[str]:
         """Models that were run on a scene with all of its training samples and pixels."""
@@ -224,6 +221,18 @@ class Results:
             self.runs.append(Run(entry, curve, _overrides(entry, curve)))
         else:
             self.unfinished.append(entry)
+
+
+def _group(row: Row, runs: list[Run]) -> Group:
+    """Of the runs of a row that are alike, those of today's code, then those timed alone, then by
+    stopping rule, then the most."""
+    alike = defaultdict[tuple[str, str], list[Run]](list)
+    for run in runs:
+        alike[run.configuration, run.record.environment.code].append(run)
+    best = min(alike.values(), key=_preference)
+    by_seeds = {json.dumps(_seeds(run.record.config)): run for run in best}
+    ordered = sorted(by_seeds.values(), key=lambda run: run.record.seed)
+    return Group(*row, ordered, len(runs) - len(best))
 
 
 def _preference(runs: list[Run]) -> tuple[Any, ...]:

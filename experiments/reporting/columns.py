@@ -170,13 +170,9 @@ COLUMNS: dict[str, Column] = {
     "published_test_accuracy": Column("Test accuracy, %, paper", percent,
         of=_published("test_accuracy")),
     # Of measurements.
-    "right": Column("Right"),
     "accuracy": Column("Accuracy, %", percent),
     "test_accuracy": Column("Test accuracy, %", percent),
     "train_accuracy": Column("Training accuracy, %", percent),
     "seconds": Column("Time, s"),
-    "ratio": Column("Ratio"),
-    "error": Column("Error"),
-    "verdict": Column("Verdict"),
 }
 # fmt: on

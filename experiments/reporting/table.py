@@ -50,7 +50,8 @@ class Table:
         if known := self.columns.get(name) or COLUMNS.get(name):
             return known
         of_model = (CONFIGS / "model" / f"{name}.yaml").exists()
-        return Column(display_name(name), percent) if of_model else Column(name.replace("_", " "))
+        plain = name.replace("_", " ")
+        return Column(display_name(name), percent) if of_model else Column(plain.capitalize())
 
     @property
     def heads(self) -> list[str]:

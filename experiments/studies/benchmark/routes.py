@@ -17,18 +17,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from experiments.studies.benchmark import names
 from experiments.studies.benchmark.cases import HELD_OUT, Case, pack_bits, unpack_bits
 from hdc import HDCClassifier, bits
 from hdc.encode import encode
 from hdc.prototypes import Counters
-
-OURS, OURS_COMPILED = "hdc", "hdc, compiled"
-READ, COPY = "one read of the bytes", "one copy of the bytes"
-UNCHECKED = (READ, COPY)  # no result
-NUMKONG, TORCHHD_BUNDLE = "numkong.cdist", "torchhd.multiset"
-TORCHHD_TRAIN = "torch.median, torchhd.multiset"
-ORDINARY_ROUTES = (TORCHHD_TRAIN,)
-"""Frames to prototypes by the functions that torch and torchhd offer."""
 
 
 class Route(NamedTuple):
@@ -52,8 +45,7 @@ def bundle_routes(case: Case) -> Iterator[Route]:
     # As torchhd has them, a byte a bit.
     classes = cache(lambda: by_class(case, bits.unpack(case.words, case.d)))
     yield from ours(lambda backend: partial(count, case, backend))
-    yield Route(TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
-    yield Route("numpy.add.reduce of bytes", "numpy", lambda: np.stack([*map(summed, classes())]))
+    yield Route(names.TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
 
 
 def hamming_routes(case: Case) -> Iterator[Route]:
@@ -67,7 +59,7 @@ def hamming_routes(case: Case) -> Iterator[Route]:
 
     yield from ours(lambda backend: partial(bits.hamming, *pair, backend))
     metric = {"metric": "hamming", "dtype": "uint1"}
-    yield Route(NUMKONG, "numkong", lambda: load("numkong").cdist(q, p, **metric))
+    yield Route(names.NUMKONG, "numkong", lambda: load("numkong").cdist(q, p, **metric))
     yield Route("faiss.knn_hamming", "faiss", faiss_distances)
 
 
@@ -75,9 +67,14 @@ def train_routes(case: Case) -> Iterator[Route]:
     """Frames to prototypes."""
     frames, copied = case.pixels, np.zeros(case.pixels.shape, np.uint8)
     yield from ours(lambda backend: lambda: HDCClassifier(backend=backend).fit(frames, case.labels))
-    yield Route(READ, "numpy", lambda: np.bitwise_xor.reduce(frames.numpy().view(np.uint64)))
-    yield Route(COPY, "numpy", lambda: np.copyto(copied, frames.numpy()))
-    yield Route(TORCHHD_TRAIN, "torchhd", lambda: multisets(by_class(case, torch_bits(frames))))
+    yield Route(names.READ, "numpy", lambda: np.bitwise_xor.reduce(frames.numpy().view(np.uint64)))
+    yield Route(names.COPY, "numpy", lambda: np.copyto(copied, frames.numpy()))
+
+    def ordinary(ones: Callable[[Tensor], Tensor]) -> Callable[[], Tensor]:
+        return lambda: multisets(by_class(case, ones(frames)))
+
+    for name, ones in zip(names.ORDINARY_ROUTES, (torch_bits, numpy_bits), strict=True):
+        yield Route(name, "torchhd", ordinary(ones))
 
 
 def predict_routes(case: Case) -> Iterator[Route]:
@@ -130,8 +127,8 @@ def common_form(case: Case, call: Callable[[], Any]) -> np.ndarray:
 
 def ours(build: Callable[[str], Callable[[], Any]]) -> Iterator[Route]:
     """Routes of both backends of hdc, by a function that makes a call of its name."""
-    yield Route(OURS, "torch", build("numpy"))
-    yield Route(OURS_COMPILED, "numba", build("compiled"))
+    yield Route(names.OURS, "torch", build("numpy"))
+    yield Route(names.OURS_COMPILED, "numba", build("compiled"))
 
 
 def count(case: Case, backend: str) -> Tensor:
@@ -146,6 +143,12 @@ def torch_bits(frames: Tensor) -> Tensor:
     return frames > frames.median(1, keepdim=True).values
 
 
+def numpy_bits(frames: Tensor) -> Tensor:
+    """The same by NumPy."""
+    pixels = frames.numpy()
+    return torch.from_numpy(pixels > np.median(pixels, 1, keepdims=True))
+
+
 def opencv_words(frames: np.ndarray) -> np.ndarray:
     """The same of uint8 frames, packed, by OpenCV's histograms; exact to 2^24 pixels."""
     middle = (frames.shape[1] + 1) // 2
@@ -157,11 +160,6 @@ def opencv_words(frames: np.ndarray) -> np.ndarray:
 def by_class(case: Case, ones: Tensor) -> list[Tensor]:
     """Hypervectors bool [N, D], class by class."""
     return [ones[case.labels == c] for c in range(case.l)]
-
-
-def summed(ones: Tensor) -> np.ndarray:
-    """Majority [D] of hypervectors bool [n, D], ties zero."""
-    return 2 * ones.numpy().sum(0, dtype=np.int16) > len(ones)
 
 
 def multisets(classes: list[Tensor]) -> Tensor:

@@ -12,8 +12,8 @@ from experiments.records.results import Group, Results
 from experiments.reporting.columns import Column, milliseconds
 from experiments.reporting.study import Study
 from experiments.reporting.table import records
-from experiments.studies.benchmark import routes
-from experiments.studies.benchmark.routes import OPERATIONS, OURS_COMPILED
+from experiments.studies.benchmark import names
+from experiments.studies.benchmark.names import OPERATIONS, OURS_COMPILED
 
 ORDINARY = "HDC by ordinary routes"
 HEADLINE = {"n": 400, "d": 250_000, "l": 5}
@@ -24,14 +24,13 @@ NOTE = (
     "frames not learnt were recognised. Frames: speckle in uint8. "
     '“hdc, compiled” is HDCClassifier(backend="compiled").'
 )
-TEXTS = {"predict": "predict, one frame"}
 GOALS: tuple[tuple[str, tuple[str, str], str, float], ...] = (
     # operation, (numerator, denominator), bound, limit
-    ("bundle", (routes.TORCHHD_BUNDLE, OURS_COMPILED), "≥", 200),
-    ("train", (routes.TORCHHD_TRAIN, OURS_COMPILED), "≥", 80),
-    ("train", (OURS_COMPILED, routes.READ), "≤", 1.15),
-    ("train", (OURS_COMPILED, routes.COPY), "≤", 1),
-    ("hamming", (OURS_COMPILED, routes.NUMKONG), "≤", 1.1),
+    ("bundle", (names.TORCHHD_BUNDLE, OURS_COMPILED), "≥", 200),
+    ("train", (names.TORCHHD_TRAIN, OURS_COMPILED), "≥", 80),
+    ("train", (OURS_COMPILED, names.READ), "≤", 1.15),
+    ("train", (OURS_COMPILED, names.COPY), "≤", 1),
+    ("hamming", (OURS_COMPILED, names.NUMKONG), "≤", 1.1),
 )
 
 STUDY = Study(
@@ -48,7 +47,7 @@ def _median(row: Mapping[str, Any]) -> str:
 
 
 COLUMNS = {
-    "operation": Column("Operation", lambda name: TEXTS.get(name, name)),
+    "operation": Column("Operation", lambda name: name.replace("predict", "predict, one frame")),
     "route": Column("Route"),
     "n": Column("N"),
     "median_s": Column("Median, ms", cell=_median),
@@ -95,11 +94,11 @@ def goals(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
 )
 def headline(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """The rows of the headline size; of operations on other numbers of frames, theirs."""
-    rows = rows[rows["operation"].isin(list(OPERATIONS))]
+    rows = rows[rows["operation"].isin(OPERATIONS)]
     rows = rows[(rows["d"] == HEADLINE["d"]) & (rows["l"] == HEADLINE["l"])]
     other_n = ~rows["operation"].isin(["encode", "bundle", "train"])
     rows = rows[other_n | (rows["n"] == HEADLINE["n"])]
-    return rows.sort_values("operation", key=lambda x: x.map(list(OPERATIONS).index), kind="stable")
+    return rows.sort_values("operation", key=lambda x: x.map(OPERATIONS.index), kind="stable")
 
 
 def ordinary_training_s(results: Results, group: Group) -> float | None:
@@ -112,7 +111,7 @@ def ordinary_training_s(results: Results, group: Group) -> float | None:
     if (made_on.cpu, made_on.threads) != (record.environment.cpu, record.environment.threads):
         return None
     sizes = {"n": record.n_train, "d": math.prod(record.scene.shape), "l": len(group.classes)}
-    rows = (of_route(measured.frame, "train", route, **sizes) for route in routes.ORDINARY_ROUTES)
+    rows = (of_route(measured.frame, "train", route, **sizes) for route in names.ORDINARY_ROUTES)
     seconds = [float(row["median_s"]) for row in rows if not math.isnan(row["median_s"])]
     return min(seconds, default=None)
 

@@ -161,9 +161,9 @@ def equal_accuracy(results: Results) -> pd.DataFrame | None:
     hdc = results.group(scene(), "hdc")
     ours = {run.seeds: (run.record.training_s, run.record.test_accuracy_final) for run in hdc.runs}
     extended = [m for name in ("table1", "table1_extended") for m in configs.sweep(name)["model"]]
-    rows = []
-    for model in dict.fromkeys([*extended, *results.extra_models(scene())]):
-        same = (g for g in results.groups() if (g.scene, g.model) == (scene(), model))
+    rows, place = [], scene()
+    for model in dict.fromkeys([*extended, *results.extra_models(place)]):
+        same = (g for g in results.groups() if (g.scene, g.model) == (place, model))
         for group in sorted((g for g in same if g.n_train is None), key=lambda g: g.pixels or 0):
             runs = [run for run in group.runs if run.seeds in ours]
             times = [seconds_to(run, ours[run.seeds][1]) for run in runs]
