@@ -50,8 +50,8 @@ class Table:
         if known := self.columns.get(name) or COLUMNS.get(name):
             return known
         of_model = (CONFIGS / "model" / f"{name}.yaml").exists()
-        plain = name.replace("_", " ")
-        return Column(display_name(name), percent) if of_model else Column(plain.capitalize())
+        plain = name[:1].upper() + name[1:].replace("_", " ")
+        return Column(display_name(name), percent) if of_model else Column(plain)
 
     @property
     def heads(self) -> list[str]:

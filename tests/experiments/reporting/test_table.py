@@ -61,7 +61,7 @@ def test_nothing_comes_of_what_a_record_quotes(text):
     shown = Cells(table.markdown())
     plain = printable(" ".join(text.split()))
     rows = [[" ".join(cell.split()) for cell in row] for row in shown.rows]
-    assert rows == [["name", "value"], [plain, "0"], ["next", "1"]]
+    assert rows == [["Name", "Value"], [plain, "0"], ["next", "1"]]
     assert shown.other == []
     first, second = csv.DictReader(io.StringIO(table.csv()))
     assert (first["name"], second["name"]) == (printable(text), "next")
