@@ -1,7 +1,7 @@
 """A linear read-out of HDC's own bits, to compare majority voting with.
 
 On the hypervectors of frames, ±1, HDC's prototype of a class is the sign of a sum of its training
-frames, a linear read-out of one bit a weight. Here ridge regression learns the weights instead (see
+frames, a linear read-out of one bit per weight. Here ridge regression learns them instead (see
 baselines.ridge), and they stay float32, or are reduced to as many bytes as HDC's prototypes have:
 their signs, with a scale and a bias a class,
 

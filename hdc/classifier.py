@@ -1,4 +1,4 @@
-"""The hyperdimensional classifier: count bits a class, keep their majority, compare."""
+"""The hyperdimensional classifier: count bits per class, keep their majority, compare."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class HDCClassifier(Estimator):
     class prototype is the bitwise majority of its hypervectors (Eq. 1), and a query belongs to the
     class whose prototype is nearest in Hamming distance (Eqs. 2, 3), the first of equally near
     ones. :meth:`fit` needs memory for a chunk of packed hypervectors, counters, and up to 19
-    hypervectors a class, however many frames are given.
+    hypervectors per class, however many frames are given.
 
     Frames are [N, H, W] or [N, D]; a model of images also takes flattened ones and a single one,
     [H, W]. Several threads may ask a model at once; while one trains it, no other may use it. Start
@@ -42,7 +42,7 @@ class HDCClassifier(Estimator):
             JETC 15, 32 (2019)).
         prototype: ``"binary"`` as published, or ``"integer"``: the counters themselves, compared
             by the cosine between 2·count − n and the bipolar query.
-        readout: ``"prototype"`` as published; ``"ridge"``: ridge regression of ±1 a class on the
+        readout: ``"prototype"`` as published; ``"ridge"``: ridge regression of ±1 per class on the
             same bits (:mod:`hdc.readout`); or ``"neighbours"``: the class of most of the
             `n_neighbours` nearest training frames, all of which are kept. Prototypes are made with
             each, for :meth:`distances` and :meth:`is_known`.
@@ -59,7 +59,7 @@ class HDCClassifier(Estimator):
 
     Attributes:
         classes_: array [L] of the labels, sorted: str, int, float or bool.
-        counts_: int64 array [L], training samples a class; votes after a recalibration by votes.
+        counts_: int64 array [L], training samples per class; votes after a recalibration by votes.
         prototypes_: int64 tensor [L, W], the packed prototypes; zeros for a class without samples.
         dimension_, n_features_in_: D, the pixels of a frame.
         frame_shape_: (H, W) or (D,).
@@ -83,7 +83,7 @@ class HDCClassifier(Estimator):
     prototypes_: Tensor
     ridge_: Ridge
     _index: dict[Label, int]  # label → row
-    _size: int | None  # samples a class that prototypes count as; −1: none are made yet
+    _size: int | None  # samples per class that prototypes count as; −1: none are made yet
     _sample: Sample
     _deciding: Tensor | None  # [L, 5, W], see rejection.EXTRAS, where counters do not tell them
     _peers: list[Peers | None] | None  # made of the last two when asked for

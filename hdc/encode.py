@@ -25,7 +25,7 @@ from torch import Tensor
 from hdc import bits
 
 _STEP = 2**20  # pixels of several frames thresholded at once, at up to 30 bytes each
-_SMALL = 4096  # pixels a frame up to which that is faster than one frame after another
+_SMALL = 4096  # pixels per frame up to which that is faster than one frame after another
 _SAMPLE = 4096  # pixels of a frame that are sorted, at most
 
 

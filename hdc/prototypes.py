@@ -198,7 +198,7 @@ class Counters:
         return self.planes.device
 
     def reserve(self, n: int) -> None:
-        """Make room for n hypervectors a class."""
+        """Make room for n hypervectors per class."""
         n_planes = n.bit_length()
         n_classes, n_old, width = self.planes.shape
         if n_planes > n_old:

@@ -61,7 +61,7 @@ def threads(wanted: Any, launcher: Any) -> int:
     """
     cores = len(available())
     if wanted is None:
-        workers = launcher.get("n_jobs") or 1  # of joblib, below zero for one a core
+        workers = launcher.get("n_jobs") or 1  # of joblib, below zero for one per core
         share = launcher.get("cpus_per_task") or (cores // workers if workers > 0 else 1)
         return min(cores, max(1, share))
     if not isinstance(wanted, int) or isinstance(wanted, bool) or not 1 <= wanted <= cores:

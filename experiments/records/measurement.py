@@ -1,7 +1,7 @@
 """Measurements: the typed rows of an experiment, in ``measured/<name>-<hash>/``.
 
-``rows.jsonl`` has a row a line (``pandas.read_json(path, lines=True)`` reads it), ``record.json``
-says how they were made. The hash is that of the config, so that what was measured on other frames
+``rows.jsonl`` has one row per line (``pandas.read_json(path, lines=True)``), ``record.json`` says
+how they were made. The hash is that of the config, so that what was measured on other frames
 lies beside it.
 """
 
@@ -144,7 +144,7 @@ def digest_of(value: Any) -> str:
 
 
 def write(folder: Path, entry: Mapping[str, Any], rows: Iterable[Row]) -> None:
-    """Write rows.jsonl and record.json, a line a key; a crash in between leaves no record that
+    """Write rows.jsonl and record.json, one line per key; a crash in between leaves no record that
     vouches for rows of another call."""
     lines = (
         f"{json.dumps(key)}: {msgspec.json.encode(value, enc_hook=plain).decode()}"

@@ -156,9 +156,9 @@ COLUMNS: dict[str, Column] = {
         note="Difference from HDC: paired by seed on the same test samples; above zero, the model "
         "is more accurate."),
     "model_bytes": Column("Size", size, of=_same(lambda record: record.model_bytes)),
-    "predict_single_s": Column("Prediction, ms a frame", milliseconds,
+    "predict_single_s": Column("Prediction, ms per frame", milliseconds,
         of=_median("predict_single_s")),
-    "predict_batch_s_per_frame": Column("Prediction in a batch, ms a frame", milliseconds,
+    "predict_batch_s_per_frame": Column("Prediction in a batch, ms per frame", milliseconds,
         of=_median("predict_batch_s_per_frame")),
     "origin": Column("Frames", of=_same(lambda record: record.scene.origin)),
     "cpu": Column("Processor", of=_same(lambda record: record.environment.cpu)),

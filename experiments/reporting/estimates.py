@@ -37,7 +37,7 @@ class Estimate(NamedTuple):
 
 
 def mean_interval(values: Sequence[float], least: float = 0.0) -> Estimate:
-    """Mean of values, one a seed, and Student's interval of their expectation; a value has at least
+    """Mean of values, one per seed, and Student's interval of their mean; a value has at least
     the variance `least`."""
     return _student(values, least, 1 / len(values))
 
@@ -56,7 +56,7 @@ def least_variance(shares: Sequence[float], n: float) -> float:
 
 def mean_share(shares: Sequence[float], n: float) -> Estimate:
     """Share of right samples, mean over seeds with Student's interval; of one seed Wilson's; `n`
-    samples a seed."""
+    samples per seed."""
     if len(shares) < 2:
         return Estimate(shares[0], *wilson(round(shares[0] * n), round(n)))
     return mean_interval(shares, least_variance(shares, n)).within(0, 1)

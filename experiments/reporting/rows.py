@@ -67,7 +67,7 @@ SHOWN = ("id", "scene", "model", "overrides", "stop_rule", "n_train", "seed", "s
 
 
 def runs_table(results: Results) -> Table:
-    """One row a run, finished or not; each key that was changed of the configs has a column."""
+    """One row per run, finished or not; each key that was changed of the configs has a column."""
     rows: list[dict[str, Any]] = []
     done = [(run.record, run.overrides, run.outdated) for run in results.runs]
     for record, overrides, changed in [*done, *((r, {}, []) for r in results.unfinished)]:

@@ -28,7 +28,7 @@ def summarise(console: Console, record: Finished, repeated: bool = False) -> Non
         f"  {accuracy} (95 % interval)",
         f"  training {record.training_s:.4g} s ({record.stop}), prediction "
         f"{record.predict_single_s * 1e3:.3g} ms a single frame, "
-        f"{record.predict_batch_s_per_frame * 1e3:.3g} ms a frame in a batch",
+        f"{record.predict_batch_s_per_frame * 1e3:.3g} ms per frame in a batch",
     ]
     if scene.saturated:
         lines.append(f"  ranks no models: {scene.saturated}")

@@ -1,1 +1,1 @@
-"""One folder a question: measure makes rows, view shows them."""
+"""One folder per question: measure makes rows, view shows them."""

@@ -37,7 +37,7 @@ _recording = _options(
     click.option("--template", metavar="PATTERN",
                  help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'."),
     click.option("--values", "table", type=_FILE, metavar="CSV",
-                 help="Table of numbers to learn or compare with, a row an image."),
+                 help="Table of numbers to learn or compare with, a row per image."),
     click.option("--column", "value_columns", multiple=True, metavar="NAME",
                  help="Column of numbers; may be repeated. [default: all numeric ones]"),
     click.option("--image-column", default="image", metavar="NAME",
@@ -67,7 +67,7 @@ _reject = click.option(
 def cli() -> None:
     """Train a hyperdimensional classifier of images, and use it.
 
-    A RECORDING is a folder of images with one sub-folder a class, a manifest.csv (columns file,
+    A RECORDING is a folder of images with one sub-folder per class, a manifest.csv (columns file,
     label), a --template or a table of --values; an .npz with frames [N, H, W] and labels [N]; or a
     video with a CSV table of intervals (columns start_s, end_s, label) beside it.
     """
@@ -201,7 +201,7 @@ def recalibrate(
 @_pixels
 @click.option("--test-fraction", type=_SHARE, default=0.2, help="Share of frames to hold out.")
 @click.option("--draws", type=click.IntRange(1, 100), default=5, metavar="N",
-              help="Random choices of frames at each number a class.")  # fmt: skip
+              help="Random choices of frames at each number per class.")  # fmt: skip
 @_json
 def compare(
     recording: Path,
@@ -216,7 +216,7 @@ def compare(
 ) -> None:
     """Compare read-outs of bits and grey values on a RECORDING.
 
-    Accuracy for 1, 2, 5 … frames a class, held out at random and by time, and advice. Frames are
+    Accuracy for 1, 2, 5 … frames per class, held out at random and by time, and advice. Frames are
     held in memory.
     """
     from hdc.command import comparison

@@ -97,7 +97,7 @@ def predict(
 def compare(
     recording: Recording, other: Recording | None, path: Path, fraction: float, draws: int
 ) -> dict[str, Any]:
-    """Train and test every method at each number of frames a class.
+    """Train and test every method at each number of frames per class.
 
     The result is what --json writes: a curve for each split and method. `other` has frames of
     another day to test on, and `fraction` is the share of frames held out.
@@ -152,7 +152,7 @@ def expected(data: Frames, labels: np.ndarray) -> dict[int, float]:
 def _curves(
     data: Frames, labels: np.ndarray, splits: list[tuple[np.ndarray, np.ndarray]]
 ) -> dict[str, Any]:
-    """Accuracy of each method at 1, 2, 5 … frames a class and at all, with its Wilson interval.
+    """Accuracy of each method at 1, 2, 5 … frames per class and at all, with its Wilson interval.
 
     A test frame that several draws tested counts once, with the mean of its right answers.
     """
@@ -199,14 +199,14 @@ def text(result: dict[str, Any]) -> str:
     with console.capture() as captured:
         for title, curves in result["splits"].items():
             counts = [f"{point['frames_a_class']:.3g}" for point in curves["prototype"]]
-            table = Table(f"{title}, frames a class", "sees", *counts, box=None)
+            table = Table(f"{title}, frames per class", "sees", *counts, box=None)
             for name, curve in curves.items():
                 *cells, last = (f"{point['accuracy']:.0%}" for point in curve)
                 interval = f" [{curve[-1]['low']:.0%}, {curve[-1]['high']:.0%}]"
                 table.add_row(name, METHODS[name][0], *cells, last + interval)
             console.print(table, "")
     likely = ", ".join(f"{p:.0%} with {n}" for n, p in result["expected"].items())
-    theory_says = f"Theory expects of prototypes, random split: {likely} frames a class.\n\n"
+    theory_says = f"Theory expects of prototypes, random split: {likely} frames per class.\n\n"
     return (
         f"{result['frames']} frames of {len(result['classes'])} classes, {width} × {height} "
         f"pixels, {result['test_fraction']:.0%} held out, {result['draws']} draws\n\n"

@@ -56,7 +56,7 @@ def open_recording(
         memory_bytes: images are kept in memory up to this size, else decoded again when asked for.
         axes: of an .npy, such as ``("label", "order", "height", "width")``.
         template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``.
-        table: CSV with a row an image, in or relative to the folder; other columns are values.
+        table: CSV with a row per image, in or relative to the folder; other columns are values.
         image_column: column of the table that names the image.
         value_columns: columns that are values; default: all numeric ones but order, session and
             group (none of a manifest.csv).

@@ -2,7 +2,7 @@
 
 A frame belongs to the interval with start ≤ time < end; frames outside all intervals are left out.
 Times are those of the container, in seconds from its first frame, evenly spaced or not. OpenCV
-gives 8 bits a pixel, whatever was stored. The labelled frames are kept in memory.
+gives 8 bits per pixel, whatever was stored. The labelled frames are kept in memory.
 
 The video is decoded once, from its beginning: seeking is slow, and not exact in every container
 (opencv/opencv issues 4890 and 9053).

@@ -1,4 +1,4 @@
-"""Names of routes and the order of operations, for code that does without torch."""
+"""Names of routes and the order of operations; ordinary routes are those of other libraries."""
 
 OPERATIONS = ("encode", "bundle", "hamming", "train", "predict")
 OURS, OURS_COMPILED = "hdc", "hdc, compiled"
@@ -6,4 +6,3 @@ READ, COPY = "one read of the bytes", "one copy of the bytes"
 NUMKONG, TORCHHD_BUNDLE = "numkong.cdist", "torchhd.multiset"
 TORCHHD_TRAIN = "torch.median, torchhd.multiset"
 ORDINARY_ROUTES = (TORCHHD_TRAIN, "numpy.median, torchhd.multiset")
-"""Frames to prototypes by the functions that torch, NumPy and torchhd offer."""

@@ -1,7 +1,7 @@
 """Correlations within and between classes (Figs. 4 and 7(a)): speckle, hypervectors, prototypes.
 
-The paper takes 100 samples a class, 80 of which make its prototype, and does not say with which of
-them Eq. 6 compares it: here with those, with the others (``held-out``), and with ``all``.
+The paper takes 100 samples per class, 80 of which make its prototype, and does not say with which
+of them Eq. 6 compares it: here with those, with the others (``held-out``), and with ``all``.
 """
 
 from __future__ import annotations

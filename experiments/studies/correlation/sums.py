@@ -30,7 +30,7 @@ class CorrelationSums:
 
     def __init__(self, n_classes: int, dimension: int, dtype: DTypeLike = np.float64):
         self.dtype = dtype
-        self.n = 0  # N_s, samples a class so far
+        self.n = 0  # N_s, samples per class so far
         self.sums = np.zeros((n_classes, dimension))  # S
         self.same = np.zeros((n_classes, n_classes))  # Σ_k z_lk·z_l′k
         self.undefined = np.zeros(n_classes, np.int64)  # samples without variance
@@ -51,7 +51,7 @@ class CorrelationSums:
         return total
 
     def pair_means(self) -> NDArray[np.float64]:
-        """C_ll′ of Eqs. 4 and 5, float64 [L, L]; of two samples a class at least."""
+        """C_ll′ of Eqs. 4 and 5, float64 [L, L]; of two samples per class at least."""
         if self.n < 2:
             raise ValueError(f"samples: expected at least two of each class, found {self.n}")
         return (self.sums @ self.sums.T - self.same) / (self.n * (self.n - 1))

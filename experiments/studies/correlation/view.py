@@ -33,7 +33,7 @@ SYMBOLS = {"speckle": "$C^s$", "hypervector": "$C^b$", "prototype": "$C^p$"}
 def matrices(
     rows: pd.DataFrame, kind: str, samples: str
 ) -> tuple[list[str], NDArray[np.float64], int]:
-    """Correlation matrices of a measurement: classes, C [seeds, L, L], samples a class."""
+    """Correlation matrices of a measurement: classes, C [seeds, L, L], samples per class."""
     chosen = rows[(rows.kind == kind) & (rows.samples == samples)]
     classes = list(chosen.class_i.unique())
     # Rows are in the order in which they were made: by seed, row and column of the matrix.

@@ -81,7 +81,7 @@ def _draw(
     most_test: int,
     seed: tuple[int, int],
 ) -> Iterator[Row]:
-    """The rows of one draw, a row a model."""
+    """The rows of one draw, a row per model."""
     pool, test = draw_split(recording, split, seed, most_test)
     order, sizes = nested(pool, recording.labels, n_per_class, seed)
     trained = {n: np.concatenate([of_class[:n] for of_class in order]) for n in sizes}

@@ -102,12 +102,12 @@ def summary(measured: Measured) -> pd.DataFrame:
 COLUMNS = {
     "recording": Column("Recording"),
     "frames": Column("Frames"),
-    "n": Column("Frames a class"),
+    "n": Column("Frames per class"),
     "hdc": Column("HDC, %", percent),
     "mean_image": Column("Mean image, %", percent),
     "linear_bits": Column("Ridge on the same bits, %", percent),
     "softmax_dual": Column("Softmax at its optimum, %", percent),
-    "softmax_dual_standardised": Column("… on standardised frames, %", percent),
+    "softmax_dual_standardised": Column("Softmax at its optimum, standardised frames, %", percent),
     "nearest_neighbour": Column("Nearest neighbour on bits, %", percent),
     "softmax": Column("Softmax, published recipe, two draws, %", percent),
 }
@@ -121,12 +121,13 @@ NOTE = (
 
 @STUDY.table("recordings", title="Accuracy on measured recordings", note=NOTE, columns=COLUMNS)
 def front(results: Results) -> pd.DataFrame | None:
-    """The recordings, at the fewest, a middle and the largest number of frames a class."""
+    """The recordings, at the fewest, a middle and the largest number of frames per class."""
     table = []
     for scene, measured in recordings(results).items():
         saturated = measured.record.config["scene"].get("saturated")
         frames = KINDS.get(scene, "recording") + "; saturated, ranks nothing" * bool(saturated)
-        table += [{"recording": scene, "frames": frames, **line} for line in _by_size(measured)]
+        for k, line in enumerate(_by_size(measured)):
+            table.append({"recording": scene, "frames": "" if k else frames, **line})
     if not table:
         return None
     data = pd.DataFrame(table)
@@ -137,7 +138,7 @@ def front(results: Results) -> pd.DataFrame | None:
 
 
 def _by_size(measured: Measured) -> list[dict[str, Any]]:
-    """Accuracies by the split that counts at the fewest, at five and at the most frames a class."""
+    """Accuracies by the split that counts at the fewest, five and the most frames per class."""
     lines = summary(measured)
     sizes, table = sorted(lines.n.unique()), []
     for n in dict.fromkeys((sizes[0], *[n for n in sizes if n == 5], sizes[-1])):
@@ -177,7 +178,7 @@ def fields(results: Results) -> pd.DataFrame | None:
     title="Theory from ten frames of every class, and what was measured",
     columns={
         "recording": Column("Recording"),
-        "n": Column("Frames a class"),
+        "n": Column("Frames per class"),
         "hdc": Column("HDC, %", percent),
         "hdc_theory": Column("HDC by theory, %", percent),
         "mean_image": Column("Mean image, %", percent),
@@ -221,12 +222,12 @@ def foretold(results: Results) -> pd.DataFrame | None:
     "recordings",
     caption="Where information is lost: accuracy by what a model keeps of the frames, on each "
     "measured recording that is not saturated. Left of the line models that weigh pixels or keep "
-    "all frames, right of it one template a class. Split by time, group or position; bars: 95 %.",
-    size=(7.0, 2.9),
+    "all frames, right of it one template per class. Split by time, group or position; bars: 95 %.",
+    size=(7.0, 3.1),
     needs=lambda results: bool(recordings(results)),
 )
 def lost(figure: Figure, results: Results) -> None:
-    """Accuracy by what a model keeps of the frames, a panel a recording, a line an n."""
+    """Accuracy by what a model keeps of the frames, a panel per recording, a line per n."""
     shown = {
         scene: measured
         for scene, measured in recordings(results).items()
@@ -245,13 +246,13 @@ def lost(figure: Figure, results: Results) -> None:
             axes.errorbar(places, y, yerr=np.maximum(spread, 0), color=colour, marker=marker,
                           ls=":", lw=0.6, ms=3, elinewidth=0.5, label=f"{n}")  # fmt: skip
         axes.axvline(4.5, color="0.7", lw=0.6)
-        axes.set_xticks(range(len(STEPS)), STEPS.values(), rotation=90, fontsize=5.5)
+        axes.set_xticks(range(len(STEPS)), STEPS.values(), rotation=90, fontsize=6.5)
         axes.set_ylim(0, 103)
-        panel(axes, "abcdefgh"[k], scene.removesuffix("_grouped"))
+        panel(axes, "abcdefgh"[k], scene)
     panels[0].set_ylabel("accuracy (%)")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(
-        handles, labels, title="frames a class", loc="outside lower center", ncols=len(labels)
+        handles, labels, title="frames per class", loc="outside lower center", ncols=len(labels)
     )
 
 

@@ -85,7 +85,7 @@ def groups(results: Results) -> list[Group]:
     ),
 )  # fmt: skip
 def all_scenes(results: Results) -> pd.DataFrame:
-    """One row a scene and model."""
+    """One row per scene and model."""
     every = groups(results)
     data = frame(row(group, results.group(group.scene, "hdc", group.n_train)) for group in every)
     data.attrs["commands"] = rows_of.commands(every)

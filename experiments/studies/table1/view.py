@@ -62,7 +62,7 @@ def _trained(cells: Mapping[str, Any]) -> str:
     if not cells["seeds"]:
         return str(cells["status"])
     if cells["stop"] == "reached":
-        return "not trained on"
+        return "not continued"
     ends = ("", "_low", "_high")
     accuracy, low, high = (percent(cells[f"test_accuracy_final{end}"]) for end in ends)
     time, seconds = cells["training_time_s"], cells["total_time_s"]
@@ -77,18 +77,18 @@ COLUMNS = {
             f"{number(cells['published_training_time_s'])} → {number(cells['training_time_s'])}"
         ),
         note="Time: iterative models, until training accuracy exceeds 90 %, as in the paper; "
-        "one-pass models, until fitted. Median over seeds.",
+        "one-pass models, until fitted. Medians over seeds, of ratios too.",
     ),
     "ratio": Column(
-        "× HDC: paper → here",
+        "× HDC: paper → here (by ordinary routes)",
         cell=_ratio,
         note="× HDC: training time over that of this library's HDC; in parentheses over that "
         "of HDC by ordinary routes, the faster of NumPy and PyTorch medians followed by torchhd.",
     ),
     "published_test_accuracy": Column("Test, %: paper", percent),
-    "test_accuracy_at_target": Column("Test, %: here, when the paper's clock stops", percent),
+    "test_accuracy_at_target": Column("Test, %: here, at 90 % training accuracy", percent),
     "trained": Column(
-        "Test, %: here, after training on [95 % interval]",
+        "Test, %: here, after full training [95 % interval]",
         cell=_trained,
         note="Intervals: Student over seeds, never narrower than the test set allows; Wilson for "
         "one seed.",
@@ -182,7 +182,7 @@ def equal_accuracy(results: Results) -> pd.DataFrame | None:
 
 @STUDY.figure(
     "error_vs_time",
-    caption="Test error against training time (Table I): a curve a model and seed. Stars: the "
+    caption="Test error against training time (Table I): one curve per model and seed. Stars: the "
     "paper's.",
     size=(3.4, 3.7),
     needs=lambda results: bool(results.models(scene())),

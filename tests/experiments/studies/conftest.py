@@ -20,7 +20,7 @@ CLASSES = {
 
 @pytest.fixture
 def write_scene(tmp_path, write_run):
-    """write_scene(scene, wrong, …): a run of HDC with two test samples a class; {class: taken for}
+    """write_scene(scene, wrong, …): a run of HDC, two test samples per class; {class: taken for}
     says which class has one of its two samples wrong. Other arguments are those of write_run."""
 
     def write(scene, wrong, model="hdc", **more):

@@ -8,7 +8,7 @@ from experiments.records import configs
 from experiments.records.results import Results
 from experiments.reporting.estimates import Estimate
 from experiments.studies.claims import rules, view
-from experiments.studies.claims.rules import NO, PARTLY, UNDECIDABLE, YES
+from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
 from experiments.studies.recordings.view import RIVAL
 
 NAN = math.nan
@@ -19,11 +19,11 @@ NAN = math.nan
     [
         ((0.05, 0.02, 0.08), YES, YES),
         ((0.01, 0.005, 0.015), NO, YES),  # ahead by less than the margin
-        ((0.05, -0.01, 0.11), UNDECIDABLE, YES),
-        ((0.00, -0.10, 0.10), UNDECIDABLE, UNDECIDABLE),
+        ((0.05, -0.01, 0.11), UNDECIDED, YES),
+        ((0.00, -0.10, 0.10), UNDECIDED, UNDECIDED),
         ((-0.01, -0.02, 0.00), NO, YES),
         ((-0.05, -0.08, -0.02), NO, NO),
-        ((0.05, NAN, NAN), UNDECIDABLE, UNDECIDABLE),
+        ((0.05, NAN, NAN), UNDECIDED, UNDECIDED),
     ],
 )
 def test_accuracies_are_judged_by_interval_and_margin(difference, more, at_least):
@@ -36,9 +36,9 @@ def test_accuracies_are_judged_by_interval_and_margin(difference, more, at_least
     [
         ([20, 30], YES),
         ([2, 3], NO),
-        ([9, 11], UNDECIDABLE),
+        ([9, 11], UNDECIDED),
         ([20, math.inf], YES),  # a rival that never got there
-        ([], UNDECIDABLE),
+        ([], UNDECIDED),
     ],
 )
 def test_times_are_judged_in_every_run(ratios, expected):
@@ -48,12 +48,12 @@ def test_times_are_judged_in_every_run(ratios, expected):
 @pytest.mark.parametrize(
     ("measured", "simulated", "expected"),
     [
-        ([YES, UNDECIDABLE], [NO], YES),
+        ([YES, UNDECIDED], [NO], YES),
         ([YES, NO], [], PARTLY),
         ([NO, NO], [YES], NO),
-        ([], [YES], UNDECIDABLE),  # simulated frames rank nothing
-        ([UNDECIDABLE], [NO, UNDECIDABLE], NO),  # and can refute
-        ([], [YES, NO], UNDECIDABLE),
+        ([], [YES], UNDECIDED),  # simulated frames rank nothing
+        ([UNDECIDED], [NO, UNDECIDED], NO),  # and can refute
+        ([], [YES, NO], UNDECIDED),
     ],
 )
 def test_simulated_frames_only_refute(measured, simulated, expected):
@@ -70,7 +70,7 @@ def judged(tmp_path):
     def judge(claim):
         rows = view.evidence(Results(tmp_path))
         values = rows[rows.claim == claim].set_index("evidence")["value"].to_dict()
-        return view.verdicts(rows).get(claim, UNDECIDABLE), values
+        return view.verdicts(rows).get(claim, UNDECIDED), values
 
     return judge
 
@@ -111,11 +111,11 @@ def test_recordings_decide_about_accuracy(record, judged, pairs, accuracy, few):
 
 def test_a_saturated_recording_decides_nothing(record, judged):
     record("gelsight", 80, 60, saturated="every model has all right")
-    assert judged("accuracy") == (UNDECIDABLE, {})
+    assert judged("accuracy") == (UNDECIDED, {})
 
 
 @pytest.mark.parametrize(
-    ("hdc", "rival", "expected"), [(30, 5, NO), (5, 30, UNDECIDABLE), (0, 0, UNDECIDABLE)]
+    ("hdc", "rival", "expected"), [(30, 5, NO), (5, 30, UNDECIDED), (0, 0, UNDECIDED)]
 )
 def test_a_simulated_scene_refutes_or_ranks_nothing(write_run, judged, hdc, rival, expected):
     for seed in range(3):
@@ -126,7 +126,7 @@ def test_a_simulated_scene_refutes_or_ranks_nothing(write_run, judged, hdc, riva
     assert list(values.values()) == pytest.approx([rival - hdc])
 
 
-@pytest.mark.parametrize(("updated", "expected"), [(90, YES), (31, NO)])
+@pytest.mark.parametrize(("updated", "expected"), [(90, UNDECIDED), (31, NO)])
 def test_recalibration_is_what_an_update_gains(write_measurement, judged, updated, expected):
     of = {"origin": "simulated", "order": "time", "model": "hdc", "n_test_new": 100,
           "n_test_old": 100, "n_old": 400, "right_old": 50, "draw": 0, "p": None}  # fmt: skip
@@ -156,7 +156,7 @@ def test_contrast_of_prototypes_is_held_against_that_of_speckle(
     assert judged("contrast")[0] == expected
 
 
-@pytest.mark.parametrize(("flipped", "expected"), [(100, UNDECIDABLE), (50, NO)])
+@pytest.mark.parametrize(("flipped", "expected"), [(100, UNDECIDED), (50, NO)])
 def test_flipped_bits_cost_accuracy_or_do_not(write_measurement, judged, flipped, expected):
     rows = [
         {"origin": "simulated", "model": "hdc", "seed": seed, "disturbance": kind, "level": level,
@@ -174,5 +174,5 @@ def test_every_claim_has_a_row_and_one_of_four_words(tmp_path, write_run):
     write_run("hdc")
     table, evidence = view.STUDY.tables_of(Results(tmp_path))
     assert list(table.data.claim) == list(view.CLAIMS)
-    assert set(table.data.word) <= {YES, NO, PARTLY, UNDECIDABLE}
+    assert set(table.data.word) <= {YES, NO, PARTLY, UNDECIDED}
     assert set(evidence.data.claim) <= set(view.CLAIMS)
