@@ -109,6 +109,17 @@ def test_scaled_counters_are_repeated_samples(weights: list[int], n: int) -> Non
     assert torch.equal(scaled.counts(), repeated.counts())
 
 
+@pytest.mark.parametrize("ties", ["zero", "one", "random"])
+def test_prototypes_of_a_size_are_those_of_thinned_counters(ties: str) -> None:
+    counters = Counters(3, 200)
+    labels = torch.tensor([0] * 9 + [1] * 4 + [2] * 3)
+    counters.add(bits.pack(vectors(16, 200)), labels)
+    made = counters.prototypes(ties, 5, 4)
+    assert (made == counters.thinned(4, 5).prototypes(ties, 5)).all()
+    assert (made[0] != counters.prototypes(ties, 5)[0]).any()
+    assert (made[1:] == counters.prototypes(ties, 5)[1:]).all()
+
+
 def test_what_is_drawn_from_one_seed_is_drawn_apart() -> None:
     """Seed 0 broke the ties of class 1,000,003 as seed 1 those of class 0, and so on."""
     d = 64 * 40

@@ -67,6 +67,17 @@ def test_the_penalty_is_the_one_with_the_least_left_out_error() -> None:
     assert float((held.residuals**2).sum()) == pytest.approx(min(errors))
 
 
+def test_weights_are_those_of_floats_in_any_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(readout, "_STEP", 2)  # words that are rounded at once
+    x, words, y = problem(30, 300, 2, 0)
+    fitted, _ = readout.ridge(words, y, 300)
+    whole, expected = fitted.weights(0, 5), plain(x, y.numpy(), fitted.penalty).coef_
+    np.testing.assert_allclose(whole[:, :300], expected, atol=np.abs(expected).max() / 253)
+    assert (fitted.weights(2, 4) == whole[:, 128:256]).all()
+    assert fitted.planes[:, 7].any()  # 8 bits: the largest weight is ±127 steps
+    assert float((whole / fitted.scales[:, None])[:, :300].abs().amax()) == pytest.approx(127)
+
+
 def test_recalibration_stays_near_the_old_weights() -> None:
     """min Σ (y − b − w·x)² + λ‖w − w₀‖², by fitting what the old weights leave."""
     x, words, y = problem(30, 200, 2, 0)

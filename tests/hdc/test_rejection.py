@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 import torch
@@ -9,7 +11,7 @@ import torch
 from hdc import HDCClassifier, bits
 from hdc.encode import encode
 from hdc.prototypes import Counters
-from hdc.rejection import EXTRAS, KEPT, Peers, Sample
+from hdc.rejection import EXTRAS, KEPT, Peers, Sample, deciding, p_values
 
 D = 4096
 
@@ -43,6 +45,53 @@ class Speckle:
 def junk(seed: int = 0) -> np.ndarray:
     noise = np.random.default_rng(seed).integers(0, 256, (50, D))
     return np.concatenate([noise, np.zeros((1, D)), np.full((1, D), 255)]).astype(np.uint8)
+
+
+def plain_p(peers: list[Peers | None], words: torch.Tensor, alpha: float) -> np.ndarray:
+    """p-values by their definition, frame by frame."""
+    p = np.zeros((len(words), len(peers)))
+    for c, own in enumerate(peers):
+        if own is None:
+            continue
+        for q, (d, d_i) in enumerate(zip(*own.compare(words), strict=True)):
+            m = len(d_i)
+            others = [e for b, x in enumerate(peers) if x and b != c for e in x.held_out]
+            if (m + 1) * alpha >= 1:
+                others = []
+            larger = sum(x >= d for x in d_i)
+            larger += sum(e >= d - (sum(d_i) + d) / (m + 1) for e in others)
+            p[q, c] = (1 + larger) / (1 + m + len(others))
+    return p
+
+
+@pytest.mark.parametrize("alpha", [0.5, 0.2, 0.05, 0.025, 0.01])
+@pytest.mark.filterwarnings("ignore:.*of known frames")
+def test_p_values_are_shares_of_kept_frames_as_unlike_as_the_query(alpha: float) -> None:
+    """Few bits, so that distances are often equal; classes of 19, 19, 3 and one frame, and none."""
+    rng = np.random.default_rng(0)
+    words = [torch.from_numpy(rng.integers(0, 2**14, (m, 1))) for m in (19, 19, 3, 1)]
+    counters = Counters(4, 14)
+    counters.add(torch.cat(words), torch.arange(4).repeat_interleave(torch.tensor([19, 19, 3, 1])))
+    peers = [Peers.of(w, deciding(counters, c, "zero", 0)) for c, w in enumerate(words)]
+    assert len(peers[3].held_out) == 0
+    assert np.isnan(peers[3].mean)
+    assert [p.held_out.mean() for p in peers[:3]] == pytest.approx([0, 0, 0])
+    queries = torch.from_numpy(rng.integers(0, 2**14, (60, 1)))
+    for known in ([None, *peers], peers[:1]):
+        np.testing.assert_allclose(p_values(known, queries, alpha), plain_p(known, queries, alpha))
+
+
+def test_too_small_a_share_is_named() -> None:
+    words = torch.arange(39).reshape(-1, 1)
+    counters = Counters(1, 14)
+    counters.add(words, torch.zeros(39, dtype=torch.int64))
+    peers = [None, Peers.of(words, deciding(counters, 0, "zero", 0))]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        p_values(peers, words, 1 / 40)
+    text = "0.024 of known frames: expected at least 0.025 with 39 frames kept; no frame is refused"
+    with pytest.warns(UserWarning, match=f"^{text}$"):
+        p_values(peers, words, 0.024)
 
 
 # Coverage -----------------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """Estimators against scipy, closed forms, and simulations where the truth is known."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -35,6 +36,21 @@ def test_100_percent_of_all_samples_has_an_interval(tmp_path, write_run):
 def test_one_seed_has_wilsons_interval():
     wilson = binomtest(97, 100).proportion_ci(0.95, "wilson")
     assert mean_share([0.97], 100) == pytest.approx((0.97, wilson.low, wilson.high))
+
+
+def test_differences_of_accuracies_lie_between_minus_one_and_one():
+    low = mean_difference([-1.0, -0.2, -0.9], 100)
+    high = mean_difference([1.0, 0.2, 0.9], 100)
+    assert (low.low, high.high) == (-1, 1)
+
+
+def test_a_training_lasts_until_90_percent_or_until_it_is_done():
+    def run(reached, iterative=True):
+        record = SimpleNamespace(training_s=7.0, time_to_target_train_s=reached)
+        return SimpleNamespace(iterative=iterative, record=record)
+
+    times = [estimates.training_time(r) for r in (run(2.0), run(None), run(None, False))]
+    assert times == [2.0, math.inf, 7.0]
 
 
 def test_models_differ_seed_by_seed_on_the_same_samples(tmp_path, write_run):

@@ -24,6 +24,10 @@ NAN = math.nan
         ((-0.01, -0.02, 0.00), NO, YES),
         ((-0.05, -0.08, -0.02), NO, NO),
         ((0.05, NAN, NAN), UNDECIDED, UNDECIDED),
+        ((0.05, NAN, 0.08), UNDECIDED, UNDECIDED),
+        ((0.03, 0.01, 0.05), YES, YES),  # the margin itself counts as reached
+        ((0.05, 0.00, 0.10), UNDECIDED, YES),  # an interval has to lie above zero
+        ((0.00, -0.03, 0.03), UNDECIDED, UNDECIDED),
     ],
 )
 def test_accuracies_are_judged_by_interval_and_margin(difference, more, at_least):
