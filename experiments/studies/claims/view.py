@@ -75,7 +75,7 @@ CLAIMS = {
         {
             YES: "but softmax regression at its optimum needs no more",
             NO: "softmax regression at its optimum needs fewer",
-            "partly": "on some recordings; on others softmax at its optimum needs fewer",
+            "partly": "on some recordings, but on others softmax at its optimum needs fewer",
         },
     ),
     "contrast": (
@@ -100,7 +100,7 @@ CLAIMS = {
     ),
     "objects": (
         "Touched objects are recognised (100 %)",
-        {UNDECIDED: "no public recording; the simulation assumes their thickness"},
+        {UNDECIDED: "no public recording, and the simulation assumes their thickness"},
     ),
 }
 
@@ -305,7 +305,7 @@ def _text(row: Mapping[str, Any]) -> str:
     shown=("paper", "verdict", "measured", "simulated"),
     columns={
         "paper": Column("The paper says"),
-        "verdict": Column("In short", lambda text: text[:1].upper() + text[1:]),
+        "verdict": Column("Verdict", lambda text: text[:1].upper() + text[1:]),
         "measured": Column("Measured frames"),
         "simulated": Column("Simulated frames, fitted to the paper"),
     },
