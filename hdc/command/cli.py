@@ -187,9 +187,10 @@ def recalibrate(
     passing = work.Passing(frames, np.arange(len(frames)))
     found.recalibrate(passing, [by_name[name] for name in frames.names], p, seed, method)
     found.save(output)
-    new = set(frames.names)
-    click.echo(f"{output}: {len(frames)} new frames of {len(new)} classes, {method}, p = {p:g}")
-    if old := [name for name in by_name if name not in new]:
+    names, counts = np.unique(frames.names, return_counts=True)
+    new = f"{len(frames)} new frames of {len(names)} classes, at least {counts.min()} of each"
+    click.echo(f"{output}: {new}, {method}, p = {p:g}")
+    if old := sorted({*by_name} - {*names}):
         click.echo(f"not recalibrated: {', '.join(old)}")
 
 
@@ -236,8 +237,7 @@ def compare(
 @click.option("--camera", type=click.IntRange(0), metavar="N", help="Number of the camera.")
 @click.option("--folder", type=_FILE, metavar="RECORDING", help="Play this back instead.")
 @_pixels
-@click.option("--host", metavar="ADDRESS", help="Listen there; a token is then asked of everybody. "
-              "[default: this computer alone]")  # fmt: skip
+@click.option("--host", metavar="ADDRESS", help="Listen there. [default: this computer alone]")
 @click.option("--port", type=click.IntRange(1, 65535), default=8080)
 def live(
     camera: int | None,

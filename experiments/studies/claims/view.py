@@ -340,6 +340,4 @@ STUDY.table(
         "unit": Column("Unit"),
         "n": Column("n"),
     },
-    note="Points: accuracy of HDC less that of softmax regression at its optimum, the primary "
-    "rival. ×: training time over HDC's, lowest to highest run.",
 )(evidence)

@@ -40,7 +40,8 @@ def test_differences_are_named_by_key(config, reference, expected):
     assert configs.differences(config, reference) == expected
 
 
-def test_models_are_composed_as_hydra_does():
-    for path in (configs.CONFIGS / "model").glob("*.yaml"):
-        whole = configs._composed(f"model={path.stem}")
-        assert configs.part("model", path.stem) == {"model": whole["model"]}
+@pytest.mark.parametrize("group", ["model", "scene", "stop"])
+def test_parts_are_composed_as_hydra_does(group):
+    for path in (configs.CONFIGS / group).glob("*.yaml"):
+        whole, part = configs._composed(f"{group}={path.stem}"), configs.part(group, path.stem)
+        assert part == {key: whole[key] for key in part}

@@ -3,10 +3,12 @@
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from experiments.records.files import REFERENCE, ROOT
 from experiments.reporting.estimates import mean_interval, mean_share
+from experiments.reporting.text import number
 
 REPEATS = 3000
 PAGE = (ROOT / "docs" / "verdicts.md").read_text(encoding="utf-8")
@@ -50,5 +52,14 @@ def test_an_interval_holds_as_often_as_the_page_says(of, once):
 )
 def test_numbers_of_objections_are_in_the_table_named(row):
     text = (REFERENCE / "tables" / row[3]).read_text(encoding="utf-8")
-    for number in re.findall(r"\d[\d.]*", row[2]):
-        assert re.search(rf"(?<![\d.]){re.escape(number)}(?![\d.])", text), number
+    for shown in re.findall(r"\d[\d.]*", row[2]):
+        assert re.search(rf"(?<![\d.]){re.escape(shown)}(?![\d.])", text), shown
+
+
+def test_speeds_of_the_page_on_times_are_those_of_the_benchmark():
+    page = " ".join((ROOT / "docs" / "times.md").read_text(encoding="utf-8").split())
+    goals = pd.read_csv(REFERENCE / "tables" / "benchmark_goals.csv").set_index("Goal").Measured
+    said = [goal for goal in goals.index if goal.startswith("train: ")]
+    assert len(said) == 3
+    for goal in said:
+        assert f"{number(goals[goal])} times" in page, goal

@@ -166,7 +166,7 @@ def test_recalibration_is_that_of_the_classifier(hdc, model, frames, tmp_path, m
     words = ("recalibrate", model, new, "-o", path, "--p", "0.7", "--method", method, "--seed", 3)
     status, out, err = hdc(*words)
     assert (status, err) == (0, [])
-    assert out == [f"{path}: 36 new frames of 3 classes, {method}, p = 0.7"]
+    assert out == [f"{path}: 36 new frames of 3 classes, at least 12 of each, {method}, p = 0.7"]
     some = write(tmp_path / "some", changed[:1, :1], "a")
     out = hdc("recalibrate", model, some, "-o", tmp_path / "some.safetensors")[1]
     assert out[1:] == ["not recalibrated: b, c"]
