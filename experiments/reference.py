@@ -18,10 +18,11 @@ from typing import Any
 import msgspec
 from rich.console import Console
 
-from experiments import report, reproduce
+from experiments import report, reproduce, studies
 from experiments.records import record as records
 from experiments.records.files import REFERENCE, ROOT, results_dir
 from experiments.records.results import Results
+from experiments.reporting.study import studies as studies_of
 from experiments.reporting.study import with_places
 from hdc.io import write_atomically
 
@@ -38,7 +39,11 @@ def main(arguments: list[str] | None = None) -> int:
     console = Console(highlight=False)
     if not chosen.tables:
         adopt(results_dir(), REFERENCE)
-    report.main(["--reference"])
+    answers = report.Answers("reference", Results(REFERENCE), studies_of(studies))
+    answers.draw()
+    written = answers.write(REFERENCE)
+    report.print_problems(console, [answers])
+    console.print(f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True)
     write_atomically(README, fill(README.read_text(encoding="utf-8")))
     console.print(f"tables of {os.path.relpath(README)}")
     changed = outdated(Results(REFERENCE))

@@ -2,8 +2,7 @@
 
 Reads own results and the committed reference, never trains, and writes ``tables/``, ``figures/``
 and ``report.html`` into the folder of own results: paper, reference and mine side by side. A record
-that cannot be used is named and skipped. ``--reference`` makes the committed tables and figures
-again from the committed records, for maintainers.
+that cannot be used is named and skipped.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ import argparse
 import itertools
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -37,6 +36,7 @@ from experiments.reporting.text import printable
 from hdc.io import write_atomically
 
 WIDTH = 100  # columns of the terminal that Table I needs
+MOST_RUNS = 200  # that the page lists; runs.csv lists all
 SHOWN = (  # columns of it
     *("model", "published_training_time_s", "training_time_s", "published_test_accuracy"),
     "test_accuracy_final",
@@ -60,10 +60,10 @@ class Answers:
         self.tables["comparison"] = [comparison.compare(quantities)]
         self.tables["runs"] = [runs_table(self.results)]
 
-    def draw(self, drawn: Path | None = None) -> None:
-        """Draw every figure, or take it from a folder where it was drawn before."""
+    def draw(self, drawn: Path | None = None, others: Container[str] = ()) -> None:
+        """Draw every figure but some, or take it from a folder where it was drawn before."""
         for study in self.questions:
-            plots = study.plots_of(self.results)
+            plots = (plot for plot in study.plots_of(self.results) if plot.name not in others)
             self.pictures[study.name] = [Picture(plot, _drawn(plot, drawn)) for plot in plots]
 
     def write(self, folder: Path) -> list[Path]:
@@ -91,19 +91,9 @@ class Answers:
 def main(arguments: list[str] | None = None) -> None:
     """Write everything, show Table I."""
     parser = argparse.ArgumentParser(prog="python -m experiments.report", description=__doc__)
-    text = "write the tables and figures of the reference"
-    parser.add_argument("--reference", action="store_true", help=text)
-    chosen = parser.parse_args(arguments)
-    console = Console(width=WIDTH, highlight=False)
+    parser.parse_args(arguments)
     try:
-        if chosen.reference:
-            answers = Answers("reference", Results(REFERENCE), studies_of(studies))
-            answers.draw()
-            written = answers.write(REFERENCE)
-            _print_problems(console, [answers])
-            console.print(f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True)
-        else:
-            write(results_dir(), console)
+        write(results_dir(), Console(width=WIDTH, highlight=False))
     except (OSError, ValueError) as error:  # a full disk, a missing published.csv
         sys.exit(f"error: {error}")
 
@@ -116,14 +106,15 @@ def write(folder: Path, console: Console) -> Path:
     mine = Answers("mine", Results(folder), questions)
     sets = [answers for answers in (mine, reference) if answers.results] or [mine]
     mine.draw()
-    reference.draw(REFERENCE / "figures")
+    own = {picture.plot.name for picture in itertools.chain(*mine.pictures.values())}
+    reference.draw(REFERENCE / "figures", own)  # one's own figure stands for the reference's
     (mine if mine.results else reference).write(folder)
     sections = [
         Section(s.name, s.title, s.question, _blocks(s.name, sets), s.front) for s in questions
     ]
     compared = Section("comparison", "Every published number", "", _blocks("comparison", sets))
     sections.insert(sum(study.front for study in questions), compared)
-    if mine in sets:
+    if mine in sets and len(mine.results.runs) <= MOST_RUNS:
         sections.append(Section("runs", "Every run", "", _blocks("runs", [mine])))
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
     about = {answers.name: _about(answers) for answers in sets}
@@ -133,7 +124,7 @@ def write(folder: Path, console: Console) -> Path:
         _show_table1(answers, console)
     for name, text in about.items():
         console.print(Text(printable(f"{name}: {text}"), "dim"))
-    _print_problems(console, sets)
+    print_problems(console, sets)
     console.print(f"page: {os.path.relpath(path)}", soft_wrap=True)
     return path
 
@@ -154,6 +145,7 @@ def _about(answers: Answers) -> str:
     machines = {(r.record.environment.cpu, r.record.environment.threads) for r in records}
     where = "; ".join(f"{cpu}, {threads} threads" for cpu, threads in sorted(machines))
     counts = f"{len(results.runs)} runs and {len(results.measurements)} measurements on {where}"
+    counts += f" ({'tables/runs.csv' if answers.name == 'mine' else 'runs.jsonl'} has every run)"
     old = [record for record in records if record.outdated]
     if not old:
         return f"{counts}, all by this code"
@@ -178,7 +170,7 @@ def _show_table1(answers: Answers, console: Console) -> None:
         console.print(shown)
 
 
-def _print_problems(console: Console, sets: Sequence[Answers]) -> None:
+def print_problems(console: Console, sets: Sequence[Answers]) -> None:
     for answers in sets:
         for problem in answers.results.problems:
             text = f"left out of {answers.name}: {printable(problem)}"
