@@ -124,7 +124,9 @@ def _reproduction() -> str:
         done = [row for row in rows if row["mode"] == mode and row["status"] == "finished"]
         if done:
             most = max(int(row["peak_bytes"]) for row in done) / 1e9
-            time = reproduce.span(sum(float(row["seconds"]) for row in done))
+            lanes = [1 + ("exclusive=false" in row["command"]) for row in done]  # two at a time
+            seconds = sum(float(row["seconds"]) / n for row, n in zip(done, lanes, strict=True))
+            time = reproduce.span(seconds)
             steps = f"{len(done)} of {len(reproduce.steps(mode))} steps"
             texts.append(f"`{command}`, {steps}: {time}, {most:.1f} GB")
     return "; ".join(texts) + "." if texts else "*missing: no whole reproduction was timed*"

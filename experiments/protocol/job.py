@@ -41,8 +41,8 @@ def check(cfg: DictConfig) -> None:
         if not isinstance(cfg[key], bool):
             raise ValueError(f"{key}: expected true or false, found {cfg[key]!r}")
     for key, seed in cfg.seed.items():
-        if not isinstance(seed, int) or isinstance(seed, bool) or abs(seed) > 2**53:
-            raise ValueError(f"seed.{key}: expected an integer of at most 2^53, found {seed!r}")
+        if type(seed) is not int or not 0 <= seed <= 2**53:
+            raise ValueError(f"seed.{key}: expected an integer from 0 to 2^53, found {seed!r}")
     for key in ("device", "model.device"):
         name = OmegaConf.select(cfg, key, default="cpu")
         try:

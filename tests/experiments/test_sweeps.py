@@ -159,8 +159,7 @@ def test_workers_of_a_launcher_run_a_sweep_and_name_its_failures(results, scene,
     )  # fmt: skip
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
-    assert "split.seed: expected an integer ≥ 0, found -1" in done.stderr
-    entries = {entry.seed: entry for entry in record.read(results)}
-    assert {seed: e.status for seed, e in entries.items()} == {0: "finished", -1: "failed"}
-    for entry in entries.values():
-        assert entry.config["threads"] == entry.environment.threads == 1
+    assert "seed.run: expected an integer from 0 to 2^53, found -1" in done.stderr
+    (entry,) = record.read(results)
+    assert (entry.seed, entry.status) == (0, "finished")
+    assert entry.config["threads"] == entry.environment.threads == 1
