@@ -122,7 +122,7 @@ def accuracy_vs_n(figure: Figure, results: Results) -> None:
         axes.plot([limit, limit], [0, 90], color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
         axes.axhline(90, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
     text = f"paper: > 90 %\nonly for N > {limit:g}"
-    panels[0].text(limit * 1.05, 38, text, ha="left", color="0.3", fontsize=6)
+    panels[0].text(limit * 1.05, 42, text, ha="left", color="0.3", fontsize=6)
     panels[1].xaxis.set_major_locator(FixedLocator([5, 10, 20, 50, 100, 200, 400]))
     panels[1].xaxis.set_minor_locator(NullLocator())
     panels[1].xaxis.set_major_formatter(FuncFormatter(lambda n, _: f"{n:g}"))
