@@ -78,6 +78,19 @@ def test_frames_with_strides_are_read_by_value() -> None:
         assert torch.equal(encode(view), encode(view.contiguous()))
 
 
+@pytest.mark.parametrize("dtype", [torch.uint8, torch.int16])
+def test_large_constant_frames_are_named_and_others_are_not(dtype: torch.dtype) -> None:
+    frames = torch.from_numpy(np.random.default_rng(0).integers(0, 99, (2, 9000))).to(dtype)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        encode(frames)
+    frames[1] = 7
+    with pytest.warns(
+        UserWarning, match=r"1 constant frame\(s\), at index 1: every pixel is equal"
+    ):
+        encode(frames)
+
+
 def test_constant_frames_are_numbered_from_first() -> None:
     frames = torch.zeros(2, 1, dtype=torch.uint8)
     with pytest.warns(UserWarning, match=r"2 constant frame\(s\), at index 0, 1:"):

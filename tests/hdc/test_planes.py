@@ -20,6 +20,15 @@ def integers(rows: Tensor, d: int) -> Tensor:
     return sum((bits.unpack(row, d).long() << p for p, row in enumerate(rows)), torch.zeros(()))
 
 
+def test_rows_longer_than_a_block_are_counted_once(monkeypatch) -> None:
+    monkeypatch.setattr(planes, "_BLOCK", 2)
+    words = bits.pack(torch.from_numpy(np.random.default_rng(0).random((9, 500)) < 0.5))
+    counts = torch.zeros(4, words.shape[1], dtype=torch.int64)
+    planes.count_into(counts, words, [0, 3, 3, 5, 8])
+    expected = bits.unpack(words, 500).long()[[0, 3, 3, 5, 8]].sum(0)
+    assert torch.equal(integers(counts, 500).long(), expected)
+
+
 @given(st.integers(0, 300), st.sampled_from([1, 63, 64, 65, 200]), st.sampled_from([0, 0.5, 1]))
 @settings(max_examples=60, deadline=None)
 def test_every_column_is_counted(n: int, d: int, share: float) -> None:

@@ -71,6 +71,16 @@ def test_models_differ_seed_by_seed_on_the_same_samples(tmp_path, write_run):
     assert difference() == pytest.approx((0.025, 0.025 - half, 0.025 + half), abs=1e-4)
 
 
+def test_opposite_disagreements_widen_the_interval_of_a_difference(tmp_path, write_run):
+    for seed in range(3):
+        write_run("softmax", seed=seed, wrong=range(30))
+        write_run("hdc", seed=seed, wrong=range(30, 60))
+    results = Results(tmp_path)
+    found = estimates.difference(*(results.group("touch", m).runs for m in ("softmax", "hdc")))
+    half = T2 * math.sqrt(181 / 302 / 100 / 3)  # 60 samples of each seed, and one more
+    assert found == pytest.approx((0, -half, half))
+
+
 def test_differences_spread_at_least_as_much_as_the_samples_disagree():
     half = T2 * math.sqrt(1 / 302 / 100 / 3)
     assert mean_difference([0, 0, 0], 100) == pytest.approx((0, -half, half))

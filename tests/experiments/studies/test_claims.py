@@ -24,7 +24,7 @@ NAN = math.nan
         ((-0.01, -0.02, 0.00), NO, YES),
         ((-0.05, -0.08, -0.02), NO, NO),
         ((0.05, NAN, NAN), UNDECIDED, UNDECIDED),
-        ((0.05, NAN, 0.08), UNDECIDED, UNDECIDED),
+        ((0.00, NAN, 0.01), UNDECIDED, UNDECIDED),
         ((0.03, 0.01, 0.05), YES, YES),  # the margin itself counts as reached
         ((0.05, 0.00, 0.10), UNDECIDED, YES),  # an interval has to lie above zero
         ((0.00, -0.03, 0.03), UNDECIDED, UNDECIDED),
@@ -40,6 +40,7 @@ def test_accuracies_are_judged_by_interval_and_margin(difference, more, at_least
     [
         ([20, 30], YES),
         ([2, 3], NO),
+        ([10, 12], YES),
         ([9, 11], UNDECIDED),
         ([20, math.inf], YES),  # a rival that never got there
         ([], UNDECIDED),
