@@ -50,7 +50,7 @@ docs: $(VENV)  ## the documentation, into site/; any warning stops it
 slow: $(VENV)  ## the tests that are marked slow
 	$(BIN)/pytest -m slow
 
-mutants: $(VENV)  ## weigh the tests: change the arithmetic line by line, count what they notice (an hour)
+mutants: $(VENV)  ## weigh the tests: change the arithmetic line by line, count what they notice (half an hour)
 	$(INSTALL) '.[mutation]'
 	OMP_NUM_THREADS=1 $(BIN)/mutmut run --max-children 2
 	$(BIN)/mutmut results
