@@ -230,7 +230,7 @@ class Source(NamedTuple):
 
 
 _OVER = "training time over HDC's, lowest to highest run"
-_UP_TO = f"{LESS}, mean over n = 1, 2, 3, 5 frames per class"
+_UP_TO = f"{LESS}, mean over n = {', '.join(map(str, FEW))} frames per class"
 # fmt: off
 EVIDENCE = (
     Source("accuracy", _of_recordings, "recordings", LESS, "more_accurate"),
