@@ -30,7 +30,7 @@ def _composed(*overrides: str, resolve: bool = True) -> dict[str, Any]:
 
 
 @functools.cache
-def _with(group: str, name: str) -> dict[str, Any]:
+def _composed_with(group: str, name: str) -> dict[str, Any]:
     """What Hydra composes with a file, in a twentieth of the time if it needs no other file."""
     base: Any = _composed(resolve=False)
     tree: Any = OmegaConf.to_container(OmegaConf.load(CONFIGS / group / f"{name}.yaml"))
@@ -49,7 +49,7 @@ def part(group: str, name: str) -> dict[str, Any] | None:
     if not (CONFIGS / group / f"{name}.yaml").is_file():
         return None
     keys = [group, "split"] if group == "scene" else [group]
-    return {key: _with(group, name)[key] for key in keys}
+    return {key: _composed_with(group, name)[key] for key in keys}
 
 
 def task(experiment: str) -> dict[str, Any]:

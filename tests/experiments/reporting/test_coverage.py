@@ -63,3 +63,16 @@ def test_speeds_of_the_page_on_times_are_those_of_the_benchmark():
     assert len(said) == 3
     for goal in said:
         assert f"{number(goals[goal])} times" in page, goal
+
+
+def test_the_page_on_tests_counts_the_changes_that_its_list_has():
+    page = (ROOT / "docs" / "tests.md").read_text(encoding="utf-8")
+    reasons = pd.read_csv(ROOT / "docs" / "mutants.csv").reason.value_counts()
+    every, noticed, share = re.search(
+        r"Of ([\d,]+) changes ([\d,]+) were .* ([\d.]+) %", page
+    ).groups()
+    every, noticed = (int(text.replace(",", "")) for text in (every, noticed))
+    assert every - noticed == reasons.sum()
+    assert f"{100 * noticed / every:.1f}" == share
+    for reason, n in reasons.items():
+        assert f"| {reason} | {n} |" in page
