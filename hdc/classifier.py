@@ -172,7 +172,7 @@ class HDCClassifier(Estimator):
     def _samples(self, frames: Any, y: Any) -> tuple[Any, list[Label]]:
         """Frames with a shape, and their labels; at least one."""
         self._check_parameters()
-        frames = inputs.indexable(frames, getattr(self, "frame_shape_", None))
+        frames = self._given(frames, training=True)
         labels = inputs.label_array(y, len(frames)).tolist()
         if not labels:
             raise ValueError("frames: expected at least one frame, found none")
@@ -222,7 +222,9 @@ class HDCClassifier(Estimator):
             model._check_learns("merge")
         if not hasattr(self, "counters_"):
             self._start(other.frame_shape_)
+            self._columns = other._columns
         inputs.check_shape(other.frame_shape_, self.frame_shape_, type(self).__name__)
+        self._check_columns(other._columns)
         labels = other.classes_.tolist()
         self._know(labels)
         rows = [self._index[label] for label in labels]

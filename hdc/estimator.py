@@ -35,6 +35,7 @@ class Estimator(ABC):
     frame_shape_: tuple[int, ...]
     dimension_: int
     metadata_: dict[str, Any]
+    _columns: list[str] | None = None  # of the data frame that the model learned from
 
     def _check_parameters(self) -> None:
         for name, valid in self._choices.items():
@@ -74,6 +75,24 @@ class Estimator(ABC):
         n_pixels = 0 if frames is None else prod(frames.shape)
         return bits.choose_backend(self.backend, self.device, n_pixels)
 
+    def _given(self, frames: Any, training: bool = False) -> Any:
+        """Frames with a shape; those of a data frame have the columns of training, in its order.
+
+        Raises:
+            ValueError: for other columns, or pixels that are masked.
+        """
+        columns = [str(name) for name in frames.columns] if hasattr(frames, "columns") else None
+        if training and not hasattr(self, "dimension_"):
+            self._columns = columns
+        self._check_columns(columns)
+        if np.ma.is_masked(frames):
+            raise ValueError("frames: expected all pixels, found masked ones")
+        return inputs.indexable(frames, getattr(self, "frame_shape_", None))
+
+    def _check_columns(self, columns: list[str] | None) -> None:
+        if None not in (columns, self._columns) and columns != self._columns:
+            raise ValueError("frames: expected the columns of training in its order, found others")
+
     def _encode(self, frames: Any, first: int, backend: str, out: Tensor | None = None) -> Tensor:
         """Hypervectors [N, W] of one chunk of frames, the first of all being frame `first`."""
         tensor = inputs.tensor(frames).to(self.device)
@@ -83,7 +102,7 @@ class Estimator(ABC):
 
     def _encoded(self, frames: Any) -> Iterator[Tensor]:
         """Hypervectors of frames, a chunk at a time."""
-        frames = inputs.indexable(frames, getattr(self, "frame_shape_", None))
+        frames = self._given(frames)
         backend = self._backend(frames)
         for start in range(0, max(1, len(frames)), CHUNK):
             yield self._encode(frames[start : start + CHUNK], start, backend)
@@ -124,6 +143,7 @@ class Estimator(ABC):
             parameters[name] = int(parameters[name])
         header, tensors = self._stored()
         header |= {"parameters": parameters, "frame_shape": self.frame_shape_}
+        header["columns"] = self._columns
         kind = type(self).__name__
         io.write_model(Path(path), {"kind": kind, **header, "metadata": metadata}, tensors)
         self.metadata_ = metadata
@@ -145,10 +165,11 @@ class Estimator(ABC):
                 model.device = "cpu"
             model._check_parameters()
             shape = header["frame_shape"]
-            if not 1 <= len(shape) <= 2 or not all(isinstance(n, int) and n > 0 for n in shape):
+            if not 1 <= len(shape) <= 2 or not all(type(n) is int and n > 0 for n in shape):
                 raise ValueError(f"frame_shape {shape!r}")
             model._set_shape(shape)
             model._restore(header, tensors)
+            model._columns = header.get("columns")
             model.metadata_ = dict(header["metadata"])
             return model
         except FileNotFoundError:

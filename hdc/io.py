@@ -1,14 +1,18 @@
 """Files written whole or not at all, and the file of a saved model.
 
-A model is one safetensors file: its tensors, and a header of JSON under the key ``"model"``.
+A model is one safetensors file: its tensors, a header of JSON under the key ``"model"``, and the
+SHA-256 of both under ``"sha256"``.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import secrets
+import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,12 +32,14 @@ def write_atomically(path: Path, content: str | bytes) -> None:
         OSError: naming the file; the old one is untouched.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
+    temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
     try:
         with temporary.open("xb") as file:
             file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
+        with suppress(FileNotFoundError):  # a file that only its owner reads stays one
+            shutil.copymode(path, temporary)
         os.replace(temporary, path)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
@@ -77,8 +83,16 @@ def write_model(path: Path, header: Mapping[str, Any], tensors: Mapping[str, Ten
     except (TypeError, ValueError) as error:
         raise TypeError(f"{path}: metadata: expected values of JSON, found: {error}") from error
     text = json.dumps({"format": FORMAT, **header})
-    content = save({name: t.cpu().contiguous() for name, t in tensors.items()}, {"model": text})
-    write_atomically(path, content)
+    stored = {name: t.cpu().contiguous() for name, t in tensors.items()}
+    write_atomically(path, save(stored, {"model": text, "sha256": _digest(text, stored)}))
+
+
+def _digest(text: str, tensors: Mapping[str, Tensor]) -> str:
+    digest = hashlib.sha256(text.encode())
+    for name in sorted(tensors):
+        digest.update(name.encode())
+        digest.update(tensors[name].numpy().tobytes())
+    return digest.hexdigest()
 
 
 def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[str, Tensor]]:
@@ -94,7 +108,8 @@ def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[s
         raise ValueError("what is not a regular file")
     try:
         with safe_open(path, framework="pt") as file:
-            header = json.loads((file.metadata() or {}).get("model", "null"))
+            stated = file.metadata() or {}
+            header = json.loads(text := stated.get("model", "null"))
             names = file.keys() if tensors else ()
             content = {name: file.get_tensor(name) for name in names}
     except FileNotFoundError:
@@ -103,6 +118,8 @@ def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[s
         raise ValueError(str(error)) from error
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise ValueError(f"no header of format {FORMAT!r}")
+    if tensors and stated.get("sha256") not in (None, _digest(text, content)):
+        raise ValueError("other bytes than were saved: its SHA-256 differs")
     return header, content
 
 

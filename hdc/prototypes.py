@@ -58,7 +58,7 @@ class Counters:
                 if n_c:
                     planes.count_into(self.planes[c], words, rows[start : start + n_c])
                     start += n_c
-        self.n += n
+        self.n = self.n + n
 
     def add_frames(
         self, frames: Tensor, labels: Tensor, chosen: Sequence[int]
@@ -76,7 +76,7 @@ class Counters:
         places[list(chosen)] = torch.arange(len(chosen))
         arrays = (x.numpy() for x in (self.planes, order, n.cumsum(0), places, kept))
         constant = compiled.count_uint8(frames.reshape(len(frames), -1).numpy(), *arrays)
-        self.n += n
+        self.n = self.n + n
         return kept, constant
 
     def _order(self, samples: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:

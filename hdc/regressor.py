@@ -111,7 +111,7 @@ class HDCRegressor(Estimator):
     def _pairs(self, frames: Any, y: Any) -> tuple[Tensor, Tensor]:
         """Hypervectors [N, W], and numbers float64 [N, T] like those of before."""
         self._check_parameters()
-        frames = inputs.indexable(frames, getattr(self, "frame_shape_", None))
+        frames = self._given(frames, training=True)
         values = inputs.targets(y, len(frames))
         words = torch.cat(list(self._encoded(frames)))
         table = torch.from_numpy(values.reshape(len(values), -1))

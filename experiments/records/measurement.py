@@ -77,7 +77,7 @@ class Measured:
     @property
     def outdated(self) -> list[str]:
         """The files of code that have changed since."""
-        return sources.outdated(self.record.environment.sources)
+        return sources.outdated(self.record.environment.sources, self.record.config)
 
     @property
     def of_other_frames(self) -> bool:

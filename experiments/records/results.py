@@ -61,7 +61,7 @@ class Run:
     @property
     def outdated(self) -> list[str]:
         """The files of code that have changed since."""
-        return outdated(self.record.environment.sources)
+        return outdated(self.record.environment.sources, self.record.config)
 
     @cached_property
     def scene(self) -> str:

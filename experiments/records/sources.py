@@ -21,6 +21,7 @@ from experiments.records.files import ROOT
 PACKAGES = ("hdc", "baselines", "scenes", "experiments")
 _INSTALLED = ("stdlib", "purelib", "platlib")
 _TRIAL = "experiments.protocol.trial"
+_STUDIES = "experiments/studies/"
 _RECORDS = ROOT / "experiments" / "records"  # stores results and computes none
 
 
@@ -40,15 +41,24 @@ def code_hash(files: Mapping[str, str]) -> str:
     return hashlib.sha256(repr(sorted(set(files.values()))).encode()).hexdigest()
 
 
-def outdated(files: Mapping[str, str]) -> list[str]:
-    """The files of a record whose code this checkout does not have, at that or another address."""
-    return list(_outdated(tuple(sorted(files.items()))))
+def outdated(files: Mapping[str, str], config: Mapping[str, Any]) -> list[str]:
+    """The files that would make this record today and whose code did not, wherever it lay; and of
+    those that made it, the ones that are gone, and a user's own that have changed."""
+    studies = {name[:-3].replace("/", ".") for name in files if name.startswith(_STUDIES)}
+    return list(_outdated(tuple(sorted(files.items())), frozenset(targets(config) | studies)))
 
 
 @functools.cache
-def _outdated(files: tuple[tuple[str, str], ...]) -> tuple[str, ...]:
-    gone = ((ROOT / name, known) for name, known in files if known not in _all_now())
-    return tuple(_address(p) for p, known in gone if not p.is_file() or digest(p) != known)
+def _outdated(files: tuple[tuple[str, str], ...], names: frozenset[str]) -> tuple[str, ...]:
+    made_by = {known for _, known in files}
+    new = [name for name, now in closure(_TRIAL, *names).items() if now not in made_by]
+    for name, known in files:
+        path = ROOT / name
+        if not path.is_file():
+            new += [name] if known not in _all_now() else []
+        elif not path.is_relative_to(ROOT) and digest(path) != known:
+            new.append(name)
+    return tuple(new)
 
 
 class _Computing(ast.NodeTransformer):
@@ -104,13 +114,20 @@ def _closure(names: tuple[str, ...]) -> frozenset[Path]:
 
 @functools.cache
 def _imports(path: Path) -> frozenset[Path]:
-    """The project's files that a file imports, at its top or within a function."""
+    """The project's files that a file imports, at its top or within a function.
+
+    A package loads what it offers when that is asked for: see :func:`_files`.
+    """
+    waiting: list[ast.AST] = [ast.parse(path.read_bytes())]
     names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_bytes())):
+    while waiting:
+        node = waiting.pop()
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
+        elif not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
+            waiting += ast.iter_child_nodes(node)
     return frozenset(path for name in names for path in _files(name))
 
 
@@ -121,7 +138,13 @@ def _files(name: str) -> set[Path]:
     words = name.split(".")
     places = [ROOT.joinpath(*words[: k + 1]) for k in range(len(words))]
     files = (path for p in places for path in (p / "__init__.py", p.with_suffix(".py")))
-    return {path for path in files if path.is_file()}
+    found = {path for path in files if path.is_file()}
+    package = ROOT.joinpath(*words[:-1]) / "__init__.py"
+    if package in found and places[-1].with_suffix(".py") not in found:
+        for node in ast.walk(ast.parse(package.read_bytes())):
+            if isinstance(node, ast.ImportFrom) and words[-1] in {a.name for a in node.names}:
+                found |= _files(f"{node.module}")
+    return found
 
 
 def _of_user(name: str) -> set[Path]:

@@ -17,7 +17,7 @@ def summarise(console: Console, record: Finished, repeated: bool = False) -> Non
     accuracy = f"test accuracy {record.test_accuracy_final:.1%} [{low:.1%}, {high:.1%}]"
     # Names go out as Text: no markup and no emoji codes are read in them.
     if repeated:
-        changed = outdated(record.environment.sources)
+        changed = outdated(record.environment.sources, record.config)
         note = f", by code that has changed since: {', '.join(changed)}" if changed else ""
         text = f"{record.id}: {accuracy}, finished before (force=true runs it again){note}"
         console.print(Text(text), soft_wrap=True)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 import torch
 from scipy import sparse
 
-from hdc import HDCClassifier
+from hdc import HDCClassifier, HDCRegressor
 
 
 def touches(n: int = 60, classes: int = 3, shape=(12, 10)) -> tuple[np.ndarray, np.ndarray]:
@@ -101,6 +103,7 @@ def test_arrays_as_files_give_them() -> None:
             ValueError,
             "frames of one shape",
         ),
+        (np.ma.masked_less(np.eye(60), 1), ValueError, "expected all pixels, found masked ones"),
     ],
 )
 def test_frames_that_are_none_are_named(frames, error: type, message: str) -> None:
@@ -150,3 +153,26 @@ def test_columns_of_a_data_frame_are_pixels_in_their_order() -> None:
     model = HDCClassifier().fit(table, labels)
     assert torch.equal(model.prototypes_, HDCClassifier().fit(frames, labels).prototypes_)
     assert model.score(table, labels) == 1
+
+
+@pytest.mark.parametrize("streamed", [False, True])
+def test_other_columns_are_refused_after_any_training(streamed: bool, tmp_path) -> None:
+    pandas = pytest.importorskip("pandas")
+    frames, labels = touches()
+    table = pandas.DataFrame(frames.reshape(60, -1))
+    other = table[table.columns[::-1]]
+    train = HDCClassifier().partial_fit if streamed else HDCClassifier().fit
+    (model := train(table, labels)).save(tmp_path / "m")
+    models = [model, HDCClassifier.load(tmp_path / "m"), HDCClassifier().merge(model)]
+    models.append(HDCRegressor().fit(table, labels))
+    for some in models:
+        for call in (some.predict, *(partial(f, y=labels) for f in (some.partial_fit, some.score))):
+            with pytest.raises(ValueError, match="expected the columns of training in its order"):
+                call(other)
+    for call in (model.recalibrate, model.partial_fit):
+        with pytest.raises(ValueError, match="expected the columns of training in its order"):
+            call(other, labels)
+    with pytest.raises(ValueError, match="expected the columns of training in its order"):
+        model.merge(HDCClassifier().fit(other, labels))
+    assert model.score(frames, labels) == model.fit(other, labels).score(other, labels) == 1
+    assert HDCClassifier().fit(frames, labels).score(other, labels) < 1  # an array has no names

@@ -24,6 +24,8 @@ def test_a_run_is_made_by_what_it_imports_and_by_the_trial():
     assert "experiments/studies/drift/measure.py" in drift
     assert {"experiments/records/measurement.py", "experiments/records/record.py"}.isdisjoint(drift)
     assert "baselines/training.py" in sources.sources(CNN)
+    # What a package offers counts where it is asked for, what a type checker reads nowhere.
+    assert "hdc/classifier.py" in set(files) - set(sources.sources(CNN))
 
 
 # Digests ------------------------------------------------------------------------------------------
@@ -52,10 +54,14 @@ def test_what_computes_the_same_has_the_same_digest(tmp_path, text, same):
 
 def test_outdated_files():
     now = sources.sources(HDC)
-    assert sources.outdated(now) == []
+    assert sources.outdated(now, HDC) == []
     old = {**now, "hdc/bits.py": "0" * 12, "hdc/gone.py": "1" * 12}
-    assert sources.outdated(old) == ["hdc/bits.py", "hdc/gone.py"]
+    assert sources.outdated(old, HDC) == ["hdc/bits.py", "hdc/gone.py"]
+    assert sources.outdated({**sources.sources(CNN), "hdc/classifier.py": "0" * 12}, CNN) == []
+    assert sources.outdated(sources.sources(CNN), HDC)  # code that took no part in it
+    study = "experiments/studies/drift/measure.py"
+    assert study in sources.outdated({**now, study: "0" * 12}, HDC)
     assert sources.code_hash(now) != sources.code_hash(old)
     moved = {f"hdc/moved/{k}": digest for k, digest in enumerate(now.values())}
-    assert sources.outdated(moved) == []
+    assert sources.outdated(moved, HDC) == []
     assert sources.code_hash(moved) == sources.code_hash(now)
