@@ -12,6 +12,7 @@ import os
 import re
 import shutil
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -46,10 +47,10 @@ def main(arguments: list[str] | None = None) -> int:
     console.print(f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True)
     write_atomically(README, fill(README.read_text(encoding="utf-8")))
     console.print(f"tables of {os.path.relpath(README)}")
-    changed = outdated(Results(REFERENCE))
-    for file, names in sorted(changed.items()):
-        text = f"{file} has changed since {len(names)} records, such as {names[0]}"
-        console.print(text, soft_wrap=True)
+    changed = Counter(file for run in answers.results.runs for file in run.outdated)
+    changed += Counter(file for m in answers.results.measurements for file in m.outdated)
+    for file, n in sorted(changed.items()):
+        console.print(f"{file} has changed since {n} records", soft_wrap=True)
     return 1 if changed else 0
 
 
@@ -85,17 +86,6 @@ def adopt(own: Path, reference: Path) -> None:
             shutil.copytree(measured.folder, target, ignore=shutil.ignore_patterns(".*"))
     if steps := reproduce.read(reference) | reproduce.read(own):
         reproduce.write(reference, steps.values())
-
-
-def outdated(results: Results) -> dict[str, list[str]]:
-    """Files that have changed → names of the records that they made."""
-    names: dict[str, list[str]] = {}
-    records_of = [(run.record.id, run.outdated) for run in results.runs]
-    records_of += [(measured.record.name, measured.outdated) for measured in results.measurements]
-    for name, files in records_of:
-        for file in files:
-            names.setdefault(file, []).append(name)
-    return names
 
 
 def fill(text: str) -> str:

@@ -38,8 +38,7 @@ def keep_memory() -> bool:
     """
     if sys.platform != "linux" or (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is None:
         return False
-    results = [mallopt(option, value) for option, value in _MALLOPT.items()]
-    return all(result == 1 for result in results)
+    return all(mallopt(option, value) == 1 for option, value in _MALLOPT.items())
 
 
 def available() -> list[int]:

@@ -7,8 +7,6 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hydra import compose, initialize_config_dir
-from hydra.core.global_hydra import GlobalHydra
 from omegaconf import OmegaConf
 
 from experiments.records.files import ROOT
@@ -18,29 +16,42 @@ SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to rep
 
 
 @functools.cache
-def _composed(*overrides: str, resolve: bool = True) -> dict[str, Any]:
-    state = GlobalHydra.instance()
-    running, state.hydra = state.hydra, None  # a task of experiments.run may ask, too
-    try:
-        with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-            cfg = compose("config", overrides=list(overrides))
-    finally:
-        GlobalHydra.instance().hydra = running
-    return OmegaConf.to_container(cfg, resolve=resolve, throw_on_missing=False)  # type: ignore[return-value]
+def _content(group: str, name: str) -> Any:
+    """What a file says after those of its ``defaults``; of these ``override /group: name`` is kept
+    as the key ``chosen``."""
+    tree: Any = OmegaConf.load(CONFIGS / group / f"{name}.yaml")
+    whole: Any = OmegaConf.create()
+    for entry in tree.pop("defaults", []):
+        if isinstance(entry, str):  # "file" or "file@key", of the same group
+            (file, _, key), place = entry.partition("@"), group
+        else:
+            ((place, file),) = entry.items()
+            place, _, key = place.partition("@")
+        if place.startswith("override"):
+            OmegaConf.update(whole, f"chosen.{place.partition('/')[2]}", file)
+        elif file != "_self_":
+            found = _content(place.lstrip("/"), file)
+            OmegaConf.update(whole, key, found) if key else whole.merge_with(found)
+    return OmegaConf.merge(whole, tree)
 
 
 @functools.cache
-def _composed_with(group: str, name: str) -> dict[str, Any]:
-    """What Hydra composes with a file, in a twentieth of the time if it needs no other file."""
-    base: Any = _composed(resolve=False)
-    tree: Any = OmegaConf.to_container(OmegaConf.load(CONFIGS / group / f"{name}.yaml"))
-    asked = CONFIGS / "split" / f"{name}.yaml"  # of the split, by a scene
-    of_split: Any = OmegaConf.load(asked) if group == "scene" and asked.is_file() else {}
-    if "defaults" in tree or "defaults" in of_split:
-        return _composed(f"{group}={name}")
-    parts = tree if group == "model" else {group: tree, "split": base["split"] | dict(of_split)}
-    whole = OmegaConf.create(base | parts)
-    return OmegaConf.to_container(whole, resolve=True)  # type: ignore[return-value]
+def _resolved(group: str, name: str, key: str) -> Any:
+    """A part of the config with this file, as Hydra composes it, in a twentieth of the time: Hydra
+    reads every file of every group again each time."""
+    config: Any = OmegaConf.load(CONFIGS / "config.yaml")
+    defaults: Any = OmegaConf.to_container(config.pop("defaults"))
+    chosen = {k: v for entry in defaults if entry != "_self_" for k, v in entry.items()}
+    own = _content(group, name)
+    chosen |= own.get("chosen", {}) if group == "experiment" else {group: name}
+    for each in ("scene", "stop"):
+        config[each] = _content(each, chosen[each])
+    config.merge_with(_content("model", chosen["model"]))
+    if (CONFIGS / "split" / f"{chosen['scene']}.yaml").is_file():
+        config.merge_with({"split": _content("split", chosen["scene"])})
+    config.merge_with(own if group == "experiment" else {})
+    part = config[key]
+    return part if part is None else OmegaConf.to_container(part, resolve=True)
 
 
 def part(group: str, name: str) -> dict[str, Any] | None:
@@ -49,14 +60,14 @@ def part(group: str, name: str) -> dict[str, Any] | None:
     if not (CONFIGS / group / f"{name}.yaml").is_file():
         return None
     keys = [group, "split"] if group == "scene" else [group]
-    return {key: _composed_with(group, name)[key] for key in keys}
+    return {key: _resolved(group, name, key) for key in keys}
 
 
 def task(experiment: str) -> dict[str, Any]:
     """The resolved task of an experiment, without displays; empty where it only sweeps."""
     if not (CONFIGS / "experiment" / f"{experiment}.yaml").is_file():
         return {}
-    return without_display(_composed(f"experiment={experiment}")["task"] or {})
+    return without_display(_resolved("experiment", experiment, "task") or {})
 
 
 def without_display(node: Any) -> Any:

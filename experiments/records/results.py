@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
 from experiments.records import configs, measurement
@@ -156,7 +155,7 @@ class Results:
                 if isinstance(entry, ValueError):
                     raise entry
                 self._take(entry)
-            except (ValueError, HydraException, OmegaConfBaseException) as error:
+            except (ValueError, OmegaConfBaseException) as error:
                 self.problems.append(str(error))
         rows = defaultdict[Row, list[Run]](list)
         for run in self.runs:
@@ -203,7 +202,7 @@ class Results:
                     config, task = measured.record.config, configs.task(measured.record.name)
                     changed = configs.differences(config, {key: task.get(key) for key in config})
                     finished.append(replace(measured, overrides=changed))
-            except (ValueError, HydraException, OmegaConfBaseException) as error:
+            except (ValueError, OmegaConfBaseException) as error:
                 self.problems.append(str(error))
         return sorted(finished, key=lambda m: (m.of_other_frames, len(m.overrides)))
 

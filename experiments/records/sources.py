@@ -52,13 +52,9 @@ def outdated(files: Mapping[str, str], config: Mapping[str, Any]) -> list[str]:
 def _outdated(files: tuple[tuple[str, str], ...], names: frozenset[str]) -> tuple[str, ...]:
     made_by = {known for _, known in files}
     new = [name for name, now in closure(_TRIAL, *names).items() if now not in made_by]
-    for name, known in files:
-        path = ROOT / name
-        if not path.is_file():
-            new += [name] if known not in _all_now() else []
-        elif not path.is_relative_to(ROOT) and digest(path) != known:
-            new.append(name)
-    return tuple(new)
+    gone = [n for n, known in files if not (ROOT / n).is_file() and known not in _all_now()]
+    own = ((Path(n), known) for n, known in files if Path(n).is_absolute() and Path(n).is_file())
+    return (*new, *gone, *(str(path) for path, known in own if digest(path) != known))
 
 
 class _Computing(ast.NodeTransformer):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,15 +30,7 @@ from experiments.reporting.rows import Row
 from experiments.reporting.text import frames_of, printable
 
 plt.switch_backend("Agg")  # without a display
-STYLE: dict[Any, Any] = {
-    **{"font.family": "DejaVu Sans", "font.size": 7, "axes.titlesize": 7, "axes.linewidth": 0.6},
-    **{"axes.spines.top": False, "axes.spines.right": False, "lines.linewidth": 1.1},
-    **{"lines.markersize": 3.5, "legend.fontsize": 6, "legend.frameon": False},
-    "legend.handlelength": 3.0,
-    "svg.fonttype": "none",  # text stays text: smaller, and it can be searched and copied
-    "svg.hashsalt": "optical-hdc",
-}
-WIDTH = 3.4  # in, one column
+STYLE = Path(__file__).with_name("column.mplstyle")
 # Light to dark in any colour vision, and in grey.
 CORRELATION_MAP, CONFUSION_MAP = "cividis", "Blues"
 PAPER: Any = {"ls": "", "marker": "*", "mfc": "white", "mec": "black", "ms": 7, "mew": 0.7}
@@ -47,7 +40,7 @@ _LINE = 60  # characters of a head's line
 
 def save(figure: Figure, kind: str) -> bytes:
     """The figure as ``svg``, ``png`` or ``webp``, free of dates and random names; it is closed."""
-    with plt.rc_context(STYLE):
+    with plt.rc_context(fname=STYLE):
         stream = io.BytesIO()
         options: dict[str, Any] = {"metadata": {"Date": None}} if kind == "svg" else {}
         if kind == "webp":  # speckle does not compress; this is what a page can carry

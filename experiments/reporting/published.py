@@ -9,6 +9,7 @@
   accuracies 7 points, Table I; of correlations 0.045, Fig. 4(e)); of numbers of samples half; of
   ratios of times a factor of 2.
 - ``not_comparable``: why a number is shown and not judged.
+- ``samples``: how many an accuracy is of, where the paper says it.
 """
 
 from __future__ import annotations
@@ -21,13 +22,6 @@ from experiments.records.files import ROOT
 from hdc.accuracy import wilson
 
 PATH = ROOT / "results" / "published.csv"
-# Samples behind a published accuracy, where the paper says how many.
-_SAMPLES = {
-    **{f"table1/{model}_test_accuracy": 100 for model in ("hdc", "softmax", "cnn1", "cnn3")},
-    **{f"table1/{model}_training_accuracy": 400 for model in ("softmax", "cnn1", "cnn3")},
-    "finger/test_accuracy": 140,  # 20 samples for each of 7 labels
-    "tactile/test_accuracy": 120,
-}
 
 
 @dataclass(frozen=True)
@@ -78,16 +72,8 @@ def _of(line: dict[str, str], above: dict[str, Published]) -> Published:
     else:
         number = float(text)
     low = high = None
-    if (n := _SAMPLES.get(name)) is not None:
+    if n := int(line["samples"] or 0):
         low, high = (100 * p for p in wilson(round(number / 100 * n), n))
-    return Published(
-        name,
-        number,
-        line["unit"],
-        low,
-        high,
-        line["calibration"],
-        line["calibration_note"],
-        float(line["margin"]) if line["margin"] else None,
-        line["not_comparable"],
-    )
+    margin = float(line["margin"]) if line["margin"] else None
+    notes = line["calibration"], line["calibration_note"], margin, line["not_comparable"]
+    return Published(name, number, line["unit"], low, high, *notes)

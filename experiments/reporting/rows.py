@@ -48,13 +48,11 @@ def swept(results: Results, experiments: Sequence[str]) -> list[Row]:
 def caption(rows: Sequence[Mapping[str, Any]], what: str) -> str:
     """What a table shows, on which frames, on which machine."""
     scene = " and ".join(dict.fromkeys(f"“{line['scene']}”" for line in rows))
-    machine = "; ".join(
-        sorted({f"{line['cpu']}, {line['threads']} threads" for line in rows if line.get("cpu")})
-    )
+    used = {f"{line['cpu']}, {line['threads']} threads" for line in rows if line.get("cpu")}
     if not any(line["seeds"] for line in rows):
         return f"{what}, scene {scene}: no runs."
     text = f"{what}, {frames_of(rows)}, scene {scene}."
-    return f"{text} {machine}." if machine else text
+    return f"{text} {'; '.join(sorted(used))}." if used else text
 
 
 def commands(groups: Iterable[Group]) -> list[str]:
@@ -71,26 +69,20 @@ def runs_table(results: Results) -> Table:
     rows: list[dict[str, Any]] = []
     done = [(run.record, run.overrides, run.outdated) for run in results.runs]
     for record, overrides, changed in [*done, *((r, {}, []) for r in results.unfinished)]:
-        row = {
-            "id": record.id,
-            "scene": record.choices.scene,
-            "model": record.choices.model,
+        environment = record.environment
+        rows.append({
+            "id": record.id, "scene": record.choices.scene, "model": record.choices.model,
             "overrides": " ".join(f"{key}={value}" for key, value in overrides.items()),
             "stop_rule": record.choices.stop,
             "n_train": getattr(record, "n_train", record.config["split"]["n_train"]),
-            "pixels": record.config["data"]["pixels"],
-            "seed": record.seed,
+            "pixels": record.config["data"]["pixels"], "seed": record.seed,
             "status": ": ".join(filter(None, [record.status, record.error])),
             "test_accuracy_final": getattr(record, "test_accuracy_final", None),
-            "training_s": record.training_s,
-            "origin": record.scene.origin,
-            "cpu": record.environment.cpu,
-            "threads": record.environment.threads,
-            "exclusive": record.environment.exclusive,
-            "code": ", ".join(changed) or "current",
-            "command": record.command,
-        }
-        rows.append(row | dict(overrides))
+            "training_s": record.training_s, "origin": record.scene.origin,
+            "cpu": environment.cpu, "threads": environment.threads,
+            "exclusive": environment.exclusive, "code": ", ".join(changed) or "current",
+            "command": record.command, **overrides,
+        })  # fmt: skip
     rows.sort(key=lambda row: (row["scene"], row["model"], row["id"]))
     four = {name: Column(name.replace("_", " "), partial(number, digits=4)) for name in SHOWN}
     note = "tables/runs.csv has a column for every key that was changed, processor and command."

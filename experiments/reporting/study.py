@@ -276,7 +276,7 @@ def _draw(
 ) -> Any:
     from experiments.reporting.plot import STYLE, plt  # --help does not wait for matplotlib
 
-    with plt.rc_context(STYLE):
+    with plt.rc_context(fname=STYLE):
         figure = plt.figure(figsize=size, layout="constrained")
         function(figure, *arguments)
     return figure

@@ -198,7 +198,6 @@ def recalibrate(
 @_recording
 @click.option("--test", "other", type=_FILE, metavar="RECORDING",
               help="Test on this recording, of another day.")  # fmt: skip
-@click.option("-o", "--output", type=_FILE, help="File to write a page of HTML to.")
 @_pixels
 @click.option("--test-fraction", type=_SHARE, default=0.2, help="Share of frames to hold out.")
 @click.option("--draws", type=click.IntRange(1, 100), default=5, metavar="N",
@@ -207,7 +206,6 @@ def recalibrate(
 def compare(
     recording: Path,
     other: Path | None,
-    output: Path | None,
     crop: tuple[int, ...] | None,
     subsample: int,
     test_fraction: float,
@@ -222,14 +220,10 @@ def compare(
     """
     from hdc.command import comparison
 
-    if output:
-        comparison.check_page(output)
     window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
     tests = work.open_frames(other, window, **source) if other else None
     result = comparison.compare(frames, tests, recording, test_fraction, draws)
-    if output:
-        comparison.write_page(output, result)
     click.echo(json.dumps(result, ensure_ascii=False) if as_json else comparison.text(result))
 
 

@@ -7,8 +7,6 @@ fit of 120,000 pixels costs no more than one of N coordinates.
 
 from __future__ import annotations
 
-import html
-import os
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +23,6 @@ from hdc.accuracy import wilson
 from hdc.bits import hamming
 from hdc.command.work import last_sessions, split
 from hdc.encode import encode
-from hdc.io import write_atomically
 from hdc.prototypes import Counters
 from hdc.readers import Recording
 from hdc.readers.recording import with_progress
@@ -212,27 +209,3 @@ def text(result: dict[str, Any]) -> str:
         f"pixels, {result['test_fraction']:.0%} held out, {result['draws']} draws\n\n"
         f"{captured.get().rstrip()}\n\n{theory_says * bool(likely)}{result['advice']}"
     )
-
-
-PAGE = """<!doctype html>
-<html lang="en"><meta charset="utf-8"><title>hdc compare</title>
-<h1>{recording}</h1><pre>{text}</pre>
-<p>Accuracy on frames that were not learnt, with Wilson's 95 % interval over the different frames
-tested. Frames held out at random lie between those trained on: if they were recorded in close
-succession they are alike, and the ordered split is the one to believe.</p></html>
-"""
-
-
-def check_page(path: Path) -> None:
-    """Refuse a name that cannot be written, or that is taken by anything but such a page."""
-    if not path.parent.is_dir():
-        raise ValueError(f"{path}: expected a folder to write into, found none")
-    ours = path.is_file() and not path.is_symlink() and b"<title>hdc compare" in path.read_bytes()
-    if os.path.lexists(path) and not ours:
-        raise ValueError(f"{path}: expected a page of hdc compare or no file, found another")
-
-
-def write_page(path: Path, result: dict[str, Any]) -> None:
-    """Write a page of HTML that refers to no other file."""
-    shown = {"recording": html.escape(result["recording"]), "text": html.escape(text(result))}
-    write_atomically(path, PAGE.format(**shown))

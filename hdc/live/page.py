@@ -7,6 +7,7 @@ import contextlib
 import secrets
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from nicegui import app, ui
@@ -23,21 +24,6 @@ REFRESH = 0.2
 """Seconds between updates of words and bars."""
 SAMPLES = 10
 """Learned at a press of a button."""
-_STYLE = """
-body { background: #f5f5f2; color: #222; }
-.nicegui-content { padding: 0; }
-.live { max-width: 1400px; margin: 0 auto; padding: 12px; width: 100%; display: grid; gap: 12px;
-  grid-template-columns: repeat(auto-fit, minmax(min(100%, 400px), 1fr)); align-items: start; }
-.card { background: white; border: 1px solid #ddd; border-radius: 8px; padding: 12px;
-  display: flex; flex-direction: column; gap: 8px; min-width: 0; }
-.small { font-size: .82rem; color: #555; line-height: 1.35; font-variant-numeric: tabular-nums; }
-.heading { font-size: 1rem; font-weight: 700; }
-.pad { width: 100%; cursor: crosshair; background: #fbe3dc; border: 1px solid #c99; }
-.answer { font-size: 1.7rem; font-weight: 700; line-height: 1.2; overflow-wrap: anywhere; }
-.class { display: grid; grid-template-columns: minmax(0, 1fr) auto; gap: 2px 8px;
-  align-items: center; border-top: 1px solid #eee; padding-top: 6px; }
-.row { display: flex; flex-wrap: wrap; gap: 8px; align-items: center; }
-"""
 
 
 def serve(source: Source, host: str | None = None, port: int = 8080) -> None:
@@ -99,7 +85,7 @@ class Page:
         self._rows: dict[str, tuple[ui.label, ui.linear_progress]] = {}
         self._shown: dict[str, int] = {}
         self._pressable = isinstance(self._source, Pressable)
-        ui.add_css(_STYLE)
+        ui.add_css(Path(__file__).with_suffix(".css"))
         ui.colors(primary=colour("0", "0"))
         with _div("live"):
             with _div("row col-span-full"):

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -12,6 +15,7 @@ from torch import Tensor
 
 from hdc.encode import encode
 
+RATE_HZ = 30  # of videos
 HELD_OUT = 16  # frames that trained models predict
 
 
@@ -56,6 +60,27 @@ class Case:
     def prototypes(self) -> Tensor:
         """Packed hypervectors int64 [L, W] of the examples."""
         return encode(self.examples)
+
+    @cached_property
+    def folder(self) -> Path:
+        """The frames on disk, class by class: images/CLASS/*.png, and video.avi, lossless."""
+        import cv2
+
+        self._temporary = tempfile.TemporaryDirectory()  # it goes when the case goes
+        folder, size = Path(self._temporary.name), (math.isqrt(self.d),) * 2
+        lossless = cv2.VideoWriter.fourcc(*"FFV1")
+        video = cv2.VideoWriter(str(folder / "video.avi"), lossless, RATE_HZ, size, isColor=False)
+        lines, first = ["start_s,end_s,label"], 0
+        for c, n in enumerate(np.bincount(self.labels)):
+            (folder / "images" / str(c)).mkdir(parents=True)
+            for k, frame in enumerate(self.pixels.numpy()[self.labels == c]):
+                cv2.imwrite(str(folder / "images" / str(c) / f"{k}.png"), frame.reshape(size))
+                video.write(frame.reshape(size))
+            lines.append(f"{first / RATE_HZ},{(first + n) / RATE_HZ},{c}")
+            first += n
+        video.release()
+        (folder / "video.csv").write_text("\n".join(lines))
+        return folder
 
     def _made(self, labels: np.ndarray, stream: int) -> Tensor:
         frames = np.fromiter(self._drawn(labels, stream), (np.uint8, self.d), len(labels))

@@ -22,7 +22,7 @@ import numpy as np
 
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.studies.benchmark.cases import Case
-from experiments.studies.benchmark.names import COPY, OURS, OURS_COMPILED, READ
+from experiments.studies.benchmark.names import NO_RESULT, OURS, OURS_COMPILED
 from experiments.studies.benchmark.routes import OPERATIONS, Route, common_form
 
 SIZE = ("operation", "n", "d", "l")
@@ -85,7 +85,7 @@ def check(route: Route, case: Case) -> Row:
     """Whether a route can be timed: its status, and how its result compares with the reference."""
     if importlib.util.find_spec(route.module) is None:
         return {"status": "not installed", "equal_result": ""}
-    if route.name in (READ, COPY):  # no result
+    if route.name in NO_RESULT:
         return {"status": "ok", "equal_result": ""}
     verdict = case.verdict(common_form(case, route.call))
     exact = verdict != "yes, ties aside" or route.name not in (OURS, OURS_COMPILED)

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
 from importlib import import_module as load
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,8 +22,10 @@ from torch import Tensor
 from experiments.studies.benchmark import names
 from experiments.studies.benchmark.cases import HELD_OUT, Case, pack_bits, unpack_bits
 from hdc import HDCClassifier, bits
+from hdc.command.work import Passing
 from hdc.encode import encode
 from hdc.prototypes import Counters
+from hdc.readers import open_recording
 
 
 class Route(NamedTuple):
@@ -103,12 +107,51 @@ def predict_routes(case: Case) -> Iterator[Route]:
     yield Route("cv2.calcHist, numpy.bitwise_count", "cv2", each(opencv_label))
 
 
+def folder_routes(case: Case) -> Iterator[Route]:
+    """Images of a folder to prototypes, as ``hdc train`` makes them."""
+    files = [str(file) for file in case.folder.glob("images/*/*.png")]
+
+    def decode() -> None:
+        cv2 = load("cv2")
+        with ThreadPoolExecutor() as pool:
+            for _ in pool.map(partial(cv2.imread, flags=cv2.IMREAD_UNCHANGED), files):
+                pass
+
+    yield from ours(partial(trained_on, case.folder / "images"))
+    yield Route(names.DECODE_IMAGES, "cv2", decode)
+
+
+def video_routes(case: Case) -> Iterator[Route]:
+    """A video to prototypes."""
+
+    def decode() -> None:
+        capture = load("cv2").VideoCapture(str(case.folder / "video.avi"))
+        while capture.read()[0]:
+            pass
+
+    yield from ours(partial(trained_on, case.folder / "video.avi"))
+    yield Route(names.DECODE_VIDEO, "cv2", decode)
+
+
+def trained_on(path: Path, backend: str) -> Callable[[], HDCClassifier]:
+    """A call that trains on a recording."""
+
+    def train() -> HDCClassifier:
+        recording = open_recording(path, check=False)
+        frames = Passing(recording, np.arange(len(recording)))
+        return HDCClassifier(backend=backend).fit(frames, recording.names)
+
+    return train
+
+
 OPERATIONS: Mapping[str, Callable[[Case], Iterator[Route]]] = {
     "encode": encode_routes,
     "bundle": bundle_routes,
     "hamming": hamming_routes,
     "train": train_routes,
     "predict": predict_routes,
+    "folder": folder_routes,
+    "video": video_routes,
 }
 
 

@@ -1,7 +1,7 @@
 """The paper's claims as data: for each piece of evidence a number, its interval and a verdict.
 
 Numbers come from other studies; :mod:`.rules` turns them into one of four words. The sentences are
-written by people, below.
+written by people, in claims.yaml.
 """
 
 from __future__ import annotations
@@ -9,10 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from omegaconf import OmegaConf
 
 from experiments.records.results import Results
 from experiments.reporting.columns import Column, display_name
@@ -44,65 +46,8 @@ STUDY = Study(
     front=True,
 )
 
-# Claim: its name, what the paper says, and at most twelve words for each verdict.
-CLAIMS = {
-    "accuracy": (
-        "HDC recognises slightly better (100 against 90–93 %)",
-        {
-            NO: "softmax regression at its optimum is as accurate or better",
-            YES: "better than softmax regression at its optimum",
-            "partly": "better on some recordings, worse on others",
-        },
-    ),
-    "networks": (
-        "HDC trains much faster than networks (×82, ×356)",
-        {
-            YES: "at least ten times, however HDC is computed",
-            "partly": "depends on how HDC is computed",
-            UNDECIDED: "runs fall on both sides of ten times",
-        },
-    ),
-    "softmax": (
-        "HDC trains much faster than softmax regression (×137)",
-        {
-            NO: "less than ten times, whether by gradient descent or solved directly",
-            "partly": "only against slow training, not against a direct solve",
-            YES: "at least ten times, even against a direct solve",
-        },
-    ),
-    "few_samples": (
-        "Few samples suffice (more than 90 % once N > 20)",
-        {
-            YES: "but softmax regression at its optimum needs no more",
-            NO: "softmax regression at its optimum needs fewer",
-            "partly": "on some recordings, but on others softmax at its optimum needs fewer",
-        },
-    ),
-    "contrast": (
-        "Prototypes sharpen the contrast of classes (0.055 to 0.1)",
-        {
-            "partly": "only where frames of a class correlate below 0.64",
-            YES: "and raise the floor by the same factor",
-            NO: "frames of a class correlate above 0.64",
-        },
-    ),
-    "recalibration": (
-        "Recalibration restores accuracy (32 to 95 %)",
-        {
-            YES: "ridge regression ends higher",
-            NO: "new samples do not raise the accuracy of HDC",
-            "partly": "not on every recording, and ridge regression ends higher",
-        },
-    ),
-    "faults": (
-        "No error-prone bits: flipped bits are tolerated",
-        {YES: "8-bit softmax weights tolerate them too", NO: "one flipped bit in 100 costs more"},
-    ),
-    "objects": (
-        "Touched objects are recognised (100 %)",
-        {UNDECIDED: "no public recording, and the simulation assumes their thickness"},
-    ),
-}
+# Claim: what the paper says, and a few words for each verdict.
+CLAIMS: Any = OmegaConf.load(Path(__file__).with_name("claims.yaml"))
 
 
 # Evidence: each function yields the columns that differ from those of its line of EVIDENCE.
@@ -317,12 +262,12 @@ def claims(results: Results) -> pd.DataFrame:
     """One row a claim."""
     every = evidence(results)
     words, table = verdicts(every), []
-    for claim, (paper, phrases) in CLAIMS.items():
+    for claim, phrases in CLAIMS.items():
         word = words.get(claim, UNDECIDED)
         verdict = ": ".join(filter(None, [word, phrases.get(word)]))
         part = every[(every.claim == claim) & every.value.notna()]
         table.append({
-            "claim": claim, "paper": paper, "word": word, "verdict": verdict,
+            "claim": claim, "paper": phrases.paper, "word": word, "verdict": verdict,
             **{name: "\n".join(map(_text, records(part[chosen]))) or "–"
                for name, chosen in (("measured", part.kind == MEASURED),
                                     ("simulated", part.kind != MEASURED))},

@@ -23,14 +23,13 @@ from experiments.reporting.estimates import ONE_SENSOR
 from experiments.reporting.plot import (
     CONFUSION_MAP,
     PRINTED,
-    WIDTH,
     head,
     literal,
     matrix,
     panel,
 )
 from experiments.reporting.rows import row
-from experiments.reporting.study import RUN, Quantity, Study, with_places
+from experiments.reporting.study import RUN, WIDTH, Quantity, Study, with_places
 from experiments.reporting.table import frame
 from experiments.reporting.text import frames_of
 from experiments.studies.correlation.view import matrices

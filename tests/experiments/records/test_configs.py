@@ -1,6 +1,8 @@
 """What configs/ says, and in what another config differs."""
 
 import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 
 from experiments.records import configs
 
@@ -40,8 +42,11 @@ def test_differences_are_named_by_key(config, reference, expected):
     assert configs.differences(config, reference) == expected
 
 
-@pytest.mark.parametrize("group", ["model", "scene", "stop"])
+@pytest.mark.parametrize("group", ["model", "scene", "stop", "experiment"])
 def test_parts_are_composed_as_hydra_does(group):
-    for path in (configs.CONFIGS / group).glob("*.yaml"):
-        whole, part = configs._composed(f"{group}={path.stem}"), configs.part(group, path.stem)
-        assert part == {key: whole[key] for key in part}
+    with initialize_config_dir(str(configs.CONFIGS), version_base="1.3"):
+        for path in (configs.CONFIGS / group).glob("*.yaml"):
+            whole = compose("config", overrides=[f"{group}={path.stem}"])
+            for key in ("task",) if group == "experiment" else configs.part(group, path.stem):
+                expected = OmegaConf.to_container(whole, resolve=True)[key]
+                assert configs._resolved(group, path.stem, key) == expected, path

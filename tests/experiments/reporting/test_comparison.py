@@ -44,6 +44,7 @@ def ours(value, low=None, high=None):
         (paper(100.0, unit="×", margin=2.0), ours(60.0, 40.0, 90.0), "agrees"),
         (paper(100.0, unit="×", margin=2.0), ours(40.0, 30.0, 60.0), "differs"),
         (paper(100.0, unit="×", margin=2.0), ours(60.0, 20.0, 180.0), "uninformative"),
+        (paper(100.0, unit="×", margin=2.0), ours(60.0, 0.0, 180.0), "no interval"),
     ],
 )
 def test_verdicts(known, measured, expected):

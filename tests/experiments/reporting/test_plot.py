@@ -6,14 +6,15 @@ from matplotlib import pyplot as plt
 
 from experiments.records import configs
 from experiments.reporting import plot
+from experiments.reporting.study import WIDTH
 
 MODELS = sorted(path.stem for path in (configs.CONFIGS / "model").glob("*.yaml"))
 
 
 @pytest.fixture
 def figure():
-    with plt.rc_context(plot.STYLE):
-        made, axes = plt.subplots(figsize=(plot.WIDTH, 3))
+    with plt.rc_context(fname=plot.STYLE):
+        made, axes = plt.subplots(figsize=(WIDTH, 3))
         axes.plot([1, 2], [1, 2])
         yield made
     plt.close(made)
@@ -28,8 +29,8 @@ def test_no_two_models_look_alike_without_their_lines():
 @pytest.mark.parametrize("kind", ["svg", "webp"])
 def test_bytes_do_not_change(kind):
     def drawn():
-        with plt.rc_context(plot.STYLE):
-            figure, axes = plt.subplots(figsize=(plot.WIDTH, 2))
+        with plt.rc_context(fname=plot.STYLE):
+            figure, axes = plt.subplots(figsize=(WIDTH, 2))
             axes.errorbar([1, 2], [1, 2], yerr=0.1, label="some")
             axes.legend()
             axes.fill_between([1, 2], [0, 1], [1, 2], clip_path=None)

@@ -1,7 +1,6 @@
-"""``hdc compare``: its numbers are those of the plain computation, and its page stands alone."""
+"""``hdc compare``: its numbers are those of the plain computation."""
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -45,18 +44,12 @@ def hdc(capsys):
     return run
 
 
-def test_every_method_is_in_table_page_and_json(hdc, archive, tmp_path):
-    page = tmp_path / "compare.html"
-    status, out, err = hdc("compare", archive, "-o", page, "--draws", 2)
+def test_every_method_is_in_table_and_json(hdc, archive, tmp_path):
+    status, out, err = hdc("compare", archive, "--draws", 2)
     assert (status, err) == (0, "")
     assert out.startswith("36 frames of 3 classes, 16 × 16 pixels, 20% held out, 2 draws")
     assert all(out.count(f"\n {name} ") == 2 for name in comparison.METHODS)
     assert out.splitlines()[-1].startswith("Use hdc train --readout prototype: on the ordered ")
-    html = page.read_text()
-    assert not re.search(r"(src|href)=[\"'](?!#|data:)|url\((?!#)|@import", html)
-    assert all(html.count(f"\n {name} ") == 2 for name in comparison.METHODS)
-    assert hdc("compare", archive, "-o", page, "--draws", 1)[0] == 0  # a page of ours is replaced
-
     other = tmp_path / "tomorrow.npz"
     np.savez(other, frames=frames_of(3, 5, noise=40), labels=np.repeat(NAMES, 5))
     result = json.loads(hdc("compare", archive, "--test", other, "--json")[1])
@@ -114,10 +107,6 @@ def test_advice_follows_the_numbers():
 def test_errors_are_one_line(hdc, archive, tmp_path):
     np.savez(tmp_path / "others.npz", frames=frames_of(2, 3), labels=[0, 1] * 3)
     for words, message in (
-        (
-            (archive, "-o", tmp_path / "no" / "c.html"),
-            "expected a folder to write into, found none",
-        ),
         ((archive, "--crop", 0, 0, 999, 9), "expected a window inside frames 16 px wide"),
         ((tmp_path / "nothing",), "found nothing"),
         ((archive, "--test", tmp_path / "others.npz"), "--test: expected classes among "),
