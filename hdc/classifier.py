@@ -33,8 +33,9 @@ class HDCClassifier(Estimator):
     hypervectors per class, however many frames are given.
 
     Frames are [N, H, W] or [N, D]; a model of images also takes flattened ones and a single one,
-    [H, W]. Several threads may ask a model at once; while one trains it, no other may use it. Start
-    processes by ``spawn``: torch may hang in a forked one.
+    [H, W]; the columns of a data frame are those of training, in their order. Several threads may
+    ask a model at once; while one trains it, no other may use it. Start processes by ``spawn``:
+    torch may hang in a forked one.
 
     Args:
         ties: a prototype bit with as many ones as zeros becomes ``"zero"`` (as published),

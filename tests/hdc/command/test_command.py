@@ -82,12 +82,16 @@ def test_a_model_is_that_of_all_frames(hdc, folder, frames, tmp_path):
     assert after == before
 
 
-def test_arrays_are_learnt_as_folders_are(hdc, frames, tmp_path):
-    np.savez(tmp_path / "x.npz", frames=frames.reshape(-1, SIDE, SIDE), labels=np.arange(36) // 12)
-    assert hdc("train", tmp_path / "x.npz", "-o", tmp_path / "n.safetensors")[0] == 0
-    whole = HDCClassifier().fit(frames.reshape(-1, SIDE, SIDE), np.arange(36) // 12)
+@pytest.mark.parametrize("readout", ["prototype", "neighbours"])
+def test_arrays_of_several_batches_are_learnt_as_a_whole(hdc, tmp_path, readout):
+    frames = np.random.default_rng(0).integers(0, 255, (700, 8, 9), np.uint8)
+    np.savez(tmp_path / "x.npz", frames=frames, labels=np.arange(700) % 3)
+    words = ("-o", tmp_path / "n.safetensors", "--readout", readout)
+    assert hdc("train", tmp_path / "x.npz", *words)[0] == 0
+    whole = HDCClassifier(readout=readout).fit(frames, np.arange(700) % 3)
     found = HDCClassifier.load(tmp_path / "n.safetensors")
     assert (found.prototypes_ == whole.prototypes_).all()
+    assert (found.predict(frames[::7]) == whole.predict(frames[::7])).all()
 
 
 def test_held_out_frames_are_not_learnt(hdc, folder, tmp_path):
