@@ -85,10 +85,11 @@ def test_a_model_is_that_of_all_frames(hdc, folder, frames, tmp_path):
 @pytest.mark.parametrize("readout", ["prototype", "neighbours"])
 def test_arrays_of_several_batches_are_learnt_as_a_whole(hdc, tmp_path, readout):
     frames = np.random.default_rng(0).integers(0, 255, (700, 8, 9), np.uint8)
-    np.savez(tmp_path / "x.npz", frames=frames, labels=np.arange(700) % 3)
+    labels = np.array(list("abc"))[np.arange(700) % 3]
+    np.savez(tmp_path / "x.npz", frames=frames, labels=labels)
     words = ("-o", tmp_path / "n.safetensors", "--readout", readout)
     assert hdc("train", tmp_path / "x.npz", *words)[0] == 0
-    whole = HDCClassifier(readout=readout).fit(frames, np.arange(700) % 3)
+    whole = HDCClassifier(readout=readout).fit(frames, labels)
     found = HDCClassifier.load(tmp_path / "n.safetensors")
     assert (found.prototypes_ == whole.prototypes_).all()
     assert (found.predict(frames[::7]) == whole.predict(frames[::7])).all()
