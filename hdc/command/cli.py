@@ -19,6 +19,7 @@ import hdc
 from hdc.command import work
 from hdc.io import check_replaceable
 from hdc.readers import Window
+from hdc.readers.batches import Batches
 from hdc.readers.listing import image_files
 
 RATE = 0.05
@@ -95,14 +96,14 @@ def train(
     frames = work.open_frames(recording, window, **source)
     check_replaceable(output)
     training, test, how = work.hold_out(frames, test_fraction)
-    passing = work.Passing(frames, training)
+    batches = Batches(frames, training)
     if frames.values is not None:
         model: Any = hdc.HDCRegressor(readout=readout or "ridge")
-        model.fit(passing, frames.values[training])
+        model.fit(batches, frames.values[training])
         learnt = f"values of {', '.join(frames.value_names)}"
     else:
         model = hdc.HDCClassifier(readout=readout or "prototype")
-        model.fit(passing, np.array(frames.names)[training])
+        model.fit(batches, np.array(frames.names)[training])
         learnt = f"{len(frames.classes)} classes"
     metadata = {
         "crop": window.crop,
@@ -184,8 +185,8 @@ def recalibrate(
         raise ValueError(f"{model}: expected a classifier, found {type(found).__name__}")
     frames = work.frames_for(found, window, recording, source)
     by_name = {str(c): c for c in found.classes_.tolist()}
-    passing = work.Passing(frames, np.arange(len(frames)))
-    found.recalibrate(passing, [by_name[name] for name in frames.names], p, seed, method)
+    batches = Batches(frames, np.arange(len(frames)))
+    found.recalibrate(batches, [by_name[name] for name in frames.names], p, seed, method)
     found.save(output)
     names, counts = np.unique(frames.names, return_counts=True)
     new = f"{len(frames)} new frames of {len(names)} classes, at least {counts.min()} of each"

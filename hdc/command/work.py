@@ -51,29 +51,6 @@ def load(path: Path) -> tuple[Any, Window]:
     return model, Window(crop, subsample or 1)
 
 
-class Passing:
-    """Frames [N, H, W] of a recording, decoded as a model takes one batch after the other.
-
-    A batch lies where the one before it lay: fresh memory for each took a quarter of the time.
-    """
-
-    def __init__(self, recording: Recording, index: np.ndarray) -> None:
-        self._frames = with_progress(recording.stream(index), len(index), "Training")
-        self.shape = (len(index), *recording.shape)
-        self._batch = np.empty(0)
-
-    def __len__(self) -> int:
-        return self.shape[0]
-
-    def __getitem__(self, batch: slice) -> np.ndarray:
-        start, stop, _ = batch.indices(len(self))
-        for k, frame in enumerate(islice(self._frames, stop - start)):
-            if not len(self._batch):
-                self._batch = np.empty((stop - start, *frame.shape), frame.dtype)
-            self._batch[k] = frame
-        return self._batch[: stop - start]
-
-
 def frames_for(model: Any, window: Window, recording: Path, source: dict[str, Any]) -> Recording:
     """A recording of classes that the model knows (one of them, or more), or of its values."""
     if source["table"] and not source["value_columns"] and (names := value_names(model)):

@@ -22,10 +22,10 @@ from torch import Tensor
 from experiments.studies.benchmark import names
 from experiments.studies.benchmark.cases import HELD_OUT, Case, pack_bits, unpack_bits
 from hdc import HDCClassifier, bits
-from hdc.command.work import Passing
 from hdc.encode import encode
 from hdc.prototypes import Counters
 from hdc.readers import open_recording
+from hdc.readers.batches import Batches
 
 
 class Route(NamedTuple):
@@ -138,7 +138,7 @@ def trained_on(path: Path, backend: str) -> Callable[[], HDCClassifier]:
 
     def train() -> HDCClassifier:
         recording = open_recording(path, check=False)
-        frames = Passing(recording, np.arange(len(recording)))
+        frames = Batches(recording, np.arange(len(recording)))
         return HDCClassifier(backend=backend).fit(frames, recording.names)
 
     return train

@@ -20,14 +20,7 @@ from experiments.records.results import Group, Results
 from experiments.reporting import estimates
 from experiments.reporting import rows as rows_of
 from experiments.reporting.estimates import ONE_SENSOR
-from experiments.reporting.plot import (
-    CONFUSION_MAP,
-    PRINTED,
-    head,
-    literal,
-    matrix,
-    panel,
-)
+from experiments.reporting.plot import CONFUSION_MAP, PRINTED, head, literal, matrix, panel
 from experiments.reporting.rows import row
 from experiments.reporting.study import RUN, WIDTH, Quantity, Study, with_places
 from experiments.reporting.table import frame
