@@ -76,7 +76,7 @@ def list_folder(
     if not rows:
         found = f"{len(other_files)} other files, {', '.join(other_files[:3])}"
         raise ValueError(
-            f"{where}: expected images in one sub-folder a class, in a {MANIFEST}, or as the "
+            f"{where}: expected images in one sub-folder per class, in a {MANIFEST}, or as the "
             f"template says, found {found if other_files else 'none'}"
         )
     texts = {name: [row[name] for row in rows.values()] for name in next(iter(rows.values()))}
@@ -88,7 +88,7 @@ def list_folder(
         pairs = set(zip(samples.pop("class_index").tolist(), labels, strict=True))
         classes = [label for _, label in sorted(pairs)]
         if len(classes) > len(set(labels)):
-            raise ValueError(f"{where}: expected one class_index a label, found {sorted(pairs)}")
+            raise ValueError(f"{where}: expected one class_index per label, found {sorted(pairs)}")
     if not value_columns and not manifest:
         known = ("order", "session", "group")
         value_columns = [n for n, c in samples.items() if c.dtype.kind != "U" and n not in known]

@@ -13,13 +13,7 @@ from experiments.records import configs
 from experiments.records.results import Results
 from experiments.reporting import estimates, published
 from experiments.reporting import rows as rows_of
-from experiments.reporting.plot import (
-    accuracy_curves,
-    handle,
-    published_point,
-    star,
-    title,
-)
+from experiments.reporting.plot import accuracy_curves, handle, published_point, star, title
 from experiments.reporting.rows import Row, row, swept
 from experiments.reporting.study import RUN, Quantity, Study
 from experiments.reporting.table import frame

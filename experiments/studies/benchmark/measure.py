@@ -68,7 +68,7 @@ def measure(case: Case, budget_s: float) -> list[Row]:
             samplers[route.name] = sampler(route.call)
     turns: list[dict[str, float]] = []
     deadline = time.perf_counter() + budget_s * len(samplers)
-    while len(turns) < 3 or (len(turns) < 30 and time.perf_counter() < deadline):
+    while len(turns) < 7 or (len(turns) < 30 and time.perf_counter() < deadline):
         turns.append({name: sample() for name, sample in samplers.items()})
     for row in rows:
         if row["route"] in samplers:

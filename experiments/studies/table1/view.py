@@ -210,10 +210,7 @@ def error_vs_time(figure: Figure, results: Results) -> None:
     plain_decades(axes)
     shown = [group.model for group in groups if group.runs]
     handles = [handle(model) for model in shown]
-    for marker, size, label in (
-        ("*", 8, "paper, Table I"),
-        ("o", 6, "training accuracy > 90 %"),
-    ):
+    for marker, size, label in (("*", 8, "paper, Table I"), ("o", 6, "training accuracy > 90 %")):
         look: Any = {"marker": marker, "ms": size, "mfc": "white", "mec": "black", "ls": ""}
         handles.append(Line2D([], [], label=label, **look))
     title(figure, axes, "Test error against training time", rows, shown, models, handles)

@@ -238,7 +238,7 @@ def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, tmp_path)
     before = contents(tmp_path)
     for words, message in [
         (("train", tmp_path / "no", "-o", out), f"found nothing: {tmp_path}/no"),
-        (("train", folder / "a", "-o", out), f"{folder}/a: expected images in one sub-folder a"),
+        (("train", folder / "a", "-o", out), f"{folder}/a: expected images in one sub-folder per"),
         (("train", folder, "-o", folder), f"{folder}: expected a regular file or"),
         (("train", folder, "-o", tmp_path / "no" / "m"), "expected a folder to save m in"),
         (("predict", tmp_path / "no", "x.png"), f"{tmp_path}/no"),

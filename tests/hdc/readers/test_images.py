@@ -1,6 +1,8 @@
 """Folders of images: frames come back as written, and a broken image is named."""
 
 import io
+import struct
+import zlib
 
 import cv2
 import numpy as np
@@ -113,6 +115,13 @@ def saved(format, *images, **options):
     return stream.getvalue()
 
 
+def bomb(side):
+    """A small PNG that says it is a large one."""
+    header = b"IHDR" + struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
+    checked = header + struct.pack(">I", zlib.crc32(header))
+    return (whole := encoded(NOISE))[:12] + checked + whole[12 + len(checked) :]
+
+
 NOISE = np.random.default_rng(0).integers(0, 256, (20, 30), dtype=np.uint8)
 
 
@@ -127,6 +136,7 @@ NOISE = np.random.default_rng(0).integers(0, 256, (20, 30), dtype=np.uint8)
         (bytes(9), ".png", "found other data"),
         (saved("PNG", NOISE, NOISE), ".png", "expected a single image, found 2"),
         (saved("TIFF", NOISE, NOISE), ".tif", "expected a single image, found 2"),
+        (bomb(40_000), ".png", "decompression bomb"),
         (saved("GIF", NOISE), ".png", "found other data"),
         (saved("TIFF", NOISE.astype(np.float32)), ".tif", "expected a grey TIFF, .* found F"),
         (encoded(np.zeros((9, 9, 3), np.uint16), ".tif"), ".tif", "colour of 8 bits"),

@@ -113,14 +113,14 @@ def test_a_manifest_says_what_belongs_to_the_recording(folder, pixels):
     [
         ("", "manifest.csv: expected different columns, with file, label, found"),
         ("a,b\n1,2\n", "expected different columns, with file, label, found"),
-        ("file,label\n", "expected images in one sub-folder a class"),
+        ("file,label\n", "expected images in one sub-folder per class"),
         ("file,label\na/1.png\n", "line 2: expected 2 values, found 1"),
         ("file,label\na/1.png,\nb/1.png,y\n", "line 2: expected a label"),
         ("file,label\na/1.png,x\na/./1.png,y\n", "line 3: expected each file once"),
         ("file,label\na/1.png,x\nb/9.png,y\n", "b/9.png: expected a readable file"),
         ("file,label\na/1.png,x\nb/1.png,x\n", "expected two classes or more, found only 'x'"),
         ("file,label,order\na/1.png,x,?\nb/1.png,y,1\n", "expected 2 numbers in the column order"),
-        ("file,label,class_index\na/1.png,x,1\nb/1.png,x,2\n", "one class_index a label, found"),
+        ("file,label,class_index\na/1.png,x,1\nb/1.png,x,2\n", "one class_index per label, found"),
         ("file,label,label\na/1.png,x,y\n", "expected different columns"),
         (b"file,label\n\xff\xfe,x\n", "expected a CSV table in UTF-8"),
         ('file,label\n"a/1.png,x\n', "expected a CSV table in UTF-8"),
@@ -138,7 +138,7 @@ def test_folders_without_a_recording_are_named(tmp_path, pixels, folder):
     with pytest.raises(ValueError, match=r"x: expected .*, found 1 other files"):
         open_recording(tmp_path / "x")
     (tmp_path / "y").mkdir()
-    with pytest.raises(ValueError, match=r"y: expected images in one sub-folder a class"):
+    with pytest.raises(ValueError, match=r"y: expected images in one sub-folder per class"):
         open_recording(tmp_path / "y")
     write(tmp_path / "y" / "a" / "x.png", pixels[0])
     with pytest.raises(ValueError, match="expected two classes or more, found only 'a'"):
