@@ -1,7 +1,7 @@
 """Files written whole or not at all, and the file of a saved model.
 
-A model is one safetensors file: its tensors, a header of JSON under the key ``"model"``, and the
-SHA-256 of both under ``"sha256"``.
+A model is one safetensors file: its tensors, and under the key ``"model"`` a header of JSON, which
+ends with the SHA-256 of all the rest. Equal models are equal files.
 """
 
 from __future__ import annotations
@@ -82,13 +82,14 @@ def write_model(path: Path, header: Mapping[str, Any], tensors: Mapping[str, Ten
         json.dumps(header["metadata"], allow_nan=False)
     except (TypeError, ValueError) as error:
         raise TypeError(f"{path}: metadata: expected values of JSON, found: {error}") from error
-    text = json.dumps({"format": FORMAT, **header})
+    header = {"format": FORMAT, **header}
     stored = {name: t.cpu().contiguous() for name, t in tensors.items()}
-    write_atomically(path, save(stored, {"model": text, "sha256": _digest(text, stored)}))
+    text = json.dumps({**header, "sha256": _digest(header, stored)})
+    write_atomically(path, save(stored, {"model": text}))
 
 
-def _digest(text: str, tensors: Mapping[str, Tensor]) -> str:
-    digest = hashlib.sha256(text.encode())
+def _digest(header: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> str:
+    digest = hashlib.sha256(json.dumps(header).encode())
     for name in sorted(tensors):
         digest.update(name.encode())
         digest.update(tensors[name].numpy().tobytes())
@@ -108,8 +109,7 @@ def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[s
         raise ValueError("what is not a regular file")
     try:
         with safe_open(path, framework="pt") as file:
-            stated = file.metadata() or {}
-            header = json.loads(text := stated.get("model", "null"))
+            header = json.loads((file.metadata() or {}).get("model", "null"))
             names = file.keys() if tensors else ()
             content = {name: file.get_tensor(name) for name in names}
     except FileNotFoundError:
@@ -118,7 +118,8 @@ def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[s
         raise ValueError(str(error)) from error
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise ValueError(f"no header of format {FORMAT!r}")
-    if tensors and stated.get("sha256") not in (None, _digest(text, content)):
+    stated = header.pop("sha256", None)
+    if tensors and stated not in (None, _digest(header, content)):
         raise ValueError("other bytes than were saved: its SHA-256 differs")
     return header, content
 

@@ -22,7 +22,7 @@ PACKAGES = ("hdc", "baselines", "scenes", "experiments")
 _INSTALLED = ("stdlib", "purelib", "platlib")
 _TRIAL = "experiments.protocol.trial"
 _STUDIES = "experiments/studies/"
-_RECORDS = ROOT / "experiments" / "records"  # stores results and computes none
+_STORING = {ROOT / "experiments" / "records", ROOT / "hdc" / "io.py"}  # compute no result
 
 
 def sources(config: Mapping[str, Any]) -> dict[str, str]:
@@ -102,7 +102,7 @@ def _closure(names: tuple[str, ...]) -> frozenset[Path]:
     waiting = {path for name in names for path in _files(name)}
     while waiting:
         path = waiting.pop()
-        if path.parent != _RECORDS:
+        if _STORING.isdisjoint((path, path.parent)):
             loaded.add(path)
             waiting |= _imports(path) - loaded
     return frozenset(loaded)

@@ -78,7 +78,7 @@ def test_records_of_other_code_are_named(target, tmp_path, write_run, capsys):
     write_run("hdc", environment=OLD)
     assert reference.main([]) == 1
     said = capsys.readouterr().out
-    assert "hdc/bits.py has changed since 1 records, such as touch-hdc-" in said
+    assert "hdc/bits.py has changed since 1 records" in said
 
 
 def test_it_adopts_writes_the_tables_and_fills_the_readme(target, tmp_path, write_run):

@@ -19,7 +19,7 @@ def test_a_run_is_made_by_what_it_imports_and_by_the_trial():
         "experiments/protocol/clock.py",
     } <= set(files)
     assert not any(name.startswith("baselines/") for name in files)
-    assert {"experiments/run.py", "experiments/reporting/rows.py"}.isdisjoint(files)
+    assert {"experiments/run.py", "experiments/reporting/rows.py", "hdc/io.py"}.isdisjoint(files)
     drift = sources.sources({"_target_": "experiments.studies.drift.measure.drift"})
     assert "experiments/studies/drift/measure.py" in drift
     assert {"experiments/records/measurement.py", "experiments/records/record.py"}.isdisjoint(drift)
