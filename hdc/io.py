@@ -118,8 +118,7 @@ def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[s
         raise ValueError(str(error)) from error
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise ValueError(f"no header of format {FORMAT!r}")
-    stated = header.pop("sha256", None)
-    if tensors and stated not in (None, _digest(header, content)):
+    if tensors and header.pop("sha256", None) not in (None, _digest(header, content)):
         raise ValueError("other bytes than were saved: its SHA-256 differs")
     return header, content
 
