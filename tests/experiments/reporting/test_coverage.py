@@ -63,6 +63,11 @@ def test_speeds_of_the_page_on_times_are_those_of_the_benchmark():
     assert len(said) == 3
     for goal in said:
         assert f"{number(goals[goal])} times" in page, goal
+    routes = pd.read_csv(REFERENCE / "tables" / "benchmark.csv")
+    ms = 1e3 * routes.set_index(["operation", "route"]).median_s
+    bundle, torchhd = ms["bundle", "hdc, compiled"], ms["bundle", "torchhd.multiset"]
+    for time in (bundle, ms["train", "one read of the bytes"] / 8, torchhd / 200):
+        assert f"{number(time)} ms" in page
 
 
 def test_the_page_on_tests_counts_the_changes_that_its_list_has():
