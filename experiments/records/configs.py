@@ -12,6 +12,7 @@ from omegaconf import OmegaConf
 from experiments.records.files import ROOT
 
 CONFIGS = ROOT / "configs"
+_file: Any = functools.cache(lambda group, name: OmegaConf.load(CONFIGS / group / f"{name}.yaml"))
 SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to repetition
 
 
@@ -19,9 +20,8 @@ SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to rep
 def _content(group: str, name: str) -> Any:
     """What a file says after those of its ``defaults``; of these ``override /group: name`` is kept
     as the key ``chosen``."""
-    tree: Any = OmegaConf.load(CONFIGS / group / f"{name}.yaml")
     whole: Any = OmegaConf.create()
-    for entry in tree.pop("defaults", []):
+    for entry in _file(group, name).get("defaults", []):
         if isinstance(entry, str):  # "file" or "file@key", of the same group
             (file, _, key), place = entry.partition("@"), group
         else:
@@ -32,7 +32,9 @@ def _content(group: str, name: str) -> Any:
         elif file != "_self_":
             found = _content(place.lstrip("/"), file)
             OmegaConf.update(whole, key, found) if key else whole.merge_with(found)
-    return OmegaConf.merge(whole, tree)
+    whole.merge_with(_file(group, name))
+    whole.pop("defaults", None)
+    return whole
 
 
 @functools.cache
@@ -50,8 +52,7 @@ def _resolved(group: str, name: str, key: str) -> Any:
     if (CONFIGS / "split" / f"{chosen['scene']}.yaml").is_file():
         config.merge_with({"split": _content("split", chosen["scene"])})
     config.merge_with(own if group == "experiment" else {})
-    part = config[key]
-    return part if part is None else OmegaConf.to_container(part, resolve=True)
+    return OmegaConf.to_container(config[key] or OmegaConf.create(), resolve=True)
 
 
 def part(group: str, name: str) -> dict[str, Any] | None:
@@ -67,7 +68,7 @@ def task(experiment: str) -> dict[str, Any]:
     """The resolved task of an experiment, without displays; empty where it only sweeps."""
     if not (CONFIGS / "experiment" / f"{experiment}.yaml").is_file():
         return {}
-    return without_display(_resolved("experiment", experiment, "task") or {})
+    return without_display(_resolved("experiment", experiment, "task"))
 
 
 def without_display(node: Any) -> Any:
@@ -79,17 +80,16 @@ def without_display(node: Any) -> Any:
 @functools.cache
 def sweep(experiment: str) -> dict[str, list[str]]:
     """The values that an experiment sweeps over, by key: what its tables expect to find."""
-    tree = OmegaConf.load(CONFIGS / "experiment" / f"{experiment}.yaml")
     return {
         str(key): [value.strip() for value in str(values).split(",")]
-        for key, values in tree.hydra.sweeper.params.items()
+        for key, values in _file("experiment", experiment).hydra.sweeper.params.items()
     }
 
 
 @functools.cache
 def swept_models() -> frozenset[str]:
     """Every model that an experiment sweeps over."""
-    trees = map(OmegaConf.load, (CONFIGS / "experiment").glob("*.yaml"))
+    trees = (_file("experiment", path.stem) for path in (CONFIGS / "experiment").glob("*.yaml"))
     sweeps = (OmegaConf.select(tree, "hydra.sweeper.params.model", default="") for tree in trees)
     return frozenset(model.strip() for text in sweeps for model in str(text).split(","))
 
@@ -129,9 +129,8 @@ def display(model: str) -> dict[str, str]:
 @functools.cache
 def _display(model: str) -> dict[str, str]:
     shown = {"name": model, "colour": "#666666", "marker": ".", "line": ":", "group": "other"}
-    path = CONFIGS / "model" / f"{model}.yaml"
-    tree: Any = OmegaConf.load(path) if path.is_file() else {}
-    return shown | dict(tree.get("display") or {})
+    known = (CONFIGS / "model" / f"{model}.yaml").is_file()
+    return shown | dict((known and _file("model", model).get("display")) or {})
 
 
 def differences(config: Any, reference: Any, key: str = "") -> dict[str, str]:

@@ -59,9 +59,7 @@ def _of_recordings(results: Results, sizes: Sequence[int] = ()) -> Iterator[Evid
     for scene, measured in recordings(results).items():
         if measured.record.config["scene"].get("saturated"):
             continue
-        asked = {n for row in measured.frame.n for n in row}
-        found = [over_rival(measured, n) for n in sizes or (None,) if n is None or n in asked]
-        if found:
+        if found := over_rival(measured, sizes):
             values = zip(*(value for value, _ in found), strict=True)
             value = Estimate(*(float(np.mean(part)) for part in values))
             n = None if sizes else f"{found[0][1]} frames per class"

@@ -288,14 +288,16 @@ def separation(rows: pd.DataFrame) -> float:
     return float(gap / np.sqrt(moments["variance"].mean()))
 
 
-def over_rival(measured: Measured, n: int | None = None) -> tuple[Estimate, int]:
-    """HDC's accuracy less that of the primary rival, by the split that counts, and n: `n` frames a
-    class, or the most at which one of the two is below :data:`SATURATED`."""
-    every = accuracies(measured.frame).query("split == 'counts'")
-    if n is None:
-        best = every[every.model.isin(("hdc", RIVAL))].groupby(["n", "model"]).accuracy.mean()
-        least = best.groupby("n").min()
+def over_rival(measured: Measured, sizes: Sequence[int] = ()) -> list[tuple[Estimate, int]]:
+    """HDC's accuracy less that of the primary rival, by the split that counts, and n: each of these
+    frames a class that was asked for, or the most at which one is below :data:`SATURATED`."""
+    rows = measured.frame[measured.frame.model.isin(("hdc", RIVAL))]
+    every = accuracies(rows).query("split == 'counts'")
+    chosen = [n for n in sizes if n in set(every.n)]
+    if not sizes:
+        least = every.groupby(["n", "model"]).accuracy.mean().groupby("n").min()
         open_sizes = least[least < SATURATED].index
-        n = int(max(open_sizes)) if len(open_sizes) else int(least.index.min())
-    at = every[every.n == n].pivot(index="unit", columns="model", values="accuracy")
-    return estimate((at["hdc"] - at[RIVAL]).tolist(), measured.frame.seed.nunique() > 1), n
+        chosen = [int(max(open_sizes)) if len(open_sizes) else int(least.index.min())]
+    at = every.pivot(index=["n", "unit"], columns="model", values="accuracy")
+    seeds = rows.seed.nunique() > 1
+    return [(estimate((at["hdc"] - at[RIVAL])[n].tolist(), seeds), n) for n in chosen]

@@ -48,5 +48,5 @@ def test_parts_are_composed_as_hydra_does(group):
         for path in (configs.CONFIGS / group).glob("*.yaml"):
             whole = compose("config", overrides=[f"{group}={path.stem}"])
             for key in ("task",) if group == "experiment" else configs.part(group, path.stem):
-                expected = OmegaConf.to_container(whole, resolve=True)[key]
+                expected = OmegaConf.to_container(whole, resolve=True)[key] or {}
                 assert configs._resolved(group, path.stem, key) == expected, path
