@@ -95,6 +95,14 @@ def test_it_adopts_writes_the_tables_and_fills_the_readme(target, tmp_path, writ
     assert {path: path.read_bytes() for path in target.rglob("*") if path.is_file()} == before
 
 
+def test_the_committed_reference_skipped_nothing_and_names_no_folder_of_a_machine():
+    files = [path for path in (ROOT / "results" / "reference").rglob("*") if path.is_file()]
+    assert len(files) > 100
+    for path in files:
+        found = re.search(rb"skipped: |(?<![\w.])/(?:home|root|tmp|Users)/", path.read_bytes())
+        assert found is None, (path, found)
+
+
 # README.md ----------------------------------------------------------------------------------------
 
 
