@@ -66,7 +66,9 @@ class Classifier(ABC):
             ValueError: if the frames differ in size or type from those of the training.
         """
         if not hasattr(self, "classes_"):
-            raise RuntimeError(f"{type(self).__name__}: predict needs train or fit first")
+            raise RuntimeError(
+                f"{type(self).__name__}: predict needs train or fit first"
+            )
         frames = inputs.indexable(frames, self.shape_)
         inputs.check_shape(frames.shape[1:], self.shape_, type(self).__name__)
         best = []
@@ -79,7 +81,9 @@ class Classifier(ABC):
     def score(self, frames: Any, labels: Any) -> float:
         """Fraction of frames whose predicted label is right."""
         frames = inputs.indexable(frames)
-        return float(np.mean(self.predict(frames) == inputs.label_array(labels, len(frames))))
+        return float(
+            np.mean(self.predict(frames) == inputs.label_array(labels, len(frames)))
+        )
 
     def start(self, frames: FrameSource, labels: Any) -> Tensor:
         """Check the training set, remember its classes and frame size; class indices int64 [N].
@@ -89,14 +93,23 @@ class Classifier(ABC):
         """
         shape = tuple(frames.shape)
         if len(shape) not in (2, 3) or min(shape) < 1:
-            raise ValueError(f"frames: expected shape [N, H, W] or [N, D], found {list(shape)}")
-        classes, indices = np.unique(inputs.label_array(labels, len(frames)), return_inverse=True)
+            raise ValueError(
+                f"frames: expected shape [N, H, W] or [N, D], found {list(shape)}"
+            )
+        classes, indices = np.unique(
+            inputs.label_array(labels, len(frames)), return_inverse=True
+        )
         inputs.check_two_classes(classes)
         self.classes_ = classes
-        self.shape_: tuple[int, int] = (1 if len(shape) == 2 else int(shape[1]), int(shape[-1]))
+        self.shape_: tuple[int, int] = (
+            1 if len(shape) == 2 else int(shape[1]),
+            int(shape[-1]),
+        )
         self.frame_dtype_ = inputs.tensor(frames[0:1]).dtype
         if self.frame_dtype_ not in FRAME_TYPES:
-            raise ValueError(f"frames: expected uint8 or uint16, found {self.frame_dtype_}")
+            raise ValueError(
+                f"frames: expected uint8 or uint16, found {self.frame_dtype_}"
+            )
         return torch.from_numpy(indices.astype(np.int64)).to(self.device)
 
     def read(self, frames: FrameSource, index: slice | Tensor) -> Tensor:
@@ -114,7 +127,9 @@ class Classifier(ABC):
 def choose(name: str, value: str, options: Collection[str]) -> str:
     """The value, or an error that lists the valid ones."""
     if value not in options:
-        raise ValueError(f"{name}: expected one of {', '.join(options)}, found {value!r}")
+        raise ValueError(
+            f"{name}: expected one of {', '.join(options)}, found {value!r}"
+        )
     return value
 
 

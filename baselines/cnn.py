@@ -33,7 +33,9 @@ class CNN(IterativeClassifier):
 
     filters: Sequence[int] = (16,)
 
-    prediction_batch: ClassVar[int] = 20  # as in training: the maps of a frame take 20 MB
+    prediction_batch: ClassVar[int] = (
+        20  # as in training: the maps of a frame take 20 MB
+    )
 
     def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
         if self.init == "zeros":
@@ -48,4 +50,6 @@ class CNN(IterativeClassifier):
                 nn.ReLU(inplace=True),
             ]
             (height, width), channels = (height // POOL, width // POOL), filters
-        return nn.Sequential(*layers, nn.Flatten(), nn.Linear(channels * height * width, classes))
+        return nn.Sequential(
+            *layers, nn.Flatten(), nn.Linear(channels * height * width, classes)
+        )

@@ -33,7 +33,9 @@ class CorrelationClassifier(Classifier):
         templates_: float32 [L, D], zero mean and unit length.
     """
 
-    def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
+    def train(
+        self, frames: FrameSource, labels: np.ndarray
+    ) -> Iterator[dict[str, float]]:
         """One pass; yields samples_seen every :data:`REPORT` frames."""
         targets, n = self.start(frames, labels), len(frames)
         onehot = F.one_hot(targets, len(self.classes_)).float()
@@ -54,7 +56,9 @@ class CorrelationClassifier(Classifier):
         r = _normalise(batch.flatten(1).float()) @ self.templates_.T
         return r.masked_fill(self._counts == 0, -torch.inf)
 
-    def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
+    def scores_from(
+        self, products: Products, train: np.ndarray, queries: np.ndarray
+    ) -> Tensor:
         """See :meth:`baselines.dual.Products.scores`; right but for a factor a frame."""
         member = F.one_hot(products.labels[train], products.n_classes).double()
         counts = member.sum(dim=0)

@@ -27,7 +27,9 @@ from baselines.pixels import SCALINGS, PixelScaling, fit_scaling, signs
 PIXELS = 32768  # columns of the frames handled at a time
 FRAMES = 20  # rows turned into floats at a time
 Moments = tuple[Tensor, Tensor]  # Σ x and Σ x² of each frame
-KERNELS = [name for name in SCALINGS if name != "standard"]  # scalings that have a Gram matrix
+KERNELS = [
+    name for name in SCALINGS if name != "standard"
+]  # scalings that have a Gram matrix
 
 
 def cross_products(a: Tensor, b: Tensor) -> Tensor:
@@ -49,7 +51,9 @@ def moments(images: Tensor) -> Moments:
     sums = []
     for rows in images.split(FRAMES):
         block = rows.int() - constant_of(images)
-        sums.append(torch.stack([block.sum(dim=1), block.square_().sum(dim=1)]).double())
+        sums.append(
+            torch.stack([block.sum(dim=1), block.square_().sum(dim=1)]).double()
+        )
     first, second = torch.cat(sums, dim=1)
     return first, second
 
@@ -66,7 +70,10 @@ def _planes(block: Tensor) -> list[tuple[int, Tensor]]:
     if block.dtype == torch.uint8:
         return [(1, (block ^ 128).view(torch.int8))]  # 0…255 → −128…127
     parts = (256, block >> 8), (1, block & 255)
-    return [(weight, (part ^ 128).to(torch.uint8).view(torch.int8)) for weight, part in parts]
+    return [
+        (weight, (part ^ 128).to(torch.uint8).view(torch.int8))
+        for weight, part in parts
+    ]
 
 
 class Products:
@@ -93,7 +100,10 @@ class Products:
         images = frames if frames.dtype == torch.uint8 else frames.to(torch.int32)
         self._images = images.flatten(1)
         self.dimension = self._images.shape[1]
-        self.labels, self.n_classes = torch.as_tensor(labels, device=frames.device), n_classes
+        self.labels, self.n_classes = (
+            torch.as_tensor(labels, device=frames.device),
+            n_classes,
+        )
         self._n_train = len(frames) if n_train is None else n_train
 
     @functools.cached_property
@@ -155,7 +165,9 @@ class Products:
         if pixels in ("raw", "unit", "unit_centred"):
             # The offset cancels: the small integers do without it, and lose nothing to it.
             scale = 1.0 if pixels == "raw" else 1 / self.white
-            inside, across = (scale**2 * self.greys[np.ix_(x, train)] for x in (train, queries))
+            inside, across = (
+                scale**2 * self.greys[np.ix_(x, train)] for x in (train, queries)
+            )
         else:
             inside, across = self.kernel(train, queries, pixels)
         mean, square = inside.mean(0), inside.mean()
@@ -165,7 +177,9 @@ class Products:
         )
 
 
-def standardised(products: Tensor, rows: Moments, columns: Moments, dimension: int) -> Tensor:
+def standardised(
+    products: Tensor, rows: Moments, columns: Moments, dimension: int
+) -> Tensor:
     """Products of standardised frames [n, N] from those of their greys and the moments of both."""
     s, t = (deviations(*part, dimension) for part in (rows, columns))
     return (products - torch.outer(rows[0], columns[0]) / dimension) / torch.outer(s, t)
@@ -202,7 +216,9 @@ class DualLinearClassifier(Classifier):
         """A [N, L], b [L] and the loss from the centred K float64 [N, N] and class indices
         int64 [N]."""
 
-    def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
+    def train(
+        self, frames: FrameSource, labels: np.ndarray
+    ) -> Iterator[dict[str, float]]:
         """Solve; yields once: samples_seen = N, epoch = 1 and the loss."""
         choose("pixels", self.pixels, KERNELS)
         targets = self.start(frames, labels)
@@ -233,13 +249,19 @@ class DualLinearClassifier(Classifier):
         """W·x + b, float32 [n, L]."""
         return torch.addmm(self.bias_, self._scaling(batch).flatten(1), self.weight_.T)
 
-    def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
+    def scores_from(
+        self, products: Products, train: np.ndarray, queries: np.ndarray
+    ) -> Tensor:
         """See :meth:`Products.scores`."""
         scores, bias = self._solved(products, train, queries)
         return scores + bias
 
     def _solved(
-        self, products: Products, train: np.ndarray, queries: np.ndarray, *before: Tensor
+        self,
+        products: Products,
+        train: np.ndarray,
+        queries: np.ndarray,
+        *before: Tensor,
     ) -> tuple[Tensor, Tensor]:
         solver = copy.copy(self)
         solver.classes_ = np.arange(products.n_classes)
@@ -312,7 +334,12 @@ class Descent:
         batch: int | None = None,
         seed: int = 0,
     ) -> None:
-        self._kernel, self._targets, self._rate, self._batch = kernel, targets, rate, batch
+        self._kernel, self._targets, self._rate, self._batch = (
+            kernel,
+            targets,
+            rate,
+            batch,
+        )
         self._decay, self._order = decay, torch.Generator().manual_seed(seed)
         self._onehot = F.one_hot(targets, n_classes).to(kernel.dtype)[:, :, None]
         starts = next((x.shape[-1] for x in (logits, coefficients) if x is not None), 1)
@@ -323,7 +350,8 @@ class Descent:
         if logits is None:
             logits = torch.einsum("ij,jlv->ilv", kernel, coefficients) + intercepts
         self.logits, self.coefficients, self.intercepts = (
-            x.to(kernel.dtype).clone().contiguous() for x in (logits, coefficients, intercepts)
+            x.to(kernel.dtype).clone().contiguous()
+            for x in (logits, coefficients, intercepts)
         )
         self._parts = self.parts()
 
@@ -349,7 +377,9 @@ class Descent:
         self.coefficients[part] -= residual
         self.intercepts -= change
         flat = self.logits.view(len(self.logits), -1)
-        flat.addmm_(self._kernel[:, part], residual.flatten(1), alpha=-1).sub_(change.flatten())
+        flat.addmm_(self._kernel[:, part], residual.flatten(1), alpha=-1).sub_(
+            change.flatten()
+        )
 
     def losses(self, penalty: bool = False) -> Tensor:
         """Mean cross-entropy of the training frames, float64 [V]; with ``penalty`` plus λ/2·‖W‖²

@@ -24,7 +24,9 @@ def integer_product(a: Tensor, b: Tensor) -> Tensor:
         return a.double() @ b.double()
     product = torch.zeros(a.shape[0], b.shape[1], dtype=torch.float64)
     for start in range(0, a.shape[1], INT32_TERMS):
-        product += _native(a[:, start : start + INT32_TERMS], b[start : start + INT32_TERMS])
+        product += _native(
+            a[:, start : start + INT32_TERMS], b[start : start + INT32_TERMS]
+        )
     return product
 
 

@@ -41,7 +41,9 @@ class BitReadout(RidgeReadout):
     pixels: str = "bits"
     one_bit: bool = False
 
-    def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
+    def train(
+        self, frames: FrameSource, labels: np.ndarray
+    ) -> Iterator[dict[str, float]]:
         """Solve; yields once: samples_seen = N, epoch = 1 and the mean squared error."""
         for report in super().train(frames, labels):
             if self.one_bit:
@@ -49,7 +51,9 @@ class BitReadout(RidgeReadout):
                 self.scale_ = weight.abs().mean(dim=1)
                 self.weight_ = bits.pack(weight >= 0)
                 change = weight - self.scale_[:, None] * self._signs(weight.shape[1])
-                self.bias_ = (self.bias_ + change.double() @ self._mean.double()).float()
+                self.bias_ = (
+                    self.bias_ + change.double() @ self._mean.double()
+                ).float()
             yield report
 
     def scores(self, batch: Tensor) -> Tensor:

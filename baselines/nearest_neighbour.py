@@ -17,7 +17,11 @@ from baselines.dual import Moments, Products
 from hdc import bits
 from hdc.encode import encode
 
-PIXELS = ("bits", "raw", "standardised")  # any other scaling of baselines.pixels ranks as raw does
+PIXELS = (
+    "bits",
+    "raw",
+    "standardised",
+)  # any other scaling of baselines.pixels ranks as raw does
 REPORT = 100  # frames between two yields
 
 
@@ -41,7 +45,9 @@ class NearestNeighbour(Classifier):
 
     prediction_batch: ClassVar[int] = 500  # each batch reads all training frames once
 
-    def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
+    def train(
+        self, frames: FrameSource, labels: np.ndarray
+    ) -> Iterator[dict[str, float]]:
         """One pass; yields samples_seen every :data:`REPORT` frames."""
         choose("pixels", self.pixels, PIXELS)
         if self.k < 1:
@@ -66,11 +72,16 @@ class NearestNeighbour(Classifier):
             distances = bits.hamming(encode(batch), self.frames_)
         else:
             images = batch.flatten(1)
-            greys, moments = dual.cross_products(images, self.frames_), dual.moments(images)
+            greys, moments = (
+                dual.cross_products(images, self.frames_),
+                dual.moments(images),
+            )
             distances = self._distances(greys, moments, self._moments, images.shape[1])
         return self._votes(distances, self.labels_, len(self.classes_))
 
-    def scores_from(self, products: Products, train: np.ndarray, queries: np.ndarray) -> Tensor:
+    def scores_from(
+        self, products: Products, train: np.ndarray, queries: np.ndarray
+    ) -> Tensor:
         """See :meth:`baselines.dual.Products.scores`."""
         if self.pixels == "bits":
             distances = -products.bits[np.ix_(queries, train)]  # D − 2·Hamming distance
@@ -91,7 +102,9 @@ class NearestNeighbour(Classifier):
         if self.pixels == "raw":
             return columns[1] - 2 * products
         first, second = columns
-        squares = (second - first**2 / dimension) / dual.deviations(*columns, dimension) ** 2
+        squares = (second - first**2 / dimension) / dual.deviations(
+            *columns, dimension
+        ) ** 2
         # Squares are D, and 0 for a constant frame.
         return squares - 2 * dual.standardised(products, rows, columns, dimension)
 
@@ -99,5 +112,7 @@ class NearestNeighbour(Classifier):
         k = min(self.k, len(labels))
         nearest = labels[distances.argsort(dim=1, stable=True)[:, :k]]
         # All that is added to the votes is less than one vote, and the nearest's is the most.
-        weights = 1 + 0.5 ** torch.arange(1, k + 1, dtype=torch.float64, device=labels.device)
+        weights = 1 + 0.5 ** torch.arange(
+            1, k + 1, dtype=torch.float64, device=labels.device
+        )
         return (F.one_hot(nearest, n_classes) * weights[:, None]).sum(dim=1)

@@ -30,7 +30,15 @@ from baselines.base import FRAME_TYPES, Classifier, FrameSource, choose
 from hdc import bits
 from hdc.encode import encode
 
-SCALINGS = ["unit", "unit_centred", "raw", "standard", "standard_global", "standardised", "bits"]
+SCALINGS = [
+    "unit",
+    "unit_centred",
+    "raw",
+    "standard",
+    "standard_global",
+    "standardised",
+    "bits",
+]
 CHUNK = 20  # frames; float32 sums of 20 squared 8-bit pixels are exact (20·255² < 2²⁴)
 
 
@@ -72,7 +80,9 @@ def signs(batch: Tensor) -> Tensor:
     return (2 * mask.to(torch.int8) - 1).view(batch.shape)
 
 
-def fit_scaling(pixels: str, model: Classifier, frames: FrameSource) -> Callable[[Tensor], Tensor]:
+def fit_scaling(
+    pixels: str, model: Classifier, frames: FrameSource
+) -> Callable[[Tensor], Tensor]:
     """The scaling of that name, from frames [n, H, W] to float32 of the same shape.
 
     The model reads the training frames, from which some scalings take a mean; its ``start`` has

@@ -39,7 +39,9 @@ class RidgeReadout(PenalisedClassifier):
         y = 2 * F.one_hot(targets, len(self.classes_)).double() - 1
         y = y if before is None else y - before
         mean = y.mean(dim=0)
-        system = gram + self.alpha * torch.eye(len(gram), dtype=gram.dtype, device=gram.device)
+        system = gram + self.alpha * torch.eye(
+            len(gram), dtype=gram.dtype, device=gram.device
+        )
         a = torch.cholesky_solve(y - mean, torch.linalg.cholesky(system))
         # K·A + b − Y = −α·A
         return a, mean, float((self.alpha * a).square().mean())

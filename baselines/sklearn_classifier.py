@@ -35,7 +35,9 @@ class SklearnClassifier(Classifier):
     pixels: str = "unit"
     seed: int = 0
 
-    def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
+    def train(
+        self, frames: FrameSource, labels: np.ndarray
+    ) -> Iterator[dict[str, float]]:
         """Fit; yields once: samples_seen = N."""
         targets = self.start(frames, labels)
         self.scaling_ = fit_scaling(self.pixels, self, frames)
@@ -44,12 +46,16 @@ class SklearnClassifier(Classifier):
         if estimator.get_params().get("random_state", 0) is None:
             estimator.set_params(random_state=self.seed)
         self.estimator_ = estimator.fit(features, targets.numpy(force=True))
-        del features  # a caller that keeps this generator suspended would keep them alive
+        del (
+            features
+        )  # a caller that keeps this generator suspended would keep them alive
         yield {"samples_seen": len(frames)}
 
     def scores(self, batch: Tensor) -> Tensor:
         """One for the class predicted, zero for the others; [n, L]."""
-        predicted = torch.from_numpy(np.asarray(self.estimator_.predict(self._features(batch))))
+        predicted = torch.from_numpy(
+            np.asarray(self.estimator_.predict(self._features(batch)))
+        )
         return torch.nn.functional.one_hot(predicted.long(), len(self.classes_))
 
     def state_tensors(self) -> dict[str, Tensor] | None:

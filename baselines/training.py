@@ -24,9 +24,14 @@ from baselines.pixels import PixelScaling, fit_scaling
 
 INITS = ("linear", "normal", "zeros")
 DTYPES = ("float32", "bfloat16")
-MEMORY_FORMATS = {"contiguous": torch.contiguous_format, "channels_last": torch.channels_last}
+MEMORY_FORMATS = {
+    "contiguous": torch.contiguous_format,
+    "channels_last": torch.channels_last,
+}
 FULL_CHUNK = 20  # frames scaled at a time in a full batch
-LBFGS_TOLERANCE = 1e-7  # relative change of the loss between two reports: float32 has no more
+LBFGS_TOLERANCE = (
+    1e-7  # relative change of the loss between two reports: float32 has no more
+)
 # fused: one pass over the parameters a step instead of several; the arithmetic is the same.
 OPTIMIZERS: dict[str, Callable[..., torch.optim.Optimizer]] = {
     "Adam": partial(torch.optim.Adam, fused=True),
@@ -88,7 +93,9 @@ class IterativeClassifier(Classifier):
     def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
         """The untrained network: float32 [n, 1, H, W] → logits [n, L]."""
 
-    def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[dict[str, float]]:
+    def train(
+        self, frames: FrameSource, labels: np.ndarray
+    ) -> Iterator[dict[str, float]]:
         """Train from new initial weights; yields samples_seen, epoch, steps and loss.
 
         ``samples_seen`` counts a frame every time it is used, ``steps`` are the optimiser's, and
@@ -100,7 +107,9 @@ class IterativeClassifier(Classifier):
                 raise ValueError(f"{name}: expected at least 1, found {value}")
         choose("dtype", self.dtype, DTYPES)
         choose("init", self.init, INITS)
-        layout = MEMORY_FORMATS[choose("memory_format", self.memory_format, MEMORY_FORMATS)]
+        layout = MEMORY_FORMATS[
+            choose("memory_format", self.memory_format, MEMORY_FORMATS)
+        ]
         make_optimizer = OPTIMIZERS[choose("optimizer", self.optimizer, OPTIMIZERS)]
         if self.optimizer == "LBFGS" and self.batch_size is not None:
             raise ValueError(
@@ -164,7 +173,12 @@ class IterativeClassifier(Classifier):
                 seen += len(evaluated) * len(rows)
                 if step in reports:
                     mean = torch.stack(list(losses)).mean().item()
-                    yield {"samples_seen": seen, "epoch": seen / n, "steps": taken, "loss": mean}
+                    yield {
+                        "samples_seen": seen,
+                        "epoch": seen / n,
+                        "steps": taken,
+                        "loss": mean,
+                    }
             if isinstance(optimizer, torch.optim.LBFGS):
                 if abs(previous - mean) <= LBFGS_TOLERANCE * abs(mean):
                     return

@@ -48,7 +48,9 @@ def _inline(visitor: Any, node: nodes.math) -> None:
 
 
 def _display(visitor: Any, node: nodes.math_block) -> None:
-    visitor.body.append(f'<div class="equation">{convert(node.astext(), display="block")}</div>')
+    visitor.body.append(
+        f'<div class="equation">{convert(node.astext(), display="block")}</div>'
+    )
     raise nodes.SkipNode
 
 

@@ -28,14 +28,22 @@ from experiments.reporting.study import with_places
 from hdc.io import write_atomically
 
 README = ROOT / "README.md"
-COMMANDS = {"table1": "make table1", "full": "make reproduce", "quick": "make reproduce QUICK=1"}
+COMMANDS = {
+    "table1": "make table1",
+    "full": "make reproduce",
+    "quick": "make reproduce QUICK=1",
+}
 _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Carry it out; 1 if a record is of other code."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.reference", description=__doc__)
-    parser.add_argument("--tables", action="store_true", help="only tables, figures and README")
+    parser = argparse.ArgumentParser(
+        prog="python -m experiments.reference", description=__doc__
+    )
+    parser.add_argument(
+        "--tables", action="store_true", help="only tables, figures and README"
+    )
     chosen = parser.parse_args(arguments)
     console = Console(highlight=False)
     if not chosen.tables:
@@ -44,11 +52,15 @@ def main(arguments: list[str] | None = None) -> int:
     answers.draw()
     written = answers.write(REFERENCE)
     report.print_problems(console, [answers])
-    console.print(f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True)
+    console.print(
+        f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True
+    )
     write_atomically(README, fill(README.read_text(encoding="utf-8")))
     console.print(f"tables of {os.path.relpath(README)}")
     changed = Counter(file for run in answers.results.runs for file in run.outdated)
-    changed += Counter(file for m in answers.results.measurements for file in m.outdated)
+    changed += Counter(
+        file for m in answers.results.measurements for file in m.outdated
+    )
     for file, n in sorted(changed.items()):
         console.print(f"{file} has changed since {n} records", soft_wrap=True)
     return 1 if changed else 0
@@ -83,7 +95,9 @@ def adopt(own: Path, reference: Path) -> None:
                 continue  # others do not have that recording
             target = reference / "measured" / f"{name}{place}"
             shutil.rmtree(target, ignore_errors=True)
-            shutil.copytree(measured.folder, target, ignore=shutil.ignore_patterns(".*"))
+            shutil.copytree(
+                measured.folder, target, ignore=shutil.ignore_patterns(".*")
+            )
     if steps := reproduce.read(reference) | reproduce.read(own):
         reproduce.write(reference, steps.values())
 
@@ -91,7 +105,9 @@ def adopt(own: Path, reference: Path) -> None:
 def fill(text: str) -> str:
     """Replace the content of every marked block of README.md."""
     contents = {"claims": _claims, "table1": _table1, "reproduction": _reproduction}
-    return _BLOCK.sub(lambda match: f"{match[1]}{contents[match[2]]()}\n{match[3]}", text)
+    return _BLOCK.sub(
+        lambda match: f"{match[1]}{contents[match[2]]()}\n{match[3]}", text
+    )
 
 
 def _claims() -> str:
@@ -104,22 +120,36 @@ def _claims() -> str:
 
 def _table1() -> str:
     path = REFERENCE / "tables" / "table1.md"
-    return path.read_text("utf-8").strip() if path.exists() else "*missing: no run of Table I*"
+    return (
+        path.read_text("utf-8").strip()
+        if path.exists()
+        else "*missing: no run of Table I*"
+    )
 
 
 def _reproduction() -> str:
     """How many steps each command took, their time added up, and the most memory one needed."""
     rows, texts = list(reproduce.read(REFERENCE).values()), []
     for mode, command in COMMANDS.items():
-        done = [row for row in rows if row["mode"] == mode and row["status"] == "finished"]
+        done = [
+            row for row in rows if row["mode"] == mode and row["status"] == "finished"
+        ]
         if done:
             most = max(int(row["peak_bytes"]) for row in done) / 1e9
-            lanes = [1 + ("exclusive=false" in row["command"]) for row in done]  # two at a time
-            seconds = sum(float(row["seconds"]) / n for row, n in zip(done, lanes, strict=True))
+            lanes = [
+                1 + ("exclusive=false" in row["command"]) for row in done
+            ]  # two at a time
+            seconds = sum(
+                float(row["seconds"]) / n for row, n in zip(done, lanes, strict=True)
+            )
             time = reproduce.span(seconds)
             steps = f"{len(done)} of {len(reproduce.steps(mode))} steps"
             texts.append(f"`{command}`, {steps}: {time}, {most:.1f} GB")
-    return "; ".join(texts) + "." if texts else "*missing: no whole reproduction was timed*"
+    return (
+        "; ".join(texts) + "."
+        if texts
+        else "*missing: no whole reproduction was timed*"
+    )
 
 
 if __name__ == "__main__":

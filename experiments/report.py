@@ -38,7 +38,12 @@ from hdc.io import write_atomically
 WIDTH = 100  # columns of the terminal that Table I needs
 MOST_RUNS = 200  # that the page lists; runs.csv lists all
 SHOWN = (  # columns of it
-    *("model", "published_training_time_s", "training_time_s", "published_test_accuracy"),
+    *(
+        "model",
+        "published_training_time_s",
+        "training_time_s",
+        "published_test_accuracy",
+    ),
     "test_accuracy_final",
 )
 
@@ -56,15 +61,21 @@ class Answers:
     def __post_init__(self) -> None:
         for study in self.questions:
             self.tables[study.name] = list(study.tables_of(self.results))
-        quantities = (q for study in self.questions for q in study.quantities_of(self.results))
+        quantities = (
+            q for study in self.questions for q in study.quantities_of(self.results)
+        )
         self.tables["comparison"] = [comparison.compare(quantities)]
         self.tables["runs"] = [runs_table(self.results)]
 
     def draw(self, drawn: Path | None = None, others: Container[str] = ()) -> None:
         """Draw every figure but some, or take it from a folder where it was drawn before."""
         for study in self.questions:
-            plots = (plot for plot in study.plots_of(self.results) if plot.name not in others)
-            self.pictures[study.name] = [Picture(plot, _drawn(plot, drawn)) for plot in plots]
+            plots = (
+                plot for plot in study.plots_of(self.results) if plot.name not in others
+            )
+            self.pictures[study.name] = [
+                Picture(plot, _drawn(plot, drawn)) for plot in plots
+            ]
 
     def write(self, folder: Path) -> list[Path]:
         """Write tables and figures as files, and remove those of an earlier report; the files."""
@@ -80,9 +91,13 @@ class Answers:
         written = [folder / name for name in texts]
         (folder / "figures").mkdir(parents=True, exist_ok=True)
         for picture in itertools.chain(*self.pictures.values()):
-            written.append(folder / "figures" / f"{picture.plot.name}.{picture.plot.kind}")
+            written.append(
+                folder / "figures" / f"{picture.plot.name}.{picture.plot.kind}"
+            )
             written[-1].write_bytes(picture.data)
-        there = {path for name in ("tables", "figures") for path in (folder / name).iterdir()}
+        there = {
+            path for name in ("tables", "figures") for path in (folder / name).iterdir()
+        }
         for path in there.difference(written):
             path.unlink()
         return written
@@ -90,7 +105,9 @@ class Answers:
 
 def main(arguments: list[str] | None = None) -> None:
     """Write everything, show Table I."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.report", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m experiments.report", description=__doc__
+    )
     parser.parse_args(arguments)
     try:
         write(results_dir(), Console(width=WIDTH, highlight=False))
@@ -100,19 +117,26 @@ def main(arguments: list[str] | None = None) -> None:
 
 def write(folder: Path, console: Console) -> Path:
     """Write tables, figures and the page into a folder of own results; the page's file."""
-    folder.mkdir(parents=True, exist_ok=True)  # a folder that cannot be written fails first
+    folder.mkdir(
+        parents=True, exist_ok=True
+    )  # a folder that cannot be written fails first
     questions = studies_of(studies)
     reference = Answers("reference", Results(REFERENCE), questions)
     mine = Answers("mine", Results(folder), questions)
     sets = [answers for answers in (mine, reference) if answers.results] or [mine]
     mine.draw()
     own = {picture.plot.name for picture in itertools.chain(*mine.pictures.values())}
-    reference.draw(REFERENCE / "figures", own)  # one's own figure stands for the reference's
+    reference.draw(
+        REFERENCE / "figures", own
+    )  # one's own figure stands for the reference's
     (mine if mine.results else reference).write(folder)
     sections = [
-        Section(s.name, s.title, s.question, _blocks(s.name, sets), s.front) for s in questions
+        Section(s.name, s.title, s.question, _blocks(s.name, sets), s.front)
+        for s in questions
     ]
-    compared = Section("comparison", "Every published number", "", _blocks("comparison", sets))
+    compared = Section(
+        "comparison", "Every published number", "", _blocks("comparison", sets)
+    )
     sections.insert(sum(study.front for study in questions), compared)
     if mine in sets and len(mine.results.runs) <= MOST_RUNS:
         sections.append(Section("runs", "Every run", "", _blocks("runs", [mine])))
@@ -134,7 +158,9 @@ def _blocks(name: str, sets: Sequence[Answers]) -> list[Block]:
     for answers in reversed(sets):  # the complete reference stands before first looks
         tables, pictures = answers.tables[name], answers.pictures.get(name, [])
         if tables or pictures:
-            blocks.append(Block(answers.name if len(sets) > 1 else "", tables, pictures))
+            blocks.append(
+                Block(answers.name if len(sets) > 1 else "", tables, pictures)
+            )
     return blocks
 
 
@@ -142,7 +168,9 @@ def _about(answers: Answers) -> str:
     """How many records there are, of which code, from which machine."""
     results = answers.results
     records: list[Run | Measured] = [*results.runs, *results.measurements]
-    machines = {(r.record.environment.cpu, r.record.environment.threads) for r in records}
+    machines = {
+        (r.record.environment.cpu, r.record.environment.threads) for r in records
+    }
     where = "; ".join(f"{cpu}, {threads} threads" for cpu, threads in sorted(machines))
     counts = f"{len(results.runs)} runs and {len(results.measurements)} measurements on {where}"
     counts += f" ({'tables/runs.csv' if answers.name == 'mine' else 'runs.jsonl'} has every run)"
@@ -162,9 +190,13 @@ def _drawn(plot: Plot, folder: Path | None) -> bytes:
 
 def _show_table1(answers: Answers, console: Console) -> None:
     """Times and accuracies of Table I, of the paper and of a set of results."""
-    for table in (table for table in answers.tables["table1"] if table.name == "table1"):
+    for table in (
+        table for table in answers.tables["table1"] if table.name == "table1"
+    ):
         short = replace(table, shown=SHOWN)
-        shown = TerminalTable(*short.heads, title=f"Table I, {answers.name}", box=box.SIMPLE_HEAD)
+        shown = TerminalTable(
+            *short.heads, title=f"Table I, {answers.name}", box=box.SIMPLE_HEAD
+        )
         for row in short.cells():
             shown.add_row(*(Text(printable(cell)) for cell in row))
         console.print(shown)

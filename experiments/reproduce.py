@@ -64,19 +64,30 @@ class Step:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the steps; 1 if one failed, 130 after an interruption."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.reproduce", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m experiments.reproduce", description=__doc__
+    )
     which = parser.add_mutually_exclusive_group()
     for mode in ("quick", "table1"):
-        flag: Any = {"dest": "mode", "action": "store_const", "const": mode, "help": WHAT[mode]}
+        flag: Any = {
+            "dest": "mode",
+            "action": "store_const",
+            "const": mode,
+            "help": WHAT[mode],
+        }
         which.add_argument(f"--{mode}", default="full", **flag)
     parser.add_argument("--list", action="store_true", help="show the steps, run none")
     chosen = parser.parse_args(arguments)
     console = Console(highlight=False)
     found = steps(chosen.mode)
     total = span(60 * sum(step.minutes for step in found))
-    console.print(f"{chosen.mode}: {WHAT[chosen.mode]}; about {total} from nothing on 2 cores")
+    console.print(
+        f"{chosen.mode}: {WHAT[chosen.mode]}; about {total} from nothing on 2 cores"
+    )
     for step in found:
-        about = f"{step.name}, {span(60 * step.minutes)}: {step.skipped or step.command}"
+        about = (
+            f"{step.name}, {span(60 * step.minutes)}: {step.skipped or step.command}"
+        )
         console.print(about, markup=False, soft_wrap=True)
     if chosen.list:
         return 0
@@ -99,7 +110,9 @@ def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> in
     left = 60 * sum(step.minutes for step in found)
     try:
         for k, step in enumerate(found, 1):
-            console.rule(f"{k} of {len(found)}: {step.name}; {span(left)} left", align="left")
+            console.rule(
+                f"{k} of {len(found)}: {step.name}; {span(left)} left", align="left"
+            )
             left -= 60 * step.minutes
             if step.skipped:
                 console.print(f"[yellow]{step.name}: {step.skipped}[/yellow]")
@@ -123,7 +136,9 @@ def measured(step: Step, mode: str, results: Path) -> str:
         _, ended, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(ended)
         peak = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-        status = f"failed with {process.returncode}" if process.returncode else "finished"
+        status = (
+            f"failed with {process.returncode}" if process.returncode else "finished"
+        )
     except BaseException as error:
         if not isinstance(error, KeyboardInterrupt):  # which it got as well
             process.terminate()

@@ -39,7 +39,9 @@ stderr = Console(stderr=True, highlight=False)
 
 # Errors that are the user's to mend: shown as one line. All others are ours, with their traceback.
 _USER_ERRORS = (ValueError, OSError, HydraException, OmegaConfBaseException)
-_failures: list[Exception] = []  # of this process; those of a launcher's workers come by Hydra
+_failures: list[
+    Exception
+] = []  # of this process; those of a launcher's workers come by Hydra
 
 warnings.filterwarnings("ignore", message=".*hydra.run.dir.*")
 # configs/hydra/launcher changes parts of the launchers' own configs.
@@ -75,7 +77,9 @@ def _job(cfg: DictConfig) -> None:
                     **switches,
                 )
             return
-        summarise(console, *job.run(cfg, chosen, list(hydra_cfg.overrides.task), console))
+        summarise(
+            console, *job.run(cfg, chosen, list(hydra_cfg.overrides.task), console)
+        )
     except locks.Held as held:
         console.print(str(held), style="yellow", markup=False, soft_wrap=True)
     except Exception as error:
@@ -98,7 +102,9 @@ def _complain(error: Exception) -> None:
 
 
 def _warn(message: Warning | str, *_: Any) -> None:
-    stderr.print("[yellow]warning:[/yellow]", escape(str(message)), soft_wrap=True, emoji=False)
+    stderr.print(
+        "[yellow]warning:[/yellow]", escape(str(message)), soft_wrap=True, emoji=False
+    )
 
 
 def _message(error: BaseException) -> str:
@@ -109,7 +115,9 @@ def _message(error: BaseException) -> str:
     if isinstance(error, HydraException | OmegaConfBaseException):
         lines = (line.strip() for line in str(error).splitlines())
         skipped = ("See https:", "object_type=")  # name nothing of the user's
-        return ", ".join(line for line in lines if line and not line.startswith(skipped))
+        return ", ".join(
+            line for line in lines if line and not line.startswith(skipped)
+        )
     return str(error).strip()
 
 
@@ -118,7 +126,9 @@ def entry_point() -> None:
     global _first
     _first = True
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra's own errors come here, and leave as one line
+    os.environ["HYDRA_FULL_ERROR"] = (
+        "1"  # Hydra's own errors come here, and leave as one line
+    )
     warnings.showwarning = _warn  # type: ignore[assignment]
     # A scheduler's or a user's end of a run is written into its record, a closed terminal's too.
     for number in (signal.SIGTERM, signal.SIGHUP):

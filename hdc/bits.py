@@ -31,13 +31,17 @@ from hdc import planes
 WORD = 64
 TIES = ("zero", "one", "random")
 BACKENDS = ("numpy", "compiled")
-_WORTH_LOADING = 2**30  # pixels; numba and the kernels take 0.6 s to load, 10^9 pixels save 0.45 s
+_WORTH_LOADING = (
+    2**30
+)  # pixels; numba and the kernels take 0.6 s to load, 10^9 pixels save 0.45 s
 
 # Eight bools seen as one int64 times this constant carry their bits into the top byte, in order.
 _GATHER_BYTE = 0x0102040810204080
 
 if sys.byteorder != "little":  # the byte views below would put bits elsewhere
-    raise ImportError("hdc.bits: expected a little-endian machine, found a big-endian one")
+    raise ImportError(
+        "hdc.bits: expected a little-endian machine, found a big-endian one"
+    )
 
 
 def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
@@ -47,16 +51,22 @@ def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
         ValueError: for an unknown backend, or compiled kernels without CPU or numba.
     """
     if backend not in BACKENDS:
-        raise ValueError(f"backend: expected one of auto, {', '.join(BACKENDS)}, found {backend!r}")
+        raise ValueError(
+            f"backend: expected one of auto, {', '.join(BACKENDS)}, found {backend!r}"
+        )
     if backend == "numpy":
         return None
     if torch.device(device).type != "cpu":
-        raise ValueError(f"backend: 'compiled' expects device 'cpu', found {str(device)!r}")
+        raise ValueError(
+            f"backend: 'compiled' expects device 'cpu', found {str(device)!r}"
+        )
     try:
         from hdc import compiled
     except ImportError as error:
         install = "numba (pip install 'speckle-hdc[compiled]')"
-        raise ValueError(f"backend: 'compiled' expects {install}, found: {error}") from error
+        raise ValueError(
+            f"backend: 'compiled' expects {install}, found: {error}"
+        ) from error
     return compiled
 
 
@@ -135,7 +145,9 @@ def hamming(queries: Tensor, prototypes: Tensor, backend: str = "numpy") -> Tens
     """
     widths = queries.shape[-1], prototypes.shape[-1]
     if widths[0] != widths[1]:
-        raise ValueError("hamming: expected equal widths, found {} and {} words".format(*widths))
+        raise ValueError(
+            "hamming: expected equal widths, found {} and {} words".format(*widths)
+        )
     if queries.device.type != "cpu":
         distances = queries.new_empty(len(queries), len(prototypes))
         step = max(1, 2**23 // max(1, prototypes.numel()))  # at most about 256 MB
@@ -146,18 +158,24 @@ def hamming(queries: Tensor, prototypes: Tensor, backend: str = "numpy") -> Tens
     if compiled := kernels(backend, "cpu"):
         pair = (np.ascontiguousarray(words.numpy()) for words in (queries, prototypes))
         return torch.from_numpy(compiled.hamming(*pair))
-    q, p = (words.contiguous().numpy().view(np.uint64) for words in (queries, prototypes))
+    q, p = (
+        words.contiguous().numpy().view(np.uint64) for words in (queries, prototypes)
+    )
     out = np.empty((len(q), len(p)), np.int64)
     # Some tens of queries a step keep the intermediate words in the processor's cache.
     step = max(1, 2**16 // max(1, q.shape[1]))
     for start in range(0, len(q), step):
         block = q[start : start + step]
         for j, prototype in enumerate(p):
-            np.bitwise_count(block ^ prototype).sum(-1, out=out[start : start + step, j])
+            np.bitwise_count(block ^ prototype).sum(
+                -1, out=out[start : start + step, j]
+            )
     return torch.from_numpy(out)
 
 
-def majority(words: Tensor, ties: str = "zero", tie_breaker: Tensor | None = None) -> Tensor:
+def majority(
+    words: Tensor, ties: str = "zero", tie_breaker: Tensor | None = None
+) -> Tensor:
     """Bitwise majority (paper, Eq. 1) of N hypervectors: int64 [N, W] → [W].
 
     Args:
@@ -189,7 +207,9 @@ def majority_of_counts(
     if ties == "one":
         return at_least_half
     if tie_breaker is None:
-        raise ValueError("ties='random': expected a tie_breaker hypervector, found None")
+        raise ValueError(
+            "ties='random': expected a tie_breaker hypervector, found None"
+        )
     return more | (at_least_half & tie_breaker)
 
 
@@ -225,4 +245,6 @@ def _swar_popcount(words: Tensor) -> Tensor:
 def check_width(words: Tensor, dimension: int) -> None:
     """Raise ValueError for hypervectors [..., W] that do not have the words of D bits."""
     if (found := words.shape[-1]) != (width := words_for(dimension)):
-        raise ValueError(f"words: expected {width} words for D = {dimension}, found {found}")
+        raise ValueError(
+            f"words: expected {width} words for D = {dimension}, found {found}"
+        )

@@ -84,11 +84,17 @@ class HDCClassifier(Estimator):
     prototypes_: Tensor
     ridge_: Ridge
     _index: dict[Label, int]  # label → row
-    _size: int | None  # samples per class that prototypes count as; −1: none are made yet
+    _size: (
+        int | None
+    )  # samples per class that prototypes count as; −1: none are made yet
     _sample: Sample
-    _deciding: Tensor | None  # [L, 5, W], see rejection.EXTRAS, where counters do not tell them
+    _deciding: (
+        Tensor | None
+    )  # [L, 5, W], see rejection.EXTRAS, where counters do not tell them
     _peers: list[Peers | None] | None  # made of the last two when asked for
-    _frames: tuple[Tensor, list[Label]] | None  # hypervectors [N, W] and labels of all frames
+    _frames: (
+        tuple[Tensor, list[Label]] | None
+    )  # hypervectors [N, W] and labels of all frames
     _recalibrated: bool
 
     def __init__(
@@ -158,7 +164,9 @@ class HDCClassifier(Estimator):
             if kernels_read and self.readout == "prototype" and self.dimension_ > 1:
                 self._add_in_one_read(part, names, start)
             else:
-                words = self._encode(part, start, backend, words if self._frames is None else None)
+                words = self._encode(
+                    part, start, backend, words if self._frames is None else None
+                )
                 self._add(words, names, backend)
             seen = min(start + CHUNK, len(frames))
             if self.readout == "ridge":
@@ -215,7 +223,9 @@ class HDCClassifier(Estimator):
         Raises:
             ValueError: for a model of another kind or frame shape, not trained, or recalibrated.
         """
-        kinds = [f"{type(m).__name__} with readout {m.readout!r}" for m in (self, other)]
+        kinds = [
+            f"{type(m).__name__} with readout {m.readout!r}" for m in (self, other)
+        ]
         if kinds[0] != kinds[1]:
             raise ValueError(f"merge: expected a {kinds[0]}, found a {kinds[1]}")
         Estimator._check_is_trained(other)
@@ -237,7 +247,12 @@ class HDCClassifier(Estimator):
         return self
 
     def recalibrate(
-        self, frames: Any, y: Any, p: float = 0.5, seed: int = 0, method: str = "replace"
+        self,
+        frames: Any,
+        y: Any,
+        p: float = 0.5,
+        seed: int = 0,
+        method: str = "replace",
     ) -> Self:
         """Adapt to a changed environment by new frames.
 
@@ -260,15 +275,25 @@ class HDCClassifier(Estimator):
         self._check_is_trained()
         check_probability(p)
         if method not in METHODS:
-            raise ValueError(f"method: expected one of {', '.join(METHODS)}, found {method!r}")
-        if self.prototype != "binary" and self.readout == "prototype" and method == "replace":
-            raise ValueError("method: expected 'merge' for integer prototypes, found 'replace'")
+            raise ValueError(
+                f"method: expected one of {', '.join(METHODS)}, found {method!r}"
+            )
+        if (
+            self.prototype != "binary"
+            and self.readout == "prototype"
+            and method == "replace"
+        ):
+            raise ValueError(
+                "method: expected 'merge' for integer prototypes, found 'replace'"
+            )
         frames, labels = self._samples(frames, y)
         inputs.check_among(labels, self._index)
         words = torch.cat(list(self._encoded(frames)))
         rows = sorted({self._index[label] for label in labels})
         new = Counters(len(rows), self.dimension_, self.device, self._backend(frames))
-        new.add(words, torch.tensor([rows.index(self._index[label]) for label in labels]))
+        new.add(
+            words, torch.tensor([rows.index(self._index[label]) for label in labels])
+        )
         sample = Sample()
         sample.add(words, labels)
 
@@ -276,7 +301,10 @@ class HDCClassifier(Estimator):
         before, rule = self.prototypes_, (self.ties, self.seed)
         decided = self._deciding_prototypes()
         if method == "merge":
-            old, placed = self.counters_, Counters(len(before), self.dimension_, self.device)
+            old, placed = (
+                self.counters_,
+                Counters(len(before), self.dimension_, self.device),
+            )
             if self.balance and not self._recalibrated:
                 old = old.thinned(_smallest(old), self.seed)
             placed.merge(new.thinned(size, seed) if size else new, rows)
@@ -286,15 +314,21 @@ class HDCClassifier(Estimator):
                 decided[c] = deciding(counters, c, *rule, weights[c])
             self.counters_ = counters
         else:
-            mask = replaced_bits(len(before), self.dimension_, p, seed).to(before.device)
+            mask = replaced_bits(len(before), self.dimension_, p, seed).to(
+                before.device
+            )
             after, fresh = before.clone(), new.prototypes(*rule, size)
             for i, c in enumerate(rows):
                 after[c] ^= (before[c] ^ fresh[i]) & mask[c]
-                decided[c] = before[c] ^ ((before[c] ^ deciding(new, i, *rule)) & mask[c])
+                decided[c] = before[c] ^ (
+                    (before[c] ^ deciding(new, i, *rule)) & mask[c]
+                )
         for label in set(labels):
             self._sample.put(label, sample.of(label), sample.seen[label])
         if self.readout == "ridge":
-            self.ridge_, _ = ridge(*self._targets(words, labels), self.dimension_, self.ridge_)
+            self.ridge_, _ = ridge(
+                *self._targets(words, labels), self.dimension_, self.ridge_
+            )
         elif self._frames is not None:
             kept, names = self._frames
             others = [i for i, name in enumerate(names) if name not in set(labels)]
@@ -314,14 +348,18 @@ class HDCClassifier(Estimator):
             reject: answer None, in an array of objects, for a frame that :meth:`is_known` does not
                 know: the share of frames of known classes that may be lost so; True for 5 %.
         """
-        share = None if reject is False else check_share(RATE if reject is True else reject)
+        share = (
+            None if reject is False else check_share(RATE if reject is True else reject)
+        )
         self._check_is_trained()
         labels = []
         for words in self._encoded(frames):
             found = self.classes_[self._scores_of(words).argmin(1).numpy(force=True)]
             if share is not None:
                 found = found.astype(object)
-                found[p_values(self._known_peers(), words, share).max(1) <= share] = None
+                found[p_values(self._known_peers(), words, share).max(1) <= share] = (
+                    None
+                )
             labels.append(found)
         return np.concatenate(labels)
 
@@ -403,7 +441,11 @@ class HDCClassifier(Estimator):
         if self._frames is not None:
             rows = torch.tensor([self._index[label] for label in self._frames[1]])
             tensors |= {"frames": self._frames[0], "rows": rows}
-        return {"classes": classes, "seen": seen, "recalibrated": self._recalibrated}, tensors
+        return {
+            "classes": classes,
+            "seen": seen,
+            "recalibrated": self._recalibrated,
+        }, tensors
 
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
         self._start(self.frame_shape_)
@@ -427,18 +469,25 @@ class HDCClassifier(Estimator):
         self._size = self._common_size()
         self.prototypes_, self._deciding = here["prototypes"], here.get("deciding")
         self._recalibrated = bool(header["recalibrated"])
-        for label, words, n_seen in zip(classes, here["sample"].split(kept), seen, strict=True):
+        for label, words, n_seen in zip(
+            classes, here["sample"].split(kept), seen, strict=True
+        ):
             self._sample.put(label, words, n_seen)
         if self.readout == "ridge":
             self.ridge_ = Ridge.of(here, self.dimension_)
         elif self.readout == "neighbours":
-            self._frames = here["frames"], [classes[row] for row in tensors["rows"].tolist()]
+            self._frames = (
+                here["frames"],
+                [classes[row] for row in tensors["rows"].tolist()],
+            )
 
     # Parts ---------------------------------------------------------------------------------------
 
     def _check_learns(self, action: str) -> None:
         if getattr(self, "_recalibrated", False):
-            raise ValueError(f"{action}: expected a model that was not recalibrated; fit anew")
+            raise ValueError(
+                f"{action}: expected a model that was not recalibrated; fit anew"
+            )
         if self.readout == "ridge":
             raise ValueError(
                 f"{action}: expected readout 'prototype' or 'neighbours', found 'ridge'; fit anew"
@@ -454,7 +503,12 @@ class HDCClassifier(Estimator):
         self._index, self.classes_ = {}, np.empty(0, object)
         self.prototypes_ = self.counters_.planes[:, 0]
         self._size = None
-        self._sample, self._deciding, self._peers, self._frames = Sample(), None, None, None
+        self._sample, self._deciding, self._peers, self._frames = (
+            Sample(),
+            None,
+            None,
+            None,
+        )
         self._recalibrated = False
 
     def _know(self, labels: Iterable[Label]) -> None:
@@ -466,7 +520,9 @@ class HDCClassifier(Estimator):
         counters = Counters(len(index), self.dimension_, self.device)
         counters.merge(self.counters_, [index[label] for label in self._index])
         self._index, self.classes_, self.counters_ = index, classes, counters
-        self.prototypes_ = planes.zeros((len(index), bits.words_for(self.dimension_)), self.device)
+        self.prototypes_ = planes.zeros(
+            (len(index), bits.words_for(self.dimension_)), self.device
+        )
         self._size = -1  # all are to be made: random ties and thinned counts go by rows
 
     def _add(self, words: Tensor, labels: Sequence[Label], backend: str) -> list[int]:
@@ -479,7 +535,9 @@ class HDCClassifier(Estimator):
             self._keep(words, labels)
         return rows
 
-    def _add_in_one_read(self, frames: Tensor, labels: Sequence[Label], first: int) -> None:
+    def _add_in_one_read(
+        self, frames: Tensor, labels: Sequence[Label], first: int
+    ) -> None:
         """:meth:`_add` of 8-bit frames, of whose hypervectors only those of the sample are kept."""
         inputs.check_shape(frames.shape[1:], self.frame_shape_, type(self).__name__)
         rows = torch.tensor([self._index[label] for label in labels], dtype=torch.int64)
@@ -491,7 +549,10 @@ class HDCClassifier(Estimator):
     def _keep(self, words: Tensor, labels: Sequence[Label]) -> None:
         """Keep hypervectors for the read-outs that are made of them."""
         if self._frames is not None:
-            words, labels = torch.cat((self._frames[0], words)), [*self._frames[1], *labels]
+            words, labels = (
+                torch.cat((self._frames[0], words)),
+                [*self._frames[1], *labels],
+            )
         self._frames = words, list(labels)
 
     def _targets(self, words: Tensor, labels: Sequence[Label]) -> tuple[Tensor, Tensor]:
@@ -502,12 +563,16 @@ class HDCClassifier(Estimator):
     def _common_size(self) -> int | None:
         """Samples a class that prototypes count as, where some classes are thinned."""
         smallest = _smallest(self.counters_)
-        return smallest if self.balance and (self.counters_.n > smallest).any() else None
+        return (
+            smallest if self.balance and (self.counters_.n > smallest).any() else None
+        )
 
     def _update_prototypes(self, rows: Iterable[int]) -> None:
         """Make the prototypes of classes that have more samples, or all where that changes them."""
         counters, size = self.counters_, self._common_size()
-        prototypes = torch.empty_like(self.prototypes_)  # others may be reading the ones of before
+        prototypes = torch.empty_like(
+            self.prototypes_
+        )  # others may be reading the ones of before
         planes.plain(prototypes)[:] = planes.plain(self.prototypes_)
         for c in set(rows) if size == self._size else range(len(self._index)):
             if counters.n[c]:
@@ -541,7 +606,11 @@ class HDCClassifier(Estimator):
             return self._nearest_frames(words)
         if self.prototype == "binary":
             return self._hamming(words)
-        size = _smallest(self.counters_) if self.balance and not self._recalibrated else None
+        size = (
+            _smallest(self.counters_)
+            if self.balance and not self._recalibrated
+            else None
+        )
         scores = cosines(self.counters_, words, size)
         if (empty := self._empty()) is not None:
             scores[:, empty] = torch.inf
@@ -551,7 +620,9 @@ class HDCClassifier(Estimator):
         """The distance of the nearest frame of each class, and far less for one with votes."""
         assert self._frames is not None
         kept, labels = self._frames
-        rows = torch.tensor([self._index[label] for label in labels], device=words.device)
+        rows = torch.tensor(
+            [self._index[label] for label in labels], device=words.device
+        )
         distances = bits.hamming(words, kept, self._backend())
         rows = rows.expand_as(distances)
         far = distances.new_full((len(words), len(self._index)), self.dimension_ + 1)
@@ -567,7 +638,10 @@ class HDCClassifier(Estimator):
 
     def _p_values(self, frames: Any, alpha: float) -> np.ndarray:
         self._check_is_trained()
-        parts = [p_values(self._known_peers(), words, alpha) for words in self._encoded(frames)]
+        parts = [
+            p_values(self._known_peers(), words, alpha)
+            for words in self._encoded(frames)
+        ]
         return np.concatenate(parts)
 
     def _known_peers(self) -> list[Peers | None]:
@@ -575,7 +649,9 @@ class HDCClassifier(Estimator):
         if peers is None:
             prototypes, sample = self._deciding_prototypes(), self._sample
             peers = [
-                Peers.of(sample.of(label), prototypes[c]) if sample.seen.get(label) else None
+                Peers.of(sample.of(label), prototypes[c])
+                if sample.seen.get(label)
+                else None
                 for c, label in enumerate(self.classes_.tolist())
             ]
             self._peers = peers

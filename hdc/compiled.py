@@ -30,7 +30,9 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 _WORD = 64
-_BLOCK = 512  # words a row counted at a time: counters and rows of a block stay in the cache
+_BLOCK = (
+    512  # words a row counted at a time: counters and rows of a block stay in the cache
+)
 _SHARE_BYTES = 2**17  # of input that are worth another thread
 _TRIALS = 4  # of levels that a sample proposes
 
@@ -61,12 +63,17 @@ def count_uint8(
     """
     constant = np.zeros(len(images), np.bool_)
     images = np.ascontiguousarray(images)
-    shared: list[tuple[int, np.ndarray]] = []  # counts of a class that another thread began
+    shared: list[
+        tuple[int, np.ndarray]
+    ] = []  # counts of a class that another thread began
 
     def work(start: int, stop: int) -> None:
         first = int(np.searchsorted(ends, start, "right"))
         for c in range(first, int(np.searchsorted(ends, stop, "left")) + 1):
-            left, right = max(start, int(ends[c - 1]) if c else 0), min(stop, int(ends[c]))
+            left, right = (
+                max(start, int(ends[c - 1]) if c else 0),
+                min(stop, int(ends[c])),
+            )
             if left == right:
                 continue
             into = counts[c : c + 1]
@@ -81,7 +88,9 @@ def count_uint8(
     return np.flatnonzero(constant).tolist()
 
 
-def count_into(counts: np.ndarray, words: np.ndarray, order: np.ndarray, ends: np.ndarray) -> None:
+def count_into(
+    counts: np.ndarray, words: np.ndarray, order: np.ndarray, ends: np.ndarray
+) -> None:
     """Add rows of words [N, W] to bit-sliced counters [L, P, W], in place, all classes at once.
 
     `order` has row numbers, class by class; the rows of class c end at ends[c] of it.
@@ -124,7 +133,9 @@ def _pool(process: int) -> ThreadPoolExecutor:
 
 # Operations for LLVM -----------------------------------------------------------------------------
 
-_operation: Any = intrinsic  # its type says that it leaves the function's arguments as they are
+_operation: Any = (
+    intrinsic  # its type says that it leaves the function's arguments as they are
+)
 
 
 def _compare(relation: str):
@@ -141,7 +152,9 @@ def _compare(relation: str):
             vector = ir.VectorType(ir.IntType(8), _WORD)
             block = builder.load(builder.bitcast(place, vector.as_pointer()), align=1)
             i32 = ir.IntType(32)
-            one = builder.insert_element(ir.Constant(vector, ir.Undefined), level, i32(0))
+            one = builder.insert_element(
+                ir.Constant(vector, ir.Undefined), level, i32(0)
+            )
             zeros = ir.Constant(ir.VectorType(i32, _WORD), None)
             levels = builder.shuffle_vector(one, one, zeros)
             mask = builder.icmp_unsigned(relation, block, levels)
@@ -181,7 +194,9 @@ def _compile(signature):
     return compiled
 
 
-@_compile("UniTuple(int64, 2)(uint8[:, ::1], intp, uint8, int64[::1], int64[::1], boolean)")
+@_compile(
+    "UniTuple(int64, 2)(uint8[:, ::1], intp, uint8, int64[::1], int64[::1], boolean)"
+)
 def _threshold(images, i, level, words, sample, sampled):
     """Fill words [W] with the pixels above a level; return how many there are, and how many equal.
 

@@ -25,7 +25,9 @@ from torch import Tensor
 from hdc import bits
 
 _STEP = 2**20  # pixels of several frames thresholded at once, at up to 30 bytes each
-_SMALL = 4096  # pixels per frame up to which that is faster than one frame after another
+_SMALL = (
+    4096  # pixels per frame up to which that is faster than one frame after another
+)
 _SAMPLE = 4096  # pixels of a frame that are sorted, at most
 
 
@@ -55,7 +57,9 @@ def encode(
             f"frames: expected shape [N, H, W] or [N, D] with pixels, found {tuple(frames.shape)}"
         )
     if frames.dtype == torch.bool or frames.is_complex():
-        raise TypeError(f"frames: expected real or integer pixels, found {frames.dtype}")
+        raise TypeError(
+            f"frames: expected real or integer pixels, found {frames.dtype}"
+        )
     n, dimension = len(frames), frames.shape[1:].numel()
     width = bits.words_for(dimension)
     if out is None:
@@ -63,7 +67,9 @@ def encode(
     words = out[:n]
     constant: list[int] = []
     if kernels and frames.dtype == torch.uint8 and dimension > 1:
-        constant = kernels.encode_uint8(frames.reshape(n, dimension).numpy(), words.numpy())
+        constant = kernels.encode_uint8(
+            frames.reshape(n, dimension).numpy(), words.numpy()
+        )
     else:
         step = max(1, _STEP // dimension)
         route = _encode_torch
@@ -81,10 +87,13 @@ def encode(
 def warn_of_constant(constant: list[int], first: int) -> None:
     """Warn of frames, counted from number `first`, of which all pixels are equal; if there are."""
     if constant:
-        listed = ", ".join([*(str(first + i) for i in constant[:10]), "…"][: len(constant)])
+        listed = ", ".join(
+            [*(str(first + i) for i in constant[:10]), "…"][: len(constant)]
+        )
         reason = "every pixel is equal, so the hypervector carries no information"
         warnings.warn(
-            f"{len(constant)} constant frame(s), at index {listed}: {reason}", stacklevel=3
+            f"{len(constant)} constant frame(s), at index {listed}: {reason}",
+            stacklevel=3,
         )
 
 
@@ -101,7 +110,9 @@ def _pixels(frames: Tensor, first: int) -> Tensor:
         index = int((~pixels.isfinite().all(1)).nonzero()[0])
         value = pixels[index][~pixels[index].isfinite()][0].item()
         found = "NaN" if math.isnan(value) else value
-        raise ValueError(f"frames[{first + index}]: expected finite pixels, found {found}")
+        raise ValueError(
+            f"frames[{first + index}]: expected finite pixels, found {found}"
+        )
     return pixels
 
 
@@ -117,7 +128,9 @@ def _encode_torch(pixels: Tensor, rows: Tensor) -> list[bool]:
     threshold = pixels.kthvalue(place + 1, dim=1, keepdim=True).values
     above, equal = pixels > threshold, pixels == threshold
     missing = ones - above.sum(1, keepdim=True)
-    rows[:] = bits.pack(above | (equal & (equal.cumsum(1, dtype=torch.int32) <= missing)))
+    rows[:] = bits.pack(
+        above | (equal & (equal.cumsum(1, dtype=torch.int32) <= missing))
+    )
     return equal.all(1).tolist()
 
 
@@ -152,7 +165,9 @@ def _select(pixels: np.ndarray, row: np.ndarray, mask: np.ndarray) -> bool:
     if rest := dimension % bits.WORD:
         below[-1] = (1 << rest) - 1
     above, n_above = np.zeros_like(row), 0
-    sample = np.sort(pixels[_places(dimension)], kind="stable")  # to 16 bits, a radix sort
+    sample = np.sort(
+        pixels[_places(dimension)], kind="stable"
+    )  # to 16 bits, a radix sort
     at = len(sample) // 2
     while high - low > 1:
         value = int(sample[min(max(0, at), len(sample) - 1)])
@@ -178,7 +193,9 @@ def _select(pixels: np.ndarray, row: np.ndarray, mask: np.ndarray) -> bool:
 def _places(dimension: int) -> np.ndarray:
     """Which pixels are the sample: one of each stretch, at random, lest they follow a pattern."""
     n = min(_SAMPLE, max(32, dimension // 16), dimension)
-    return ((np.arange(n) + np.random.default_rng(0).random(n)) * dimension / n).astype(np.intp)
+    return ((np.arange(n) + np.random.default_rng(0).random(n)) * dimension / n).astype(
+        np.intp
+    )
 
 
 def _popcount(words: np.ndarray) -> np.ndarray:
@@ -188,7 +205,9 @@ def _popcount(words: np.ndarray) -> np.ndarray:
 def _keep_first(words: np.ndarray, n: int) -> None:
     """Clear all but the first n ones of words int64 [W]."""
     running = _popcount(words).cumsum(dtype=np.int64)
-    at = int(running.searchsorted(n, "right"))  # the word that holds the first one cleared
+    at = int(
+        running.searchsorted(n, "right")
+    )  # the word that holds the first one cleared
     if at == len(words):
         return
     surplus, word = int(running[at]) - n, int(words[at]) & 0xFFFF_FFFF_FFFF_FFFF

@@ -43,14 +43,20 @@ class Estimator(ABC):
                 listed = ", ".join(map(str, valid))
                 raise ValueError(f"{name}: expected one of {listed}, found {value!r}")
         if not isinstance(self.n_neighbours, int | np.integer) or self.n_neighbours < 1:
-            raise ValueError(f"n_neighbours: expected an integer ≥ 1, found {self.n_neighbours!r}")
+            raise ValueError(
+                f"n_neighbours: expected an integer ≥ 1, found {self.n_neighbours!r}"
+            )
         self._backend()
 
     def _check_is_trained(self) -> None:
-        if not hasattr(self, "dimension_"):  # scikit-learn's kind of error where it is loaded
+        if not hasattr(
+            self, "dimension_"
+        ):  # scikit-learn's kind of error where it is loaded
             module = sys.modules.get("sklearn.exceptions")
             kind = getattr(module, "NotFittedError", ValueError)
-            raise kind(f"{type(self).__name__}: expected a trained model; call fit first")
+            raise kind(
+                f"{type(self).__name__}: expected a trained model; call fit first"
+            )
 
     def _set_shape(self, shape: Sequence[int]) -> None:
         self.frame_shape_ = tuple(shape)
@@ -81,7 +87,11 @@ class Estimator(ABC):
         Raises:
             ValueError: for other columns, or pixels that are masked.
         """
-        columns = [str(name) for name in frames.columns] if hasattr(frames, "columns") else None
+        columns = (
+            [str(name) for name in frames.columns]
+            if hasattr(frames, "columns")
+            else None
+        )
         if training and not hasattr(self, "dimension_"):
             self._columns = columns
         self._check_columns(columns)
@@ -91,9 +101,13 @@ class Estimator(ABC):
 
     def _check_columns(self, columns: list[str] | None) -> None:
         if None not in (columns, self._columns) and columns != self._columns:
-            raise ValueError("frames: expected the columns of training in its order, found others")
+            raise ValueError(
+                "frames: expected the columns of training in its order, found others"
+            )
 
-    def _encode(self, frames: Any, first: int, backend: str, out: Tensor | None = None) -> Tensor:
+    def _encode(
+        self, frames: Any, first: int, backend: str, out: Tensor | None = None
+    ) -> Tensor:
         """Hypervectors [N, W] of one chunk of frames, the first of all being frame `first`."""
         tensor = inputs.tensor(frames).to(self.device)
         if hasattr(self, "frame_shape_") and len(tensor):
@@ -135,7 +149,9 @@ class Estimator(ABC):
             FileExistsError: where something other than a saved model has the name.
         """
         self._check_is_trained()
-        metadata = dict(getattr(self, "metadata_", {}) if metadata is None else metadata)
+        metadata = dict(
+            getattr(self, "metadata_", {}) if metadata is None else metadata
+        )
         # Not the backend: the best one depends on the machine, and the model does not.
         parameters = {k: v for k, v in self.get_params().items() if k != "backend"}
         parameters |= {"device": str(self.device)}
@@ -145,7 +161,9 @@ class Estimator(ABC):
         header |= {"parameters": parameters, "frame_shape": self.frame_shape_}
         header["columns"] = self._columns
         kind = type(self).__name__
-        io.write_model(Path(path), {"kind": kind, **header, "metadata": metadata}, tensors)
+        io.write_model(
+            Path(path), {"kind": kind, **header, "metadata": metadata}, tensors
+        )
         self.metadata_ = metadata
 
     @classmethod
@@ -158,14 +176,20 @@ class Estimator(ABC):
         try:
             header, tensors = io.read_model(Path(path))
             if header["kind"] != cls.__name__:
-                raise ValueError(f"a saved {header['kind']}; load it with {header['kind']}.load")
+                raise ValueError(
+                    f"a saved {header['kind']}; load it with {header['kind']}.load"
+                )
             model = cls().set_params(**header["parameters"])
             if model.device.startswith("cuda") and not torch.cuda.is_available():
-                warnings.warn(f"{path}: trained on a GPU, not here: on the CPU", stacklevel=2)
+                warnings.warn(
+                    f"{path}: trained on a GPU, not here: on the CPU", stacklevel=2
+                )
                 model.device = "cpu"
             model._check_parameters()
             shape = header["frame_shape"]
-            if not 1 <= len(shape) <= 2 or not all(type(n) is int and n > 0 for n in shape):
+            if not 1 <= len(shape) <= 2 or not all(
+                type(n) is int and n > 0 for n in shape
+            ):
                 raise ValueError(f"frame_shape {shape!r}")
             model._set_shape(shape)
             model._restore(header, tensors)
@@ -174,8 +198,12 @@ class Estimator(ABC):
             return model
         except FileNotFoundError:
             raise
-        except Exception as error:  # a hostile header reaches numpy and torch in many ways
-            raise ValueError(f"{path}: expected a saved {cls.__name__}, found {error}") from error
+        except (
+            Exception
+        ) as error:  # a hostile header reaches numpy and torch in many ways
+            raise ValueError(
+                f"{path}: expected a saved {cls.__name__}, found {error}"
+            ) from error
 
     @abstractmethod
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
@@ -190,7 +218,13 @@ class Estimator(ABC):
         return f"{type(self).__name__}({parameters})"
 
     def __sklearn_tags__(self) -> Any:
-        from sklearn.utils import ClassifierTags, InputTags, RegressorTags, Tags, TargetTags
+        from sklearn.utils import (
+            ClassifierTags,
+            InputTags,
+            RegressorTags,
+            Tags,
+            TargetTags,
+        )
 
         # A median threshold leaves one bit of two features: no blob is told from its mirror.
         classifier = self._estimator_type == "classifier"
@@ -209,6 +243,10 @@ def check_share(share: Any) -> float:
     Raises:
         ValueError: if it is not in (0, 1).
     """
-    if isinstance(share, bool) or not isinstance(share, float | np.floating) or not 0 < share < 1:
+    if (
+        isinstance(share, bool)
+        or not isinstance(share, float | np.floating)
+        or not 0 < share < 1
+    ):
         raise ValueError(f"reject, alpha: expected a share in (0, 1), found {share!r}")
     return float(share)

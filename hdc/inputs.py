@@ -34,7 +34,9 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
         ValueError: for frames of different sizes, or a single row of pixels.
     """
     if hasattr(frames, "toarray"):
-        raise TypeError("frames: expected a dense array, found a sparse one; use its toarray()")
+        raise TypeError(
+            "frames: expected a dense array, found a sparse one; use its toarray()"
+        )
     if hasattr(frames, "iloc") or not hasattr(frames, "shape"):
         frames = frames if hasattr(frames, "__array__") else list(frames)
         if isinstance(frames, list) and len({np.shape(frame) for frame in frames}) > 1:
@@ -62,9 +64,13 @@ def tensor(frames: Any) -> Tensor:
         if array.dtype == object:
             array = array.astype(np.float64)
         if array.dtype.kind == "c":
-            raise ValueError("frames: expected real pixels, found Complex data not supported")
+            raise ValueError(
+                "frames: expected real pixels, found Complex data not supported"
+            )
         if array.dtype.kind not in "uif":
-            raise TypeError(f"frames: expected real or integer pixels, found dtype {array.dtype}")
+            raise TypeError(
+                f"frames: expected real or integer pixels, found dtype {array.dtype}"
+            )
         array = array.astype(array.dtype.newbyteorder("="), order="C", copy=False)
         # numpy calls an axis of length 1 contiguous whatever its stride; torch refuses negative.
         if not array.flags.writeable or min(array.strides, default=0) < 0:
@@ -92,7 +98,9 @@ def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> 
             f"X has {n} features, but {model} is expecting {d} features as input"
         )
     if len(found) == len(expected) == 2 and found != expected:
-        raise ValueError(f"frames: expected shape {expected} as in training, found {found}")
+        raise ValueError(
+            f"frames: expected shape {expected} as in training, found {found}"
+        )
 
 
 def label_array(labels: Any, n: int) -> np.ndarray:
@@ -108,8 +116,12 @@ def label_array(labels: Any, n: int) -> np.ndarray:
         items = [x.item() if isinstance(x, np.generic | Tensor) else x for x in labels]
     for i, label in enumerate(items):
         if not isinstance(label, Label) or label != label:
-            raise ValueError(f"labels[{i}]: expected a str, int, float or bool, found {label!r}")
-    array = np.array(items) if len(set(map(type, items))) == 1 else np.array(items, object)
+            raise ValueError(
+                f"labels[{i}]: expected a str, int, float or bool, found {label!r}"
+            )
+    array = (
+        np.array(items) if len(set(map(type, items))) == 1 else np.array(items, object)
+    )
     # numpy drops null characters at the end of a string.
     return array if array.tolist() == items else np.array(items, object)
 
@@ -141,7 +153,9 @@ def _one_a_frame(name: str, values: Any, n: int) -> Any:
     if len(values) != n:
         raise ValueError(f"{name}: expected {n}, one a frame, found {len(values)}")
     if np.iscomplexobj(values):
-        raise ValueError(f"{name}: expected real ones, found Complex data not supported")
+        raise ValueError(
+            f"{name}: expected real ones, found Complex data not supported"
+        )
     return values
 
 
@@ -154,7 +168,9 @@ def classes_of(labels: Iterable[Label]) -> np.ndarray:
     try:
         distinct = sorted(dict.fromkeys(labels))
     except TypeError as error:
-        raise ValueError("labels: expected all text or all numbers, found both") from error
+        raise ValueError(
+            "labels: expected all text or all numbers, found both"
+        ) from error
     return label_array(distinct, len(distinct))
 
 
@@ -162,11 +178,15 @@ def check_among(labels: Iterable[Label], classes: Iterable[Label]) -> None:
     """Raise ValueError for the first label that is not among the classes of a model."""
     known = set(classes)
     if unknown := [label for label in labels if label not in known]:
-        raise ValueError(f"labels: expected classes among {sorted(known)}, found {unknown[0]!r}")
+        raise ValueError(
+            f"labels: expected classes among {sorted(known)}, found {unknown[0]!r}"
+        )
 
 
 def check_two_classes(classes: np.ndarray) -> None:
     """Raise ValueError where there is only one class to tell apart."""
     if len(classes) == 1:
         found = classes.tolist()[0]
-        raise ValueError(f"labels: expected at least two classes, found one class, {found!r}")
+        raise ValueError(
+            f"labels: expected at least two classes, found one class, {found!r}"
+        )

@@ -55,7 +55,9 @@ def check_replaceable(path: Path) -> None:
         FileExistsError: for anything but a saved model; it is never replaced.
     """
     if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path.parent}: expected a folder to save {path.name} in")
+        raise FileNotFoundError(
+            f"{path.parent}: expected a folder to save {path.name} in"
+        )
     if path.is_symlink() or (path.exists() and not path.is_file()):
         expected = "expected a regular file or none"
         raise FileExistsError(f"{path}: {expected}, found another kind; not replaced")
@@ -64,10 +66,14 @@ def check_replaceable(path: Path) -> None:
             read_model(path, tensors=False)
         except ValueError as error:
             expected = "expected a saved model or no file"
-            raise FileExistsError(f"{path}: {expected}, found another; not replaced") from error
+            raise FileExistsError(
+                f"{path}: {expected}, found another; not replaced"
+            ) from error
 
 
-def write_model(path: Path, header: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> None:
+def write_model(
+    path: Path, header: Mapping[str, Any], tensors: Mapping[str, Tensor]
+) -> None:
     """Save the header and the tensors of a model.
 
     Raises:
@@ -81,7 +87,9 @@ def write_model(path: Path, header: Mapping[str, Any], tensors: Mapping[str, Ten
     try:
         json.dumps(header["metadata"], allow_nan=False)
     except (TypeError, ValueError) as error:
-        raise TypeError(f"{path}: metadata: expected values of JSON, found: {error}") from error
+        raise TypeError(
+            f"{path}: metadata: expected values of JSON, found: {error}"
+        ) from error
     header = {"format": FORMAT, **header}
     stored = {name: t.cpu().contiguous() for name, t in tensors.items()}
     text = json.dumps({**header, "sha256": _digest(header, stored)})
@@ -96,7 +104,9 @@ def _digest(header: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> str:
     return digest.hexdigest()
 
 
-def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[str, Tensor]]:
+def read_model(
+    path: Path, tensors: bool = True
+) -> tuple[dict[str, Any], dict[str, Tensor]]:
     """The header and the tensors (on the CPU) of a file that :func:`write_model` wrote.
 
     Raises:
@@ -114,7 +124,9 @@ def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[s
             content = {name: file.get_tensor(name) for name in names}
     except FileNotFoundError:
         raise
-    except Exception as error:  # a hostile file reaches safetensors, torch and json in many ways
+    except (
+        Exception
+    ) as error:  # a hostile file reaches safetensors, torch and json in many ways
         raise ValueError(str(error)) from error
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise ValueError(f"no header of format {FORMAT!r}")
@@ -123,7 +135,9 @@ def read_model(path: Path, tensors: bool = True) -> tuple[dict[str, Any], dict[s
     return header, content
 
 
-def check_tensors(tensors: Mapping[str, Tensor], shapes: Mapping[str, tuple[int, ...]]) -> None:
+def check_tensors(
+    tensors: Mapping[str, Tensor], shapes: Mapping[str, tuple[int, ...]]
+) -> None:
     """Check the shapes of tensors, and that they are int64 or float64 and finite.
 
     Raises:
@@ -131,5 +145,8 @@ def check_tensors(tensors: Mapping[str, Tensor], shapes: Mapping[str, tuple[int,
     """
     for name, tensor in tensors.items():
         fits = tuple(tensor.shape) == shapes.get(name) and tensor.isfinite().all()
-        if not fits or str(tensor.dtype) != f"torch.{'float64' if name in FLOATS else 'int64'}":
+        if (
+            not fits
+            or str(tensor.dtype) != f"torch.{'float64' if name in FLOATS else 'int64'}"
+        ):
             raise ValueError(f"{name}: {tensor.dtype} {tuple(tensor.shape)}")

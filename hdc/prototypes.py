@@ -51,7 +51,9 @@ class Counters:
         bits.check_width(words, self.dimension)
         order, n = self._order(words, labels)
         if kernels := bits.kernels(self.backend, self.device):
-            kernels.count_into(*(x.numpy() for x in (self.planes, words, order, n.cumsum(0))))
+            kernels.count_into(
+                *(x.numpy() for x in (self.planes, words, order, n.cumsum(0)))
+            )
         else:
             rows, start = order.tolist(), 0
             for c, n_c in enumerate(n.tolist()):
@@ -71,11 +73,15 @@ class Counters:
         from hdc import compiled
 
         order, n = self._order(frames, labels)
-        kept = torch.from_numpy(np.empty((len(chosen), bits.words_for(self.dimension)), np.int64))
+        kept = torch.from_numpy(
+            np.empty((len(chosen), bits.words_for(self.dimension)), np.int64)
+        )
         places = torch.full((len(frames),), -1)
         places[list(chosen)] = torch.arange(len(chosen))
         arrays = (x.numpy() for x in (self.planes, order, n.cumsum(0), places, kept))
-        constant = compiled.count_uint8(frames.reshape(len(frames), -1).numpy(), *arrays)
+        constant = compiled.count_uint8(
+            frames.reshape(len(frames), -1).numpy(), *arrays
+        )
         self.n = self.n + n
         return kept, constant
 
@@ -83,10 +89,14 @@ class Counters:
         """Rows of samples, class by class, and how many each class has; room for them is made."""
         labels, n_classes = labels.cpu(), len(self.n)
         if len(samples) != len(labels):
-            raise ValueError(f"labels: expected {len(samples)}, one a sample, found {len(labels)}")
+            raise ValueError(
+                f"labels: expected {len(samples)}, one a sample, found {len(labels)}"
+            )
         if len(outside := labels[(labels < 0) | (labels >= n_classes)]):
             found = int(outside[0])
-            raise ValueError(f"labels: expected class indices in [0, {n_classes}), found {found}")
+            raise ValueError(
+                f"labels: expected class indices in [0, {n_classes}), found {found}"
+            )
         n = torch.bincount(labels, minlength=n_classes)
         self.reserve(max((self.n + n).tolist(), default=0))
         return labels.argsort(stable=True), n
@@ -117,7 +127,9 @@ class Counters:
         scaled.reserve(max(scaled.n.tolist(), default=0))
         for c, weight in enumerate(weights):
             total = torch.zeros_like(self.planes[c, :1])
-            for bit in f"{weight:b}":  # Horner's scheme: twice what there is, and once more
+            for (
+                bit
+            ) in f"{weight:b}":  # Horner's scheme: twice what there is, and once more
                 total = torch.cat((torch.zeros_like(total[:1]), total))
                 total = planes.add(total, self.planes[c]) if bit == "1" else total
             kept = min(len(total), scaled.planes.shape[1])  # the planes above are empty
@@ -144,9 +156,15 @@ class Counters:
         if n <= size:
             return self.planes[c]
         ones = self.counts([c])[0].numpy(force=True)
-        source = np.random.Generator(np.random.PCG64(bits.seed_sequence(seed, (_THINNING, c))))
-        drawn = torch.from_numpy(source.hypergeometric(ones, n - ones, size)).to(self.device)
-        return torch.stack([bits.pack(drawn >> p & 1 == 1) for p in range(size.bit_length())])
+        source = np.random.Generator(
+            np.random.PCG64(bits.seed_sequence(seed, (_THINNING, c)))
+        )
+        drawn = torch.from_numpy(source.hypergeometric(ones, n - ones, size)).to(
+            self.device
+        )
+        return torch.stack(
+            [bits.pack(drawn >> p & 1 == 1) for p in range(size.bit_length())]
+        )
 
     def majority(self, ties: str = "zero", seed: int = 0) -> Tensor:
         """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1).
@@ -157,10 +175,14 @@ class Counters:
             ValueError: for a class without samples or an unknown rule.
         """
         if len(empty := (self.n == 0).nonzero()):
-            raise ValueError(f"class {int(empty[0])}: expected at least one sample, found none")
+            raise ValueError(
+                f"class {int(empty[0])}: expected at least one sample, found none"
+            )
         return self.prototypes(ties, seed)
 
-    def prototypes(self, ties: str = "zero", seed: int = 0, size: int | None = None) -> Tensor:
+    def prototypes(
+        self, ties: str = "zero", seed: int = 0, size: int | None = None
+    ) -> Tensor:
         """:meth:`majority`, zeros for classes without samples; `size` as of :meth:`thinned`."""
         prototypes = planes.zeros((len(self.n), self.planes.shape[2]), self.device)
         for c in self.n.nonzero().flatten().tolist():
@@ -168,7 +190,12 @@ class Counters:
         return prototypes
 
     def prototype(
-        self, c: int, ties: str = "zero", seed: int = 0, extra: int = 0, size: int | None = None
+        self,
+        c: int,
+        ties: str = "zero",
+        seed: int = 0,
+        extra: int = 0,
+        size: int | None = None,
     ) -> Tensor:
         """The majority of class c, int64 [W]; arguments as of :meth:`majority` and :meth:`thinned`.
 
@@ -188,7 +215,9 @@ class Counters:
     def counts(self, rows: Sequence[int] | None = None) -> Tensor:
         """The counts of all or some classes as integers int64 [L, D]."""
         chosen = self.planes if rows is None else self.planes[list(rows)]
-        total = torch.zeros(len(chosen), self.dimension, dtype=torch.int64, device=self.device)
+        total = torch.zeros(
+            len(chosen), self.dimension, dtype=torch.int64, device=self.device
+        )
         for p in range(chosen.shape[1]):
             total += bits.unpack(chosen[:, p], self.dimension).long() << p
         return total
@@ -207,10 +236,14 @@ class Counters:
             self.planes = grown
 
     def _tie_breaker(self, seed: int, c: int) -> Tensor:
-        return bits.random_hypervector(self.dimension, seed, stream=(_TIES, c)).to(self.device)
+        return bits.random_hypervector(self.dimension, seed, stream=(_TIES, c)).to(
+            self.device
+        )
 
 
-def recalibrate(stored: Tensor, new: Tensor, dimension: int, p: float, seed: int = 0) -> Tensor:
+def recalibrate(
+    stored: Tensor, new: Tensor, dimension: int, p: float, seed: int = 0
+) -> Tensor:
     """Replace each bit of the stored prototypes by the new ones' with probability p.
 
     The adaptive update of the paper's Section III.B (Fig. 8(a)): ``p = 0`` keeps the stored
@@ -251,7 +284,9 @@ def replaced_bits(n_classes: int, dimension: int, p: float, seed: int) -> Tensor
     """The bits that :func:`recalibrate` replaces, drawn class by class: int64 [L, W] (CPU)."""
     check_probability(p)
     streams = [(_RECALIBRATION, c) for c in range(n_classes)]
-    return torch.stack([bits.random_hypervector(dimension, seed, p, s) for s in streams])
+    return torch.stack(
+        [bits.random_hypervector(dimension, seed, p, s) for s in streams]
+    )
 
 
 def check_probability(p: float) -> None:

@@ -52,7 +52,9 @@ def dot(
     distances = distances.view(-1, n_classes, n_planes)
     overlap = (ones[:, None, None] + plane_ones - distances) // 2
     products, total = (overlap * weights).sum(2), (plane_ones * weights).sum(1)
-    return 4 * products - 2 * total - n.to(words.device) * (2 * ones[:, None] - dimension)
+    return (
+        4 * products - 2 * total - n.to(words.device) * (2 * ones[:, None] - dimension)
+    )
 
 
 def moments(planes: Tensor) -> tuple[int, int]:
@@ -79,7 +81,9 @@ def norms(counters: Counters, size: int | None = None) -> list[float]:
             # n·D + Σ_{i≠k} x_i·x_k = ‖s‖², and the mean product of a pair is that of a subset's.
             diagonal = n * counters.dimension
             pairs = (length - diagonal) * size * (size - 1) / (n * (n - 1))
-            lengths.append(math.sqrt(max(0.0, size * counters.dimension + pairs)) * n / size)
+            lengths.append(
+                math.sqrt(max(0.0, size * counters.dimension + pairs)) * n / size
+            )
         else:
             lengths.append(math.sqrt(length))
     return lengths
@@ -94,8 +98,12 @@ def cosines(counters: Counters, words: Tensor, size: int | None = None) -> Tenso
         ValueError: for counts so large that 64 bits do not hold their products.
     """
     if counters.n.max() >= 2**60 // counters.dimension:
-        raise ValueError(f"counters: expected fewer samples, found {int(counters.n.max())}")
-    lengths = torch.tensor(norms(counters, size), dtype=torch.float64, device=words.device)
+        raise ValueError(
+            f"counters: expected fewer samples, found {int(counters.n.max())}"
+        )
+    lengths = torch.tensor(
+        norms(counters, size), dtype=torch.float64, device=words.device
+    )
     ones = bits.count_ones(counters.planes)
     products = dot(counters.planes, ones, counters.n, words, counters.dimension)
     return -products / lengths.clamp(min=1)
@@ -115,7 +123,9 @@ class Ridge:
         """w·x + b of hypervectors int64 [Q, W], float64 [Q, T]; the products are exact."""
         n = torch.full((len(self.planes),), 2 * _OFFSET)
         products = dot(self.planes, self._ones, n, words, self.dimension, backend) // 2
-        return products * self.scales.to(words.device) + self.intercepts.to(words.device)
+        return products * self.scales.to(words.device) + self.intercepts.to(
+            words.device
+        )
 
     @functools.cached_property
     def _ones(self) -> Tensor:
@@ -124,18 +134,29 @@ class Ridge:
     def tensors(self) -> dict[str, Tensor]:
         """The tensors of a file."""
         penalty = torch.tensor(self.penalty, dtype=torch.float64)
-        values = {"scales": self.scales, "intercepts": self.intercepts, "penalty": penalty}
+        values = {
+            "scales": self.scales,
+            "intercepts": self.intercepts,
+            "penalty": penalty,
+        }
         return {"weights": self.planes, **values}
 
     @staticmethod
     def shapes(n: int, width: int) -> dict[str, tuple[int, ...]]:
         """The shapes of :meth:`tensors`."""
-        return {"weights": (n, _PLANES, width), "scales": (n,), "intercepts": (n,), "penalty": ()}
+        return {
+            "weights": (n, _PLANES, width),
+            "scales": (n,),
+            "intercepts": (n,),
+            "penalty": (),
+        }
 
     @classmethod
     def of(cls, tensors: Mapping[str, Tensor], dimension: int) -> Ridge:
         """From :meth:`tensors`."""
-        weights, scales, intercepts, penalty = (tensors[name] for name in cls.shapes(0, 0))
+        weights, scales, intercepts, penalty = (
+            tensors[name] for name in cls.shapes(0, 0)
+        )
         return cls(weights, scales, intercepts, float(penalty), dimension)
 
     def weights(self, start: int, stop: int) -> Tensor:
@@ -161,7 +182,9 @@ class Residuals:
         f₋ᵢ is the fit to targets of which f₋ᵢ(x_i) replaces y_i: f(x) − f₋ᵢ(x) = S_i(x)·r_i.
         """
         products = gram(words, self.words, dimension, backend)
-        centred = products - products.mean(1, keepdim=True) - (self.means - self.means.mean())
+        centred = (
+            products - products.mean(1, keepdim=True) - (self.means - self.means.mean())
+        )
         smoother = 1 / len(self.words) + centred @ self.inverse
         return smoother[..., None] * self.residuals
 
@@ -231,7 +254,11 @@ def _quantised(
         part = words[:, start : start + _STEP].cpu()
         signs = bits.unpack(part, part.shape[1] * bits.WORD).double()
         total = dual.T @ (2 * signs - 1)
-        return total if prior is None else total + prior.weights(start, start + part.shape[1])
+        return (
+            total
+            if prior is None
+            else total + prior.weights(start, start + part.shape[1])
+        )
 
     starts = range(0, words.shape[1], _STEP)
     largest = torch.stack([weights(start).abs().amax(1) for start in starts]).amax(0)

@@ -89,7 +89,9 @@ class HDCRegressor(Estimator):
         if not hasattr(self, "_words"):
             return self.fit(frames, y)
         if self._recalibrated:
-            raise ValueError("partial_fit: expected a model that was not recalibrated; fit anew")
+            raise ValueError(
+                "partial_fit: expected a model that was not recalibrated; fit anew"
+            )
         words, values = self._pairs(frames, y)
         self._learn(torch.cat((self._words, words)), torch.cat((self._values, values)))
         return self
@@ -104,7 +106,9 @@ class HDCRegressor(Estimator):
             ValueError: as :meth:`fit`.
         """
         self._check_is_trained()
-        self._learn(*self._pairs(frames, y), self.ridge_ if self.readout == "ridge" else None)
+        self._learn(
+            *self._pairs(frames, y), self.ridge_ if self.readout == "ridge" else None
+        )
         self._recalibrated = True
         return self
 
@@ -119,20 +123,28 @@ class HDCRegressor(Estimator):
             self._set_shape(frames.shape[1:])
             self._one = values.ndim == 1
         elif (values.ndim == 1) != self._one or table.shape[1] != self._values.shape[1]:
-            raise ValueError(f"targets: expected as many a frame as before, found {values.shape}")
+            raise ValueError(
+                f"targets: expected as many a frame as before, found {values.shape}"
+            )
         return words, table
 
     def _learn(self, words: Tensor, values: Tensor, prior: Ridge | None = None) -> None:
         if len(words) < 2:
-            raise ValueError(f"frames: expected at least two, found {len(words)} sample")
+            raise ValueError(
+                f"frames: expected at least two, found {len(words)} sample"
+            )
         self._words, self._values, self._recalibrated = words, values, False
         if self.readout == "ridge":
-            self.ridge_, self._held = ridge(words, values, self.dimension_, prior, self._backend())
+            self.ridge_, self._held = ridge(
+                words, values, self.dimension_, prior, self._backend()
+            )
             self.residuals_ = self._held.residuals.numpy()
         else:
             self.residuals_ = (values - self._means(words, own=True)[0]).numpy()
 
-    def predict(self, frames: Any, return_interval: bool = False, alpha: float = 0.1) -> Any:
+    def predict(
+        self, frames: Any, return_interval: bool = False, alpha: float = 0.1
+    ) -> Any:
         """Numbers [Q] or [Q, T] of frames [Q, H, W] or [Q, D].
 
         Args:
@@ -169,9 +181,14 @@ class HDCRegressor(Estimator):
         """R², the share of the variance that is predicted, averaged over targets."""
         found = self.predict(frames)
         values = inputs.targets(y, len(found)).reshape(found.shape)
-        error, spread = ((values - found) ** 2).sum(0), ((values - values.mean(0)) ** 2).sum(0)
+        error, spread = (
+            ((values - found) ** 2).sum(0),
+            ((values - values.mean(0)) ** 2).sum(0),
+        )
         flat = np.where(error == 0, 1.0, 0.0)
-        return float(np.mean(np.where(spread > 0, 1 - error / np.maximum(spread, 1e-300), flat)))
+        return float(
+            np.mean(np.where(spread > 0, 1 - error / np.maximum(spread, 1e-300), flat))
+        )
 
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         tensors = {"words": self._words, "values": self._values}
@@ -190,7 +207,10 @@ class HDCRegressor(Estimator):
         io.check_tensors(tensors, expected)
         here = {name: tensor.to(self.device) for name, tensor in tensors.items()}
         self._words, self._values = here["words"], tensors["values"]
-        self._one, self._recalibrated = bool(header["one"]), bool(header["recalibrated"])
+        self._one, self._recalibrated = (
+            bool(header["one"]),
+            bool(header["recalibrated"]),
+        )
         self.residuals_ = tensors["residuals"].numpy()
         if self.readout == "ridge":
             self.ridge_ = Ridge.of(here, self.dimension_)
@@ -218,7 +238,9 @@ class HDCRegressor(Estimator):
         return means, without
 
 
-def _ends(without: Tensor, residuals: np.ndarray, alpha: float) -> tuple[Tensor, Tensor]:
+def _ends(
+    without: Tensor, residuals: np.ndarray, alpha: float
+) -> tuple[Tensor, Tensor]:
     """Jackknife+ ends [Q, T] of predictions without each frame [Q, N, T] and errors [N, T]."""
     n, spread = len(residuals), torch.from_numpy(residuals).abs()
     low, high = floor(alpha * (n + 1)), ceil((1 - alpha) * (n + 1))

@@ -46,9 +46,13 @@ EXTRAS = (-2, -1, 0, 1, 2)
 _GOLDEN = 0x9E3779B97F4A7C15  # 2^64 over the golden ratio
 
 
-def deciding(counters: Counters, c: int, ties: str, seed: int, weight: int = 1) -> Tensor:
+def deciding(
+    counters: Counters, c: int, ties: str, seed: int, weight: int = 1
+) -> Tensor:
     """The prototypes of class c with :data:`EXTRAS` hypervectors of a weight, int64 [5, W]."""
-    return torch.stack([counters.prototype(c, ties, seed, weight * extra) for extra in EXTRAS])
+    return torch.stack(
+        [counters.prototype(c, ties, seed, weight * extra) for extra in EXTRAS]
+    )
 
 
 class Sample:
@@ -75,7 +79,9 @@ class Sample:
         chosen = self.choose(labels)
         self.keep(chosen, (words[i].clone() for i in chosen))
 
-    def keep(self, chosen: Mapping[int, tuple[Label, int]], words: Iterable[Tensor]) -> None:
+    def keep(
+        self, chosen: Mapping[int, tuple[Label, int]], words: Iterable[Tensor]
+    ) -> None:
         """Give the chosen their places, by hypervectors int64 [W] that nobody overwrites."""
         for (label, place), row in zip(chosen.values(), words, strict=True):
             kept = self._kept.setdefault(label, [])
@@ -108,7 +114,9 @@ class Peers:
     constant: np.ndarray  # [m], distances d_i for a black frame x
     gained: Tensor  # [W], bits of the prototype that become one if x has a one where x_i has none
     shared: Tensor  # [m, W], bits of x_i that are not lost, or not gained, where x has a one, too
-    held_out: np.ndarray  # [m], leave-one-out distances less their mean; none of a single frame
+    held_out: (
+        np.ndarray
+    )  # [m], leave-one-out distances less their mean; none of a single frame
     mean: float  # of the leave-one-out distances
 
     @classmethod

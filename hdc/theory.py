@@ -74,18 +74,27 @@ def correlations(pairs: Floats, labels: NDArray[np.int64]) -> Correlations:
     """
     classes, counts = np.unique(labels, return_counts=True)
     if counts.min() < 3:
-        raise ValueError(f"labels: expected three samples of every class, found {counts.min()}")
+        raise ValueError(
+            f"labels: expected three samples of every class, found {counts.min()}"
+        )
     pairs = pairs.copy()
     np.fill_diagonal(pairs, np.nan)
     members = [np.flatnonzero(labels == c) for c in classes]
     blocks = [[pairs[np.ix_(q, k)] for k in members] for q in members]
     mean = np.array([[np.nanmean(block) for block in row] for row in blocks])
-    sample = np.array([[np.nanvar(b, axis=1, ddof=1).mean() for b in row] for row in blocks])
-    of_query = [np.stack([np.nanmean(b, axis=1) - np.nanmean(b) for b in row]) for row in blocks]
+    sample = np.array(
+        [[np.nanvar(b, axis=1, ddof=1).mean() for b in row] for row in blocks]
+    )
+    of_query = [
+        np.stack([np.nanmean(b, axis=1) - np.nanmean(b) for b in row]) for row in blocks
+    ]
     query = np.array([(rows - rows.mean(0)).var(axis=1, ddof=1) for rows in of_query])
     # A mean over n samples keeps 1/n of their variance, which the first term has already.
     query = np.maximum(query - sample / counts, 0)
-    third = [[((b - np.nanmean(b, axis=1, keepdims=True)) ** 3) for b in row] for row in blocks]
+    third = [
+        [((b - np.nanmean(b, axis=1, keepdims=True)) ** 3) for b in row]
+        for row in blocks
+    ]
     skew = np.array([[np.nanmean(b) for b in row] for row in third]) / sample**1.5
     return Correlations(mean, np.sqrt(sample), np.sqrt(query), skew)
 
@@ -99,7 +108,9 @@ def hdc_accuracy(moments: Correlations, n: int, dimension: float) -> float:
 
     def scores(shares: Shares) -> tuple[Floats, Floats, Floats]:
         r = expected(moments.mean, shares)
-        gain = (expected(moments.mean + _STEP, shares, np.diag(moments.mean)) - r) / _STEP
+        gain = (
+            expected(moments.mean + _STEP, shares, np.diag(moments.mean)) - r
+        ) / _STEP
         return r, gain, (1 - _alike(moments.mean, shares)) / dimension
 
     return _accuracy(moments, n, scores)
@@ -117,7 +128,9 @@ def mean_image_accuracy(moments: Correlations, n: int) -> float:
 
 
 def _accuracy(
-    moments: Correlations, n: int, scores: Callable[[Shares], tuple[Floats, Floats, Floats]]
+    moments: Correlations,
+    n: int,
+    scores: Callable[[Shares], tuple[Floats, Floats, Floats]],
 ) -> float:
     """Mean over the ways to share n samples; `scores` gives r, g and the noise."""
     n_classes = len(moments.mean)
@@ -166,10 +179,13 @@ def _alike(mean: Floats, shares: Shares) -> Floats:
     """
     z, weight = _normal()
     rho = _gaussian(np.diag(mean))
-    between = np.clip(_gaussian(mean) / np.sqrt(np.outer(rho, rho)), 0, 1)  # of z_q and z_l
+    between = np.clip(
+        _gaussian(mean) / np.sqrt(np.outer(rho, rho)), 0, 1
+    )  # of z_q and z_l
     order = np.arange(_NODES)
     polynomials = (
-        special.eval_hermitenorm(order[:, None], z) / np.exp(gammaln(order + 1) / 2)[:, None]
+        special.eval_hermitenorm(order[:, None], z)
+        / np.exp(gammaln(order + 1) / 2)[:, None]
     )
     parts = (_votes(z, rho, shares) * weight) @ polynomials.T
     alike = np.einsum("qk,lk,qlk->ql", parts, parts, between[..., None] ** order)

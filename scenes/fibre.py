@@ -112,12 +112,18 @@ class FibreScene:
         if source is None:
             depths, self._matrices = _pressed(data, 2 * len(self._modes))
             files = [file.name for file in data.glob("TM_modes_*.npz")]
-            self.sha256 = PRESSED.check(data, [*files, "modes_out_after_correction.npy"])
+            self.sha256 = PRESSED.check(
+                data, [*files, "modes_out_after_correction.npy"]
+            )
         else:
             self.source = Source(**source)
             if not file or not step:
-                raise ValueError("scene.file, scene.step: expected with scene.source, found none")
-            depths, self._matrices = _stepped(self.source, file, step, 2 * len(self._modes))
+                raise ValueError(
+                    "scene.file, scene.step: expected with scene.source, found none"
+                )
+            depths, self._matrices = _stepped(
+                self.source, file, step, 2 * len(self._modes)
+            )
             self.sha256 = self.source.check(self.source.folder(), [str(file)])
         self.classes, class_of = level_classes(
             depths, depth_edges, "µm", key="scene.depth_edges", scale=1e6
@@ -143,13 +149,28 @@ class FibreScene:
         fields = _complex_normal(np.random.default_rng(seed), n_fields * self._inputs)
         self._fields = fields.reshape(n_fields, self._inputs)
         used = self._matrices[np.concatenate(members)]
-        means = [_mean_intensity(used, self._modes, f, self._perturbation) for f in self._fields]
+        means = [
+            _mean_intensity(used, self._modes, f, self._perturbation)
+            for f in self._fields
+        ]
         self._mean = float(np.mean(means))
         self._full_scale = float(saturation) * self._mean
         self._interpolate = _dirichlet(side, self._grid) if side > self._grid else None
-        edges, noise = tuple(np.asarray(depth_edges, float)), (self._perturbation, self._photons)
-        last = (seed, sampling_seed, n_fields) if n_fields > 1 else (seed, sampling_seed)
-        self._settings = edges, samples_per_class, *noise, float(saturation), side, *last
+        edges, noise = (
+            tuple(np.asarray(depth_edges, float)),
+            (self._perturbation, self._photons),
+        )
+        last = (
+            (seed, sampling_seed, n_fields) if n_fields > 1 else (seed, sampling_seed)
+        )
+        self._settings = (
+            edges,
+            samples_per_class,
+            *noise,
+            float(saturation),
+            side,
+            *last,
+        )
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -175,8 +196,12 @@ class FibreScene:
         rng = self._draw(i)
         rng.choice(1)  # the position, drawn in __init__
         matrix = self._matrices[self._position[i]]
-        intensity = np.hstack([self._intensity(matrix, field, rng) for field in self._fields])
-        return np.clip(np.rint(intensity * (255 / self._full_scale)), 0, 255).astype(np.uint8)
+        intensity = np.hstack(
+            [self._intensity(matrix, field, rng) for field in self._fields]
+        )
+        return np.clip(np.rint(intensity * (255 / self._full_scale)), 0, 255).astype(
+            np.uint8
+        )
 
     def _intensity(
         self, matrix: np.ndarray, field: np.ndarray, rng: np.random.Generator
@@ -196,7 +221,10 @@ class FibreScene:
 
 def _locate(path: str | Path | None) -> Path:
     """Find folder ``Data`` of a copy of :data:`PRESSED`."""
-    folder = Path(path or os.environ.get(DATA) or PRESSED.find() or BESIDE).expanduser() / "Data"
+    folder = (
+        Path(path or os.environ.get(DATA) or PRESSED.find() or BESIDE).expanduser()
+        / "Data"
+    )
     if not folder.is_dir():
         raise FileNotFoundError(
             f"scene.path: expected a copy of github.com/{PRESSED.repository}, found no folder "
@@ -216,23 +244,35 @@ def _pressed(data: Path, size: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(sorted(files)), np.stack(arrays)
 
 
-def _stepped(source: Source, file: str, step: float, size: int) -> tuple[np.ndarray, np.ndarray]:
+def _stepped(
+    source: Source, file: str, step: float, size: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Press depths [P] (m) and matrices complex128 [P, size, inputs] of one array."""
     matrices = _array(source.folder() / file, (None, size, None))
     return np.round(np.arange(len(matrices)) * step, 9), matrices
 
 
-def _array(file: Path, shape: tuple[int | None, ...], key: str | None = None) -> np.ndarray:
+def _array(
+    file: Path, shape: tuple[int | None, ...], key: str | None = None
+) -> np.ndarray:
     """A finite complex array from .npz[key] or .npy, None any length; nothing is unpickled."""
     try:
         loaded = np.load(file, allow_pickle=False)
         array = np.asarray(loaded[key] if key else loaded)
     except (OSError, EOFError, IndexError, KeyError, ValueError, BadZipFile) as error:
-        raise ValueError(f"{file}: expected a complex array {shape}, found: {error}") from error
-    fits = array.ndim == len(shape) and all(map(lambda n, m: n in (None, m), shape, array.shape))
+        raise ValueError(
+            f"{file}: expected a complex array {shape}, found: {error}"
+        ) from error
+    fits = array.ndim == len(shape) and all(
+        map(lambda n, m: n in (None, m), shape, array.shape)
+    )
     if not fits or array.dtype.kind != "c" or not np.isfinite(array).all():
-        found = f"{array.dtype} {array.shape}" + ", not all finite" * (array.dtype.kind == "c")
-        raise ValueError(f"{file}: expected a finite complex array {shape}, found {found}")
+        found = f"{array.dtype} {array.shape}" + ", not all finite" * (
+            array.dtype.kind == "c"
+        )
+        raise ValueError(
+            f"{file}: expected a finite complex array {shape}, found {found}"
+        )
     return array.astype(np.complex128)
 
 
@@ -244,7 +284,9 @@ def _mean_intensity(
     The sum over pixels is the quadratic form of the modes' Gram matrix, so no image is made.
     """
     gram = modes.conj() @ modes.T
-    sources = np.concatenate([field[:, None], perturbation * np.eye(len(field))], axis=1)
+    sources = np.concatenate(
+        [field[:, None], perturbation * np.eye(len(field))], axis=1
+    )
     out = (matrices @ sources).reshape(len(matrices), 2, len(modes), -1)
     power = np.einsum("pqms,mn,pqns->", out.conj(), gram, out, optimize=True).real
     return float(power / (len(matrices) * 2 * modes.shape[1]))

@@ -109,7 +109,9 @@ def level_classes(
     require(increasing, key, edges, "two or more increasing numbers")
     texts = [f"{edge * scale:g}" for edge in edges]
     names = [f"{low}–{high} {unit}" for low, high in pairwise(texts)]
-    return (f"≤ {texts[0]} {unit}", *names), np.searchsorted(np.asarray(edges, float), values)
+    return (f"≤ {texts[0]} {unit}", *names), np.searchsorted(
+        np.asarray(edges, float), values
+    )
 
 
 def row_numbers(indices: Sequence[int] | np.ndarray | Tensor, n: int) -> np.ndarray:

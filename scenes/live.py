@@ -24,7 +24,11 @@ from scenes.sensor.environment import Room
 from scenes.sensor.seeds import stream
 from scenes.sensor.sensor import Sensor
 
-RADIUS, DEPTH_SPREAD, POSITION_SPREAD = 2.45e-3, 0.01, 0.02e-3  # of configs/scene/touch.yaml
+RADIUS, DEPTH_SPREAD, POSITION_SPREAD = (
+    2.45e-3,
+    0.01,
+    0.02e-3,
+)  # of configs/scene/touch.yaml
 SIXTEEN_DAYS = 0.55  # K, of configs/scene/drift.yaml
 
 
@@ -46,11 +50,17 @@ class SimulatedSensor:
     def __init__(self, side: int = 250, seed: int = 0) -> None:
         whole = Camera()
         share = side / whole.crop
-        camera = Camera(grid=round(whole.grid * share), crop=side, pupil=round(whole.pupil * share))
+        camera = Camera(
+            grid=round(whole.grid * share), crop=side, pupil=round(whole.pupil * share)
+        )
         self._sensor = Sensor(seed, camera=camera)
         self.title = "Simulated sensor, not measured"
         self.shape = (side, side)
-        self.metadata: dict[str, object] = {"crop": None, "subsample": 1, "simulated": True}
+        self.metadata: dict[str, object] = {
+            "crop": None,
+            "subsample": 1,
+            "simulated": True,
+        }
         paths = self._sensor.paths
         self.length, self.width = paths.length, paths.width
         self.offset = 0.0
@@ -73,9 +83,13 @@ class SimulatedSensor:
 
     def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
         draws = (self._draw(touches) for _ in range(n))
-        return [self._exposed(self._indentation(m), kelvin, rng) for m, kelvin, rng in draws]
+        return [
+            self._exposed(self._indentation(m), kelvin, rng) for m, kelvin, rng in draws
+        ]
 
-    def _draw(self, touches: Sequence[Touch]) -> tuple[list[Touch], float, np.random.Generator]:
+    def _draw(
+        self, touches: Sequence[Touch]
+    ) -> tuple[list[Touch], float, np.random.Generator]:
         """Touches that miss their places, the temperature in K, and the generator for the noise."""
         rng = stream(self._seed, "live touch", self._touched)
         self._touched += 1
@@ -84,19 +98,25 @@ class SimulatedSensor:
         for touch in touches:
             across, along, deeper = rng.standard_normal(3)
             x, y = touch.x + POSITION_SPREAD * across, touch.y + POSITION_SPREAD * along
-            missed.append(Touch(x, y, touch.depth * max(0.0, 1 + DEPTH_SPREAD * deeper)))
+            missed.append(
+                Touch(x, y, touch.depth * max(0.0, 1 + DEPTH_SPREAD * deeper))
+            )
         return missed, temperature, rng
 
     def _indentation(self, touches: Sequence[Touch]) -> Tensor:
         """Change of phase float64 [P] in rad."""
-        changes = [self._press(Contact(touch.depth, touch.x, touch.y)) for touch in touches]
+        changes = [
+            self._press(Contact(touch.depth, touch.x, touch.y)) for touch in touches
+        ]
         return torch.stack([torch.zeros_like(self._sensor.phase), *changes]).sum(0)
 
     def _exposed(
         self, indented: Tensor, temperature: float, noise: np.random.Generator
     ) -> np.ndarray:
         sensor, camera = self._sensor, self._sensor.mounted
-        phases = sensor.phase + sensor.sensitivity * (self.offset + temperature) + indented
+        phases = (
+            sensor.phase + sensor.sensitivity * (self.offset + temperature) + indented
+        )
         return camera.expose(camera.intensity(phases[None]), [noise])[0].numpy()
 
 
@@ -104,7 +124,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m scenes.live", description=__doc__)
     parser.add_argument("--seed", type=int, default=0, help="which sensor (default: 0)")
     parser.add_argument("--port", type=int, default=8080, help="default: 8080")
-    parser.add_argument("--host", help="address to listen at (default: this computer alone)")
+    parser.add_argument(
+        "--host", help="address to listen at (default: this computer alone)"
+    )
     given = parser.parse_args(arguments)
     torch.set_num_threads(1)  # the other core is the page's
     sensor = SimulatedSensor(seed=given.seed)

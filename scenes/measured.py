@@ -101,9 +101,13 @@ class MeasuredScene:
         self._decoded = _decoded(*self._settings)
         self.samples: Mapping[str, np.ndarray] = _samples(self._parts)
 
-        names = np.array([name for part in self._parts if part.classes for name in part.names])
+        names = np.array(
+            [name for part in self._parts if part.classes for name in part.names]
+        )
         classes = tuple(sorted(set(names.tolist()), key=readers.natural_key))
-        self.value_names, self.units = (tuple(v[key] for v in values) for key in ("name", "unit"))
+        self.value_names, self.units = (
+            tuple(v[key] for v in values) for key in ("name", "unit")
+        )
         self.values = np.full((len(self.samples["order"]), len(values)), np.nan)
         for k, value in enumerate(values):
             if "column" in value:
@@ -114,11 +118,20 @@ class MeasuredScene:
                 self.values[names == name, k] = number
         if levels is not None:
             k = self.value_names.index(levels["value"])
-            classes, labels = level_classes(self.values[:, k], levels["edges"], self.units[k])
+            classes, labels = level_classes(
+                self.values[:, k], levels["edges"], self.units[k]
+            )
             top = f"a last edge of {self.values[:, k].max():g} or more"
-            require(labels.max() < len(classes), "scene.levels.edges", levels["edges"], top)
+            require(
+                labels.max() < len(classes), "scene.levels.edges", levels["edges"], top
+            )
             names = np.array(classes)[labels]
-        require(len(classes) > 0, "scene.levels", levels, "edges of a value: no image has a label")
+        require(
+            len(classes) > 0,
+            "scene.levels",
+            levels,
+            "edges of a value: no image has a label",
+        )
         apart = np.isin(names, list(unknown))
         self.unknown: MeasuredScene | None = None
         if apart.any():
@@ -126,7 +139,9 @@ class MeasuredScene:
             self.unknown._keep(apart, names, classes)
         self._keep(~apart, names, classes)
 
-    def _keep(self, chosen: np.ndarray, names: np.ndarray, classes: tuple[str, ...]) -> None:
+    def _keep(
+        self, chosen: np.ndarray, names: np.ndarray, classes: tuple[str, ...]
+    ) -> None:
         """Keep some of the frames; names [N] of the classes of all."""
         self._rows = np.flatnonzero(chosen)
         self.classes = tuple(name for name in classes if name in names[chosen])
@@ -144,7 +159,9 @@ class MeasuredScene:
         missing, first = [row for row in dict.fromkeys(rows) if row not in frames], 0
         for part in self._parts:
             inside = [row for row in missing if first <= row < first + len(part)]
-            for row, frame in zip(inside, part.stream([r - first for r in inside]), strict=True):
+            for row, frame in zip(
+                inside, part.stream([r - first for r in inside]), strict=True
+            ):
                 frames[row] = frame
                 if (len(self._decoded) + 1) * frame.nbytes <= MEMORY_BYTES:
                     self._decoded[row] = frame
@@ -155,14 +172,18 @@ class MeasuredScene:
 
     def fingerprint(self) -> str:
         """SHA-256 over the files, the pixels kept of them, classes, labels, values and order."""
-        digest = hashlib.sha256(repr((self._settings, self.classes, self.value_names)).encode())
+        digest = hashlib.sha256(
+            repr((self._settings, self.classes, self.value_names)).encode()
+        )
         for array in (self._rows, self.labels, self.values, self.samples["order"]):
             digest.update(np.ascontiguousarray(array, dtype="<f8").data)
         return digest.hexdigest()
 
 
 @lru_cache(maxsize=4)
-def _decoded(sha256: str, crop: tuple[int, ...], subsample: int) -> dict[int, np.ndarray]:
+def _decoded(
+    sha256: str, crop: tuple[int, ...], subsample: int
+) -> dict[int, np.ndarray]:
     """Frames by row, shared by all scenes of the same files and window in this process."""
     return {}
 
@@ -175,7 +196,9 @@ def _samples(parts: Sequence[readers.Recording]) -> dict[str, np.ndarray]:
     order = [part.order + start for part, start in zip(parts, starts, strict=True)]
     samples = {n: np.concatenate([part.samples[n] for part in parts]) for n in common}
     if len(parts) > 1:
-        samples["session"] = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+        samples["session"] = np.repeat(
+            np.arange(len(parts)), [len(part) for part in parts]
+        )
     return {"order": np.concatenate(order), **samples}
 
 
@@ -185,7 +208,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     from scenes.export import compose
 
-    files = [f for f in CONFIGS.glob("*.yaml") if re.search("source:|FibreScene", f.read_text())]
+    files = [
+        f
+        for f in CONFIGS.glob("*.yaml")
+        if re.search("source:|FibreScene", f.read_text())
+    ]
     given = list(sys.argv[1:] if arguments is None else arguments)
     for name in given or sorted(file.stem for file in files):
         try:
@@ -194,8 +221,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(f"{name}: {error.__cause__}")
             continue
         source, counts = scene.source, ", ".join(map(str, np.bincount(scene.labels)))
-        print(f"{name}: {len(scene)} frames {scene.shape}, {scene.origin}; a class {counts}")
-        print(f"  github.com/{source.repository} @ {source.commit}, sha256 {scene.sha256}")
+        print(
+            f"{name}: {len(scene)} frames {scene.shape}, {scene.origin}; a class {counts}"
+        )
+        print(
+            f"  github.com/{source.repository} @ {source.commit}, sha256 {scene.sha256}"
+        )
         print(f"  licence: {source.licence}; {source.cite}")
 
 

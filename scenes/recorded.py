@@ -20,10 +20,16 @@ class RecordedScene:
 
     def __init__(self, recording: readers.Recording) -> None:
         if recording.labels is None:
-            raise readers.SettingError("path: expected a recording with labels, found values only")
+            raise readers.SettingError(
+                "path: expected a recording with labels, found values only"
+            )
         self.recording = recording
         self.classes, self.labels = recording.classes, recording.labels
-        self.shape, self.samples, self.values = recording.shape, recording.samples, recording.values
+        self.shape, self.samples, self.values = (
+            recording.shape,
+            recording.samples,
+            recording.values,
+        )
 
     def __len__(self) -> int:
         return len(self.recording)

@@ -34,7 +34,9 @@ class Halves:
         session = np.zeros(len(self.labels), np.int64)
         for c in range(len(self.classes)):
             members = np.flatnonzero(self.labels == c)
-            in_time = members[np.argsort(scene.samples["order"][members], kind="stable")]
+            in_time = members[
+                np.argsort(scene.samples["order"][members], kind="stable")
+            ]
             session[in_time[round(share * len(members)) :]] = 1
         self.samples: Mapping[str, np.ndarray] = {**scene.samples, "session": session}
 
@@ -44,7 +46,9 @@ class Halves:
 
     def fingerprint(self) -> str:
         """SHA-256 of the recording's digest and the share."""
-        return hashlib.sha256(f"{self._scene.fingerprint()} {self._share}".encode()).hexdigest()
+        return hashlib.sha256(
+            f"{self._scene.fingerprint()} {self._share}".encode()
+        ).hexdigest()
 
 
 class Joined:
@@ -63,14 +67,19 @@ class Joined:
         self._scenes = list(scenes.values())
         first = self._scenes[0]
         for other in self._scenes[1:]:
-            alike = other.shape == first.shape and len(other.classes) == len(first.classes)
+            alike = other.shape == first.shape and len(other.classes) == len(
+                first.classes
+            )
             wanted = f"{len(first.classes)} classes of frames {first.shape}"
             require(alike, "scene.scenes", (len(other.classes), other.shape), wanted)
         self.classes, self.shape, self.origin = first.classes, first.shape, first.origin
         self.labels = np.concatenate([scene.labels for scene in self._scenes])
         sizes = [len(scene.labels) for scene in self._scenes]
         self._starts = np.cumsum([0, *sizes])
-        order = [s.samples["order"] + a for s, a in zip(self._scenes, self._starts, strict=False)]
+        order = [
+            s.samples["order"] + a
+            for s, a in zip(self._scenes, self._starts, strict=False)
+        ]
         self.samples: Mapping[str, np.ndarray] = {
             "order": np.concatenate(order),
             "session": np.repeat(np.arange(len(sizes)), sizes),
@@ -80,10 +89,14 @@ class Joined:
         """Frames of the scenes that the indices fall into."""
         index = np.asarray(indices, np.int64).reshape(-1)
         parts = np.searchsorted(self._starts, index, side="right") - 1
-        frames = torch.empty((len(index), *self.shape), dtype=self._scenes[0].frames([0]).dtype)
+        frames = torch.empty(
+            (len(index), *self.shape), dtype=self._scenes[0].frames([0]).dtype
+        )
         for k in np.unique(parts):
             chosen = np.flatnonzero(parts == k)
-            frames[chosen] = self._scenes[k].frames(index[chosen] - self._starts[k]).cpu()
+            frames[chosen] = (
+                self._scenes[k].frames(index[chosen] - self._starts[k]).cpu()
+            )
         return frames
 
     def fingerprint(self) -> str:

@@ -39,7 +39,11 @@ class Source:
     def find(self) -> Path | None:
         """The checkout in the folder that ``MEASURED_DATA`` names, if it is there."""
         root, (owner, name) = os.environ.get(DATA), self.repository.split("/")
-        places = [Path(root).expanduser() / n for n in (name, f"{owner}+{name}")] if root else []
+        places = (
+            [Path(root).expanduser() / n for n in (name, f"{owner}+{name}")]
+            if root
+            else []
+        )
         return next((place for place in places if place.is_dir()), None)
 
     def folder(self) -> Path:
@@ -68,7 +72,9 @@ class Source:
             ValueError: their content is not that of ``sha256``.
         """
         names = tuple(sorted(files))
-        found = _digest(root, names, tuple((root / n).stat().st_mtime_ns for n in names))
+        found = _digest(
+            root, names, tuple((root / n).stat().st_mtime_ns for n in names)
+        )
         if self.sha256 not in (None, found):
             raise ValueError(
                 f"{root}: expected the {len(names)} files of {self.repository} at {self.commit} "
@@ -80,6 +86,10 @@ class Source:
 @lru_cache(maxsize=16)
 def _digest(root: Path, names: tuple[str, ...], changed: tuple[int, ...]) -> str:
     """SHA-256 over the lines that ``sha256sum`` prints; ``changed`` (ns) dates what is kept."""
-    contents = (hashlib.sha256((root / name).read_bytes()).hexdigest() for name in names)
-    lines = (f"{content}  {name}\n" for content, name in zip(contents, names, strict=True))
+    contents = (
+        hashlib.sha256((root / name).read_bytes()).hexdigest() for name in names
+    )
+    lines = (
+        f"{content}  {name}\n" for content, name in zip(contents, names, strict=True)
+    )
     return hashlib.sha256("".join(lines).encode()).hexdigest()

@@ -12,7 +12,10 @@ import numpy as np
 
 from scenes.validate import is_integer, require
 
-KINDS = ("random", "ordered")  # that every scene can have; "grouped" needs groups besides
+KINDS = (
+    "random",
+    "ordered",
+)  # that every scene can have; "grouped" needs groups besides
 
 
 def split(
@@ -64,11 +67,20 @@ def split(
         train = rng.permutation(n)
         return train[~np.isin(train, test)], test
     require(kind in KINDS, "split.kind", kind, f"one of {', '.join(KINDS)}, grouped")
-    require(kind == "random" or order is not None, "split.order", order, "the place of each sample")
+    require(
+        kind == "random" or order is not None,
+        "split.order",
+        order,
+        "the place of each sample",
+    )
     rank = rng.permutation(n) if kind == "random" else np.asarray(order)
     members = _by_class(class_of, rank, len(classes))
-    train = np.concatenate([m[: len(m) - t] for m, t in zip(members, target, strict=True)])
-    test = np.concatenate([m[len(m) - t :] for m, t in zip(members, target, strict=True)])
+    train = np.concatenate(
+        [m[: len(m) - t] for m, t in zip(members, target, strict=True)]
+    )
+    test = np.concatenate(
+        [m[len(m) - t :] for m, t in zip(members, target, strict=True)]
+    )
     return train[np.argsort(rank[train], kind="stable")], np.sort(test)
 
 
@@ -86,7 +98,9 @@ def neighbours_leak(
     in_time = np.argsort(order, kind="stable")
     place = np.empty_like(in_time)
     place[in_time] = np.arange(1, len(in_time) + 1)
-    trained = np.full(len(in_time) + 2, -1)  # by place: class of a training sample, else −1
+    trained = np.full(
+        len(in_time) + 2, -1
+    )  # by place: class of a training sample, else −1
     trained[place[train]] = class_of[train]
     before, after = trained[place[test] - 1], trained[place[test] + 1]
     return float(((before == class_of[test]) | (after == class_of[test])).mean())
@@ -112,7 +126,9 @@ def learning_curve_subsets(
     classes, class_of, _ = _classes(labels[train])
     low, high = len(classes), len(train)
     for size in sizes:
-        expected = f"integers from {low} (one sample a class) to {high} (all training samples)"
+        expected = (
+            f"integers from {low} (one sample a class) to {high} (all training samples)"
+        )
         require(is_integer(size) and low <= size <= high, "split.sizes", size, expected)
     rank = np.random.default_rng(seed).permutation(len(train))
     # The k-th sample of a class of n is due at the share (k + 1/2)/n of the whole; the first of
@@ -139,7 +155,12 @@ def _classes(labels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Labels that occur [L], the index of each sample's among them [N], their counts [L]."""
     labels = np.asarray(labels)
     integers = labels.ndim == 1 and labels.dtype.kind in "iu" and len(labels) > 0
-    require(integers, "labels", f"{labels.dtype} {labels.shape}", "integers of shape [N], N ≥ 1")
+    require(
+        integers,
+        "labels",
+        f"{labels.dtype} {labels.shape}",
+        "integers of shape [N], N ≥ 1",
+    )
     return np.unique(labels, return_inverse=True, return_counts=True)
 
 
@@ -152,7 +173,9 @@ def _of_whole_groups(
 ) -> np.ndarray:
     """Test indices: whole groups, near ``target`` [L]; each class keeps a group on both sides."""
     names, group_of = np.unique(groups, return_inverse=True)
-    held = np.zeros((len(names), len(classes)), np.int64)  # samples of each class in each group
+    held = np.zeros(
+        (len(names), len(classes)), np.int64
+    )  # samples of each class in each group
     np.add.at(held, (group_of, class_of), 1)
     counts, missing = held.sum(0), target.copy()
     chosen = np.zeros(len(names), bool)
@@ -171,14 +194,21 @@ def _of_whole_groups(
         if missing[c] == target[c]:  # each of its groups is larger than the test set
             possible = [g for g in drawn if held[g, c] and can_test(g)]
             expected = f"groups of class {name} of which some test and some train"
-            require(bool(possible), "split.groups", int(np.count_nonzero(held[:, c])), expected)
+            require(
+                bool(possible),
+                "split.groups",
+                int(np.count_nonzero(held[:, c])),
+                expected,
+            )
             smallest = min(possible, key=lambda g: held[g].sum())
             chosen[smallest] = True
             missing -= held[smallest]
     return np.flatnonzero(chosen[group_of])
 
 
-def _by_class(class_of: np.ndarray, rank: np.ndarray, n_classes: int) -> list[np.ndarray]:
+def _by_class(
+    class_of: np.ndarray, rank: np.ndarray, n_classes: int
+) -> list[np.ndarray]:
     """Indices of each class, in increasing rank."""
     by_rank = np.argsort(rank, kind="stable")
     return [by_rank[class_of[by_rank] == c] for c in range(n_classes)]

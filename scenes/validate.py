@@ -15,7 +15,9 @@ def is_integer(value: object) -> bool:
 
 def is_number(value: object) -> bool:
     """Whether a value is a finite real number of Python or NumPy; True and False are none."""
-    return is_integer(value) or (isinstance(value, float | np.floating) and math.isfinite(value))
+    return is_integer(value) or (
+        isinstance(value, float | np.floating) and math.isfinite(value)
+    )
 
 
 def require(condition: bool, key: str, found: Any, expected: str) -> None:
@@ -26,7 +28,9 @@ def require(condition: bool, key: str, found: Any, expected: str) -> None:
 
 def require_integer(key: str, value: Any, low: int, high: float = math.inf) -> None:
     """Raise a ValueError unless the value is an integer in [low, high]."""
-    expected = f"an integer ≥ {low}" if high == math.inf else f"an integer in [{low}, {high}]"
+    expected = (
+        f"an integer ≥ {low}" if high == math.inf else f"an integer in [{low}, {high}]"
+    )
     require(is_integer(value) and low <= value <= high, key, value, expected)
 
 

@@ -15,7 +15,9 @@ def shared_data() -> Path:
     """The folder with the measured data: ``SHARED_DATA``, else the one beside the checkout."""
     folder = Path(os.environ.get("SHARED_DATA", CHECKOUT.parent / "shared" / "data"))
     if not folder.is_dir():
-        pytest.skip(f"the measured data are not here: no folder {folder}; set SHARED_DATA")
+        pytest.skip(
+            f"the measured data are not here: no folder {folder}; set SHARED_DATA"
+        )
     return folder
 
 
@@ -23,7 +25,13 @@ def shared_data() -> Path:
 def full_disk(monkeypatch):
     """full_disk(k, act): act() with a disk that fails at the k-th change of a file, from zero; what
     act raised then, or None if it made fewer changes."""
-    steps = [(Path, "mkdir"), (Path, "open"), (os, "fsync"), (os, "replace"), (Path, "unlink")]
+    steps = [
+        (Path, "mkdir"),
+        (Path, "open"),
+        (os, "fsync"),
+        (os, "replace"),
+        (Path, "unlink"),
+    ]
 
     def run(failing, act):
         left = iter(range(10_000))
@@ -60,7 +68,9 @@ def browser():
     playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as driver:
         chromium = driver.chromium.launch(
-            executable_path=found, args=["--no-sandbox", "--disable-gpu"], timeout=120_000
+            executable_path=found,
+            args=["--no-sandbox", "--disable-gpu"],
+            timeout=120_000,
         )
         yield chromium
         chromium.close()
@@ -86,6 +96,8 @@ def frames_and_labels():
         rng = np.random.default_rng(0)
         labels = np.arange(n) % classes
         base = rng.integers(0, 150, (classes, side, side))
-        return (base[labels] + rng.integers(0, 90, (n, side, side))).astype(np.uint8), labels
+        return (base[labels] + rng.integers(0, 90, (n, side, side))).astype(
+            np.uint8
+        ), labels
 
     return make

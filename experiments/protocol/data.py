@@ -25,21 +25,37 @@ from experiments.records import sources
 from experiments.records.configs import SEEDS
 from experiments.records.files import results_dir
 from scenes.frames import Scene
-from scenes.split import KINDS, by_session, learning_curve_subsets, neighbours_leak, split
+from scenes.split import (
+    KINDS,
+    by_session,
+    learning_curve_subsets,
+    neighbours_leak,
+    split,
+)
 
-IN_MEMORY_BYTES = 512 * 2**20  # more frames than this are read while the model asks for them
+IN_MEMORY_BYTES = (
+    512 * 2**20
+)  # more frames than this are read while the model asks for them
 _BATCH = 16
-_LEAK = 0.5  # share of test frames beside a training frame, above which a user is warned
+_LEAK = (
+    0.5  # share of test frames beside a training frame, above which a user is warned
+)
 
 
 def at_seed(config: Any, seed: int) -> Any:
     """The resolved config of a scene with every seed in it set, as ``seed.run`` sets them."""
     if isinstance(config, Mapping):
         return {k: seed if k in SEEDS else at_seed(v, seed) for k, v in config.items()}
-    return [at_seed(part, seed) for part in config] if isinstance(config, list | tuple) else config
+    return (
+        [at_seed(part, seed) for part in config]
+        if isinstance(config, list | tuple)
+        else config
+    )
 
 
-def scene_at(config: Mapping[str, Any], seed: int, cache: bool, console: Console) -> Scene:
+def scene_at(
+    config: Mapping[str, Any], seed: int, cache: bool, console: Console
+) -> Scene:
     """The scene of a resolved config at a seed of sensor and samples, cached where asked for."""
     scene: Scene = instantiate(OmegaConf.create(at_seed(dict(config), seed)), "scene")
     return cached(scene, results_dir() / "cache", console) if cache else scene
@@ -63,7 +79,9 @@ class LazyFrames:
 
     def __getitem__(self, index: Any) -> Tensor:
         with self.clock.held():
-            chosen = self.indices[index.numpy(force=True) if isinstance(index, Tensor) else index]
+            chosen = self.indices[
+                index.numpy(force=True) if isinstance(index, Tensor) else index
+            ]
             frames = self.scene.frames(np.atleast_1d(chosen))
             return frames if np.ndim(chosen) else frames[0]
 
@@ -138,7 +156,9 @@ def _make(scene: Scene, path: Path, console: Console) -> None:
     try:
         # Written, not mapped: a full disk is then an error and not a signal.
         with partial.open("wb") as file, bars:
-            for start in bars.track(range(0, n, _BATCH), description=f"make {scene.origin} frames"):
+            for start in bars.track(
+                range(0, n, _BATCH), description=f"make {scene.origin} frames"
+            ):
                 frames = scene.frames(np.arange(start, min(n, start + _BATCH)))
                 pixels = frames.contiguous().numpy(force=True)
                 if start == 0:
@@ -163,15 +183,23 @@ class PixelSubset(DerivedScene):
     def __init__(self, scene: Scene, pixels: int, seed: int):
         super().__init__(scene)
         all_pixels = math.prod(scene.shape)
-        if isinstance(pixels, bool) or not isinstance(pixels, int) or not 2 <= pixels <= all_pixels:
+        if (
+            isinstance(pixels, bool)
+            or not isinstance(pixels, int)
+            or not 2 <= pixels <= all_pixels
+        ):
             raise ValueError(
                 f"data.pixels: expected an integer in [2, {all_pixels}], found {pixels!r}"
             )
         self.shape = (1, pixels)
-        self._chosen = np.sort(np.random.default_rng(seed).permutation(all_pixels)[:pixels])
+        self._chosen = np.sort(
+            np.random.default_rng(seed).permutation(all_pixels)[:pixels]
+        )
 
     def fingerprint(self) -> str:
-        digest = hashlib.sha256(self._scene.fingerprint().encode() + self._chosen.tobytes())
+        digest = hashlib.sha256(
+            self._scene.fingerprint().encode() + self._chosen.tobytes()
+        )
         return digest.hexdigest()
 
     def frames(self, indices: Any) -> Tensor:
@@ -193,7 +221,9 @@ def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
     session = scene.samples.get("session", np.zeros(len(scene.labels), np.int64))
     kinds, kind = (*KINDS, "grouped", "session"), cfg["kind"]
     if kind not in kinds:
-        raise ValueError(f"split.kind: expected one of {', '.join(kinds)}, found {kind!r}")
+        raise ValueError(
+            f"split.kind: expected one of {', '.join(kinds)}, found {kind!r}"
+        )
     fraction, groups = cfg["test_fraction"], cfg.get("group")
     if kind == "grouped" and groups not in scene.samples:
         expected = ", ".join(scene.samples)
@@ -226,7 +256,9 @@ def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
         try:
             train = learning_curve_subsets(train, scene.labels, [n], seed)[n]
         except ValueError as error:
-            raise ValueError(str(error).replace("split.sizes", "split.n_train")) from error
+            raise ValueError(
+                str(error).replace("split.sizes", "split.n_train")
+            ) from error
     return train, test
 
 

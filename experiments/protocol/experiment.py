@@ -46,7 +46,9 @@ class Run:
 
     def note(self, text: str) -> None:
         """Show a line of progress."""
-        self.console.print(f"{self.name}: {text}", style="dim", markup=False, soft_wrap=True)
+        self.console.print(
+            f"{self.name}: {text}", style="dim", markup=False, soft_wrap=True
+        )
 
     def scene(self, config: Mapping[str, Any], seed: int) -> Scene:
         """The scene of a resolved config at a seed."""
@@ -59,7 +61,9 @@ class Run:
         for seed in seeds:
             yield seed, self.scene(config, seed)
 
-    def part(self, key: Mapping[str, Any], compute: Callable[[], Iterable[Row]]) -> Iterator[Row]:
+    def part(
+        self, key: Mapping[str, Any], compute: Callable[[], Iterable[Row]]
+    ) -> Iterator[Row]:
         """Rows of one part of a long experiment, kept once complete: an interrupted one resumes.
 
         Args:
@@ -69,7 +73,9 @@ class Run:
         if self.force:
             yield from compute()
         else:
-            yield from measurement.part(self.name, {**self.config, "part": dict(key)}, compute)
+            yield from measurement.part(
+                self.name, {**self.config, "part": dict(key)}, compute
+            )
         self.note(", ".join(f"{name} {value}" for name, value in key.items()))
 
 
@@ -99,7 +105,9 @@ def experiment(rows: Callable[..., Iterator[Row]]) -> Callable[..., Path]:
             bound = signature.bind(None, **given)
         except TypeError as error:
             known = ", ".join(list(signature.parameters)[1:])
-            raise ValueError(f"task: expected the keys {known}, found {error}") from None
+            raise ValueError(
+                f"task: expected the keys {known}, found {error}"
+            ) from None
         bound.apply_defaults()
         arguments = without_display(dict(list(bound.arguments.items())[1:]))
         config = {"_target_": f"{rows.__module__}.{rows.__name__}", **arguments}

@@ -42,14 +42,20 @@ def check(cfg: DictConfig) -> None:
             raise ValueError(f"{key}: expected true or false, found {cfg[key]!r}")
     for key, seed in cfg.seed.items():
         if type(seed) is not int or not 0 <= seed <= 2**53:
-            raise ValueError(f"seed.{key}: expected an integer from 0 to 2^53, found {seed!r}")
+            raise ValueError(
+                f"seed.{key}: expected an integer from 0 to 2^53, found {seed!r}"
+            )
     for key in ("device", "model.device"):
         name = OmegaConf.select(cfg, key, default="cpu")
         try:
             torch.empty(0, device=torch.device(name)).cpu()
         except (RuntimeError, AssertionError, NotImplementedError, TypeError) as error:
-            there = ", ".join(["cpu", *(f"cuda:{k}" for k in range(torch.cuda.device_count()))])
-            raise ValueError(f"{key}: expected one of {there}, found {name!r}") from error
+            there = ", ".join(
+                ["cpu", *(f"cuda:{k}" for k in range(torch.cuda.device_count()))]
+            )
+            raise ValueError(
+                f"{key}: expected one of {there}, found {name!r}"
+            ) from error
 
 
 def _leaves(node: Any, key: str = "") -> Iterator[tuple[str, Any]]:
@@ -71,7 +77,10 @@ def _check_kinds(config: Mapping[str, Any], group: str, name: str | None) -> Non
 
 
 def run(
-    cfg: DictConfig, choices: Mapping[str, str | None], overrides: Sequence[str], console: Console
+    cfg: DictConfig,
+    choices: Mapping[str, str | None],
+    overrides: Sequence[str],
+    console: Console,
 ) -> tuple[Finished, bool]:
     """Carry out one run, or find that it is finished.
 
@@ -123,7 +132,9 @@ def run(
     if not cfg.force and (known := records.find(folder, identity)):
         return known, True
     with locks.held(folder / "cache" / "locks" / identity, identity):
-        if not cfg.force and (known := records.find(folder, identity)):  # finished meanwhile
+        if not cfg.force and (
+            known := records.find(folder, identity)
+        ):  # finished meanwhile
             return known, True
         with (
             exclusive(cfg, console),
@@ -156,7 +167,9 @@ def _carry_out(
 ) -> None:
     """Train and test, and add the record; a run that fails is recorded with its error."""
     curve: records.Curve = []
-    records.to_line(entry, curve)  # a record that cannot be written is found before the training
+    records.to_line(
+        entry, curve
+    )  # a record that cannot be written is found before the training
     try:
         cache = folder / "cache" if cfg.cache else None
         train_and_test(cfg, scene, entry["choices"], curve, entry, cache, console)
@@ -164,12 +177,16 @@ def _carry_out(
         classes = len(scene.classes)
         for label in entry["predicted"]:
             if not 0 <= label < classes:
-                raise ValueError(f"predicted: expected labels below {classes}, found {label}")
+                raise ValueError(
+                    f"predicted: expected labels below {classes}, found {label}"
+                )
     except BaseException as error:
         entry["status"] = "failed" if isinstance(error, Exception) else "interrupted"
         text = "".join(traceback.format_exception_only(error)).strip()
         entry["error"] = text[:_ERROR_CHARACTERS]
-        with suppress(OSError, TypeError):  # on a full disk the first error is the one to see
+        with suppress(
+            OSError, TypeError
+        ):  # on a full disk the first error is the one to see
             records.append(folder, entry, curve)
         raise
     records.append(folder, entry, curve)

@@ -23,7 +23,9 @@ class Model(Protocol):
     class indices; a class that is absent from the training labels is never predicted.
     """
 
-    def train(self, frames: FrameSource, labels: np.ndarray) -> Iterator[Mapping[str, float]]:
+    def train(
+        self, frames: FrameSource, labels: np.ndarray
+    ) -> Iterator[Mapping[str, float]]:
         """Start anew and yield whenever the model can predict.
 
         Each item becomes a row of curve.csv; its keys are its columns (``samples_seen`` always;
@@ -63,7 +65,9 @@ def instantiate(node: DictConfig, key: str) -> Any:
         if not isinstance(cause, ValueError | TypeError | OSError):
             raise
         text = str(cause)
-        raise ValueError(text if text.startswith(f"{key}.") else f"{key}: {text}") from error
+        raise ValueError(
+            text if text.startswith(f"{key}.") else f"{key}: {text}"
+        ) from error
 
 
 def models_of(configs: Mapping[str, Any]) -> dict[str, Any]:

@@ -45,7 +45,10 @@ class StopRule:
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            if not isinstance(value, int | float) and (name, value) != ("reached_after_s", None):
+            if not isinstance(value, int | float) and (name, value) != (
+                "reached_after_s",
+                None,
+            ):
                 raise ValueError(f"stop.{name}: expected a number, found {value!r}")
         least, after = max(1, self.least_steps), self.reached_after_s
         for name, valid, expected in (
@@ -57,10 +60,16 @@ class StopRule:
             ("budget_s", self.budget_s > 0, "more than 0 s"),
         ):
             if not valid:
-                raise ValueError(f"stop.{name}: expected {expected}, found {getattr(self, name)}")
+                raise ValueError(
+                    f"stop.{name}: expected {expected}, found {getattr(self, name)}"
+                )
 
     def check(
-        self, training_s: float, steps: float, loss: float | None, train_accuracy: float = 0.0
+        self,
+        training_s: float,
+        steps: float,
+        loss: float | None,
+        train_accuracy: float = 0.0,
     ) -> str | None:
         """The name of the reason to stop now, or None.
 
@@ -73,7 +82,9 @@ class StopRule:
         if loss is not None:
             if not math.isfinite(loss):
                 return "diverged"
-            waited = self.reached_after_s is not None and training_s >= self.reached_after_s
+            waited = (
+                self.reached_after_s is not None and training_s >= self.reached_after_s
+            )
             if waited and train_accuracy > self.target:
                 return "reached"
             if steps >= max(1, self.least_steps) and loss <= self.loss:

@@ -26,8 +26,14 @@ from scenes.frames import Scene
 
 _WARM_UP_FRAMES = 40
 _SINGLE_FRAMES = 20
-_OWN_KEYS = {"training_s", "train_accuracy", "test_accuracy"}  # of a row, set by the runner
-_OFTEN = 10  # a model that learns by steps is tested after a tenth more of the samples seen
+_OWN_KEYS = {
+    "training_s",
+    "train_accuracy",
+    "test_accuracy",
+}  # of a row, set by the runner
+_OFTEN = (
+    10  # a model that learns by steps is tested after a tenth more of the samples seen
+)
 
 
 def stop_rule(node: DictConfig) -> StopRule:
@@ -105,7 +111,9 @@ def train_and_test(
         show("")
         reason = _train(model, names["model"], train, test, clock, stop, curve, show)
     if not curve:
-        raise ValueError(f"model {names['model']}: expected at least one report, found none")
+        raise ValueError(
+            f"model {names['model']}: expected at least one report, found none"
+        )
     results |= _of_curve(clock, stop, reason, curve)
     results |= {
         "n_train": len(train.indices),
@@ -122,11 +130,19 @@ def train_and_test(
     }
     results |= _prediction_times(model, test, cfg.device)
     if _digests(train, test) != digests:
-        raise ValueError(f"model {names['model']}: expected it to leave its frames as they are")
+        raise ValueError(
+            f"model {names['model']}: expected it to leave its frames as they are"
+        )
     try:
         state = model.state_tensors()
-        sizes = None if state is None else [t.numel() * t.element_size() for t in state.values()]
-    except Exception as error:  # of whatever model: it costs its size, and not its training
+        sizes = (
+            None
+            if state is None
+            else [t.numel() * t.element_size() for t in state.values()]
+        )
+    except (
+        Exception
+    ) as error:  # of whatever model: it costs its size, and not its training
         console.print(f"model_bytes: not known, {error}", style="yellow", markup=False)
         sizes = None
     results["model_bytes"] = None if sizes is None else sum(sizes)
@@ -168,7 +184,9 @@ def train_until(model: Model, stop: StopRule, scene: Scene, train: np.ndarray) -
     frames = data.take(scene, train, clock)
     for row in reports(model, type(model).__name__, frames, labels, clock):
         loss, share = row.get("loss"), 0.0
-        if loss is not None and stop.reached_after_s is not None:  # otherwise it has no say
+        if (
+            loss is not None and stop.reached_after_s is not None
+        ):  # otherwise it has no say
             share = accuracy(model.predict(frames), labels)
         if stop.check(row["training_s"], row.get("steps", 0), loss, share):
             return
@@ -246,7 +264,9 @@ def _prediction_times(model: Model, test: _Part, device: str) -> dict[str, float
         timed(functools.partial(model.predict, frames[i : i + 1]), device)
         for i in range(min(_SINGLE_FRAMES, len(frames)))
     ]
-    batch = min(timed(functools.partial(model.predict, frames), device) for _ in range(3))
+    batch = min(
+        timed(functools.partial(model.predict, frames), device) for _ in range(3)
+    )
     return {
         "predict_single_s": float(np.median(singles)),
         "predict_batch_s_per_frame": batch / len(frames),
@@ -256,6 +276,8 @@ def _prediction_times(model: Model, test: _Part, device: str) -> dict[str, float
 def _warm_up(model: Model, scene: Scene, n: int) -> None:
     """Train and predict once on noise of the same shape: the first use of anything is slow."""
     generator = torch.Generator().manual_seed(0)
-    frames = torch.randint(0, 256, (n, *scene.shape), generator=generator, dtype=torch.uint8)
+    frames = torch.randint(
+        0, 256, (n, *scene.shape), generator=generator, dtype=torch.uint8
+    )
     next(iter(model.train(frames, np.arange(n) % 2)), None)
     model.predict(frames[:2])

@@ -12,7 +12,9 @@ from omegaconf import OmegaConf
 from experiments.records.files import ROOT
 
 CONFIGS = ROOT / "configs"
-_file: Any = functools.cache(lambda group, name: OmegaConf.load(CONFIGS / group / f"{name}.yaml"))
+_file: Any = functools.cache(
+    lambda group, name: OmegaConf.load(CONFIGS / group / f"{name}.yaml")
+)
 SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to repetition
 
 
@@ -89,8 +91,14 @@ def sweep(experiment: str) -> dict[str, list[str]]:
 @functools.cache
 def swept_models() -> frozenset[str]:
     """Every model that an experiment sweeps over."""
-    trees = (_file("experiment", path.stem) for path in (CONFIGS / "experiment").glob("*.yaml"))
-    sweeps = (OmegaConf.select(tree, "hydra.sweeper.params.model", default="") for tree in trees)
+    trees = (
+        _file("experiment", path.stem)
+        for path in (CONFIGS / "experiment").glob("*.yaml")
+    )
+    sweeps = (
+        OmegaConf.select(tree, "hydra.sweeper.params.model", default="")
+        for tree in trees
+    )
     return frozenset(model.strip() for text in sweeps for model in str(text).split(","))
 
 
@@ -128,7 +136,13 @@ def display(model: str) -> dict[str, str]:
 
 @functools.cache
 def _display(model: str) -> dict[str, str]:
-    shown = {"name": model, "colour": "#666666", "marker": ".", "line": ":", "group": "other"}
+    shown = {
+        "name": model,
+        "colour": "#666666",
+        "marker": ".",
+        "line": ":",
+        "group": "other",
+    }
     known = (CONFIGS / "model" / f"{model}.yaml").is_file()
     return shown | dict((known and _file("model", model).get("display")) or {})
 
@@ -138,9 +152,13 @@ def differences(config: Any, reference: Any, key: str = "") -> dict[str, str]:
     if isinstance(config, Mapping) and isinstance(reference, Mapping):
         names = dict.fromkeys([*config, *reference])
         parts = (
-            differences(config.get(name), reference.get(name), f"{key}.{name}".lstrip("."))
+            differences(
+                config.get(name), reference.get(name), f"{key}.{name}".lstrip(".")
+            )
             for name in names
         )
         return {name: text for part in parts for name, text in part.items()}
     # A required value is no difference: a recording is known by its content.
-    return {} if config == reference or reference == "???" else {key: json.dumps(config)}
+    return (
+        {} if config == reference or reference == "???" else {key: json.dumps(config)}
+    )

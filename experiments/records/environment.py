@@ -16,7 +16,15 @@ from typing import Any
 
 from experiments.records import sources
 
-_PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "hydra-core", "numkong", "numba")
+_PACKAGES = (
+    "torch",
+    "numpy",
+    "scipy",
+    "scikit-learn",
+    "hydra-core",
+    "numkong",
+    "numba",
+)
 
 
 def environment(device: str, threads: int, config: Mapping[str, Any]) -> dict[str, Any]:
@@ -58,7 +66,9 @@ def cpu_model() -> str:
     """What the system calls its processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
+        return next(
+            line.split(":", 1)[1].strip() for line in lines if "model name" in line
+        )
     except (OSError, StopIteration):
         return platform.processor() or platform.machine()
 
@@ -74,4 +84,7 @@ def _git() -> dict[str, Any]:
         return {"commit": None, "dirty": None}
     # Results are written while runs go on; only code and configs make a tree dirty.
     changed = ask("status", "--porcelain", "--", *sources.PACKAGES, "configs")
-    return {"commit": ask("rev-parse", "HEAD"), "dirty": None if changed is None else bool(changed)}
+    return {
+        "commit": ask("rev-parse", "HEAD"),
+        "dirty": None if changed is None else bool(changed),
+    }

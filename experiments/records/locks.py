@@ -33,7 +33,9 @@ def held(path: Path, what: str | None = None, timeout_s: float = 0) -> Iterator[
     try:
         lock.acquire()
     except Timeout:
-        raise Held(f"{what or path.parent.name}: being run by another process") from None
+        raise Held(
+            f"{what or path.parent.name}: being run by another process"
+        ) from None
     try:
         yield
     finally:

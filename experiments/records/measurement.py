@@ -82,7 +82,10 @@ class Measured:
     @property
     def of_other_frames(self) -> bool:
         """Whether its frames, or which of them test, are not those of the experiment's config."""
-        return any(key.split(".")[0] in ("scene", "split", "old_split") for key in self.overrides)
+        return any(
+            key.split(".")[0] in ("scene", "split", "old_split")
+            for key in self.overrides
+        )
 
 
 def measure(
@@ -157,7 +160,9 @@ def write(folder: Path, entry: Mapping[str, Any], rows: Iterable[Row]) -> None:
 
 def to_lines(rows: Iterable[Row]) -> str:
     """Rows as JSON lines; numbers that JSON lacks (NaN, infinities) become null."""
-    return "".join(f"{msgspec.json.encode(row, enc_hook=plain).decode()}\n" for row in rows)
+    return "".join(
+        f"{msgspec.json.encode(row, enc_hook=plain).decode()}\n" for row in rows
+    )
 
 
 def from_lines(text: str) -> list[Row]:
@@ -165,10 +170,14 @@ def from_lines(text: str) -> list[Row]:
     return [msgspec.json.decode(line) for line in text.splitlines()]
 
 
-def part(name: str, config: Mapping[str, Any], compute: Callable[[], Iterable[Row]]) -> list[Row]:
+def part(
+    name: str, config: Mapping[str, Any], compute: Callable[[], Iterable[Row]]
+) -> list[Row]:
     """The rows of a part of a long :func:`measure`, kept in ``cache/parts`` once complete."""
     code = sources.code_hash(sources.sources(config))
-    path = results_dir() / "cache" / "parts" / f"{name}-{digest_of([config, code])}.jsonl"
+    path = (
+        results_dir() / "cache" / "parts" / f"{name}-{digest_of([config, code])}.jsonl"
+    )
     with suppress(FileNotFoundError, ValueError):
         return from_lines(path.read_text(encoding="utf-8"))
     rows = list(compute())
@@ -187,4 +196,6 @@ def read(folder: Path) -> Measured | None:
         rows = from_lines(path.read_text(encoding="utf-8")) if path.exists() else []
         return Measured(rows, record, folder)
     except (ValueError, OSError) as error:
-        raise ValueError(f"{path}: expected a record of a measurement, found: {error}") from error
+        raise ValueError(
+            f"{path}: expected a record of a measurement, found: {error}"
+        ) from error

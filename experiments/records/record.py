@@ -180,7 +180,11 @@ def to_line(entry: Mapping[str, Any], curve: Curve) -> str:
     columns = list(dict.fromkeys(key for row in curve for key in row))
     rows = [[_number(row.get(column)) for column in columns] for row in curve]
     environment = {k: v for k, v in entry["environment"].items() if k != "sources"}
-    whole = {**entry, "environment": environment, "curve": {"columns": columns, "rows": rows}}
+    whole = {
+        **entry,
+        "environment": environment,
+        "curve": {"columns": columns, "rows": rows},
+    }
     return msgspec.json.encode(whole, enc_hook=plain, order="sorted").decode()
 
 
@@ -216,7 +220,9 @@ def read(folder: Path, name: str = "") -> Iterator[Record | ValueError]:
         except (ValueError, RecursionError) as error:
             yield ValueError(f"{path}, line {number}: {error}")
             continue
-        if isinstance(record, Finished) or not isinstance(records.get(record.id), Finished):
+        if isinstance(record, Finished) or not isinstance(
+            records.get(record.id), Finished
+        ):
             records[record.id] = record
     yield from records.values()
 
@@ -240,13 +246,19 @@ def curve_of(record: Record) -> Curve:
     """The curve of a record, without the values that a report did not have."""
     columns = record.curve.get("columns", [])
     return [
-        {key: float(value) for key, value in zip(columns, row, strict=True) if value is not None}
+        {
+            key: float(value)
+            for key, value in zip(columns, row, strict=True)
+            if value is not None
+        }
         for row in record.curve.get("rows", [])
     ]
 
 
 def write_all(
-    folder: Path, entries: Iterable[Mapping[str, Any]], code: Mapping[str, Mapping[str, str]]
+    folder: Path,
+    entries: Iterable[Mapping[str, Any]],
+    code: Mapping[str, Mapping[str, str]],
 ) -> None:
     """Replace the runs of a folder by decoded lines, and its code by what of it they need."""
     entries = list(entries)

@@ -65,7 +65,9 @@ class Run:
     @cached_property
     def scene(self) -> str:
         """Name of the scene's config, for a recording with its fingerprint, and its overrides."""
-        changed = {k: v for k, v in self.overrides.items() if not k.startswith(_OF_MODEL)}
+        changed = {
+            k: v for k, v in self.overrides.items() if not k.startswith(_OF_MODEL)
+        }
         name = self.record.scene.name
         if self.record.scene.origin == "recorded":
             path = Path(str(self.record.config["scene"].get("path", "")))
@@ -82,7 +84,9 @@ class Run:
     def configuration(self) -> str:
         """All of the config that runs of one row have in common, as text."""
         config = _core(self.record.config)
-        if not self.iterative:  # what learns in one pass ends by itself, whatever the rule
+        if (
+            not self.iterative
+        ):  # what learns in one pass ends by itself, whatever the rule
             config.pop("stop")
         for group, key in (name.split(".") for name in _COORDINATES):
             config[group].pop(key, None)
@@ -127,7 +131,9 @@ class Group:
     @property
     def machines(self) -> set[tuple[str, int]]:
         """(processor, threads): times of different ones do not compare."""
-        return {(r.record.environment.cpu, r.record.environment.threads) for r in self.runs}
+        return {
+            (r.record.environment.cpu, r.record.environment.threads) for r in self.runs
+        }
 
     @property
     def classes(self) -> list[str]:
@@ -169,7 +175,11 @@ class Results:
         return bool(self.runs or self.unfinished or self.measurements)
 
     def group(
-        self, scene: str, model: str, n_train: int | None = None, pixels: int | None = None
+        self,
+        scene: str,
+        model: str,
+        n_train: int | None = None,
+        pixels: int | None = None,
     ) -> Group:
         """The runs of one row, named as in :class:`Group`; none where there are none."""
         row = scene, model, n_train, pixels
@@ -182,7 +192,9 @@ class Results:
     def models(self, scene: str) -> set[str]:
         """Models that were run on a scene with all of its training samples and pixels."""
         return {
-            model for place, model, *sizes in self._groups if (place, *sizes) == (scene, None, None)
+            model
+            for place, model, *sizes in self._groups
+            if (place, *sizes) == (scene, None, None)
         }
 
     def extra_models(self, scene: str) -> list[str]:
@@ -199,8 +211,13 @@ class Results:
             try:
                 measured = measurement.read(path.parent)
                 if measured is not None and measured.record.status == "finished":
-                    config, task = measured.record.config, configs.task(measured.record.name)
-                    changed = configs.differences(config, {key: task.get(key) for key in config})
+                    config, task = (
+                        measured.record.config,
+                        configs.task(measured.record.name),
+                    )
+                    changed = configs.differences(
+                        config, {key: task.get(key) for key in config}
+                    )
                     finished.append(replace(measured, overrides=changed))
             except (ValueError, OmegaConfBaseException) as error:
                 self.problems.append(str(error))
@@ -236,7 +253,9 @@ def _group(row: Row, runs: list[Run]) -> Group:
 
 def _preference(runs: list[Run]) -> tuple[Any, ...]:
     first = runs[0].record
-    rank = STOPS.index(first.choices.stop) if first.choices.stop in STOPS else len(STOPS)
+    rank = (
+        STOPS.index(first.choices.stop) if first.choices.stop in STOPS else len(STOPS)
+    )
     beside = not first.environment.exclusive
     return bool(runs[0].outdated), beside, rank, -len(runs), first.environment.code
 
@@ -272,17 +291,24 @@ def _core(config: Any) -> Any:
     if isinstance(config, Mapping):
         kept = (key for key in config if key not in (*configs.SEEDS, "device"))
         return {key: _core(config[key]) for key in kept}
-    return [_core(part) for part in config] if isinstance(config, list | tuple) else config
+    return (
+        [_core(part) for part in config] if isinstance(config, list | tuple) else config
+    )
 
 
 def _seeds(config: Any) -> list[Any]:
     """Every seed in a config, in the order of its keys."""
     if isinstance(config, Mapping):
-        return [config[k] if k in configs.SEEDS else _seeds(config[k]) for k in sorted(config)]
+        return [
+            config[k] if k in configs.SEEDS else _seeds(config[k])
+            for k in sorted(config)
+        ]
     return [_seeds(part) for part in config] if isinstance(config, list | tuple) else []
 
 
 def _labelled(name: str, changed: Mapping[str, str]) -> str:
     """A name, and in brackets what was changed."""
-    text = ", ".join(f"{key.partition('.')[2]}={value}" for key, value in changed.items())
+    text = ", ".join(
+        f"{key.partition('.')[2]}={value}" for key, value in changed.items()
+    )
     return f"{name} ({text})" if text else name

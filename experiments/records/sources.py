@@ -22,7 +22,10 @@ PACKAGES = ("hdc", "baselines", "scenes", "experiments")
 _INSTALLED = ("stdlib", "purelib", "platlib")
 _TRIAL = "experiments.protocol.trial"
 _STUDIES = "experiments/studies/"
-_STORING = {ROOT / "experiments" / "records", ROOT / "hdc" / "io.py"}  # compute no result
+_STORING = {
+    ROOT / "experiments" / "records",
+    ROOT / "hdc" / "io.py",
+}  # compute no result
 
 
 def sources(config: Mapping[str, Any]) -> dict[str, str]:
@@ -33,7 +36,10 @@ def sources(config: Mapping[str, Any]) -> dict[str, str]:
 
 def closure(*names: str) -> dict[str, str]:
     """As :func:`sources`, of every file that importing these dotted names loads."""
-    return {_address(path): digest(path) for path in sorted(_closure(tuple(sorted(set(names)))))}
+    return {
+        _address(path): digest(path)
+        for path in sorted(_closure(tuple(sorted(set(names)))))
+    }
 
 
 def code_hash(files: Mapping[str, str]) -> str:
@@ -44,16 +50,28 @@ def code_hash(files: Mapping[str, str]) -> str:
 def outdated(files: Mapping[str, str], config: Mapping[str, Any]) -> list[str]:
     """The files that would make this record today and whose code did not, wherever it lay; and of
     those that made it, the ones that are gone, and a user's own that have changed."""
-    studies = {name[:-3].replace("/", ".") for name in files if name.startswith(_STUDIES)}
-    return list(_outdated(tuple(sorted(files.items())), frozenset(targets(config) | studies)))
+    studies = {
+        name[:-3].replace("/", ".") for name in files if name.startswith(_STUDIES)
+    }
+    return list(
+        _outdated(tuple(sorted(files.items())), frozenset(targets(config) | studies))
+    )
 
 
 @functools.cache
-def _outdated(files: tuple[tuple[str, str], ...], names: frozenset[str]) -> tuple[str, ...]:
+def _outdated(
+    files: tuple[tuple[str, str], ...], names: frozenset[str]
+) -> tuple[str, ...]:
     made_by = {known for _, known in files}
     new = [name for name, now in closure(_TRIAL, *names).items() if now not in made_by]
-    gone = [n for n, known in files if not (ROOT / n).is_file() and known not in _all_now()]
-    own = ((Path(n), known) for n, known in files if Path(n).is_absolute() and Path(n).is_file())
+    gone = [
+        n for n, known in files if not (ROOT / n).is_file() and known not in _all_now()
+    ]
+    own = (
+        (Path(n), known)
+        for n, known in files
+        if Path(n).is_absolute() and Path(n).is_file()
+    )
     return (*new, *gone, *(str(path) for path, known in own if digest(path) != known))
 
 
@@ -62,7 +80,9 @@ class _Computing(ast.NodeTransformer):
     has a digest of its own, wherever it lies."""
 
     def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
-        text = isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        text = isinstance(node.value, ast.Constant) and isinstance(
+            node.value.value, str
+        )
         return None if text else node
 
     def visit_ImportFrom(self, node: ast.ImportFrom) -> ast.AST:
@@ -84,7 +104,9 @@ def digest(path: Path) -> str:
 @functools.cache
 def _all_now() -> frozenset[str]:
     """Digests of all code of this checkout."""
-    return frozenset(digest(path) for name in PACKAGES for path in (ROOT / name).rglob("*.py"))
+    return frozenset(
+        digest(path) for name in PACKAGES for path in (ROOT / name).rglob("*.py")
+    )
 
 
 def targets(node: Any) -> set[str]:
@@ -122,7 +144,9 @@ def _imports(path: Path) -> frozenset[Path]:
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
-        elif not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
+        elif not (
+            isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        ):
             waiting += ast.iter_child_nodes(node)
     return frozenset(path for name in names for path in _files(name))
 
@@ -138,7 +162,9 @@ def _files(name: str) -> set[Path]:
     package = ROOT.joinpath(*words[:-1]) / "__init__.py"
     if package in found and places[-1].with_suffix(".py") not in found:
         for node in ast.walk(ast.parse(package.read_bytes())):
-            if isinstance(node, ast.ImportFrom) and words[-1] in {a.name for a in node.names}:
+            if isinstance(node, ast.ImportFrom) and words[-1] in {
+                a.name for a in node.names
+            }:
                 found |= _files(f"{node.module}")
     return found
 

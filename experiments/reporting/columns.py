@@ -78,7 +78,9 @@ def _mean(key: str) -> Callable[[Group, Group], float | None]:
 
 
 def _median(key: str) -> Callable[[Group, Group], float]:
-    return lambda group, _: float(np.median([getattr(run.record, key) for run in group.runs]))
+    return lambda group, _: float(
+        np.median([getattr(run.record, key) for run in group.runs])
+    )
 
 
 def _same(get: Callable[[Any], Any]) -> Callable[[Group, Group], Any]:
@@ -98,7 +100,9 @@ def _over_hdc(group: Group, hdc: Group) -> float | None:
         return None
     reference = {run.seeds: estimates.training_time(run) for run in hdc.runs}
     times = {run.seeds: estimates.training_time(run) for run in group.runs}
-    ratios = [time / reference[seeds] for seeds, time in times.items() if seeds in reference]
+    ratios = [
+        time / reference[seeds] for seeds, time in times.items() if seeds in reference
+    ]
     ratio = float(np.median(ratios)) if ratios else math.inf
     return ratio if math.isfinite(ratio) else None
 
@@ -112,7 +116,10 @@ def _published(quantity: str) -> Callable[[Group, Group], float | None]:
 
 
 def _published_ratio(group: Group, _: Group) -> float | None:
-    time, hdc = (published.value(f"table1/{model}_training_time") for model in (group.model, "hdc"))
+    time, hdc = (
+        published.value(f"table1/{model}_training_time")
+        for model in (group.model, "hdc")
+    )
     return time / hdc if time and hdc else None
 
 

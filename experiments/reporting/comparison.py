@@ -31,12 +31,24 @@ HOW = (
 )
 COLUMNS = (
     *("experiment", "quantity", "condition", "unit", "published", "published_low"),
-    *("published_high", "measured", "low", "high", "margin", "n", "seeds", "verdict", "made_by"),
+    *(
+        "published_high",
+        "measured",
+        "low",
+        "high",
+        "margin",
+        "n",
+        "seeds",
+        "verdict",
+        "made_by",
+    ),
     "note",
 )
 _SETTINGS = ("table1/learning_rate", "touch/labels")
 # What makes an experiment of published.csv where that is not the one of its name.
-_MAKES = dict.fromkeys(("finger", "spatial", "tactile"), "all_scenes") | {"touch": "table1"}
+_MAKES = dict.fromkeys(("finger", "spatial", "tactile"), "all_scenes") | {
+    "touch": "table1"
+}
 
 
 def compare(quantities: Iterable[Quantity]) -> Table:
@@ -73,7 +85,9 @@ def verdict(known: Published, ours: Quantity | None) -> str:
     if ours is None or ours.value is None:
         return "missing"
     if known.name in _SETTINGS:
-        same = isinstance(ours.value, int | float) and math.isclose(ours.value, known.value)
+        same = isinstance(ours.value, int | float) and math.isclose(
+            ours.value, known.value
+        )
         return f"setting, {'same' if same else 'another'}"
     if isinstance(ours.value, str):
         return "not reached"
@@ -112,7 +126,9 @@ def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _judged(known: Published, ours: float, low: float, high: float, margin: float) -> str:
+def _judged(
+    known: Published, ours: float, low: float, high: float, margin: float
+) -> str:
     paper = known.value
     if known.unit == "×":  # ratios are off by factors
         if low <= 0:

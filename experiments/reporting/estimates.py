@@ -29,7 +29,9 @@ class Estimate(NamedTuple):
 
     def within(self, low: float, high: float) -> Estimate:
         """The same with bounds that end where its values do."""
-        return Estimate(self.value, *(float(np.clip(bound, low, high)) for bound in self[1:]))
+        return Estimate(
+            self.value, *(float(np.clip(bound, low, high)) for bound in self[1:])
+        )
 
     def columns(self, name: str) -> dict[str, float]:
         """The value under a name, its bounds under ``name_low`` and ``name_high``."""
@@ -93,7 +95,9 @@ def difference(runs: Sequence[Run], reference: Sequence[Run]) -> Estimate | None
 
     That test samples are the same is proven by the digest of their frames and labels.
     """
-    theirs = {(run.seeds, run.record.data_sha256.test): run.record.right for run in reference}
+    theirs = {
+        (run.seeds, run.record.data_sha256.test): run.record.right for run in reference
+    }
     keys = ((run, (run.seeds, run.record.data_sha256.test)) for run in runs)
     pairs = [(run.record.right, theirs[key]) for run, key in keys if key in theirs]
     if not pairs:
@@ -103,7 +107,9 @@ def difference(runs: Sequence[Run], reference: Sequence[Run]) -> Estimate | None
     return mean_difference(each, float(np.mean([len(a) for a, _ in pairs])), disagree)
 
 
-def crossing(n: Sequence[float], accuracy: Sequence[float], level: float = 0.9) -> float:
+def crossing(
+    n: Sequence[float], accuracy: Sequence[float], level: float = 0.9
+) -> float:
     """N at which a curve first rises above the level, between two N on a line; NaN if it never
     does."""
     order = np.argsort(n)
@@ -112,7 +118,9 @@ def crossing(n: Sequence[float], accuracy: Sequence[float], level: float = 0.9) 
     if not len(above):
         return math.nan
     k = int(above[0])
-    return float(x[0] if k == 0 else np.interp(level, y[k - 1 : k + 1], x[k - 1 : k + 1]))
+    return float(
+        x[0] if k == 0 else np.interp(level, y[k - 1 : k + 1], x[k - 1 : k + 1])
+    )
 
 
 def training_time(run: Run) -> float:

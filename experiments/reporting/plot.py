@@ -33,8 +33,17 @@ plt.switch_backend("Agg")  # without a display
 STYLE = Path(__file__).with_name("column.mplstyle")
 # Light to dark in any colour vision, and in grey.
 CORRELATION_MAP, CONFUSION_MAP = "cividis", "Blues"
-PAPER: Any = {"ls": "", "marker": "*", "mfc": "white", "mec": "black", "ms": 7, "mew": 0.7}
-PRINTED = 12  # classes up to which every one is named, and its cells have room for numbers
+PAPER: Any = {
+    "ls": "",
+    "marker": "*",
+    "mfc": "white",
+    "mec": "black",
+    "ms": 7,
+    "mew": 0.7,
+}
+PRINTED = (
+    12  # classes up to which every one is named, and its cells have room for numbers
+)
 _LINE = 60  # characters of a head's line
 
 
@@ -102,7 +111,9 @@ def title(
         strip = ", grey: no error" if axes.get_yscale() == "log" else ""
         details.append(f"{frames_of(rows)}, {count}, 95 % intervals{strip}")
     # Lines break between names, not within one.
-    missing = [literal(display_name(m)) for m in dict.fromkeys(wanted) if m not in shown]
+    missing = [
+        literal(display_name(m)) for m in dict.fromkeys(wanted) if m not in shown
+    ]
     if missing:
         names = "; ".join(name.replace(" ", "\xa0") for name in missing)
         details.append(f"no records: {names}")
@@ -149,7 +160,13 @@ def matrix(
     for (i, j), text in np.ndenumerate(np.array(cells, object)) if cells else ():
         light = np.dot(image.to_rgba(values[i, j])[:3], (0.3, 0.6, 0.1)) > 0.5
         axes.text(
-            j, i, text, ha="center", va="center", fontsize=5.5, color="black" if light else "white"
+            j,
+            i,
+            text,
+            ha="center",
+            va="center",
+            fontsize=5.5,
+            color="black" if light else "white",
         )
     place, aspect = ("right", 20) if step == 1 else ("bottom", 25)
     bar = axes.figure.colorbar(  # type: ignore[union-attr]
@@ -197,8 +214,14 @@ def line_plot(
         value, spread = errors([mean_interval(list(values)) for _, values in means])
         look = dict((looks or {}).get(str(name), {}))
         look = look or {**look_of(str(name)), "label": literal(display_name(str(name)))}
-        axes.errorbar(places, value, yerr=spread, elinewidth=0.5, **{"lw": 0.9, **look, **style})
-        shown = {key: look[key] for key in look if key in ("color", "marker", "ls", "mfc", "label")}
+        axes.errorbar(
+            places, value, yerr=spread, elinewidth=0.5, **{"lw": 0.9, **look, **style}
+        )
+        shown = {
+            key: look[key]
+            for key in look
+            if key in ("color", "marker", "ls", "mfc", "label")
+        }
         handles.append(Line2D([], [], **shown))
     return handles
 
@@ -216,7 +239,11 @@ def error_bars(
         return
     error, low, high = (
         np.array([1 - line[key] for line in lines])
-        for key in ("test_accuracy_final", "test_accuracy_final_high", "test_accuracy_final_low")
+        for key in (
+            "test_accuracy_final",
+            "test_accuracy_final_high",
+            "test_accuracy_final_low",
+        )
     )
     y = np.maximum(error, floor)
     spread = [y - np.maximum(low, floor), high - y]
@@ -227,7 +254,15 @@ def error_bars(
 def published_point(axes: Axes, model: str, x: float, y: float, size: float) -> None:
     """The paper's value of a model, a star in its colour."""
     axes.plot(
-        x, y, "*", color=style_of(model)[0], ms=size, mec="black", mew=0.6, zorder=5, clip_on=False
+        x,
+        y,
+        "*",
+        color=style_of(model)[0],
+        ms=size,
+        mec="black",
+        mew=0.6,
+        zorder=5,
+        clip_on=False,
     )
 
 
@@ -257,7 +292,11 @@ def plain_decades(axes: Axes) -> None:
 
 
 def accuracy_curves(
-    axes: Axes, rows: Sequence[Row], models: Sequence[str], key: str, also: Iterable[float] = ()
+    axes: Axes,
+    rows: Sequence[Row],
+    models: Sequence[str],
+    key: str,
+    also: Iterable[float] = (),
 ) -> None:
     """Accuracy in percent over a logarithmic axis; models are set apart by a few percent of x.
 
@@ -267,7 +306,9 @@ def accuracy_curves(
     places = [*also, *(r[key] for r in rows if r[key])]
     if places:
         axes.set_xlim(min(places) / 1.35, max(places) * 1.35)
-    lowest = 100 * min((r["test_accuracy_final_low"] for r in rows if r["seeds"]), default=1.0)
+    lowest = 100 * min(
+        (r["test_accuracy_final_low"] for r in rows if r["seeds"]), default=1.0
+    )
     for k, model in enumerate(models):
         lines = [r for r in rows if r["model"] == model and r["seeds"]]
         lines.sort(key=lambda r: r[key])

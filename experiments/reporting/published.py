@@ -75,5 +75,10 @@ def _of(line: dict[str, str], above: dict[str, Published]) -> Published:
     if n := int(line["samples"] or 0):
         low, high = (100 * p for p in wilson(round(number / 100 * n), n))
     margin = float(line["margin"]) if line["margin"] else None
-    notes = line["calibration"], line["calibration_note"], margin, line["not_comparable"]
+    notes = (
+        line["calibration"],
+        line["calibration_note"],
+        margin,
+        line["not_comparable"],
+    )
     return Published(name, number, line["unit"], low, high, *notes)

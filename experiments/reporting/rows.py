@@ -26,9 +26,13 @@ def row(group: Group, hdc: Group, paper: bool = False) -> Row:
         values = {"scene": group.scene, "model": group.model, "n_train": group.n_train}
         values |= {"pixels": group.pixels, "seeds": 0, "status": group.status}
     for name, column in COLUMNS.items():
-        if column.of is not None and (paper if name.startswith("published_") else group.runs):
+        if column.of is not None and (
+            paper if name.startswith("published_") else group.runs
+        ):
             value = column.of(group, hdc)
-            values |= value.columns(name) if isinstance(value, Estimate) else {name: value}
+            values |= (
+                value.columns(name) if isinstance(value, Estimate) else {name: value}
+            )
     return values
 
 
@@ -37,8 +41,13 @@ def swept(results: Results, experiments: Sequence[str]) -> list[Row]:
     rows: dict[tuple[Any, ...], Row] = {}
     for experiment in experiments:
         params = configs.sweep(experiment)
-        sizes = (configs.numbers(params.get(k, ["null"])) for k in ("split.n_train", "data.pixels"))
-        every: Iterable[Any] = itertools.product(params["scene"], params["model"], *sizes)
+        sizes = (
+            configs.numbers(params.get(k, ["null"]))
+            for k in ("split.n_train", "data.pixels")
+        )
+        every: Iterable[Any] = itertools.product(
+            params["scene"], params["model"], *sizes
+        )
         for scene, model, *place in every:
             hdc = results.group(scene, "hdc", *place)
             rows[scene, model, *place] = row(results.group(scene, model, *place), hdc)
@@ -48,7 +57,9 @@ def swept(results: Results, experiments: Sequence[str]) -> list[Row]:
 def caption(rows: Sequence[Mapping[str, Any]], what: str) -> str:
     """What a table shows, on which frames, on which machine."""
     scene = " and ".join(dict.fromkeys(f"“{line['scene']}”" for line in rows))
-    used = {f"{line['cpu']}, {line['threads']} threads" for line in rows if line.get("cpu")}
+    used = {
+        f"{line['cpu']}, {line['threads']} threads" for line in rows if line.get("cpu")
+    }
     if not any(line["seeds"] for line in rows):
         return f"{what}, scene {scene}: no runs."
     text = f"{what}, {frames_of(rows)}, scene {scene}."
@@ -57,7 +68,9 @@ def caption(rows: Sequence[Mapping[str, Any]], what: str) -> str:
 
 def commands(groups: Iterable[Group]) -> list[str]:
     """Commands that made the runs of these groups."""
-    return list(dict.fromkeys(run.record.command for group in groups for run in group.runs))
+    return list(
+        dict.fromkeys(run.record.command for group in groups for run in group.runs)
+    )
 
 
 SHOWN = ("id", "scene", "model", "overrides", "stop_rule", "n_train", "seed", "status",
@@ -68,7 +81,10 @@ def runs_table(results: Results) -> Table:
     """One row per run, finished or not; each key that was changed of the configs has a column."""
     rows: list[dict[str, Any]] = []
     done = [(run.record, run.overrides, run.outdated) for run in results.runs]
-    for record, overrides, changed in [*done, *((r, {}, []) for r in results.unfinished)]:
+    for record, overrides, changed in [
+        *done,
+        *((r, {}, []) for r in results.unfinished),
+    ]:
         environment = record.environment
         rows.append({
             "id": record.id, "scene": record.choices.scene, "model": record.choices.model,
@@ -84,6 +100,9 @@ def runs_table(results: Results) -> Table:
             "command": record.command, **overrides,
         })  # fmt: skip
     rows.sort(key=lambda row: (row["scene"], row["model"], row["id"]))
-    four = {name: Column(name.replace("_", " "), partial(number, digits=4)) for name in SHOWN}
+    four = {
+        name: Column(name.replace("_", " "), partial(number, digits=4))
+        for name in SHOWN
+    }
     note = "tables/runs.csv has a column for every key that was changed, processor and command."
     return Table("runs", "Every run", frame(rows), SHOWN if rows else (), four, note)

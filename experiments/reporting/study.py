@@ -82,10 +82,17 @@ class Quantity:
 
     @classmethod
     def of(
-        cls, name: str, estimate: Estimate, interval: str, scale: float = 1.0, **rest: Any
+        cls,
+        name: str,
+        estimate: Estimate,
+        interval: str,
+        scale: float = 1.0,
+        **rest: Any,
     ) -> Quantity:
         """From an estimate, in a unit of 1/scale; its bounds are unknown where they are NaN."""
-        low, high = (None if math.isnan(bound) else scale * bound for bound in estimate[1:])
+        low, high = (
+            None if math.isnan(bound) else scale * bound for bound in estimate[1:]
+        )
         known = interval if low is not None or high is not None else ""
         return cls(name, scale * estimate.value, low, high, known, **rest)
 
@@ -107,7 +114,9 @@ class Study:
     question: str
     order: float
     front: bool = False
-    _makers: list[tuple[type, Callable[[Results], Iterator[Any]]]] = field(default_factory=list)
+    _makers: list[tuple[type, Callable[[Results], Iterator[Any]]]] = field(
+        default_factory=list
+    )
 
     def table(
         self,
@@ -138,7 +147,12 @@ class Study:
             data = function(*source.arguments)
             if data is None or not len(data):
                 return
-            texts: dict[str, Any] = {"title": title, "note": note, "shown": shown, **data.attrs}
+            texts: dict[str, Any] = {
+                "title": title,
+                "note": note,
+                "shown": shown,
+                **data.attrs,
+            }
             yield Table(
                 f"{name}{source.suffix}",
                 source.fill(texts["title"]),
@@ -177,7 +191,9 @@ class Study:
             if needs(*source.arguments):
                 draw = partial(_draw, function, source.arguments, size)
                 made_by = tuple(commands) or source.commands
-                yield Plot(f"{name}{source.suffix}", source.fill(caption), draw, made_by, kind)
+                yield Plot(
+                    f"{name}{source.suffix}", source.fill(caption), draw, made_by, kind
+                )
 
         return self._registering(Plot, of, make)
 
@@ -203,12 +219,23 @@ class Study:
         return self._answers(Quantity, results)
 
     def _answers(self, kind: type, results: Results) -> Iterator[Any]:
-        return (answer for of, make in self._makers if of is kind for answer in make(results))
+        return (
+            answer
+            for of, make in self._makers
+            if of is kind
+            for answer in make(results)
+        )
 
-    def _registering(self, kind: type, of: Of, make: Callable[..., Iterator[Any]]) -> Decorator:
+    def _registering(
+        self, kind: type, of: Of, make: Callable[..., Iterator[Any]]
+    ) -> Decorator:
         def register(function: Callable[..., Any]) -> Callable[..., Any]:
             def answers(results: Results) -> Iterator[Any]:
-                return (a for source in _sources(results, of) for a in make(source, function))
+                return (
+                    a
+                    for source in _sources(results, of)
+                    for a in make(source, function)
+                )
 
             self._makers.append((kind, answers))
             return function
@@ -233,7 +260,9 @@ class _Source:
         accelerator = [env.device] if env.device not in (None, "cpu") else []
         threads = f"{env.threads} thread{'s' * (env.threads != 1)}"
         machine = ", ".join([*accelerator, env.cpu, threads])
-        return text.replace("{frames}", frames_of(self.measured.rows)).replace("{machine}", machine)
+        return text.replace("{frames}", frames_of(self.measured.rows)).replace(
+            "{machine}", machine
+        )
 
 
 def _sources(results: Results, of: Of) -> Iterator[_Source]:
@@ -247,7 +276,9 @@ def _sources(results: Results, of: Of) -> Iterator[_Source]:
         for name in names[1:]:
             scene = first.record.config.get("scene")
             others = (m for _, m in with_places(results, name))
-            every += islice((m for m in others if m.record.config.get("scene") == scene), 1)
+            every += islice(
+                (m for m in others if m.record.config.get("scene") == scene), 1
+            )
         if len(every) < len(names):
             continue
         commands = tuple(dict.fromkeys(m.record.command for m in every))
@@ -274,7 +305,10 @@ def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
 def _draw(
     function: Callable[..., Any], arguments: tuple[Any, ...], size: tuple[float, float]
 ) -> Any:
-    from experiments.reporting.plot import STYLE, plt  # --help does not wait for matplotlib
+    from experiments.reporting.plot import (
+        STYLE,
+        plt,
+    )  # --help does not wait for matplotlib
 
     with plt.rc_context(fname=STYLE):
         figure = plt.figure(figsize=size, layout="constrained")
@@ -284,6 +318,12 @@ def _draw(
 
 def studies(package: ModuleType) -> list[Study]:
     """Every study of a package of studies, in the order of the page."""
-    names = (module.name for module in pkgutil.iter_modules(package.__path__) if module.ispkg)
-    views = (importlib.import_module(f"{package.__name__}.{name}.view") for name in names)
-    return sorted((v.STUDY for v in views), key=lambda study: (not study.front, study.order))
+    names = (
+        module.name for module in pkgutil.iter_modules(package.__path__) if module.ispkg
+    )
+    views = (
+        importlib.import_module(f"{package.__name__}.{name}.view") for name in names
+    )
+    return sorted(
+        (v.STUDY for v in views), key=lambda study: (not study.front, study.order)
+    )

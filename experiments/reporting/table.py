@@ -61,7 +61,8 @@ class Table:
     def cells(self) -> list[list[str]]:
         """Texts, a list a row."""
         return [
-            [self.column(name).text(name, row) for name in self.names] for row in records(self.data)
+            [self.column(name).text(name, row) for name in self.names]
+            for row in records(self.data)
         ]
 
     @property
@@ -84,12 +85,16 @@ class Table:
         return "\n\n".join(filter(None, parts)) + "\n"
 
 
-def frame(rows: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()) -> pd.DataFrame:
+def frame(
+    rows: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()
+) -> pd.DataFrame:
     """Rows as a data frame of objects: integers and texts stay what they are. Its columns are those
     named, else those of the rows."""
     rows = list(rows)
     names = list(columns) or list(dict.fromkeys(key for row in rows for key in row))
-    return pd.DataFrame([[row.get(n) for n in names] for row in rows], columns=names, dtype=object)
+    return pd.DataFrame(
+        [[row.get(n) for n in names] for row in rows], columns=names, dtype=object
+    )
 
 
 def records(data: pd.DataFrame) -> list[dict[str, Any]]:

@@ -18,8 +18,12 @@ def summarise(console: Console, record: Finished, repeated: bool = False) -> Non
     # Names go out as Text: no markup and no emoji codes are read in them.
     if repeated:
         changed = outdated(record.environment.sources, record.config)
-        note = f", by code that has changed since: {', '.join(changed)}" if changed else ""
-        text = f"{record.id}: {accuracy}, finished before (force=true runs it again){note}"
+        note = (
+            f", by code that has changed since: {', '.join(changed)}" if changed else ""
+        )
+        text = (
+            f"{record.id}: {accuracy}, finished before (force=true runs it again){note}"
+        )
         console.print(Text(text), soft_wrap=True)
         return
     lines = [

@@ -39,7 +39,9 @@ def points(difference: float | None) -> str:
     value = 100 * difference
     if abs(value) < 1e-9:
         return "0"
-    return (f"{value:+.1f}" if abs(value) >= 0.05 else f"{value:+.1g}").replace("-", "−")
+    return (f"{value:+.1f}" if abs(value) >= 0.05 else f"{value:+.1g}").replace(
+        "-", "−"
+    )
 
 
 def interval(value: str, low: str, high: str) -> str:

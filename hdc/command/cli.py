@@ -30,7 +30,9 @@ _SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
 
 def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
     """One decorator of several, in the order of the help."""
-    return lambda command: reduce(lambda inner, option: option(inner), reversed(options), command)
+    return lambda command: reduce(
+        lambda inner, option: option(inner), reversed(options), command
+    )
 
 
 _recording = _options(
@@ -63,7 +65,9 @@ _reject = click.option(
 )  # fmt: skip
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "show_default": True})
+@click.group(
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True}
+)
 @click.version_option(hdc.__version__, prog_name="hdc", message="%(prog)s %(version)s")
 def cli() -> None:
     """Train a hyperdimensional classifier of images, and use it.
@@ -123,7 +127,9 @@ def train(
 @click.argument("images", type=_FILE, nargs=-1, required=True)
 @_reject
 @_json
-def predict(model: Path, images: tuple[Path, ...], reject: float | None, as_json: bool) -> None:
+def predict(
+    model: Path, images: tuple[Path, ...], reject: float | None, as_json: bool
+) -> None:
     """Classify images.
 
     IMAGES are image files, videos, or folders, whose images and those of their sub-folders are
@@ -131,7 +137,11 @@ def predict(model: Path, images: tuple[Path, ...], reject: float | None, as_json
     distance of each class, as shares of the pixels; 0.5 is the distance of noise.
     """
     found, window = work.load(model)
-    files = [file for path in images for file in (image_files(path) if path.is_dir() else [path])]
+    files = [
+        file
+        for path in images
+        for file in (image_files(path) if path.is_dir() else [path])
+    ]
     for number, answer in enumerate(work.ask(found, window, files, reject)):
         if as_json:
             click.echo(json.dumps(answer, ensure_ascii=False))
@@ -141,7 +151,9 @@ def predict(model: Path, images: tuple[Path, ...], reject: float | None, as_json
         answer |= answer.pop("distances", {})
         if number == 0:
             click.echo("\t".join(answer))
-        cells = (f"{x:.4f}" if isinstance(x, float) else str(x) for x in answer.values())
+        cells = (
+            f"{x:.4f}" if isinstance(x, float) else str(x) for x in answer.values()
+        )
         click.echo("\t".join(cells))
 
 
@@ -168,12 +180,22 @@ def evaluate(
 @_model
 @_recording
 @_output
-@click.option("--p", type=click.FloatRange(0, 1), default=0.5, help="Share of the new frames.")
+@click.option(
+    "--p", type=click.FloatRange(0, 1), default=0.5, help="Share of the new frames."
+)
 @click.option("--method", type=click.Choice(["replace", "merge"]), default="replace",
               help="Replace bits with probability p, as published, or merge votes.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(0), default=0, help="Choice of the bits replaced.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, help="Choice of the bits replaced."
+)
 def recalibrate(
-    model: Path, recording: Path, output: Path, p: float, method: str, seed: int, **source: Any
+    model: Path,
+    recording: Path,
+    output: Path,
+    p: float,
+    method: str,
+    seed: int,
+    **source: Any,
 ) -> None:
     """Adapt a model to a changed sensor.
 
@@ -182,11 +204,15 @@ def recalibrate(
     check_replaceable(output)
     found, window = work.load(model)
     if not hasattr(found, "classes_"):
-        raise ValueError(f"{model}: expected a classifier, found {type(found).__name__}")
+        raise ValueError(
+            f"{model}: expected a classifier, found {type(found).__name__}"
+        )
     frames = work.frames_for(found, window, recording, source)
     by_name = {str(c): c for c in found.classes_.tolist()}
     batches = Batches(frames, np.arange(len(frames)))
-    found.recalibrate(batches, [by_name[name] for name in frames.names], p, seed, method)
+    found.recalibrate(
+        batches, [by_name[name] for name in frames.names], p, seed, method
+    )
     found.save(output)
     names, counts = np.unique(frames.names, return_counts=True)
     new = f"{len(frames)} new frames of {len(names)} classes, at least {counts.min()} of each"
@@ -200,7 +226,9 @@ def recalibrate(
 @click.option("--test", "other", type=_FILE, metavar="RECORDING",
               help="Test on this recording, of another day.")  # fmt: skip
 @_pixels
-@click.option("--test-fraction", type=_SHARE, default=0.2, help="Share of frames to hold out.")
+@click.option(
+    "--test-fraction", type=_SHARE, default=0.2, help="Share of frames to hold out."
+)
 @click.option("--draws", type=click.IntRange(1, 100), default=5, metavar="N",
               help="Random choices of frames at each number per class.")  # fmt: skip
 @_json
@@ -225,14 +253,22 @@ def compare(
     frames = work.open_frames(recording, window, **source)
     tests = work.open_frames(other, window, **source) if other else None
     result = comparison.compare(frames, tests, recording, test_fraction, draws)
-    click.echo(json.dumps(result, ensure_ascii=False) if as_json else comparison.text(result))
+    click.echo(
+        json.dumps(result, ensure_ascii=False) if as_json else comparison.text(result)
+    )
 
 
 @cli.command()
-@click.option("--camera", type=click.IntRange(0), metavar="N", help="Number of the camera.")
-@click.option("--folder", type=_FILE, metavar="RECORDING", help="Play this back instead.")
+@click.option(
+    "--camera", type=click.IntRange(0), metavar="N", help="Number of the camera."
+)
+@click.option(
+    "--folder", type=_FILE, metavar="RECORDING", help="Play this back instead."
+)
 @_pixels
-@click.option("--host", metavar="ADDRESS", help="Listen there. [default: this computer alone]")
+@click.option(
+    "--host", metavar="ADDRESS", help="Listen there. [default: this computer alone]"
+)
 @click.option("--port", type=click.IntRange(1, 65535), default=8080)
 def live(
     camera: int | None,

@@ -40,7 +40,10 @@ class Frames:
     """
 
     def __init__(self, frames: np.ndarray) -> None:
-        flat, most = frames.reshape(len(frames), -1), np.float32(np.iinfo(frames.dtype).max)
+        flat, most = (
+            frames.reshape(len(frames), -1),
+            np.float32(np.iinfo(frames.dtype).max),
+        )
         n, self.pixels = flat.shape
         self.words = torch.cat(
             [encode(torch.from_numpy(frames[i : i + 32]), i) for i in range(0, n, 32)]
@@ -60,7 +63,9 @@ def coordinates(
     span = KernelPCA(kernel="precomputed", remove_zero_eig=True)
     trained = span.fit_transform(products[np.ix_(train, train)])
     queries = span.transform(products[np.ix_(test, train)])
-    unit = np.sqrt(len(train)) / np.linalg.norm(trained)  # penalties mean the same everywhere
+    unit = np.sqrt(len(train)) / np.linalg.norm(
+        trained
+    )  # penalties mean the same everywhere
     return unit * trained, unit * queries
 
 
@@ -81,18 +86,26 @@ def predict(
     sees, estimator = METHODS[name]
     if estimator is not None:
         trained, queries = coordinates(data.products[sees], train, test)
-        with np.errstate(invalid="ignore"):  # a deviation that one frame a class does not have
+        with np.errstate(
+            invalid="ignore"
+        ):  # a deviation that one frame a class does not have
             return np.asarray(estimator.fit(trained, labels[train]).predict(queries))
     if name == "neighbours":
         return labels[train][data.products["bits"][np.ix_(test, train)].argmax(1)]
     counters = Counters(labels.max() + 1, data.pixels)
     counters.add(data.words[train], torch.from_numpy(labels[train]))
-    prototypes = counters.prototypes(size=int(counters.n.min()))  # balanced, as hdc train is
+    prototypes = counters.prototypes(
+        size=int(counters.n.min())
+    )  # balanced, as hdc train is
     return hamming(data.words[test], prototypes).argmin(1).numpy()
 
 
 def compare(
-    recording: Recording, other: Recording | None, path: Path, fraction: float, draws: int
+    recording: Recording,
+    other: Recording | None,
+    path: Path,
+    fraction: float,
+    draws: int,
 ) -> dict[str, Any]:
     """Train and test every method at each number of frames per class.
 
@@ -103,7 +116,9 @@ def compare(
     names, n = [name for part in parts for name in part.names], len(recording)
     known = [name for name in recording.classes if name in set(names[:n])]
     if unknown := sorted(set(names) - set(known)):
-        raise ValueError(f"--test: expected classes among {', '.join(known)}, found {unknown[0]}")
+        raise ValueError(
+            f"--test: expected classes among {', '.join(known)}, found {unknown[0]}"
+        )
     labels = np.array([known.index(name) for name in names])
     first = recording[0]
     if other and (other[0].shape, other[0].dtype) != (first.shape, first.dtype):
@@ -123,7 +138,9 @@ def compare(
     random = [split(labels[:n], fraction, seed) for seed in range(draws)]
     splits = {
         "random": _curves(data, labels, random),
-        "other recording" if other else "ordered": _curves(data, labels, [later] * draws),
+        "other recording" if other else "ordered": _curves(
+            data, labels, [later] * draws
+        ),
     }
     return {
         "recording": str(path), "frames": n, "classes": known, "shape": list(first.shape),
@@ -141,9 +158,17 @@ def expected(data: Frames, labels: np.ndarray) -> dict[int, float]:
     if counts.min() < 3:
         return {}
     with np.errstate(divide="ignore", invalid="ignore"):
-        moments = theory.correlations(data.products["bits"][:n, :n] / data.pixels, labels)
-    sizes = [n // len(counts) * times for times in (1, 2, 10) if np.isfinite(moments.skew).all()]
-    return {k: theory.hdc_accuracy(moments, k * len(counts), data.pixels) for k in sizes}
+        moments = theory.correlations(
+            data.products["bits"][:n, :n] / data.pixels, labels
+        )
+    sizes = [
+        n // len(counts) * times
+        for times in (1, 2, 10)
+        if np.isfinite(moments.skew).all()
+    ]
+    return {
+        k: theory.hdc_accuracy(moments, k * len(counts), data.pixels) for k in sizes
+    }
 
 
 def _curves(
@@ -159,7 +184,10 @@ def _curves(
         chosen = []
         for seed, (train, test) in enumerate(splits):
             rng = np.random.default_rng([seed, size])
-            members = [rng.permutation(train[labels[train] == c])[: size or None] for c in classes]
+            members = [
+                rng.permutation(train[labels[train] == c])[: size or None]
+                for c in classes
+            ]
             chosen.append((np.sort(np.concatenate(members)), test))
         for name, curve in curves.items():
             right, tested = np.zeros(len(labels)), np.zeros(len(labels))
@@ -180,8 +208,14 @@ def advice(splits: dict[str, Any]) -> str:
     split_name, curves = list(splits.items())[-1]
     last = {name: curve[-1] for name, curve in curves.items()}
     best = max(last, key=lambda name: last[name]["accuracy"])
-    name = next(name for name in METHODS if last[name]["high"] >= last[best]["accuracy"])
-    use = f"hdc train --readout {name}" if METHODS[name][0] == "bits" else f"{name} on grey values"
+    name = next(
+        name for name in METHODS if last[name]["high"] >= last[best]["accuracy"]
+    )
+    use = (
+        f"hdc train --readout {name}"
+        if METHODS[name][0] == "bits"
+        else f"{name} on grey values"
+    )
     others = ", ".join(f"{n} {last[n]['accuracy']:.0%}" for n in METHODS if n != name)
     return (
         f"Use {use}: on the {split_name} test frames {last[name]['accuracy']:.0%}, "
@@ -203,7 +237,9 @@ def text(result: dict[str, Any]) -> str:
                 table.add_row(name, METHODS[name][0], *cells, last + interval)
             console.print(table, "")
     likely = ", ".join(f"{p:.0%} with {n}" for n, p in result["expected"].items())
-    theory_says = f"Theory expects of prototypes, random split: {likely} frames per class.\n\n"
+    theory_says = (
+        f"Theory expects of prototypes, random split: {likely} frames per class.\n\n"
+    )
     return (
         f"{result['frames']} frames of {len(result['classes'])} classes, {width} × {height} "
         f"pixels, {result['test_fraction']:.0%} held out, {result['draws']} draws\n\n"

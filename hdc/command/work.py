@@ -51,9 +51,15 @@ def load(path: Path) -> tuple[Any, Window]:
     return model, Window(crop, subsample or 1)
 
 
-def frames_for(model: Any, window: Window, recording: Path, source: dict[str, Any]) -> Recording:
+def frames_for(
+    model: Any, window: Window, recording: Path, source: dict[str, Any]
+) -> Recording:
     """A recording of classes that the model knows (one of them, or more), or of its values."""
-    if source["table"] and not source["value_columns"] and (names := value_names(model)):
+    if (
+        source["table"]
+        and not source["value_columns"]
+        and (names := value_names(model))
+    ):
         source = source | {"value_columns": names}
     frames = open_frames(recording, window, 1, **source)
     _check_size(model, frames.shape, frames.place(0))
@@ -69,14 +75,18 @@ def frames_for(model: Any, window: Window, recording: Path, source: dict[str, An
 
 
 def value_names(model: Any) -> tuple[str, ...]:
-    return () if hasattr(model, "classes_") else tuple(model.metadata_.get("values", ()))
+    return (
+        () if hasattr(model, "classes_") else tuple(model.metadata_.get("values", ()))
+    )
 
 
 def _check_size(model: Any, shape: tuple[int, ...], place: object) -> None:
     """Raise a BadFrame for a frame of another size than those in training; flat ones have none."""
     expected = model.frame_shape_
     if shape != expected and (len(expected) == 2 or math.prod(shape) != expected[0]):
-        raise BadFrame(f"{place}: expected {size(expected)} as in training, found {size(shape)}")
+        raise BadFrame(
+            f"{place}: expected {size(expected)} as in training, found {size(shape)}"
+        )
 
 
 def size(shape: Sequence[int]) -> str:
@@ -86,7 +96,9 @@ def size(shape: Sequence[int]) -> str:
 # Splits ------------------------------------------------------------------------------------------
 
 
-def hold_out(recording: Recording, fraction: float | None) -> tuple[np.ndarray, np.ndarray, str]:
+def hold_out(
+    recording: Recording, fraction: float | None
+) -> tuple[np.ndarray, np.ndarray, str]:
     """Indices to train on and to hold out, increasing, and how these were chosen.
 
     The last sessions where there are several, else the same share of each class at random.
@@ -96,7 +108,9 @@ def hold_out(recording: Recording, fraction: float | None) -> tuple[np.ndarray, 
         return every, every[:0], ""
     if (last := last_sessions(recording, fraction)) is not None:
         return every[~last], every[last], "in the last sessions"
-    labels = np.zeros(len(recording), int) if recording.labels is None else recording.labels
+    labels = (
+        np.zeros(len(recording), int) if recording.labels is None else recording.labels
+    )
     return *split(labels, fraction, 0), "at random"
 
 
@@ -145,9 +159,13 @@ def ask(
     """The model's answers for image files, then for each frame of videos."""
     videos = [file for file in files if file.suffix.lower() in VIDEO_SUFFIXES]
     images = [file for file in files if file not in videos]
-    yield from _answers(model, zip(images, stream_files(images, window), strict=True), reject)
+    yield from _answers(
+        model, zip(images, stream_files(images, window), strict=True), reject
+    )
     for video in videos:
-        stills = ((f"{video} at {t:.3f} s", frame) for t, frame in stream_video(video, window))
+        stills = (
+            (f"{video} at {t:.3f} s", frame) for t, frame in stream_video(video, window)
+        )
         # All before the first is given: at its end a video may turn out to be interlaced.
         yield from list(_answers(model, stills, reject))
 
@@ -168,9 +186,14 @@ def _answers(
             continue
         labels = model.predict(batch, reject=reject or False).tolist()
         if model.readout != "prototype":
-            yield from (file | {"label": label} for file, label in zip(files, labels, strict=True))
+            yield from (
+                file | {"label": label}
+                for file, label in zip(files, labels, strict=True)
+            )
             continue
-        for file, label, distances in zip(files, labels, model.distances(batch), strict=True):
+        for file, label, distances in zip(
+            files, labels, model.distances(batch), strict=True
+        ):
             shares = (distances / model.dimension_).tolist()
             nearest = sorted(shares)
             yield file | {
@@ -216,14 +239,20 @@ def score(
     }  # fmt: skip
     if reject:
         result["refused"] = refused = int((~np.concatenate(known)).sum())
-        text.insert(1, f"--reject {reject:g} refuses {refused} of them as none of the classes")
+        text.insert(
+            1, f"--reject {reject:g} refuses {refused} of them as none of the classes"
+        )
     return result
 
 
-def _errors(recording: Recording, predicted: np.ndarray, index: np.ndarray) -> dict[str, Any]:
+def _errors(
+    recording: Recording, predicted: np.ndarray, index: np.ndarray
+) -> dict[str, Any]:
     """Absolute errors of each value."""
     if recording.values is None:
-        raise ValueError("--values: expected a table of the numbers to compare with, found none")
+        raise ValueError(
+            "--values: expected a table of the numbers to compare with, found none"
+        )
     errors = np.abs(predicted.reshape(len(index), -1) - recording.values[index])
     rows, text = {}, []
     for name, e in zip(recording.value_names, errors.T, strict=True):
@@ -235,7 +264,10 @@ def _errors(recording: Recording, predicted: np.ndarray, index: np.ndarray) -> d
 def confusions(names: Sequence[str], counts: np.ndarray) -> list[str]:
     """Lines of a table of counts [L, L], a row a true class."""
     heads = [name[:12] for name in names]
-    width, cell = max(map(len, names)), max(map(len, [*heads, *map(str, counts.ravel())]))
+    width, cell = (
+        max(map(len, names)),
+        max(map(len, [*heads, *map(str, counts.ravel())])),
+    )
     lines = ["rows are the true classes, columns the predicted ones"]
     lines.append(" ".join([" " * width, *(f"{head:>{cell}}" for head in heads)]))
     for name, row in zip(names, counts, strict=True):

@@ -33,7 +33,11 @@ def colour(names: Sequence[str], name: str | None) -> str:
 
 def slider(name: str, low: float, high: float, step: float, value: float) -> ui.slider:
     """A slider that shows its value, beside its name."""
-    with ui.element("div").classes("row w-full pt-6").style("flex-wrap: nowrap; gap: 16px"):
+    with (
+        ui.element("div")
+        .classes("row w-full pt-6")
+        .style("flex-wrap: nowrap; gap: 16px")
+    ):
         ui.label(name).classes("small").style("white-space: nowrap")
         made = ui.slider(min=low, max=high, step=step, value=value)
     return made.props(f'label-always aria-label="{name}"')
@@ -48,7 +52,9 @@ class Pad:
         source: the sensor; it and its touches are shared by all pages.
     """
 
-    def __init__(self, do: Callable[..., Any], session: Session, source: Pressable) -> None:
+    def __init__(
+        self, do: Callable[..., Any], session: Session, source: Pressable
+    ) -> None:
         self._do, self._session, self._source = do, session, source
         size = source.length * 1e3, source.width * 1e3
         self._drawing = ui.interactive_image(
@@ -59,7 +65,9 @@ class Pad:
             "of a class the robot returns to where it was taught. Cross: the predicted place."
         ).classes("small")
         self._depth = slider("depth in mm", 0.1, source.deepest * 1e3, 0.1, 1.8)
-        ui.button("Lift off", on_click=lambda: self._press()).props("no-caps outline dense")
+        ui.button("Lift off", on_click=lambda: self._press()).props(
+            "no-caps outline dense"
+        )
 
     def show(self, values: Sequence[tuple[float, float, float]]) -> None:
         """Draw taught places, touches, and the predicted place: x and y, value first, in mm."""
@@ -68,7 +76,10 @@ class Pad:
             for t in touches:
                 look = {"c": colour(names, name), "name": html.escape(name)}
                 drawn.append(_PLACE.format(*self._at(t.x, t.y), **look))
-        drawn += [_TOUCH.format(*self._at(t.x, t.y), 1 + 900 * t.depth) for t in source.touches]
+        drawn += [
+            _TOUCH.format(*self._at(t.x, t.y), 1 + 900 * t.depth)
+            for t in source.touches
+        ]
         if len(values) == 2:
             (x, *_), (y, *_) = values
             drawn.append(_CROSS.format(*self._at(x * 1e-3, y * 1e-3)))

@@ -66,11 +66,18 @@ class Guard:
         answer: Any = self._app
         if scope["type"] in ("http", "websocket"):
             request = HTTPConnection(scope)
-            if self._is_token(request.query_params.get("token")) and scope["type"] == "http":
+            if (
+                self._is_token(request.query_params.get("token"))
+                and scope["type"] == "http"
+            ):
                 answer = RedirectResponse(request.url.path)
-                answer.set_cookie(self._cookie, self._token, httponly=True, samesite="lax")
+                answer.set_cookie(
+                    self._cookie, self._token, httponly=True, samesite="lax"
+                )
             elif not self._is_token(request.cookies.get(self._cookie)):
-                answer = PlainTextResponse("Open this page with the address that was printed.", 403)
+                answer = PlainTextResponse(
+                    "Open this page with the address that was printed.", 403
+                )
         await answer(scope, receive, send)
 
     def _is_token(self, text: str | None) -> bool:
@@ -81,7 +88,11 @@ class Page:
     """The page in one browser."""
 
     def __init__(self, worker: Worker) -> None:
-        self._worker, self._session, self._source = worker, worker.session, worker.session.source
+        self._worker, self._session, self._source = (
+            worker,
+            worker.session,
+            worker.session.source,
+        )
         self._rows: dict[str, tuple[ui.label, ui.linear_progress]] = {}
         self._shown: dict[str, int] = {}
         self._pressable = isinstance(self._source, Pressable)
@@ -90,7 +101,9 @@ class Page:
         with _div("live"):
             with _div("row col-span-full"):
                 ui.label("Teach a sensor to feel").classes("text-2xl font-bold")
-                ui.badge(self._source.title, color="#b35900").classes("text-sm font-bold")
+                ui.badge(self._source.title, color="#b35900").classes(
+                    "text-sm font-bold"
+                )
                 ui.label("All who open this page share this sensor and its model.")
             for fill in (self._see, self._teach, self._adapt):
                 with _div("card"):
@@ -113,22 +126,40 @@ class Page:
             self._pad = Pad(self._do, self._session, source)
         if isinstance(source, Recorded):
             with _div("row"):
-                _icon("skip_previous", "one frame back", self._doing(lambda s: source.step(-1)))
-                _icon("play_arrow", "play or pause", self._doing(lambda s: source.play()))
-                _icon("skip_next", "one frame ahead", self._doing(lambda s: source.step(+1)))
+                _icon(
+                    "skip_previous",
+                    "one frame back",
+                    self._doing(lambda s: source.step(-1)),
+                )
+                _icon(
+                    "play_arrow", "play or pause", self._doing(lambda s: source.play())
+                )
+                _icon(
+                    "skip_next",
+                    "one frame ahead",
+                    self._doing(lambda s: source.step(+1)),
+                )
         self._label = _small()
         ui.label("The model says").classes("heading")
         self._answer, self._beside = ui.label().classes("answer"), _small()
         self._accuracy = ui.label()
-        tested = "new touches" if self._pressable else "samples, each predicted before it is learnt"
-        _small(f"Accuracy on the latest {RECENT} {tested}; “none of these” counts as wrong.")
+        tested = (
+            "new touches"
+            if self._pressable
+            else "samples, each predicted before it is learnt"
+        )
+        _small(
+            f"Accuracy on the latest {RECENT} {tested}; “none of these” counts as wrong."
+        )
 
     def _teach(self) -> None:
         ui.label("2. Teach it").classes("heading")
         act = "Press somewhere" if self._pressable else "Show it something"
         _small(f"{act}, name it and learn {SAMPLES} samples; then the next.")
         with _div("row"):
-            empty = " (empty: as recorded)" if isinstance(self._source, Recorded) else ""
+            empty = (
+                " (empty: as recorded)" if isinstance(self._source, Recorded) else ""
+            )
             self._name = ui.input(f"name of a new class{empty}").classes("grow")
             self._name.props("dense outlined maxlength=24")
             self._name.on("keydown.enter", self._new_class)
@@ -140,7 +171,8 @@ class Page:
             self._readout = ui.toggle(list(READOUTS), value=self._session.readout)
             self._readout.props("no-caps dense padding='4px 10px'")
             self._readout.on(
-                "update:model-value", lambda: self._doing(Session.use, self._readout.value)()
+                "update:model-value",
+                lambda: self._doing(Session.use, self._readout.value)(),
             )
         with _div("row"):
             _button("Forget everything", self._doing(Session.forget, None))
@@ -152,9 +184,13 @@ class Page:
             "3. Let it drift, and recalibrate" if self._pressable else "3. Recalibrate"
         ).classes("heading")
         if isinstance(source, Pressable):
-            _small("Silicone ages; simulated as a change of temperature, which changes speckle.")
+            _small(
+                "Silicone ages; simulated as a change of temperature, which changes speckle."
+            )
             with _div("row"):
-                _button("Let 16 days pass", self._doing(Session.drift, source.sixteen_days))
+                _button(
+                    "Let 16 days pass", self._doing(Session.drift, source.sixteen_days)
+                )
                 _button("Back to the first day", self._doing(Session.drift, 0.0))
         _small(
             f"Recalibrating takes {SAMPLES} new samples of a class, and each bit of the new "
@@ -173,7 +209,9 @@ class Page:
         try:
             return await asyncio.to_thread(self._worker.do, job)
         except ValueError as error:
-            ui.notify(str(error), position="top", multi_line=True, timeout=6000, color="dark")
+            ui.notify(
+                str(error), position="top", multi_line=True, timeout=6000, color="dark"
+            )
             return None
 
     def _doing(self, job: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
@@ -205,7 +243,9 @@ class Page:
         if answer:
             text, beside = _in_words(answer, " mm" if self._pressable else "")
         self._answer.set_text(view.error or text)
-        self._answer.style(f"color: {colour(names, answer.label) if answer else '#777'}")
+        self._answer.style(
+            f"color: {colour(names, answer.label) if answer else '#777'}"
+        )
         self._beside.set_text(beside)
         for name, distance in answer.distances.items() if answer else ():
             if name in self._rows:
@@ -214,13 +254,19 @@ class Page:
                 bar.set_value(max(0.0, 1 - 2 * distance))
         tests = list(session.tests)
         right, n = sum(tests), len(tests)
-        accuracy = f"{right} of the latest {n} right ({right / n:.0%})" if n else "not tested yet"
+        accuracy = (
+            f"{right} of the latest {n} right ({right / n:.0%})"
+            if n
+            else "not tested yet"
+        )
         self._accuracy.set_text(accuracy)
         if isinstance(source, Pressable):
             self._pad.show(answer.values if answer else ())
         elif view.label:
             paused = isinstance(source, Recorded) and not source.playing
-            self._label.set_text(f"recorded as “{view.label}”{', paused' if paused else ''}")
+            self._label.set_text(
+                f"recorded as “{view.label}”{', paused' if paused else ''}"
+            )
 
     def _show_classes(self) -> None:
         """A row for each class: samples, distance, buttons and a bar."""
@@ -230,7 +276,9 @@ class Page:
             look = colour(list(self._shown), name)
             with self._classes, _div("class"):
                 with _div("row").style("min-width: 0"):
-                    ui.label(name).classes("name font-bold truncate").style(f"color: {look}")
+                    ui.label(name).classes("name font-bold truncate").style(
+                        f"color: {look}"
+                    )
                     _small(f"{count} samples")
                     distance = _small()
                 with _div("row").style("gap: 2px; flex-wrap: nowrap"):
@@ -247,7 +295,10 @@ def _in_words(answer: Answer, unit: str) -> tuple[str, str]:
     """The predicted class, and the rest of the answer."""
     lines = [f"{1 - ALPHA:.0%} prediction set: {', '.join(answer.likely) or 'none'}."]
     if answer.values:
-        each = (f"{value:.1f}{unit} [{low:.1f}, {high:.1f}]" for value, low, high in answer.values)
+        each = (
+            f"{value:.1f}{unit} [{low:.1f}, {high:.1f}]"
+            for value, low, high in answer.values
+        )
         lines.append(f"Value: {', '.join(each)}.")
     return "none of these" if answer.label is None else answer.label, " ".join(lines)
 

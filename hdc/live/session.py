@@ -36,7 +36,9 @@ class Answer:
     label: str | None  # None: none of these
     likely: tuple[str, ...]  # prediction set
     distances: dict[str, float]  # Hamming, to each prototype, as a share of the bits
-    values: tuple[tuple[float, float, float], ...] = ()  # value, low, high, where taught
+    values: tuple[
+        tuple[float, float, float], ...
+    ] = ()  # value, low, high, where taught
 
 
 class Lesson(NamedTuple):
@@ -125,7 +127,9 @@ class Session:
         elif name in self.counts:
             raise ValueError(f"There is a class “{name}” already: choose another name.")
         # Samples join the latest recalibration of their class: they are of today, too.
-        lesson = max((s.lesson for s in self._samples if s.label == name), default=Lesson())
+        lesson = max(
+            (s.lesson for s in self._samples if s.label == name), default=Lesson()
+        )
         samples = self._take(name, n, self._touches, lesson)
         pressed = isinstance(self.source, Pressable)
         if not new and not pressed:
@@ -142,7 +146,9 @@ class Session:
         Without a name: all classes, each touched where it was taught.
         """
         if self.model is None:
-            raise ValueError("There is nothing to recalibrate yet: teach two classes first.")
+            raise ValueError(
+                "There is nothing to recalibrate yet: teach two classes first."
+            )
         samples: list[Sample] = []
         lesson = Lesson(max((s.lesson.number for s in self._samples), default=0) + 1, p)
         for label in self.counts if name is None else [name]:
@@ -176,13 +182,20 @@ class Session:
     def _touches(self) -> tuple[Touch, ...]:
         return self.source.touches if isinstance(self.source, Pressable) else ()
 
-    def _take(self, name: str, n: int, touches: tuple[Touch, ...], lesson: Lesson) -> list[Sample]:
+    def _take(
+        self, name: str, n: int, touches: tuple[Touch, ...], lesson: Lesson
+    ) -> list[Sample]:
         value: tuple[float, ...] | None = None
         if len(touches) == 1:
             value = 1e3 * touches[0].x, 1e3 * touches[0].y
-        elif not isinstance(self.source, Pressable) and (number := _NUMBER.fullmatch(name)):
+        elif not isinstance(self.source, Pressable) and (
+            number := _NUMBER.fullmatch(name)
+        ):
             value = (float(number[1]),)
-        return [Sample(frame, name, value, lesson) for frame in self.source.samples(n, touches)]
+        return [
+            Sample(frame, name, value, lesson)
+            for frame in self.source.samples(n, touches)
+        ]
 
     def _check_known(self, name: str) -> None:
         if name not in self.counts:
@@ -194,7 +207,10 @@ class Session:
         counts, model = Counter(sample.label for sample in samples), None
         for lesson in sorted({s.lesson for s in samples}) if len(counts) > 1 else ():
             chosen = [sample for sample in samples if sample.lesson == lesson]
-            frames, labels = np.stack([s.frame for s in chosen]), [s.label for s in chosen]
+            frames, labels = (
+                np.stack([s.frame for s in chosen]),
+                [s.label for s in chosen],
+            )
             if model is None:
                 model = HDCClassifier(readout=readout).fit(frames, labels)
             else:
@@ -218,7 +234,10 @@ def _regressor(samples: list[Sample], readout: str) -> HDCRegressor | None:
     known = [sample for sample in samples if sample.value]
     if len({sample.value for sample in known}) < 2:
         return None
-    frames, values = np.stack([s.frame for s in known]), np.array([s.value for s in known])
+    frames, values = (
+        np.stack([s.frame for s in known]),
+        np.array([s.value for s in known]),
+    )
     # Few places are far apart: the nearest frame tells them, where a line between them does not.
     regressor = HDCRegressor(readout="ridge" if readout == "ridge" else "neighbours")
     return regressor.fit(frames, values)

@@ -26,7 +26,9 @@ class Source(Protocol):
 
     title: str
     shape: tuple[int, int]  # (H, W) of a frame
-    metadata: dict[str, Any]  # kept with a saved model: crop and subsample, for the command ``hdc``
+    metadata: dict[
+        str, Any
+    ]  # kept with a saved model: crop and subsample, for the command ``hdc``
 
     @property
     def label(self) -> str | None:
@@ -70,7 +72,10 @@ class Camera:
     def __init__(self, index: int, window: readers.Window) -> None:
         self._frames = readers.camera(index, window.crop, window.subsample)
         self.title = f"Camera {index}"
-        self.metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
+        self.metadata: dict[str, Any] = {
+            "crop": window.crop,
+            "subsample": window.subsample,
+        }
         height, width = next(self._frames).shape
         self.shape = (height, width)
 
@@ -78,7 +83,9 @@ class Camera:
         try:
             return next(self._frames)
         except StopIteration:
-            raise ValueError("camera: it gives no more frames; start the page again") from None
+            raise ValueError(
+                "camera: it gives no more frames; start the page again"
+            ) from None
 
     def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
         return [self.frame() for _ in range(n)]
@@ -100,7 +107,10 @@ class Recorded:
             path, None, window.crop, window.subsample
         )
         self.title = f"Recording {path.name}"
-        self.metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
+        self.metadata: dict[str, Any] = {
+            "crop": window.crop,
+            "subsample": window.subsample,
+        }
         self.shape, self.classes = recording.shape, recording.classes
         self._order = np.argsort(recording.samples["order"], kind="stable")
         self._labels = np.asarray(recording.labels)[self._order]

@@ -77,5 +77,7 @@ class Worker:
         frame, hypervector, answer = session.look()
         grey = frame if frame.dtype == np.uint8 else (frame >> 8).astype(np.uint8)
         drawn = np.hstack([grey, hypervector * np.uint8(255)])
-        picture = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, 70])[1].tobytes()
+        picture = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, 70])[
+            1
+        ].tobytes()
         self.view = View(picture, answer, session.source.label)

@@ -79,10 +79,19 @@ def open_recording(
         ("intervals", intervals, is_video, "a video"),
         ("axes", axes, suffix == ".npy" and not folder, "an .npy"),
     ):
-        require(setting is None or fits, name, setting, f"null unless path is {kind} ({path})")
+        require(
+            setting is None or fits,
+            name,
+            setting,
+            f"null unless path is {kind} ({path})",
+        )
     if not path.exists():
-        raise SettingError(f"path: expected a folder, an .npz or a video, found nothing: {path}")
-    if folder:  # OpenCV is imported where images or videos are read, and not for an array
+        raise SettingError(
+            f"path: expected a folder, an .npz or a video, found nothing: {path}"
+        )
+    if (
+        folder
+    ):  # OpenCV is imported where images or videos are read, and not for an array
         from hdc.readers.images import open_listing
         from hdc.readers.listing import list_folder
 
@@ -130,7 +139,9 @@ def camera(
         while True:
             ok, image = capture.read()
             if not ok:
-                raise BadFrame(f"camera {index}: expected a frame, found none (disconnected?)")
+                raise BadFrame(
+                    f"camera {index}: expected a frame, found none (disconnected?)"
+                )
             yield grey(window.of(image))
     finally:
         capture.release()

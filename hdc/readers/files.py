@@ -26,7 +26,9 @@ def require(condition: bool, name: str, found: object, expected: str) -> None:
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     """Sort key that puts frame2 before frame10, whatever the locale."""
     parts = re.split(r"([0-9]+)", name)
-    key = tuple((0, int(p), p) if p.isdecimal() else (1, 0, p.casefold()) for p in parts if p)
+    key = tuple(
+        (0, int(p), p) if p.isdecimal() else (1, 0, p.casefold()) for p in parts if p
+    )
     return (*key, (2, 0, name))  # Frame1 and frame1 in a fixed order
 
 
@@ -42,7 +44,9 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def read_csv(path: Path, required: Sequence[str]) -> Iterator[tuple[str, dict[str, str]]]:
+def read_csv(
+    path: Path, required: Sequence[str]
+) -> Iterator[tuple[str, dict[str, str]]]:
     """Place ("FILE, line 3") and values by column of each row of a CSV in UTF-8 with a header.
 
     Raises:
@@ -62,11 +66,15 @@ def read_csv(path: Path, required: Sequence[str]) -> Iterator[tuple[str, dict[st
             for cells in filter(None, reader):
                 where = f"{path}, line {reader.line_num}"
                 if len(cells) != len(header):
-                    raise ValueError(f"{where}: expected {len(header)} values, found {len(cells)}")
+                    raise ValueError(
+                        f"{where}: expected {len(header)} values, found {len(cells)}"
+                    )
                 row = dict(zip(header, (cell.strip() for cell in cells), strict=True))
                 for name in (*required, "label"):
                     if row.get(name) == "":
                         raise ValueError(f"{where}: expected a {name}, found none")
                 yield where, row
     except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path}: expected a CSV table in UTF-8, found: {error}") from error
+        raise ValueError(
+            f"{path}: expected a CSV table in UTF-8, found: {error}"
+        ) from error

@@ -31,7 +31,14 @@ S = TypeVar("S")
 T = TypeVar("T")
 
 FORMATS = ("PNG", "JPEG", "BMP", "TIFF")
-TIFF_MODES = {"1": "L", "L": "L", "P": "RGB", "RGB": "RGB", "I;16": "I;16", "I;16B": "I;16B"}
+TIFF_MODES = {
+    "1": "L",
+    "L": "L",
+    "P": "RGB",
+    "RGB": "RGB",
+    "I;16": "I;16",
+    "I;16B": "I;16B",
+}
 """Pillow's modes of a TIFF → what they are converted to."""
 AHEAD = 16
 """Images decoded ahead of the caller."""
@@ -55,13 +62,19 @@ def decode(file: Path) -> np.ndarray:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except UnidentifiedImageError as error:
         kinds = ", ".join(FORMATS)
-        raise BadFrame(f"{file}: expected an image ({kinds}), found other data") from error
+        raise BadFrame(
+            f"{file}: expected an image ({kinds}), found other data"
+        ) from error
     except BadFrame:
         raise
     except Exception as error:  # broken bytes make Pillow raise a dozen different types
-        raise BadFrame(f"{file}: expected a whole image, found: {str(error) or error!r}") from error
+        raise BadFrame(
+            f"{file}: expected a whole image, found: {str(error) or error!r}"
+        ) from error
     if image is None:
-        raise BadFrame(f"{file}: expected a whole image, found one that is damaged or truncated")
+        raise BadFrame(
+            f"{file}: expected a whole image, found one that is damaged or truncated"
+        )
     return image
 
 
@@ -79,7 +92,11 @@ def _tiff(file: Path, image: Any) -> np.ndarray:
             f"{file}: expected a grey TIFF, or colour of 8 bits without alpha, found {image.mode}"
         )
     pixels = np.asarray(image.convert(TIFF_MODES[image.mode]))
-    return pixels[..., ::-1] if pixels.ndim == 3 else pixels.astype(pixels.dtype.newbyteorder("="))
+    return (
+        pixels[..., ::-1]
+        if pixels.ndim == 3
+        else pixels.astype(pixels.dtype.newbyteorder("="))
+    )
 
 
 def grey(image: np.ndarray) -> np.ndarray:
@@ -96,7 +113,10 @@ def ahead(function: Callable[[S], T], items: Sequence[S]) -> Iterator[T]:
     with quiet(), ThreadPoolExecutor() as executor:
         waiting = executor.map(function, items[:AHEAD])
         for start in range(AHEAD, len(items) + AHEAD, AHEAD):
-            ready, waiting = waiting, executor.map(function, items[start : start + AHEAD])
+            ready, waiting = (
+                waiting,
+                executor.map(function, items[start : start + AHEAD]),
+            )
             yield from ready
 
 
@@ -165,14 +185,18 @@ def open_listing(
     classes: tuple[str, ...] = ()
     labels = None
     if listing.labels is not None:
-        classes, labels = class_indices(listing.labels, root, fewest_classes, listing.classes)
+        classes, labels = class_indices(
+            listing.labels, root, fewest_classes, listing.classes
+        )
 
     def digest() -> str:
         contents = (hashlib.sha256(file.read_bytes()).digest() for file in files)
         return hashlib.sha256(b"".join(contents)).hexdigest()
 
     def each(index: np.ndarray) -> Iterator[np.ndarray]:
-        return (kept[i] for i in index) if kept else ahead(load, [files[i] for i in index])
+        return (
+            (kept[i] for i in index) if kept else ahead(load, [files[i] for i in index])
+        )
 
     return Recording(
         classes=classes,

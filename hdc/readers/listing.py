@@ -59,7 +59,10 @@ def list_folder(
     if table is not None or manifest:
         where = Path(table or root / MANIFEST).expanduser()
         where = where if where.exists() or where.is_absolute() else root / where
-        required = (*(("file", "label") if manifest else (image_column,)), *value_columns)
+        required = (
+            *(("file", "label") if manifest else (image_column,)),
+            *value_columns,
+        )
         rows, other_files = _table_rows(where, required, pattern)
         if (where.parent / next(iter(rows), "")).is_file():
             base = where.parent
@@ -79,7 +82,9 @@ def list_folder(
             f"{where}: expected images in one sub-folder per class, in a {MANIFEST}, or as the "
             f"template says, found {found if other_files else 'none'}"
         )
-    texts = {name: [row[name] for row in rows.values()] for name in next(iter(rows.values()))}
+    texts = {
+        name: [row[name] for row in rows.values()] for name in next(iter(rows.values()))
+    }
     labels = texts.pop("label", None)
     samples = _samples(texts)
     check_times(where, samples, len(rows))
@@ -88,21 +93,29 @@ def list_folder(
         pairs = set(zip(samples.pop("class_index").tolist(), labels, strict=True))
         classes = [label for _, label in sorted(pairs)]
         if len(classes) > len(set(labels)):
-            raise ValueError(f"{where}: expected one class_index per label, found {sorted(pairs)}")
+            raise ValueError(
+                f"{where}: expected one class_index per label, found {sorted(pairs)}"
+            )
     if not value_columns and not manifest:
         known = ("order", "session", "group")
-        value_columns = [n for n, c in samples.items() if c.dtype.kind != "U" and n not in known]
+        value_columns = [
+            n for n, c in samples.items() if c.dtype.kind != "U" and n not in known
+        ]
     for name in value_columns:
         if (column := samples[name]).dtype.kind == "U":
             raise ValueError(f"{where}: expected numbers in {name}, found {column[:9]}")
     if labels is None and not value_columns:
-        raise ValueError(f"{where}: expected a label of each image, or numbers, found neither")
+        raise ValueError(
+            f"{where}: expected a label of each image, or numbers, found neither"
+        )
     return Listing(
         [base / file for file in rows],
         labels,
         classes,
         samples,
-        np.stack([samples[n].astype(float) for n in value_columns], 1) if value_columns else None,
+        np.stack([samples[n].astype(float) for n in value_columns], 1)
+        if value_columns
+        else None,
         tuple(value_columns),
         other_files,
     )
@@ -130,7 +143,9 @@ def all_files(root: Path) -> list[str]:
     """Paths of all files below a folder, relative to it, in natural order; no hidden ones."""
     found = glob("**", root_dir=root, recursive=True)
     files = [PurePath(name).as_posix() for name in found if (root / name).is_file()]
-    return sorted(files, key=lambda file: [natural_key(part) for part in file.split("/")])
+    return sorted(
+        files, key=lambda file: [natural_key(part) for part in file.split("/")]
+    )
 
 
 def image_files(root: Path) -> list[Path]:
@@ -160,7 +175,9 @@ def template_pattern(template: str) -> re.Pattern[str]:
         if part.startswith("{") and part.endswith("}"):
             name = part[1:-1]
             unknown = name not in FIELDS or name in seen
-            require(not unknown, "template", template, f"fields among {known}, each once")
+            require(
+                not unknown, "template", template, f"fields among {known}, each once"
+            )
             pattern += f"(?P<{name}>{FIELDS[name]})"
             seen.append(name)
         else:
@@ -175,7 +192,9 @@ def _samples(columns: dict[str, list[str]]) -> dict[str, np.ndarray]:
         samples[name] = _column(texts)
         if name in ("session", "group") and samples[name].dtype.kind == "U":
             samples[f"{name}_name"] = samples[name]
-            ranks = {text: i for i, text in enumerate(sorted(set(texts), key=natural_key))}
+            ranks = {
+                text: i for i, text in enumerate(sorted(set(texts), key=natural_key))
+            }
             samples[name] = np.array([ranks[text] for text in texts])
     return samples
 

@@ -27,7 +27,9 @@ class Window:
             crop = tuple(self.crop)
             fits = len(crop) == 4 and all(isinstance(n, int | np.integer) for n in crop)
             expected = "null or [x, y, width, height], integers ≥ 0 and sizes ≥ 1"
-            require(fits and min(crop) >= 0 < min(crop[2:]), "crop", self.crop, expected)
+            require(
+                fits and min(crop) >= 0 < min(crop[2:]), "crop", self.crop, expected
+            )
             object.__setattr__(self, "crop", crop)
         whole = isinstance(self.subsample, int | np.integer) and self.subsample >= 1
         require(whole, "subsample", self.subsample, "an integer ≥ 1")
@@ -41,7 +43,9 @@ class Window:
         x, y, w, h = self.crop or (0, 0, width, height)
         if x + w > width or y + h > height:
             wanted = f"a window inside frames {width} px wide and {height} px high"
-            raise SettingError(f"crop: expected {wanted}, found {list(self.crop or ())}")
+            raise SettingError(
+                f"crop: expected {wanted}, found {list(self.crop or ())}"
+            )
         return -(-h // self.subsample), -(-w // self.subsample)
 
     def of(self, image: np.ndarray) -> np.ndarray:
@@ -95,7 +99,9 @@ class Recording:
     def names(self) -> list[str]:
         """Name of the class of each frame."""
         if self.labels is None:
-            raise ValueError("labels: expected a recording with labels, found values only")
+            raise ValueError(
+                "labels: expected a recording with labels, found values only"
+            )
         return [self.classes[c] for c in self.labels]
 
     @property
@@ -123,12 +129,16 @@ class Recording:
         frames = list(self.stream(indices))
         return np.stack(frames) if frames else np.empty((0, *self.shape), np.uint8)
 
-    def stream(self, indices: Sequence[int] | np.ndarray | None = None) -> Iterator[np.ndarray]:
+    def stream(
+        self, indices: Sequence[int] | np.ndarray | None = None
+    ) -> Iterator[np.ndarray]:
         """:meth:`frames` [H, W] of the given indices (default: all), one after the other."""
         chosen = range(len(self)) if indices is None else indices
         index = np.asarray(chosen, dtype=np.int64).reshape(-1)
         if len(index) and not 0 <= index.min() <= index.max() < len(self):
-            raise IndexError(f"indices: expected values in [0, {len(self)}), found {index}")
+            raise IndexError(
+                f"indices: expected values in [0, {len(self)}), found {index}"
+            )
         return self.each(index)
 
     def left_out(self, most: int = 3) -> str:
@@ -151,7 +161,10 @@ class Recording:
 
 
 def class_indices(
-    names: Sequence[str], where: object, fewest: int = 2, order: Sequence[str] | None = None
+    names: Sequence[str],
+    where: object,
+    fewest: int = 2,
+    order: Sequence[str] | None = None,
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Class names in natural order (or the given one), and the index of each sample's [N].
 
@@ -163,7 +176,9 @@ def class_indices(
         found = f"only {classes[0]!r}" if classes else "none"
         raise ValueError(f"{where}: expected two classes or more, found {found}")
     if unknown := set(names) - set(classes):
-        raise ValueError(f"{where}: expected one of the {len(classes)} classes, found {unknown}")
+        raise ValueError(
+            f"{where}: expected one of the {len(classes)} classes, found {unknown}"
+        )
     return classes, np.array([classes.index(name) for name in names], dtype=np.int64)
 
 
@@ -173,7 +188,9 @@ def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> Non
         values = samples.get(key, np.zeros(n))
         if values.shape != (n,) or values.dtype.kind not in "iuf":
             found = f"{values.dtype} {values.shape}"
-            raise ValueError(f"{where}: expected {n} numbers in the column {key}, found {found}")
+            raise ValueError(
+                f"{where}: expected {n} numbers in the column {key}, found {found}"
+            )
 
 
 def with_progress(items: Iterable[T], total: int, what: str) -> Generator[T]:
@@ -184,4 +201,6 @@ def with_progress(items: Iterable[T], total: int, what: str) -> Generator[T]:
     from rich.console import Console
     from rich.progress import track
 
-    yield from track(items, what, total=total, transient=True, console=Console(stderr=True))
+    yield from track(
+        items, what, total=total, transient=True, console=Console(stderr=True)
+    )

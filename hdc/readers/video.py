@@ -31,7 +31,9 @@ _EARLY_S = 1e-5
 """Frames so much before an interval belong to it: 3 × 0.1 s is after 0.3 s, in floats."""
 
 
-def open_video(path: Path, table: Path, window: Window, fewest_classes: int) -> Recording:
+def open_video(
+    path: Path, table: Path, window: Window, fewest_classes: int
+) -> Recording:
     """Open a video and its table of intervals; see the module's description.
 
     Raises:
@@ -41,7 +43,9 @@ def open_video(path: Path, table: Path, window: Window, fewest_classes: int) -> 
     intervals = _intervals(table)
     starts = [start - _EARLY_S for start, _, _ in intervals]
     numbers, times, members, frames = [], [], [], []
-    for number, (time, frame) in enumerate(stream_video(path, window, intervals[-1][1])):
+    for number, (time, frame) in enumerate(
+        stream_video(path, window, intervals[-1][1])
+    ):
         member = bisect_right(starts, time) - 1
         if member >= 0 and time < intervals[member][1] - _EARLY_S:
             numbers.append(number)
@@ -91,7 +95,9 @@ def _intervals(table: Path) -> list[tuple[float, float, str]]:
         except ValueError as error:
             raise ValueError(f"{where}: expected seconds, found: {error}") from error
         if not 0 <= start < end < math.inf:
-            raise ValueError(f"{where}: expected 0 ≤ start_s < end_s, found {start}, {end}")
+            raise ValueError(
+                f"{where}: expected 0 ≤ start_s < end_s, found {start}, {end}"
+            )
         intervals.append((start, end, row["label"]))
     if not intervals:
         raise ValueError(f"{table}: expected at least one row, found none")
@@ -99,7 +105,9 @@ def _intervals(table: Path) -> list[tuple[float, float, str]]:
     for (start, end, _), (later, last, _) in pairwise(intervals):
         if later < end:
             found = f"{start:g}–{end:g} s and {later:g}–{last:g} s"
-            raise ValueError(f"{table}: expected intervals that do not overlap, found {found}")
+            raise ValueError(
+                f"{table}: expected intervals that do not overlap, found {found}"
+            )
     return intervals
 
 
@@ -116,7 +124,10 @@ def stream_video(
     one_thread = [cv2.CAP_PROP_N_THREADS, 1]
     with quiet():
         capture = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG, one_thread)
-        rate, length = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
+        rate, length = (
+            capture.get(cv2.CAP_PROP_FPS),
+            capture.get(cv2.CAP_PROP_FRAME_COUNT),
+        )
         if not (capture.isOpened() and rate > 0 and length > 0):
             raise ValueError(
                 f"{path}: expected a video of known length, found {length:g} frames at {rate:g} Hz"
@@ -134,7 +145,9 @@ def stream_video(
             time = even if abs(stated - first - even) <= _ROUNDED_S else stated - first
             if time <= before:
                 found = f"frame {number} at {time:g} s after one at {before:g} s"
-                raise ValueError(f"{path}: expected frames one after the other, found {found}")
+                raise ValueError(
+                    f"{path}: expected frames one after the other, found {found}"
+                )
             if time >= end - _EARLY_S:
                 return
             ok, image = capture.retrieve()

@@ -53,7 +53,11 @@ class Camera:
 
     def __post_init__(self) -> None:
         require_integer(f"{KEY}.grid", self.grid, 1)
-        for name, high in (("pupil", self.grid), ("crop", self.grid), ("polarisations", 2)):
+        for name, high in (
+            ("pupil", self.grid),
+            ("crop", self.grid),
+            ("polarisations", 2),
+        ):
             require_integer(f"{KEY}.{name}", getattr(self, name), 1, high)
         for name in ("unevenness", "read_noise"):
             require_number(f"{KEY}.{name}", getattr(self, name), 0)
@@ -103,7 +107,9 @@ class MountedCamera:
         """I/⟨I⟩ float32 [n, crop, crop] from phases float64 [n, P] in rad."""
         camera, n, side = self.camera, len(phases), self.camera.pupil
         phases = phases.reshape(n * camera.polarisations, -1)
-        field = torch.zeros(len(phases), side * side, 2, dtype=torch.float32, device=phases.device)
+        field = torch.zeros(
+            len(phases), side * side, 2, dtype=torch.float32, device=phases.device
+        )
         # In float64, as float32 resolves 0.01 rad at 1e5 rad; it takes no longer than reducing the
         # phases to one turn and going on in float32 (experiment=numerics).
         field[:, self._inside, 0] = phases.cos().to(torch.float32)
@@ -118,13 +124,17 @@ class MountedCamera:
         total = power[:, 0] + power[:, 1] if camera.polarisations == 2 else power[:, 0]
         return total.mul_(self._gain)
 
-    def expose(self, intensity: Tensor, streams: Sequence[np.random.Generator]) -> Tensor:
+    def expose(
+        self, intensity: Tensor, streams: Sequence[np.random.Generator]
+    ) -> Tensor:
         """uint8 [n, crop, crop], one random stream a frame."""
         camera = self.camera
         per_electron = camera.grey / camera.photons
         if camera.read_noise / per_electron < CONTINUOUS:
             electrons = intensity.to("cpu", torch.float64).numpy() * camera.photons
-            counts = np.stack([s.poisson(n) for s, n in zip(streams, electrons, strict=True)])
+            counts = np.stack(
+                [s.poisson(n) for s, n in zip(streams, electrons, strict=True)]
+            )
             grey = torch.from_numpy(counts * per_electron).to(intensity)
             if camera.read_noise:
                 grey = grey + camera.read_noise * self._normal(intensity, streams)

@@ -66,7 +66,12 @@ class Press:
 
     def __post_init__(self) -> None:
         pair = tuple(map(float, self.position))
-        require(len(pair) == 2, "scene.classes.*.position", pair, "two coordinates (x, y) in m")
+        require(
+            len(pair) == 2,
+            "scene.classes.*.position",
+            pair,
+            "two coordinates (x, y) in m",
+        )
         object.__setattr__(self, "position", pair)
         require_number("scene.contact.radius", self.radius, 0, strict=True)
         for name in ("depth", "depth_spread", "position_spread"):
@@ -87,7 +92,11 @@ class Press:
         """The phases that this contact causes on a sensor."""
         miss = 3 * self.position_spread / self.radius
         neglected = sensor.paths.wavenumber * self.depth * miss**3 / 6
-        return ExpandedPress(self, sensor) if neglected < EXPANSION else ExactPress(self, sensor)
+        return (
+            ExpandedPress(self, sensor)
+            if neglected < EXPANSION
+            else ExactPress(self, sensor)
+        )
 
 
 class ExactPress:
@@ -142,4 +151,6 @@ def line(
 ) -> Mapping[str, Mapping[str, tuple[float, float]]]:
     """Classes "0", "1", … at ``number`` positions evenly spaced from start to stop (x, y) in m."""
     points = np.linspace(start, stop, number)
-    return {str(i): {"position": (float(x), float(y))} for i, (x, y) in enumerate(points)}
+    return {
+        str(i): {"position": (float(x), float(y))} for i, (x, y) in enumerate(points)
+    }

@@ -53,7 +53,12 @@ def _thin(big_h: Array, s: Array) -> tuple[Array, Array]:
     N(H) = (sinh 2H − 2H)/2 cancels against w̄: P = N(s)/C, Q = N′(s)/C, C = (cosh 2H + 1)/2 + H².
     s·cosh s − sinh s = s²·i1(s), the modified spherical Bessel function.
     """
-    cosh_h, sinh_h, cosh_s, sinh_s = np.cosh(big_h), np.sinh(big_h), np.cosh(s), np.sinh(s)
+    cosh_h, sinh_h, cosh_s, sinh_s = (
+        np.cosh(big_h),
+        np.sinh(big_h),
+        np.cosh(s),
+        np.sinh(s),
+    )
     rest = cosh_h + big_h * sinh_h
     size = cosh_h**2 + big_h**2
     p = big_h * cosh_h * s * sinh_s - rest * s**2 * special.spherical_in(1, s)
@@ -95,13 +100,17 @@ def half_space(r: Array, d: Array, a: float) -> tuple[Array, Array]:
         root = np.sqrt(r * r + zeta * zeta)
         log = np.log(zeta + root)
         even = c0 * log + c1 * root + c2 * (zeta * root - r * r * log) / 2
-        root = np.where(d > 0, root, 1.0)  # only even counts on the surface, and R is 0 at r = a
+        root = np.where(
+            d > 0, root, 1.0
+        )  # only even counts on the surface, and R is 0 at r = a
         slope = -c0 / root + c1 * (log - zeta / root) + c2 * (root + r * r / root)
         radial = -c0 / (root * (zeta + root)) - c1 / root + c2 * (log - zeta / root)
         return even, slope, radial
 
     ends = zip(primitives(d + 1j * a), primitives(d + 0j), strict=True)
-    even, slope, radial = (np.real((upper - lower) / (1j * a)) / 2 for upper, lower in ends)
+    even, slope, radial = (
+        np.real((upper - lower) / (1j * a)) / 2 for upper, lower in ends
+    )
     return even + d * slope, d * radial
 
 
@@ -164,9 +173,13 @@ class Layer:
         w0 = self.compliance(radius)
         return u_r_over_r / w0, -sunk / w0
 
-    def table(self, radius: float, intervals: int = 400, extent: float = 0.12) -> RadialTable:
+    def table(
+        self, radius: float, intervals: int = 400, extent: float = 0.12
+    ) -> RadialTable:
         """Tabulated displacement at the levels; ``extent`` is the largest radius asked for."""
-        reach = min(extent, radius + 30 * self.thickness)  # e-folding length of the tail: 1.15 h
+        reach = min(
+            extent, radius + 30 * self.thickness
+        )  # e-folding length of the tail: 1.15 h
         return _table(self, radius, intervals, reach)
 
     def compliance(self, radius: float) -> float:
@@ -195,7 +208,9 @@ def _unscaled(r: Array, z: Array, radius: float, h: float) -> tuple[Array, Array
     weight = weight * hertz_transform(k * radius)
     kr = r[:, None] * k
     # J1(x)/x → 1/2 on the axis.
-    j1_over_r = np.where(kr > 1e-8, special.j1(kr) / np.maximum(r[:, None], 1e-300), k / 2)
+    j1_over_r = np.where(
+        kr > 1e-8, special.j1(kr) / np.maximum(r[:, None], 1e-300), k / 2
+    )
     space_z, space_r = half_space(r[:, None], h - z, radius)
     weight = weight[:, None]
     return space_r + j1_over_r @ (weight * q), space_z + special.j0(kr) @ (weight * p)

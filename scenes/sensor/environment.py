@@ -86,7 +86,9 @@ def _ornstein_uhlenbeck(noise: Array, time: float) -> Array:
     drive = noise * np.sqrt(1 - rho * rho)
     drive[:1] = noise[:1]
     series, x = np.empty_like(drive), 0.0
-    for m, step in enumerate(drive):  # scipy.signal.lfilter would cost 0.3 s and 40 MB to import
+    for m, step in enumerate(
+        drive
+    ):  # scipy.signal.lfilter would cost 0.3 s and 40 MB to import
         x = rho * x + step
         series[m] = x
     return series

@@ -56,7 +56,9 @@ class Paths:
             require_number(f"{KEY}.{name}", getattr(self, name), 0, strict=True)
         require_integer(f"{KEY}.vertices", self.vertices, 1)
         require_number(f"{KEY}.forward", self.forward, 0)
-        require(0 <= self.surface <= 1, f"{KEY}.surface", self.surface, "a share in [0, 1]")
+        require(
+            0 <= self.surface <= 1, f"{KEY}.surface", self.surface, "a share in [0, 1]"
+        )
         for name in ("fibre", "camera"):
             position = tuple(getattr(self, name))
             object.__setattr__(self, name, position)
@@ -91,16 +93,21 @@ class Paths:
         level = np.where(rng.random((v, p)) < self.surface, layer.levels, inner)
 
         def point(vertex: int) -> np.ndarray:
-            return np.stack([x[vertex], y[vertex], layer.heights[level[vertex]]], axis=-1)
+            return np.stack(
+                [x[vertex], y[vertex], layer.heights[level[vertex]]], axis=-1
+            )
 
         # Leg by leg, so that little more than the result is in memory.
         start, end = (
-            np.array([*place, layer.thickness / 2]) for place in (self.fibre, self.camera)
+            np.array([*place, layer.thickness / 2])
+            for place in (self.fibre, self.camera)
         )
         bend = np.empty((3, v, p), dtype=np.float32)
         here, before = point(0), _direction(start, point(0))
         for vertex in range(v):
-            following = point(vertex + 1) if vertex + 1 < v else np.broadcast_to(end, (p, 3))
+            following = (
+                point(vertex + 1) if vertex + 1 < v else np.broadcast_to(end, (p, 3))
+            )
             after = _direction(here, following)
             bend[:, vertex] = (before - after).T
             here, before = following, after
@@ -108,7 +115,9 @@ class Paths:
         def tensor(array: np.ndarray) -> Tensor:
             return torch.from_numpy(array).to(device, torch.float32)
 
-        return PathSet(tensor(x), tensor(y), tensor(bend), torch.from_numpy(level).to(device))
+        return PathSet(
+            tensor(x), tensor(y), tensor(bend), torch.from_numpy(level).to(device)
+        )
 
 
 def _direction(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
@@ -139,7 +148,9 @@ class PathSet:
         """Σ_v (ŝ_in − ŝ_out)·u [P] per metre of indentation at ``centre`` (x, y) in m, in the
         precision of the table."""
         total = torch.zeros(len(self), dtype=table.rows.dtype, device=self.x.device)
-        for v in range(self.x.shape[0]):  # one by one: the temporaries stay in the cache
+        for v in range(
+            self.x.shape[0]
+        ):  # one by one: the temporaries stay in the cache
             dx = (self.x[v] - centre[0]).to(total.dtype)
             dy = (self.y[v] - centre[1]).to(total.dtype)
             outward, down = table.look_up((dx * dx + dy * dy).sqrt_(), self.level[v])
@@ -152,8 +163,12 @@ class PathSet:
 class Table:
     """A :class:`RadialTable` on the device, with the cubic evaluated at many vertices at once."""
 
-    def __init__(self, table: RadialTable, dtype: torch.dtype, device: torch.device) -> None:
-        self.rows = torch.from_numpy(table.coefficients).to(device, dtype).reshape(-1, 8)
+    def __init__(
+        self, table: RadialTable, dtype: torch.dtype, device: torch.device
+    ) -> None:
+        self.rows = (
+            torch.from_numpy(table.coefficients).to(device, dtype).reshape(-1, 8)
+        )
         self._table = table
 
     def look_up(self, r: Tensor, level: Tensor) -> tuple[Tensor, Tensor]:
@@ -164,7 +179,11 @@ class Table:
         interval = position.to(torch.int64).clamp_(max=n - 1)
         fraction = (position - interval).clamp_(max=1.0)
         c = self.rows.index_select(0, level * n + interval)
-        outward = ((c[:, 3] * fraction + c[:, 2]) * fraction + c[:, 1]) * fraction + c[:, 0]
-        down = ((c[:, 7] * fraction + c[:, 6]) * fraction + c[:, 5]) * fraction + c[:, 4]
+        outward = ((c[:, 3] * fraction + c[:, 2]) * fraction + c[:, 1]) * fraction + c[
+            :, 0
+        ]
+        down = ((c[:, 7] * fraction + c[:, 6]) * fraction + c[:, 5]) * fraction + c[
+            :, 4
+        ]
         inside = r <= self._table.reach
         return outward * inside, down * inside

@@ -19,7 +19,10 @@ from scenes.sensor.seeds import stream
 from scenes.sensor.sensor import Sensor
 from scenes.validate import require, require_integer
 
-CPU_BATCH, DEVICE_BATCH = 1, 64  # a frame's arrays fill a core's cache; a GPU wants many
+CPU_BATCH, DEVICE_BATCH = (
+    1,
+    64,
+)  # a frame's arrays fill a core's cache; a GPU wants many
 
 
 class SpeckleScene:
@@ -61,9 +64,16 @@ class SpeckleScene:
         for name, difference in classes.items():
             made = None
             if difference is not None:
-                require(contact is not None, "scene.contact", contact, f"one for class {name!r}")
+                require(
+                    contact is not None,
+                    "scene.contact",
+                    contact,
+                    f"one for class {name!r}",
+                )
                 made = contact(**difference)  # type: ignore[misc]
-                sensor.paths.require_inside(f"scene.classes.{name}.position", made.position)
+                sensor.paths.require_inside(
+                    f"scene.classes.{name}.position", made.position
+                )
             self.contacts.append(made)
         self.shape = (sensor.camera.crop, sensor.camera.crop)
         self.labels, self.samples = self._plan()
@@ -80,7 +90,9 @@ class SpeckleScene:
         camera = self.sensor.mounted
         for start in range(0, len(wanted), batch):
             part = wanted[start : start + batch]
-            intensity = camera.intensity(torch.stack([self.phases(int(i)) for i in part]))
+            intensity = camera.intensity(
+                torch.stack([self.phases(int(i)) for i in part])
+            )
             noise = [self._stream("noise", int(i)) for i in part]
             frames[start : start + batch] = camera.expose(intensity, noise).cpu()
         return frames
@@ -88,12 +100,16 @@ class SpeckleScene:
     def phases(self, index: int) -> Tensor:
         """φ float64 [P] in rad of one sample, not reduced."""
         sensor, label = self.sensor, int(self.labels[index])
-        phases = sensor.phase + sensor.sensitivity * float(self.samples["temperature"][index])
+        phases = sensor.phase + sensor.sensitivity * float(
+            self.samples["temperature"][index]
+        )
         contact = self.contacts[label]
         if contact is not None:
             if label not in self._bound:
                 self._bound[label] = contact.bind(sensor)
-            depth, x, y = (float(self.samples[key][index]) for key in ("depth", "x", "y"))
+            depth, x, y = (
+                float(self.samples[key][index]) for key in ("depth", "x", "y")
+            )
             touched = stream(self.seed, "object", label)
             touch = Touch(depth, x, y, self._stream("texture", index), touched)
             phases += self._bound[label](touch)
@@ -110,7 +126,9 @@ class SpeckleScene:
             "sessions": [asdict(room) | {"creep": None} for room in self.sessions],
             "seed": self.seed,
         }
-        return hashlib.sha256(json.dumps(parts, sort_keys=True, default=repr).encode()).hexdigest()
+        return hashlib.sha256(
+            json.dumps(parts, sort_keys=True, default=repr).encode()
+        ).hexdigest()
 
     def _plan(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Labels in random order within each session, and what each sample will be."""
@@ -119,8 +137,12 @@ class SpeckleScene:
         for session, room in enumerate(self.sessions):
             ordered = np.repeat(np.arange(len(self.classes)), self._counts)
             label = stream(self.seed, "labels", session).permutation(ordered)
-            normals = stream(self.seed, "touches", session).standard_normal((per_session, 3))
-            temperature = room.temperatures(per_session, stream(self.seed, "room", session))
+            normals = stream(self.seed, "touches", session).standard_normal(
+                (per_session, 3)
+            )
+            temperature = room.temperatures(
+                per_session, stream(self.seed, "room", session)
+            )
             sample = {
                 "order": np.arange(per_session),
                 "session": np.full(per_session, session),
@@ -137,7 +159,10 @@ class SpeckleScene:
             np.maximum(sample["depth"], 0, out=sample["depth"])
             labels.append(label)
             sessions.append(sample)
-        samples = {name: np.concatenate([part[name] for part in sessions]) for name in sessions[0]}
+        samples = {
+            name: np.concatenate([part[name] for part in sessions])
+            for name in sessions[0]
+        }
         deepest = float(samples["depth"].max(initial=0.0))
         thickness = self.sensor.layer.thickness
         limit = f"less than the layer's thickness, {thickness:g} m, in every touch"

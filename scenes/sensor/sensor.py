@@ -50,7 +50,9 @@ class Sensor:
     @cached_property
     def path_set(self) -> PathSet:
         count = self.camera.path_count
-        return self.paths.draw(count, self.layer, stream(self.seed, "paths"), self.place)
+        return self.paths.draw(
+            count, self.layer, stream(self.seed, "paths"), self.place
+        )
 
     @cached_property
     def phase(self) -> Tensor:

@@ -64,8 +64,16 @@ class TexturedPress(Press):
             require_number(f"{KEY}.spacing", self.spacing, 0, strict=True)
         require_number(f"{KEY}.variance", self.variance, 0)
         require_number(f"{KEY}.offset", self.offset, -self.depth)
-        power = self.side & (self.side - 1) == 0 and 2.5 * self.radius <= self.side * self.cell
-        require(power, f"{KEY}.side", self.side, "a power of two, 2.5 contact radii wide or more")
+        power = (
+            self.side & (self.side - 1) == 0
+            and 2.5 * self.radius <= self.side * self.cell
+        )
+        require(
+            power,
+            f"{KEY}.side",
+            self.side,
+            "a power of two, 2.5 contact radii wide or more",
+        )
 
     def draw(self, normals: np.ndarray) -> dict[str, np.ndarray]:
         drawn = super().draw(normals)
@@ -79,9 +87,13 @@ class TexturedPress(Press):
 class GrainyPress:
     """The smooth press plus what its grains change."""
 
-    def __init__(self, press: TexturedPress, sensor: Sensor, smooth: BoundContact) -> None:
+    def __init__(
+        self, press: TexturedPress, sensor: Sensor, smooth: BoundContact
+    ) -> None:
         self._press, self._smooth = press, smooth
-        self._patch = _patch(sensor, press.position, press.radius, press.cell, press.side)
+        self._patch = _patch(
+            sensor, press.position, press.radius, press.cell, press.side
+        )
 
     def __call__(self, touch: Touch) -> Tensor:
         rng = touch.sample if self._press.fresh else touch.object
@@ -127,7 +139,12 @@ class Patch:
         side: int,
         finest: float = 1 / 5,
     ) -> None:
-        self._sensor, self._position, self._cell, self._side = sensor, position, cell, side
+        self._sensor, self._position, self._cell, self._side = (
+            sensor,
+            position,
+            cell,
+            side,
+        )
         self._half = side * cell / 2
         layer, place = sensor.layer, sensor.place
         kx = 2 * np.pi * np.fft.rfftfreq(side, cell)
@@ -144,12 +161,18 @@ class Patch:
         self._groups = []
         offset, columns, rows, weights = 0, [], [], []
         for n, levels in grids.items():
-            p, q = layer_response(k, layer.heights[levels][:, None, None], layer.thickness)
+            p, q = layer_response(
+                k, layer.heights[levels][:, None, None], layer.thickness
+            )
             horizontal = -1j * strength * q / safe
-            response = np.stack([horizontal * kx, horizontal * ky, -strength * p], axis=1)
+            response = np.stack(
+                [horizontal * kx, horizontal * ky, -strength * p], axis=1
+            )
             whole = response.reshape(-1, side, side // 2 + 1)
             cropped = _coarsen(whole, n) / (side * cell / n) ** 2
-            self._groups.append((n, torch.from_numpy(cropped.astype(np.complex64)).to(place)))
+            self._groups.append(
+                (n, torch.from_numpy(cropped.astype(np.complex64)).to(place))
+            )
             for level in levels:
                 column, row, weight = self._readings(level, n)
                 columns.append(column + offset)
@@ -159,13 +182,25 @@ class Patch:
         shape = (len(sensor.path_set), offset)
         coordinates = (np.concatenate(rows), np.concatenate(columns))
         read = sparse.csr_matrix((np.concatenate(weights), coordinates), shape=shape)
-        starts, indices, values = map(torch.from_numpy, (read.indptr, read.indices, read.data))
-        with warnings.catch_warnings(action="ignore"):  # support of sparse tensors is in beta
-            self._read = torch.sparse_csr_tensor(starts, indices, values, shape).to(place)
+        starts, indices, values = map(
+            torch.from_numpy, (read.indptr, read.indices, read.data)
+        )
+        with warnings.catch_warnings(
+            action="ignore"
+        ):  # support of sparse tensors is in beta
+            self._read = torch.sparse_csr_tensor(starts, indices, values, shape).to(
+                place
+            )
 
-    def _readings(self, level: int, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _readings(
+        self, level: int, n: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(grid index, path, weight) of the vertices at one level inside the grid; 12 a vertex."""
-        paths, position, cell = self._sensor.path_set, self._position, self._half * 2 / n
+        paths, position, cell = (
+            self._sensor.path_set,
+            self._position,
+            self._half * 2 / n,
+        )
         chosen = (paths.level == level).cpu().numpy()
         across = ((paths.x.cpu().numpy()[chosen] - position[0]) + self._half) / cell
         along = ((paths.y.cpu().numpy()[chosen] - position[1]) + self._half) / cell
@@ -183,7 +218,11 @@ class Patch:
         return np.concatenate(index), np.tile(path, 12), weights
 
     def spectrum(
-        self, x: np.ndarray, y: np.ndarray, force: np.ndarray, centre: tuple[float, float]
+        self,
+        x: np.ndarray,
+        y: np.ndarray,
+        force: np.ndarray,
+        centre: tuple[float, float],
     ) -> np.ndarray:
         """δF complex [side, side/2 + 1]; each grain shared by its four nearest grid points."""
         n = self._side
@@ -192,12 +231,16 @@ class Patch:
         u, v = across - j, along - i
         grid = np.zeros(n * n)
         for down, right, share in _corners(u, v):
-            grid += np.bincount((i + down) * n + j + right, force * share, minlength=n * n)
+            grid += np.bincount(
+                (i + down) * n + j + right, force * share, minlength=n * n
+            )
         cx, cy = centre[0] + self._half, centre[1] + self._half
         phase = np.exp(-1j * self._kx * cx) * np.exp(-1j * self._ky * cy)
         return np.fft.rfft2(grid.reshape(n, n)) - self._hertz * phase
 
-    def phases(self, x: np.ndarray, y: np.ndarray, force: np.ndarray, touch: Touch) -> Tensor:
+    def phases(
+        self, x: np.ndarray, y: np.ndarray, force: np.ndarray, touch: Touch
+    ) -> Tensor:
         """Change of phase float64 [P] in rad by grains at (x, y) about the target."""
         centre = touch.x - self._position[0], touch.y - self._position[1]
         delta = self.spectrum(x, y, force, centre)
@@ -222,7 +265,9 @@ def _coarsen(spectrum: np.ndarray, n: int) -> np.ndarray:
     if spectrum.shape[-2] == n:
         return spectrum
     half = n // 2
-    cut = np.concatenate([spectrum[:, :half], spectrum[:, -half:]], axis=1)[..., : half + 1].copy()
+    cut = np.concatenate([spectrum[:, :half], spectrum[:, -half:]], axis=1)[
+        ..., : half + 1
+    ].copy()
     cut[:, half], cut[..., half] = 0, 0
     return cut
 

@@ -15,7 +15,16 @@ from baselines.base import Classifier
 CONFIGS = Path(__file__).parents[2] / "configs"
 NAMES = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
 # Okabe and Ito's colours, told apart by people with any kind of colour vision.
-COLOURS = {"#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7"}
+COLOURS = {
+    "#000000",
+    "#E69F00",
+    "#56B4E9",
+    "#009E73",
+    "#F0E442",
+    "#0072B2",
+    "#D55E00",
+    "#CC79A7",
+}
 GROUPS = {"paper", "fast", "other"}
 
 
@@ -31,7 +40,9 @@ def test_makes_a_model_and_says_how_it_is_shown(name):
     assert set(display) == {"name", "colour", "marker", "line", "group"}
     assert display.colour in COLOURS
     assert display.group in GROUPS
-    Line2D([], [], marker=display.marker, linestyle=display.line)  # raises for unknown ones
+    Line2D(
+        [], [], marker=display.marker, linestyle=display.line
+    )  # raises for unknown ones
     model = instantiate(cfg.model, _convert_="all")
     assert model.device == "cpu"
     assert getattr(model, "seed", 5) == 5

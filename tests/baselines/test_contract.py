@@ -19,7 +19,14 @@ from baselines.training import IterativeClassifier
 MODELS = Path(__file__).parents[2] / "configs" / "model"
 CONFIGS = {path.stem: OmegaConf.load(path) for path in sorted(MODELS.glob("*.yaml"))}
 # Variants of a recipe that differ in a number only.
-VARIANTS = {"softmax_sgd", "softmax_zero", "cnn1_fast", "cnn1_centred", "cnn3", "cnn3_centred"}
+VARIANTS = {
+    "softmax_sgd",
+    "softmax_zero",
+    "cnn1_fast",
+    "cnn1_centred",
+    "cnn3",
+    "cnn3_centred",
+}
 NAMES = [
     name
     for name, config in CONFIGS.items()
@@ -29,7 +36,9 @@ NAMES = [
 
 def make(name: str) -> Classifier:
     """The model of a config, quick enough for small frames."""
-    config = OmegaConf.create({"seed": {"init": 0}, "device": "cpu", "model": CONFIGS[name].model})
+    config = OmegaConf.create(
+        {"seed": {"init": 0}, "device": "cpu", "model": CONFIGS[name].model}
+    )
     model = instantiate(config.model, _convert_="all")
     if isinstance(model, IterativeClassifier) and model.optimizer != "LBFGS":
         return replace(model, lr=1e-2, max_epochs=20)
@@ -47,7 +56,9 @@ def same_state(a: Classifier, b: Classifier) -> bool:
 
 
 def test_two_trainings_of_one_seed_agree_to_the_last_bit(model, small, speckle):
-    other = replace(model).fit(*speckle(12, (8, 9), 3)).fit(*small)  # the second starts anew
+    other = (
+        replace(model).fit(*speckle(12, (8, 9), 3)).fit(*small)
+    )  # the second starts anew
     torch.manual_seed(1)
     expected = torch.rand(3)
     torch.manual_seed(1)
@@ -72,7 +83,9 @@ def test_learns_labels_as_they_are_and_no_absent_class(model, speckle, names):
     right = model.fit(frames, named.tolist()).predict(frames) == named
     assert right.mean() > 0.9
     assert model.score(frames, named) == right.mean()
-    assert set(model.predict(speckle(30, (16, 16), 3, seed=1)[0]).tolist()) <= set(names)
+    assert set(model.predict(speckle(30, (16, 16), 3, seed=1)[0]).tolist()) <= set(
+        names
+    )
 
 
 @pytest.mark.filterwarnings("error")
@@ -125,24 +138,46 @@ def test_sixteen_bit_frames(model, speckle):
     frames, labels = speckle(30, (8, 8), 3)
     wide = (frames.to(torch.int32) * 257).to(torch.uint16)
     assert (model.fit(wide, labels).predict(wide) == labels).mean() > 0.9
-    with pytest.raises(ValueError, match=r"expected torch\.uint16 as in training, found .*uint8"):
+    with pytest.raises(
+        ValueError, match=r"expected torch\.uint16 as in training, found .*uint8"
+    ):
         model.predict(frames)
 
 
 @pytest.mark.parametrize(
     ("frames", "labels", "message"),
     [
-        (torch.zeros(4, 6, 6), [0, 1, 0, 1], "expected uint8 or uint16, found torch.float32"),
-        (torch.zeros(4, dtype=torch.uint8), [0, 1, 0, 1], r"shape \[N, H, W\] or \[N, D\]"),
-        (np.zeros((4, 6, 6)), [0, 1, 0, 1], "expected uint8 or uint16, found torch.float64"),
+        (
+            torch.zeros(4, 6, 6),
+            [0, 1, 0, 1],
+            "expected uint8 or uint16, found torch.float32",
+        ),
+        (
+            torch.zeros(4, dtype=torch.uint8),
+            [0, 1, 0, 1],
+            r"shape \[N, H, W\] or \[N, D\]",
+        ),
+        (
+            np.zeros((4, 6, 6)),
+            [0, 1, 0, 1],
+            "expected uint8 or uint16, found torch.float64",
+        ),
         (
             [np.zeros((6, 6), np.uint8), np.zeros((6, 5), np.uint8)],
             [0, 1],
             "frames: expected frames of one shape",
         ),
         (torch.zeros(4, 6, 6, dtype=torch.uint8), [0, 1], "labels: expected 4"),
-        (torch.zeros(4, 6, 6, dtype=torch.uint8), [1, 1, 1, 1], "two classes, found one class, 1"),
-        (torch.zeros(3, 6, 6, dtype=torch.uint8), [0.0, np.nan, 1], r"labels\[1\]: .*found nan"),
+        (
+            torch.zeros(4, 6, 6, dtype=torch.uint8),
+            [1, 1, 1, 1],
+            "two classes, found one class, 1",
+        ),
+        (
+            torch.zeros(3, 6, 6, dtype=torch.uint8),
+            [0.0, np.nan, 1],
+            r"labels\[1\]: .*found nan",
+        ),
     ],
 )
 def test_bad_input_is_named(frames, labels, message):
@@ -154,7 +189,9 @@ def test_queries_are_checked(model, small):
     with pytest.raises(RuntimeError, match="needs train or fit first"):
         model.predict(small[0])
     model.fit(*small)
-    with pytest.raises(ValueError, match=r"expected shape \(12, 10\).*found \(10, 12\)"):
+    with pytest.raises(
+        ValueError, match=r"expected shape \(12, 10\).*found \(10, 12\)"
+    ):
         model.predict(small[0].transpose(1, 2))
     assert model.predict(small[0][0]).shape == (1,)
 

@@ -59,14 +59,22 @@ def test_strides_of_single_rows_and_columns_do_not_matter():
 
 @settings(max_examples=40, deadline=None)
 @given(
-    st.integers(1, 5), st.integers(1, 5), st.integers(2, 90), st.booleans(), st.integers(0, 2**32)
+    st.integers(1, 5),
+    st.integers(1, 5),
+    st.integers(2, 90),
+    st.booleans(),
+    st.integers(0, 2**32),
 )
 def test_products_and_moments_are_those_of_python_integers(n, m, d, sixteen, seed):
     top, dtype = (65536, torch.int32) if sixteen else (256, torch.uint8)
-    x = np.random.default_rng(seed).choice([0, 1, top // 2, top - 2, top - 1], (n + m, d))
+    x = np.random.default_rng(seed).choice(
+        [0, 1, top // 2, top - 2, top - 1], (n + m, d)
+    )
     images = torch.from_numpy(x).to(dtype)
     y = x.astype(object) - dual.constant_of(images)
-    assert (dual.cross_products(images[:n], images[n:]).numpy() == y[:n] @ y[n:].T).all()
+    assert (
+        dual.cross_products(images[:n], images[n:]).numpy() == y[:n] @ y[n:].T
+    ).all()
     first, second = dual.moments(images)
     assert (first.numpy() == y.sum(1)).all()
     assert (second.numpy() == (y * y).sum(1)).all()
@@ -99,7 +107,11 @@ def test_kernels_are_those_of_scaled_pixels(pixels, sixteen, speckle):
 
 MODELS = [
     *(RidgeReadout(alpha=3.0, pixels=pixels) for pixels in KERNELS),
-    *(NearestNeighbour(k=k, pixels=p) for k in (1, 3) for p in ("bits", "raw", "standardised")),
+    *(
+        NearestNeighbour(k=k, pixels=p)
+        for k in (1, 3)
+        for p in ("bits", "raw", "standardised")
+    ),
     DualSoftmaxRegression(C=0.3, pixels="standardised"),
     MeanImage(pixels="standardised"),
     CorrelationClassifier(),
@@ -109,16 +121,22 @@ MODELS = [
 @pytest.mark.parametrize("model", MODELS, ids=str)
 def test_scores_from_products_are_those_of_the_trained_model(model, speckle):
     frames, labels = speckle(60, (20, 15), 5)
-    from_products = Products(frames, labels, 5, n_train=40).scores(model, TRAIN, QUERIES)
+    from_products = Products(frames, labels, 5, n_train=40).scores(
+        model, TRAIN, QUERIES
+    )
     assert not hasattr(model, "classes_"), "the model is left as it was"
     scores = replace(model).fit(frames[:40], labels[:40])
     scores = scores.scores(torch.as_tensor(frames[40:])).double()
     if isinstance(model, CorrelationClassifier):  # but for a factor a frame
-        scores, from_products = (x / x.norm(dim=1, keepdim=True) for x in (scores, from_products))
+        scores, from_products = (
+            x / x.norm(dim=1, keepdim=True) for x in (scores, from_products)
+        )
     torch.testing.assert_close(scores, from_products, rtol=1e-4, atol=1e-5)
 
 
-@pytest.mark.parametrize("model", [MeanImage(), CorrelationClassifier(), NearestNeighbour()])
+@pytest.mark.parametrize(
+    "model", [MeanImage(), CorrelationClassifier(), NearestNeighbour()]
+)
 def test_a_class_without_training_frames_is_never_predicted(model, speckle):
     frames, labels = speckle(60, (20, 15), 5)
     train = np.flatnonzero(labels[:40] != 2)
@@ -133,7 +151,11 @@ def test_the_nearest_neighbours_vote(pixels, k, speckle):
     x = scaled(pixels, frames, labels).numpy()
     distances = ((x[40:, None] - x[:40]) ** 2).sum(axis=2).round(9)
     near = distances.argsort(axis=1, kind="stable")[:, :k]
-    predicted = NearestNeighbour(k=k, pixels=pixels).fit(frames[:40], labels[:40]).predict(frames)
+    predicted = (
+        NearestNeighbour(k=k, pixels=pixels)
+        .fit(frames[:40], labels[:40])
+        .predict(frames)
+    )
     for row, label in zip(labels[near], predicted[40:], strict=True):
         counts = np.bincount(row, minlength=5)
         assert label == next(c for c in row if counts[c] == counts.max())
@@ -156,7 +178,12 @@ def from_old_by_descent(model, x, y, w, b):
     old = w.clone()
     w, b = w.clone().requires_grad_(), b.clone().requires_grad_()
     optimizer = torch.optim.LBFGS(
-        [w, b], 1, 2000, tolerance_grad=1e-12, tolerance_change=0, line_search_fn="strong_wolfe"
+        [w, b],
+        1,
+        2000,
+        tolerance_grad=1e-12,
+        tolerance_change=0,
+        line_search_fn="strong_wolfe",
     )
 
     def closure():
@@ -195,12 +222,20 @@ def test_an_update_from_old_weights_is_the_optimum_near_them(kind, pixels, speck
 @pytest.mark.parametrize("pixels", ["unit", "standardised"])
 def test_descent_takes_the_steps_of_sgd(batch, pixels, speckle):
     frames, labels = speckle(60, (9, 7), 5)
-    given = {"pixels": pixels, "optimizer": "SGD", "lr": 0.02, "init": "zeros", "seed": 3}
+    given = {
+        "pixels": pixels,
+        "optimizer": "SGD",
+        "lr": 0.02,
+        "init": "zeros",
+        "seed": 3,
+    }
     model = SoftmaxRegression(**given, batch_size=batch, max_epochs=3)
     model.fit(frames[:40], labels[:40])
     inside, across = Products(frames, labels, 5).kernel(TRAIN, QUERIES, pixels)
     targets = torch.from_numpy(labels[:40])
-    descent = Descent(torch.cat([inside, across]), targets, 5, 0.02, batch=batch, seed=3)
+    descent = Descent(
+        torch.cat([inside, across]), targets, 5, 0.02, batch=batch, seed=3
+    )
     for _ in range(3 * (1 if batch is None else 6)):
         descent.step()
     logits = model.scores(torch.as_tensor(frames)).double().detach()
@@ -221,17 +256,24 @@ def test_descent_from_several_starts_with_decay_is_that_of_torch(speckle):
     for _ in range(20):
         descent.step()
     for k, start in enumerate(w):
-        weight, bias = start.clone().requires_grad_(), torch.zeros(3, dtype=torch.float64)
+        weight, bias = (
+            start.clone().requires_grad_(),
+            torch.zeros(3, dtype=torch.float64),
+        )
         bias.requires_grad_()
         optimizer = torch.optim.SGD(
             [{"params": [weight], "weight_decay": 0.3}, {"params": [bias]}], 0.1
         )
         for _ in range(20):
             optimizer.zero_grad()
-            torch.nn.functional.cross_entropy(x[:40] @ weight.T + bias, targets).backward()
+            torch.nn.functional.cross_entropy(
+                x[:40] @ weight.T + bias, targets
+            ).backward()
             optimizer.step()
         expected = (x @ weight.T + bias).detach()
-        torch.testing.assert_close(descent.logits[:, :, k], expected, rtol=1e-5, atol=1e-6)
+        torch.testing.assert_close(
+            descent.logits[:, :, k], expected, rtol=1e-5, atol=1e-6
+        )
     kept = descent.logits[:, :, 1:].clone()
     descent.drop(torch.tensor([1]))
     assert torch.equal(descent.logits, kept)

@@ -26,8 +26,12 @@ def test_ridge_has_the_decision_values_of_scikit_learn(pixels, speckle):
     x = x / 255 if pixels == "unit" else StandardScaler().fit_transform(x.T).T
     theirs = RidgeClassifier(alpha=0.3).fit(x, labels)
     scores = ours.scores(frames)
-    np.testing.assert_allclose(scores, theirs.decision_function(x), rtol=1e-4, atol=1e-4)
-    with pytest.raises(ValueError, match="alpha: expected a number above zero, found 0"):
+    np.testing.assert_allclose(
+        scores, theirs.decision_function(x), rtol=1e-4, atol=1e-4
+    )
+    with pytest.raises(
+        ValueError, match="alpha: expected a number above zero, found 0"
+    ):
         RidgeReadout(alpha=0.0).fit(frames, labels)
 
 
@@ -80,4 +84,7 @@ def test_an_estimator_is_left_unfitted_and_only_a_linear_one_has_a_known_size(sp
     assert not hasattr(estimator, "coef_")
     assert model.state_tensors().keys() == {"coef_", "intercept_"}
     for other in (make_pipeline(StandardScaler(), estimator), DecisionTreeClassifier()):
-        assert SklearnClassifier(estimator=other).fit(frames, labels).state_tensors() is None
+        assert (
+            SklearnClassifier(estimator=other).fit(frames, labels).state_tensors()
+            is None
+        )

@@ -30,19 +30,27 @@ def features(frames: Tensor, pixels: str = "unit") -> np.ndarray:
     return x / 255 if pixels == "unit" else x
 
 
-def objective(weight: np.ndarray, bias: np.ndarray, x: np.ndarray, labels: np.ndarray) -> float:
+def objective(
+    weight: np.ndarray, bias: np.ndarray, x: np.ndarray, labels: np.ndarray
+) -> float:
     """C Σ log-loss + ½‖W‖², in float64."""
     logits = torch.from_numpy(x @ weight.T + bias)
-    loss = torch.nn.functional.cross_entropy(logits, torch.from_numpy(labels), reduction="sum")
+    loss = torch.nn.functional.cross_entropy(
+        logits, torch.from_numpy(labels), reduction="sum"
+    )
     return C * loss.item() + 0.5 * (weight**2).sum()
 
 
 def reference(x: np.ndarray, labels: np.ndarray) -> float:
-    best = LogisticRegression(C=C, tol=1e-12, max_iter=100_000, solver="newton-cg").fit(x, labels)
+    best = LogisticRegression(C=C, tol=1e-12, max_iter=100_000, solver="newton-cg").fit(
+        x, labels
+    )
     return objective(best.coef_, best.intercept_, x, labels)
 
 
-@pytest.mark.filterwarnings("ignore:.*[Ll]ine [Ss]earch")  # scikit-learn at the end of float64
+@pytest.mark.filterwarnings(
+    "ignore:.*[Ll]ine [Ss]earch"
+)  # scikit-learn at the end of float64
 @pytest.mark.parametrize("pixels", ["unit", "raw", "standardised", "standard_global"])
 def test_dual_reaches_the_optimum_of_scikit_learn(pixels, speckle):
     frames, labels = speckle(60, (20, 15), 5)
@@ -58,7 +66,9 @@ def test_dual_reaches_the_optimum_of_scikit_learn(pixels, speckle):
 
 def test_lbfgs_reaches_the_optimum_of_scikit_learn(speckle):
     frames, labels = speckle(60, (20, 15), 5)
-    model = SoftmaxRegression(optimizer="LBFGS", lr=1.0, batch_size=None, C=C, max_epochs=1000)
+    model = SoftmaxRegression(
+        optimizer="LBFGS", lr=1.0, batch_size=None, C=C, max_epochs=1000
+    )
     rows = list(model.train(frames, labels))
     assert rows[-1]["samples_seen"] < 1000 * 60, "it stops by itself"
     best = reference(features(frames), labels)
@@ -66,7 +76,16 @@ def test_lbfgs_reaches_the_optimum_of_scikit_learn(speckle):
 
 
 @pytest.mark.parametrize(
-    "case", ["duplicates", "constant", "fewer_than_classes", "unequal", "huge_c", "tiny_c", "raw"]
+    "case",
+    [
+        "duplicates",
+        "constant",
+        "fewer_than_classes",
+        "unequal",
+        "huge_c",
+        "tiny_c",
+        "raw",
+    ],
 )
 def test_dual_at_the_limits_stays_finite(case, speckle):
     frames, labels = speckle(24, (8, 8), 3)
@@ -103,7 +122,9 @@ def largest_curvature(x: np.ndarray, labels: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("pixels", ["unit", "raw", "standard"])
-def test_gradient_descent_is_stable_below_two_over_lambda_and_unstable_above(pixels, speckle):
+def test_gradient_descent_is_stable_below_two_over_lambda_and_unstable_above(
+    pixels, speckle
+):
     """Labels at random and more frames than pixels, so that the optimum is finite.
 
     On separable frames one step far too long may end at a loss of zero, and above the limit the
@@ -141,7 +162,9 @@ def test_a_diverging_run_yields_a_loss_that_is_not_finite(small):
 
 def test_a_batch_in_parts_is_the_batch(small):
     whole = SoftmaxRegression(optimizer="SGD", lr=0.1, max_epochs=3).fit(*small)
-    parts = SoftmaxRegression(optimizer="SGD", lr=0.1, max_epochs=3, micro_batch=3).fit(*small)
+    parts = SoftmaxRegression(optimizer="SGD", lr=0.1, max_epochs=3, micro_batch=3).fit(
+        *small
+    )
     for name, tensor in whole.state_tensors().items():
         torch.testing.assert_close(tensor, parts.state_tensors()[name])
 
@@ -158,8 +181,14 @@ def test_reports_come_as_often_as_asked(speckle):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"optimizer": "Adagrad"}, "optimizer: expected one of Adam, SGD, LBFGS, found 'Adagrad'"),
-        ({"optimizer": "LBFGS"}, r"batch_size: LBFGS needs the whole training set \(null\)"),
+        (
+            {"optimizer": "Adagrad"},
+            "optimizer: expected one of Adam, SGD, LBFGS, found 'Adagrad'",
+        ),
+        (
+            {"optimizer": "LBFGS"},
+            r"batch_size: LBFGS needs the whole training set \(null\)",
+        ),
         ({"pixels": "log"}, "pixels: expected one of unit, unit_centred, "),
         ({"init": "ones"}, "init: expected one of linear, normal, zeros, found 'ones'"),
     ],
@@ -171,10 +200,16 @@ def test_unknown_choices_list_the_valid_ones(small, given, message):
 
 @pytest.mark.parametrize(
     ("given", "spread", "bias"),
-    [({"init": "zeros"}, 0, 0), ({}, 0.01 / 3**0.5, 0.01 / 3**0.5), ({"init": "normal"}, 0.01, 0)],
+    [
+        ({"init": "zeros"}, 0, 0),
+        ({}, 0.01 / 3**0.5, 0.01 / 3**0.5),
+        ({"init": "normal"}, 0.01, 0),
+    ],
 )
 def test_initial_weights_are_those_named(given, spread, bias, speckle):
-    model = SoftmaxRegression(**given, lr=0.0, optimizer="SGD", max_epochs=1)  # nothing moves
+    model = SoftmaxRegression(
+        **given, lr=0.0, optimizer="SGD", max_epochs=1
+    )  # nothing moves
     network = model.fit(*speckle(8, (100, 100), 4)).network_
     found = [parameter.detach().std().item() for parameter in network.parameters()]
     assert found[0] == pytest.approx(spread, rel=0.05)

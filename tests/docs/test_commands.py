@@ -31,7 +31,9 @@ def commands(page):
     for line in page.read_text().splitlines():
         if line.startswith("```"):
             fence = line[3:] if fence is None else None
-        elif fence in ("shell", "console") or (fence is None and line.startswith("    ")):
+        elif fence in ("shell", "console") or (
+            fence is None and line.startswith("    ")
+        ):
             text = line.strip().partition("  #")[0].strip()
             if COMMAND.match(text):
                 found.append(re.sub(r"^(\w+=\S+ )+", "", text))
@@ -39,7 +41,9 @@ def commands(page):
 
 
 def reason(command):
-    return next((why for start, why in NOT_RUN.items() if command.startswith(start)), None)
+    return next(
+        (why for start, why in NOT_RUN.items() if command.startswith(start)), None
+    )
 
 
 SHOWN = [(page.name, command) for page in PAGES for command in commands(page)]
@@ -49,11 +53,15 @@ RUN = [(page, c) for page, c in SHOWN if reason(c) is None]
 def test_commands_are_found_in_the_pages_that_have_them():
     pages = {page for page, _ in SHOWN}
     assert {"README.md", "tutorial.md", "extend.md", "times.md"} <= pages
-    unknown = [c for _, c in RUN if not c.startswith(("hdc ", "python -m experiments.run "))]
+    unknown = [
+        c for _, c in RUN if not c.startswith(("hdc ", "python -m experiments.run "))
+    ]
     assert unknown == []  # neither run nor composed nor named above
 
 
-@pytest.mark.parametrize("page", sorted({page for page, c in RUN if c.startswith("hdc ")}))
+@pytest.mark.parametrize(
+    "page", sorted({page for page, c in RUN if c.startswith("hdc ")})
+)
 def test_commands_of_hdc_run_in_the_order_shown(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     recordings(tmp_path)
@@ -81,7 +89,9 @@ def test_runs_are_of_configs_that_there_are(command, monkeypatch):
         words = [w for w in words if not w.startswith("model=")]
     parsed = OverridesParser.create().parse_overrides(words)
     firsts = [
-        f"{o.key_or_group}={next(iter(o.sweep_string_iterator()))}" if o.is_sweep_override() else w
+        f"{o.key_or_group}={next(iter(o.sweep_string_iterator()))}"
+        if o.is_sweep_override()
+        else w
         for o, w in zip(parsed, words, strict=True)
     ]
     with initialize_config_module("configs", version_base=None):

@@ -49,11 +49,16 @@ def test_pages_load_only_what_lies_beside_them(site):
             file = re.split("[?#]", name)[0] or page.name
             assert (site / file).is_file(), (page.name, name)
     for style in site.rglob("*.css"):
-        assert not re.search(r"url\(\s*['\"]?(\w+:)?//|@import\s+\S*//", style.read_text()), style
+        assert not re.search(
+            r"url\(\s*['\"]?(\w+:)?//|@import\s+\S*//", style.read_text()
+        ), style
 
 
 def test_equations_are_mathml_of_every_formula(site):
-    formulas = len(re.findall(r"^\$\$$", (CHECKOUT / "docs" / "sensor.md").read_text(), re.M)) // 2
+    formulas = (
+        len(re.findall(r"^\$\$$", (CHECKOUT / "docs" / "sensor.md").read_text(), re.M))
+        // 2
+    )
     page = (site / "sensor.html").read_text()
     assert formulas > 5
     assert page.count('display="block"') == formulas

@@ -121,8 +121,15 @@ def write_run(tmp_path, composed):
         for key in record.NOT_IDENTITY:
             config.pop(key, None)
         config["threads"] = 2
-        choices = {"scene": scene, "model": model, "stop": stop, **results.pop("choices", {})}
-        identity = record.run_id(choices["scene"], choices["model"], config, fingerprint)
+        choices = {
+            "scene": scene,
+            "model": model,
+            "stop": stop,
+            **results.pop("choices", {}),
+        }
+        identity = record.run_id(
+            choices["scene"], choices["model"], config, fingerprint
+        )
         entry = {
             "schema": record.SCHEMA,
             "id": identity,
@@ -130,7 +137,12 @@ def write_run(tmp_path, composed):
             "choices": choices,
             "experiment": None,
             "config": config,
-            "environment": {"cpu": "A CPU", "threads": 2, **made_by(config), **(environment or {})},
+            "environment": {
+                "cpu": "A CPU",
+                "threads": 2,
+                **made_by(config),
+                **(environment or {}),
+            },
             "scene": {
                 "name": choices["scene"],
                 "origin": origin,
@@ -198,7 +210,9 @@ def write_measurement(tmp_path):
             "environment": {"cpu": "A CPU", "threads": 2, **made_by({})},
             **entry,
         }
-        folder = tmp_path / "measured" / f"{name}-{measurement.digest_of(entry['config'])}"
+        folder = (
+            tmp_path / "measured" / f"{name}-{measurement.digest_of(entry['config'])}"
+        )
         measurement.write(folder, entry, rows)
         return entry
 
@@ -234,9 +248,14 @@ def a_full_set(write_run):
             {"training_s": t * (1 + seed), "samples_seen": n} for t, n in ((0.1, 200), (0.2, 400))
         ])  # fmt: skip
         write_run(
-            "softmax", seed=seed, wrong=range(3), curve=epochs(0.5, 0.95, 0.99, step=1 + seed)
+            "softmax",
+            seed=seed,
+            wrong=range(3),
+            curve=epochs(0.5, 0.95, 0.99, step=1 + seed),
         )
-        write_run("cnn1", seed=seed, wrong=range(seed, 10), curve=epochs(0.3, 0.8, 0.97))
+        write_run(
+            "cnn1", seed=seed, wrong=range(seed, 10), curve=epochs(0.3, 0.8, 0.97)
+        )
         for n in (5, 20, 100):
             write_run("hdc", seed=seed, n_train=n, wrong=range(40 // n * 5))
             write_run("ridge", seed=seed, n_train=n, wrong=range(30))
@@ -298,7 +317,12 @@ def composed_run(recording):
         with hydra.initialize_config_dir(str(CONFIGS), version_base="1.3"):
             return hydra.compose(
                 "config",
-                ["scene=recorded", f"scene.path={scene or recording()}", "threads=1", *overrides],
+                [
+                    "scene=recorded",
+                    f"scene.path={scene or recording()}",
+                    "threads=1",
+                    *overrides,
+                ],
             )
 
     return make
@@ -311,7 +335,9 @@ def carry_out(results, one_thread, composed_run):
 
     def do(*overrides, scene=None):
         names = dict(
-            word.split("=") for word in overrides if word.split("=")[0] in ("model", "stop")
+            word.split("=")
+            for word in overrides
+            if word.split("=")[0] in ("model", "stop")
         )
         entry, do.repeated = job.run(
             composed_run(*overrides, scene=scene),

@@ -28,16 +28,29 @@ CAMERA = "{_target_: scenes.sensor.camera.Camera, grid: 64, crop: 32, pupil: 24}
 SMALL = ["scene=touch", "scene.samples_per_class=12", "scene.contact.depth_spread=0.0",
          "scene.contact.position_spread=0.0", f"+scene.sensor.camera={CAMERA}"]  # fmt: skip
 SHORT = ["stop.most_steps=40", "stop.least_steps=10"]
-COUNTS = ["model", "n_train", "pixels", "seeds", "stop", "status", "n_test", "model_bytes"]
+COUNTS = [
+    "model",
+    "n_train",
+    "pixels",
+    "seeds",
+    "stop",
+    "status",
+    "n_test",
+    "model_bytes",
+]
 
 
 def run(*overrides, **names):
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        cfg = compose("config", ["threads=1", "exclusive=false", "cache=false", *overrides])
+        cfg = compose(
+            "config", ["threads=1", "exclusive=false", "cache=false", *overrides]
+        )
     return job.run(cfg, names, [], Console(quiet=True))[0]
 
 
-def test_table_1_of_a_small_scene_is_the_committed_one(results, one_thread, monkeypatch):
+def test_table_1_of_a_small_scene_is_the_committed_one(
+    results, one_thread, monkeypatch
+):
     monkeypatch.setattr(view, "scene", lambda: "small")
     for model in view.LINES:
         for seed in ("0", "1") if model in ("hdc", "softmax_dual") else ("0",):
@@ -65,7 +78,8 @@ def test_a_committed_number_is_made_again(request, one_thread, monkeypatch):
     except pytest.skip.Exception:
         place = "touch"  # half a minute of simulated frames
     known = min(
-        (x.record for x in Results(REFERENCE).group(place, "hdc").runs), key=lambda r: r.training_s
+        (x.record for x in Results(REFERENCE).group(place, "hdc").runs),
+        key=lambda r: r.training_s,
     )
     cfg = OmegaConf.create({**known.config, "cache": False})
     again = {}

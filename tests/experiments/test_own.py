@@ -63,7 +63,9 @@ def own(tmp_path, monkeypatch):
     base = rng.integers(0, 150, (3, 16, 16))
     frames = (base[labels] + rng.integers(0, 90, (60, 16, 16))).astype(np.uint8)
     np.savez(
-        tmp_path / "my $frames$ <b>.npz", frames=frames, labels=np.array(["a", "b", "c"])[labels]
+        tmp_path / "my $frames$ <b>.npz",
+        frames=frames,
+        labels=np.array(["a", "b", "c"])[labels],
     )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "results"))
@@ -95,7 +97,9 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
     carry_out("scene=recorded", f"scene.path='{own}/my $frames$ <b>.npz'", "model=nearest_mean",
               "model.power=1.0")  # fmt: skip
     results = own / "results"
-    page = report.write(results, Console(file=io.StringIO())).read_text(encoding="utf-8")
+    page = report.write(results, Console(file=io.StringIO())).read_text(
+        encoding="utf-8"
+    )
     read = Results(results)
     assert read.problems == []
     recording = next(r.scene for r in read.runs if r.scene.startswith("recorded my"))
@@ -115,7 +119,9 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
         assert list(lines) == models
         for model, row in lines.items():
             group = read.group(scene, model)
-            assert float(row["test_accuracy_final"]) == pytest.approx(group.right.mean(), abs=1e-6)
+            assert float(row["test_accuracy_final"]) == pytest.approx(
+                group.right.mean(), abs=1e-6
+            )
             assert int(row["seeds"]) == len(group.runs)
     assert "nearest_mean (power=1.0)" in page
     assert "recorded my $frames$ &lt;b&gt;.npz" in page

@@ -27,7 +27,9 @@ def target(tmp_path, monkeypatch):
 # What is adopted ----------------------------------------------------------------------------------
 
 
-def test_finished_runs_are_adopted_and_what_was_there_stays(tmp_path, target, write_run):
+def test_finished_runs_are_adopted_and_what_was_there_stays(
+    tmp_path, target, write_run
+):
     write_run("hdc", wrong=[0])
     write_run("cnn1", status="failed")
     reference.adopt(tmp_path, target)
@@ -59,7 +61,9 @@ def test_records_of_other_code_leave(tmp_path, target, write_run, write_measurem
     assert Results(target).measurements == []
 
 
-def test_measurements_are_adopted_but_those_of_own_recordings(tmp_path, target, write_measurement):
+def test_measurements_are_adopted_but_those_of_own_recordings(
+    tmp_path, target, write_measurement
+):
     write_measurement("drift", [{"a": 1}])
     mine = {"_target_": "scenes.recorded.Recording", "path": "mine.npz"}
     write_measurement("correlation", [{"a": 1}], config={"scene": mine})
@@ -82,7 +86,9 @@ def test_records_of_other_code_are_named(target, tmp_path, write_run, capsys):
 
 
 def test_it_adopts_writes_the_tables_and_fills_the_readme(target, tmp_path, write_run):
-    reference.README.write_text("# A title\n<!-- begin table1 -->\nold\n<!-- end table1 -->\nend\n")
+    reference.README.write_text(
+        "# A title\n<!-- begin table1 -->\nold\n<!-- end table1 -->\nend\n"
+    )
     write_run("hdc", wrong=range(2))
     assert reference.main([]) == 0
     table = (target / "tables" / "table1.md").read_text().strip()
@@ -92,14 +98,20 @@ def test_it_adopts_writes_the_tables_and_fills_the_readme(target, tmp_path, writ
     )
     before = {path: path.read_bytes() for path in target.rglob("*") if path.is_file()}
     assert reference.main(["--tables"]) == 0
-    assert {path: path.read_bytes() for path in target.rglob("*") if path.is_file()} == before
+    assert {
+        path: path.read_bytes() for path in target.rglob("*") if path.is_file()
+    } == before
 
 
 def test_the_committed_reference_skipped_nothing_and_names_no_folder_of_a_machine():
-    files = [path for path in (ROOT / "results" / "reference").rglob("*") if path.is_file()]
+    files = [
+        path for path in (ROOT / "results" / "reference").rglob("*") if path.is_file()
+    ]
     assert len(files) > 100
     for path in files:
-        found = re.search(rb"skipped: |(?<![\w.])/(?:home|root|tmp|Users)/", path.read_bytes())
+        found = re.search(
+            rb"skipped: |(?<![\w.])/(?:home|root|tmp|Users)/", path.read_bytes()
+        )
         assert found is None, (path, found)
 
 
@@ -110,6 +122,8 @@ def test_every_block_of_the_readme_has_a_source_and_says_what_is_missing(target)
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     filled = reference.fill(text)
     blocks = re.findall(r"<!-- begin (\w+) -->\n(.*)\n<!-- end \1 -->", filled)
-    assert {name for name, _ in blocks} == set(re.findall(r"<!-- begin (\w+) -->", text))
+    assert {name for name, _ in blocks} == set(
+        re.findall(r"<!-- begin (\w+) -->", text)
+    )
     assert blocks
     assert all(line.startswith("*missing: ") for _, line in blocks)

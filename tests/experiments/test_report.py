@@ -45,8 +45,15 @@ def test_no_committed_record_is_left_out():
 
 def test_the_committed_tables_are_those_of_the_committed_records():
     answers = Answers("reference", Results(REFERENCE), studies_of(studies))
-    made = {t.name: t.csv() for same in answers.tables.values() for t in same if t.name != "runs"}
-    committed = {path.stem: path.read_text() for path in (REFERENCE / "tables").glob("*.csv")}
+    made = {
+        t.name: t.csv()
+        for same in answers.tables.values()
+        for t in same
+        if t.name != "runs"
+    }
+    committed = {
+        path.stem: path.read_text() for path in (REFERENCE / "tables").glob("*.csv")
+    }
     assert set(made) == set(committed)
     assert [name for name in made if made[name] != committed[name]] == []
 
@@ -114,8 +121,13 @@ def test_a_bad_record_costs_itself_only(tmp_path, write_run, alone):
         lines[k] = json.dumps(entry)
     path.write_text("\n".join([*lines, "{", "[]"]) + "\n")
     text, files = written(tmp_path)
-    left_out = [k for k, (*_, goes) in enumerate(BAD, 2) if goes] + [len(BAD) + 2, len(BAD) + 3]
-    assert [int(n) for n in re.findall(r"left out of mine: .*line (\d+): ", text)] == left_out
+    left_out = [k for k, (*_, goes) in enumerate(BAD, 2) if goes] + [
+        len(BAD) + 2,
+        len(BAD) + 3,
+    ]
+    assert [
+        int(n) for n in re.findall(r"left out of mine: .*line (\d+): ", text)
+    ] == left_out
     assert rows_of(files["table1.csv"])[0]["test_accuracy_final"] == "0.99"
     for name, data in {**files, "terminal": text.encode()}.items():
         if name.endswith((".csv", ".md")) or name == "terminal":

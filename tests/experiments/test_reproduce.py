@@ -47,7 +47,11 @@ def test_every_step_names_something_that_exists(mode):
         assert step.words[0] == "pytest" or path.with_suffix(".py").is_file()
         for word in step.words[1:]:
             key, _, value = word.partition("=")
-            for name in value.split(",") if key in ("experiment", "model", "stop", "scene") else ():
+            for name in (
+                value.split(",")
+                if key in ("experiment", "model", "stop", "scene")
+                else ()
+            ):
                 assert (CONFIGS / key / f"{name}.yaml").is_file(), (step.name, word)
 
 
@@ -94,7 +98,11 @@ def test_the_list_runs_nothing(monkeypatch, capsys, commands, tmp_path):
 
 def test_it_goes_on_after_a_failure_and_tells_of_it_at_the_end(tmp_path, commands):
     out = console()
-    chosen = [Step("one", NOTHING, 1), Step("two", FAILING, 90), Step("three", NOTHING, 1)]
+    chosen = [
+        Step("one", NOTHING, 1),
+        Step("two", FAILING, 90),
+        Step("three", NOTHING, 1),
+    ]
     assert reproduce.run(chosen, "full", tmp_path, out) == 1
     assert commands == ["one", "two", "three"]
     assert "failed: two" in out.file.getvalue().splitlines()[-1]
@@ -129,7 +137,13 @@ ROW = {"step": "hdc", "mode": "full", "command": "c"}
 
 
 def test_the_rest_of_an_interrupted_step_adds_up(tmp_path):
-    for seconds, status in ((40.0, "interrupted"), (30.0, "interrupted"), (5.0, "finished")):
-        reproduce.note(tmp_path, {**ROW, "seconds": seconds, "peak_bytes": 7, "status": status})
+    for seconds, status in (
+        (40.0, "interrupted"),
+        (30.0, "interrupted"),
+        (5.0, "finished"),
+    ):
+        reproduce.note(
+            tmp_path, {**ROW, "seconds": seconds, "peak_bytes": 7, "status": status}
+        )
     (row,) = reproduce.read(tmp_path).values()
     assert (float(row["seconds"]), row["status"]) == (75, "finished")

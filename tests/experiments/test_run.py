@@ -14,7 +14,15 @@ import pytest
 from experiments.records import record
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-HEAVY = ("cv2", "sklearn", "threadpoolctl", "pandas", "matplotlib", "scipy.stats", "baselines.cnn")
+HEAVY = (
+    "cv2",
+    "sklearn",
+    "threadpoolctl",
+    "pandas",
+    "matplotlib",
+    "scipy.stats",
+    "baselines.cnn",
+)
 pytestmark = pytest.mark.usefixtures("results", "one_thread")
 
 
@@ -67,13 +75,19 @@ def test_a_folder_of_images_from_another_directory(
         cv2.imwrite(str(folder / f"{k:03}.png"), frame)
     done = command_line("scene=recorded", "scene.path='../my frames'", "model=hdc")
     assert done.returncode == 0, done.stderr
-    (warned,) = done.stderr.splitlines()  # files of a folder are in the order of their names
-    assert warned.startswith("warning: split.kind=random: 100% of the test frames stand next to")
+    (warned,) = (
+        done.stderr.splitlines()
+    )  # files of a folder are in the order of their names
+    assert warned.startswith(
+        "warning: split.kind=random: 100% of the test frames stand next to"
+    )
     assert "\x1b" not in done.stdout  # no colours, bars or cursor movements into a pipe
     assert not done.stdout.startswith("\n")
     lines = done.stdout.splitlines()
     assert lines[0] == "hdc on recorded (recorded), 24 training and 6 test samples"
-    assert re.fullmatch(r"  test accuracy \d+\.\d% \[.*%, .*%\] \(95 % interval\)", lines[1])
+    assert re.fullmatch(
+        r"  test accuracy \d+\.\d% \[.*%, .*%\] \(95 % interval\)", lines[1]
+    )
     assert lines[-1].startswith("  record ")
     (entry,) = entries(results)
     assert (entry.status, entry.environment.threads) == ("finished", 1)
@@ -112,7 +126,9 @@ def test_a_finished_run_is_one_line_and_not_made_again(results, recording, said)
     assert "finished before (force=true runs it again)" in line
     assert "changed since" not in line
     code = results / "code.json"
-    code.write_text(re.sub('("hdc/bits.py": ")[0-9a-f]+', r"\g<1>000000000000", code.read_text()))
+    code.write_text(
+        re.sub('("hdc/bits.py": ")[0-9a-f]+', r"\g<1>000000000000", code.read_text())
+    )
     _, (line,) = said(*words)
     assert "by code that has changed since: hdc/bits.py" in line
 
@@ -127,18 +143,26 @@ def test_a_finished_run_is_one_line_and_not_made_again(results, recording, said)
             ["model=hcd"],
             r"error: model: expected one of .*hdc, .*, found hcd",
         ),
-        (["model.lr=abc", "model=softmax"], r"error: model\.lr: expected a number, found 'abc'"),
+        (
+            ["model.lr=abc", "model=softmax"],
+            r"error: model\.lr: expected a number, found 'abc'",
+        ),
         (
             ["model.seed=abc", "model.ties=random"],
             r"error: model\.seed: expected a number, found 'abc'",
         ),
         (["device=cuda:7"], r"error: device: expected one of cpu.*, found 'cuda:7'"),
-        (["nothing"], r"error: Error parsing override 'nothing', missing EQUAL at '<EOF>'"),
+        (
+            ["nothing"],
+            r"error: Error parsing override 'nothing', missing EQUAL at '<EOF>'",
+        ),
         (["model.nothing=1"], r"error: .*model\.nothing.*"),
     ],
     ids=lambda given: given[0] if isinstance(given, list) else None,
 )
-def test_an_error_of_the_users_is_one_line_that_names_the_key(recording, said, overrides, expected):
+def test_an_error_of_the_users_is_one_line_that_names_the_key(
+    recording, said, overrides, expected
+):
     code, lines = said("scene=recorded", f"scene.path={recording()}", *overrides)
     assert code == 1
     assert re.fullmatch(expected, "\n".join(lines)), lines
@@ -146,8 +170,12 @@ def test_an_error_of_the_users_is_one_line_that_names_the_key(recording, said, o
     assert max(map(len, lines)) < 700
 
 
-@pytest.mark.parametrize("multirun", [(), ("-m", "seed.run=0,1")], ids=["one", "several"])
-def test_results_that_cannot_be_written_are_one_line(tmp_path, recording, said, multirun):
+@pytest.mark.parametrize(
+    "multirun", [(), ("-m", "seed.run=0,1")], ids=["one", "several"]
+)
+def test_results_that_cannot_be_written_are_one_line(
+    tmp_path, recording, said, multirun
+):
     place = tmp_path / "file"
     place.write_text("")
     words = (*multirun, "scene=recorded", f"scene.path={recording()}")

@@ -30,7 +30,9 @@ def scene(recording):
 
 def outcome(results):
     """Every finished record without its times, by id."""
-    runs = {run.id: run for run in record.read(results) if isinstance(run, record.Finished)}
+    runs = {
+        run.id: run for run in record.read(results) if isinstance(run, record.Finished)
+    }
     return {name: without_times(msgspec.to_builtins(run)) for name, run in runs.items()}
 
 
@@ -38,7 +40,9 @@ def without_times(entry):
     kept = {k: v for k, v in entry.items() if not k.endswith(("_s", "_per_frame"))}
     columns = kept["curve"]["columns"]
     rows = [dict(zip(columns, row, strict=True)) for row in kept["curve"]["rows"]]
-    return kept | {"curve": [{k: v for k, v in row.items() if k != "training_s"} for row in rows]}
+    return kept | {
+        "curve": [{k: v for k, v in row.items() if k != "training_s"} for row in rows]
+    }
 
 
 def kill_after(process, results, n, seconds):
@@ -56,7 +60,9 @@ def kill_after(process, results, n, seconds):
     assert process.exitcode == -signal.SIGKILL
 
 
-@pytest.mark.parametrize(("runs", "kills"), [(8, 3), pytest.param(20, 10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("runs", "kills"), [(8, 3), pytest.param(20, 10, marks=pytest.mark.slow)]
+)
 def test_a_killed_sweep_ends_with_the_records_of_one_left_alone(
     results, scene, start, tmp_path, runs, kills
 ):
@@ -93,7 +99,9 @@ def die_at(n):
         setattr(os, name, step)
 
 
-def test_a_kill_at_any_write_leaves_runs_that_the_next_call_completes(results, scene, start):
+def test_a_kill_at_any_write_leaves_runs_that_the_next_call_completes(
+    results, scene, start
+):
     for n in range(1, 100):
         process = start(*scene, f"seed.run={n}", before=lambda n=n: die_at(n))
         process.join(60)
@@ -130,10 +138,16 @@ def test_two_sweeps_at_once_run_nothing_twice(results, scene, start):
     for process in both:
         process.join(120)
         assert process.exitcode == 0
-    assert len((results / record.RUNS).read_bytes().splitlines()) == len(outcome(results)) == 6
+    assert (
+        len((results / record.RUNS).read_bytes().splitlines())
+        == len(outcome(results))
+        == 6
+    )
 
 
-def test_runs_wait_for_free_cores_unless_told_not_to(results, scene, start, monkeypatch):
+def test_runs_wait_for_free_cores_unless_told_not_to(
+    results, scene, start, monkeypatch
+):
     monkeypatch.setattr(machine, "available", lambda: [0])
     with machine.held(1, "cpu", lambda: None):
         waiting, beside = start(*scene), start(*scene, "seed.run=1", "exclusive=false")
@@ -142,15 +156,21 @@ def test_runs_wait_for_free_cores_unless_told_not_to(results, scene, start, monk
         assert waiting.exitcode is None
     waiting.join(60)
     assert (waiting.exitcode, beside.exitcode) == (0, 0)
-    assert "exclusive=false runs beside it" in waiting.out.read_text().replace("\n", " ")
+    assert "exclusive=false runs beside it" in waiting.out.read_text().replace(
+        "\n", " "
+    )
     assert "waiting" not in beside.out.read_text()
-    exclusive = {entry.seed: entry.environment.exclusive for entry in record.read(results)}
+    exclusive = {
+        entry.seed: entry.environment.exclusive for entry in record.read(results)
+    }
     assert exclusive == {0: True, 1: False}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
-def test_workers_of_a_launcher_run_a_sweep_and_name_its_failures(results, scene, launcher):
+def test_workers_of_a_launcher_run_a_sweep_and_name_its_failures(
+    results, scene, launcher
+):
     done = subprocess.run(
         [sys.executable, "-m", "experiments.run", "-m", f"hydra/launcher={launcher}", *scene,
          "seed.run=0,-1"],

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 
-def camera_frames(n: int, side: int = 500, seed: int = 0, dtype: str = "uint8") -> np.ndarray:
+def camera_frames(
+    n: int, side: int = 500, seed: int = 0, dtype: str = "uint8"
+) -> np.ndarray:
     """Speckle of six scenes in random order, [n, side, side], with medians of 33 to 132 of 255.
 
     Each scene has its own exposure; from frame to frame the light flickers by some per cent, the
@@ -21,7 +23,9 @@ def camera_frames(n: int, side: int = 500, seed: int = 0, dtype: str = "uint8") 
     for frame in frames:
         pupil = np.zeros((side, side), np.complex64)
         cut = max(2, side // 8)  # speckles of some eight pixels
-        pupil[:cut, :cut] = rng.normal(size=(cut, cut)) + 1j * rng.normal(size=(cut, cut))
+        pupil[:cut, :cut] = rng.normal(size=(cut, cut)) + 1j * rng.normal(
+            size=(cut, cut)
+        )
         light = np.abs(np.fft.ifft2(pupil)) ** 2 * across
         light *= rng.choice(exposures) * rng.uniform(0.95, 1.05) / np.median(light)
         light = (light + rng.normal(0, 2, light.shape)) * scale

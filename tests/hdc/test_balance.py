@@ -26,10 +26,13 @@ def test_one_larger_class_costs_nothing(more: int, prototype: str) -> None:
     scores = []
     for seed in range(4):
         test = frames_of([60] * 5, seed)
-        equal = HDCClassifier(prototype=prototype, balance=False).fit(*frames_of([4] * 5, seed))
+        equal = HDCClassifier(prototype=prototype, balance=False).fit(
+            *frames_of([4] * 5, seed)
+        )
         unequal = frames_of([4, 4 + more, 4, 4, 4], seed)
         models = [
-            HDCClassifier(prototype=prototype, balance=b).fit(*unequal) for b in (False, True)
+            HDCClassifier(prototype=prototype, balance=b).fit(*unequal)
+            for b in (False, True)
         ]
         scores.append([model.score(*test) for model in (equal, *models)])
     equal_score, published, balanced = np.mean(scores, 0)
@@ -42,7 +45,10 @@ def test_one_larger_class_costs_nothing(more: int, prototype: str) -> None:
 @pytest.mark.parametrize("ties", bits.TIES)
 def test_equal_classes_are_as_published(ties: str, prototype: str) -> None:
     frames, labels = frames_of([6] * 5, 0)
-    models = [HDCClassifier(ties, prototype, balance=b).fit(frames, labels) for b in (True, False)]
+    models = [
+        HDCClassifier(ties, prototype, balance=b).fit(frames, labels)
+        for b in (True, False)
+    ]
     assert torch.equal(models[0].prototypes_, models[1].prototypes_)
     assert torch.equal(models[0]._scores(frames), models[1]._scores(frames))
     for model in models:  # and whatever the frames of before
@@ -59,7 +65,9 @@ def test_thinned_counts_are_those_of_random_subsets() -> None:
     ones = torch.arange(13).repeat(4000)[None]  # each count 4000 times
     rows = torch.arange(n)[:, None] < ones  # row i has a one where more than i do
     counters = Counters(2, 52_000)
-    counters.add(bits.pack(torch.cat((rows, rows[:4]))), torch.tensor([0] * n + [1] * 4))
+    counters.add(
+        bits.pack(torch.cat((rows, rows[:4]))), torch.tensor([0] * n + [1] * 4)
+    )
     thinned = counters.thinned(size, seed=3)
     assert thinned.n.tolist() == [size, 4]
     assert torch.equal(thinned.counts()[1], ones[0].clamp(max=4))

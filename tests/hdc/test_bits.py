@@ -70,14 +70,18 @@ def test_same_bits_on_other_devices(q: int, n: int, d: int, seed: int) -> None:
 
 
 def test_wrong_types_and_widths_are_named() -> None:
-    with pytest.raises(TypeError, match=r"mask: expected dtype torch\.bool, found torch\.uint8"):
+    with pytest.raises(
+        TypeError, match=r"mask: expected dtype torch\.bool, found torch\.uint8"
+    ):
         bits.pack(torch.zeros(3, dtype=torch.uint8))
     with pytest.raises(ValueError, match="expected 2 words for D = 65, found 1"):
         bits.unpack(torch.zeros(3, 1, dtype=torch.int64), 65)
     with pytest.raises(ValueError, match="found 2 and 3 words"):
         bits.hamming(torch.zeros(1, 2).long(), torch.zeros(1, 3).long())
     words = torch.zeros(2, 1).long()
-    with pytest.raises(ValueError, match="ties: expected one of zero, one, random, found 'half'"):
+    with pytest.raises(
+        ValueError, match="ties: expected one of zero, one, random, found 'half'"
+    ):
         bits.majority(words, "half")
     with pytest.raises(ValueError, match="expected a tie_breaker"):
         bits.majority(words, "random")
@@ -114,7 +118,9 @@ def test_same_bits_on_cuda() -> None:
     assert torch.equal(there.cpu(), words)
     assert torch.equal(bits.unpack(there, 1000).cpu(), mask)
     assert torch.equal(bits.popcount(there).cpu(), bits.popcount(words))
-    assert torch.equal(bits.hamming(there, there[:5]).cpu(), bits.hamming(words, words[:5]))
+    assert torch.equal(
+        bits.hamming(there, there[:5]).cpu(), bits.hamming(words, words[:5])
+    )
     assert torch.equal(bits.majority(there).cpu(), bits.majority(words))
 
 
@@ -124,7 +130,11 @@ def test_majority_is_the_count_compared_with_half(n: int, ties: str) -> None:
     d = 65 if n > 1000 else 1000
     vectors, breaker = mask_of((n, d)), mask_of((1, d), 9)[0]
     counts = vectors.sum(0)
-    tied = {"zero": torch.zeros(d), "one": torch.ones(d), "random": breaker}[ties].bool()
+    tied = {"zero": torch.zeros(d), "one": torch.ones(d), "random": breaker}[
+        ties
+    ].bool()
     expected = (2 * counts > n) | ((2 * counts == n) & tied)
     words = bits.pack(vectors)
-    assert torch.equal(bits.unpack(bits.majority(words, ties, bits.pack(breaker)), d), expected)
+    assert torch.equal(
+        bits.unpack(bits.majority(words, ties, bits.pack(breaker)), d), expected
+    )

@@ -14,11 +14,15 @@ from hdc import HDCClassifier, bits, classifier
 from hdc.encode import encode
 
 
-def touches(n: int = 60, classes: int = 3, side: int = 12) -> tuple[np.ndarray, np.ndarray]:
+def touches(
+    n: int = 60, classes: int = 3, side: int = 12
+) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(1)
     labels = np.arange(n) % classes
     base = rng.integers(0, 200, (classes, side, side))
-    return (base[labels] + rng.integers(0, 56, (n, side, side))).astype(np.uint8), labels
+    return (base[labels] + rng.integers(0, 56, (n, side, side))).astype(
+        np.uint8
+    ), labels
 
 
 def test_a_refused_first_batch_changes_nothing() -> None:
@@ -53,7 +57,9 @@ def test_threads_that_ask_a_fresh_model_agree_with_one() -> None:
     for _ in range(3):
         model = HDCClassifier().fit(frames, labels)
         with ThreadPoolExecutor(4) as pool:
-            answers = list(pool.map(lambda m: m.predict(queries, reject=0.1), [model] * 8))
+            answers = list(
+                pool.map(lambda m: m.predict(queries, reject=0.1), [model] * 8)
+            )
         assert all(answer.tolist() == expected for answer in answers)
 
 
@@ -63,7 +69,9 @@ def test_errors_and_warnings_number_frames_from_the_first_of_all() -> None:
     bad[290, 0, 0] = np.inf
     model = HDCClassifier().fit(frames, labels)
     for call in (model.predict, lambda f: HDCClassifier().fit(f, labels)):
-        with pytest.raises(ValueError, match=r"frames\[290\]: expected finite pixels, found inf"):
+        with pytest.raises(
+            ValueError, match=r"frames\[290\]: expected finite pixels, found inf"
+        ):
             call(bad)
     frames[290] = 7
     with pytest.warns(UserWarning, match="at index 290:"):
@@ -107,18 +115,42 @@ def test_same_bits_on_an_accelerator() -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda f, y, _: HDCClassifier().fit(f[:0], y[:0]), "expected at least one frame"),
-        (lambda f, y, _: HDCClassifier("x").fit(f, y), "ties: expected one of zero, one, random"),
-        (lambda f, y, _: HDCClassifier(prototype="x").fit(f, y), "prototype: expected one of bin"),
-        (lambda f, y, _: HDCClassifier(readout="x").fit(f, y), "readout: expected one of proto"),
-        (lambda f, y, _: HDCClassifier(n_neighbours=0).fit(f, y), "n_neighbours: expected an int"),
-        (lambda f, y, _: HDCClassifier().partial_fit([], []), "expected at least one frame"),
+        (
+            lambda f, y, _: HDCClassifier().fit(f[:0], y[:0]),
+            "expected at least one frame",
+        ),
+        (
+            lambda f, y, _: HDCClassifier("x").fit(f, y),
+            "ties: expected one of zero, one, random",
+        ),
+        (
+            lambda f, y, _: HDCClassifier(prototype="x").fit(f, y),
+            "prototype: expected one of bin",
+        ),
+        (
+            lambda f, y, _: HDCClassifier(readout="x").fit(f, y),
+            "readout: expected one of proto",
+        ),
+        (
+            lambda f, y, _: HDCClassifier(n_neighbours=0).fit(f, y),
+            "n_neighbours: expected an int",
+        ),
+        (
+            lambda f, y, _: HDCClassifier().partial_fit([], []),
+            "expected at least one frame",
+        ),
         (
             lambda f, y, _: HDCClassifier().partial_fit(f, None),
             "expected 60, one a .* None",
         ),
-        (lambda f, y, _: HDCClassifier().predict(f), "HDCClassifier: expected a trained model"),
-        (lambda f, y, _: HDCClassifier().partial_fit(f[:1], y[:1]).predict(f), "one class, 0"),
+        (
+            lambda f, y, _: HDCClassifier().predict(f),
+            "HDCClassifier: expected a trained model",
+        ),
+        (
+            lambda f, y, _: HDCClassifier().partial_fit(f[:1], y[:1]).predict(f),
+            "one class, 0",
+        ),
         (lambda f, y, model: model.predict(f[:, :5]), "expected D = 144 pixels"),
     ],
 )
@@ -148,10 +180,14 @@ def test_told_classes_are_known_and_never_predicted_without_samples(
     assert not any(3 in labels for labels in model.predict_set(queries))
     pytest.importorskip("safetensors")
     model.save(tmp_path / "m")
-    assert (HDCClassifier.load(tmp_path / "m").predict(queries) == model.predict(queries)).all()
+    assert (
+        HDCClassifier.load(tmp_path / "m").predict(queries) == model.predict(queries)
+    ).all()
     whole = HDCClassifier(prototype=prototype).fit(frames, labels)
     assert torch.equal(model.prototypes_[:3], whole.prototypes_)
-    with pytest.raises(ValueError, match=r"labels: expected classes among \[0, 1\], found 2"):
+    with pytest.raises(
+        ValueError, match=r"labels: expected classes among \[0, 1\], found 2"
+    ):
         model.partial_fit(frames, labels, classes=[0, 1])
     assert model.counts_.tolist() == [20, 20, 20, 0]
 
@@ -164,7 +200,9 @@ def test_what_cannot_be_merged_is_named() -> None:
     model = HDCClassifier().fit(frames, labels)
     others = {
         "expected a trained model": HDCClassifier(),
-        "expected a HDCClassifier .* found a Other": type("Other", (HDCClassifier,), {})(),
+        "expected a HDCClassifier .* found a Other": type(
+            "Other", (HDCClassifier,), {}
+        )(),
         r"expected shape \(12, 12\) as in training, found \(16, 9\)": HDCClassifier().fit(
             frames.reshape(60, 16, 9), labels
         ),

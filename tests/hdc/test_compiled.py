@@ -39,9 +39,14 @@ def frames_of(n: int, d: int, spread: float = 20.0) -> torch.Tensor:
     """Stretches of one noise, with many ties, whose brightness goes up and down by some levels."""
     rng = np.random.default_rng([n, d])
     noise = rng.normal(100, spread, 2 * d).clip(20, 235).astype(np.uint8)
-    shifts = rng.integers(-spread / 4, spread / 4 + 1, n, dtype=np.int8).astype(np.uint8)
+    shifts = rng.integers(-spread / 4, spread / 4 + 1, n, dtype=np.int8).astype(
+        np.uint8
+    )
     starts = rng.integers(0, d + 1, n)
-    rows = [noise[start : start + d] + shift for start, shift in zip(starts, shifts, strict=True)]
+    rows = [
+        noise[start : start + d] + shift
+        for start, shift in zip(starts, shifts, strict=True)
+    ]
     return torch.from_numpy(np.stack(rows))
 
 
@@ -80,11 +85,16 @@ def prototypes(words, labels, n_classes: int, d: int, backend: str) -> torch.Ten
            elements=st.integers(0, 255)),
     st.integers(1, 6),
 )  # fmt: skip
-def test_same_words_and_same_counts_of_any_frames(frames: np.ndarray, n_classes: int) -> None:
+def test_same_words_and_same_counts_of_any_frames(
+    frames: np.ndarray, n_classes: int
+) -> None:
     expected, found = both(torch.from_numpy(frames))
     assert torch.equal(found, expected)
     labels = torch.from_numpy(frames[:, 0].astype(np.int64) % n_classes)
-    counts = [prototypes(expected, labels, n_classes, frames.shape[1], b) for b in bits.BACKENDS]
+    counts = [
+        prototypes(expected, labels, n_classes, frames.shape[1], b)
+        for b in bits.BACKENDS
+    ]
     assert torch.equal(*counts)
 
 
@@ -107,7 +117,9 @@ def test_the_same_model(ties: str, prototype: str, threads: int) -> None:
     frames = frames_of(300, 500, spread=60).view(300, 20, 25)
     labels = np.random.default_rng(0).choice(["c", "a", "b"], 300)
     models = [
-        HDCClassifier(ties=ties, prototype=prototype, seed=4, backend=backend).fit(frames, labels)
+        HDCClassifier(ties=ties, prototype=prototype, seed=4, backend=backend).fit(
+            frames, labels
+        )
         for backend in bits.BACKENDS
     ]
     assert torch.equal(models[0].prototypes_, models[1].prototypes_)
@@ -135,7 +147,9 @@ def test_without_numba_the_parameter_is_named(monkeypatch) -> None:
 
 def test_other_backends_and_devices_are_refused() -> None:
     frames = frames_of(4, 100)
-    with pytest.raises(ValueError, match="expected one of auto, numpy, compiled, found 'cuda'"):
+    with pytest.raises(
+        ValueError, match="expected one of auto, numpy, compiled, found 'cuda'"
+    ):
         HDCClassifier(backend="cuda").fit(frames, [0, 1, 0, 1])
     message = "backend: 'compiled' expects device 'cpu', found 'meta'"
     with pytest.raises(ValueError, match=message):
@@ -160,12 +174,17 @@ def test_auto_is_compiled_where_the_work_is_worth_it(monkeypatch) -> None:
            elements=st.integers(0, 255)),
     st.integers(1, 6), st.integers(1, 4), st.data(),
 )  # fmt: skip
-def test_one_read_counts_and_keeps_what_two_do(frames, n_classes, n_threads, data) -> None:
+def test_one_read_counts_and_keeps_what_two_do(
+    frames, n_classes, n_threads, data
+) -> None:
     """Wherever the classes are cut among threads, and whichever hypervectors are kept."""
     from hdc import compiled
 
     n, d = frames.shape
-    images, labels = torch.from_numpy(frames), torch.from_numpy(frames[:, 0] % n_classes).long()
+    images, labels = (
+        torch.from_numpy(frames),
+        torch.from_numpy(frames[:, 0] % n_classes).long(),
+    )
     chosen = data.draw(st.lists(st.integers(0, n - 1), unique=True))
     words = encode(images)
     twice, once = (Counters(n_classes, d, backend=b) for b in bits.BACKENDS)

@@ -30,11 +30,15 @@ def test_any_frame_by_any_route_and_sample(
     for small in (2**30, 1):  # many at once, and frame by frame
         monkeypatch.setattr(encoding, "_SMALL", small)
         for places in (encoding._places(d), np.zeros(1, int), np.full(5, d - 1)):
-            monkeypatch.setattr(encoding, "_places", lambda dimension, places=places: places)
+            monkeypatch.setattr(
+                encoding, "_places", lambda dimension, places=places: places
+            )
             words = encode(torch.from_numpy(frames))
             assert np.array_equal(bits.unpack(words, d).numpy(), expected)
     by_torch = torch.empty_like(words)
-    flat = encoding._encode_torch(encoding._pixels(torch.from_numpy(frames), 0), by_torch)
+    flat = encoding._encode_torch(
+        encoding._pixels(torch.from_numpy(frames), 0), by_torch
+    )
     assert torch.equal(by_torch, words)
     assert flat == (frames == frames[:, :1]).all(1).tolist()
 
@@ -46,7 +50,9 @@ def test_frames_of_a_camera_take_few_passes(
     frames = camera_frames(12, dtype=dtype).reshape(12, -1)
     counted = []
     count = encoding._popcount
-    monkeypatch.setattr(encoding, "_popcount", lambda words: counted.append(1) or count(words))
+    monkeypatch.setattr(
+        encoding, "_popcount", lambda words: counted.append(1) or count(words)
+    )
     words = encode(torch.from_numpy(frames))
     assert np.array_equal(bits.unpack(words, 250_000).numpy(), upper_half(frames))
     assert len(counted) <= most * len(frames)
@@ -57,7 +63,9 @@ def test_extreme_numbers_keep_their_order(dtype: str, upper_half, monkeypatch) -
     rng = np.random.default_rng(0)
     if dtype in types:
         info = np.iinfo(dtype)
-        frames = rng.integers(info.min, info.max, (3, 11, 13), dtype=dtype, endpoint=True)
+        frames = rng.integers(
+            info.min, info.max, (3, 11, 13), dtype=dtype, endpoint=True
+        )
         frames[1] = np.where(frames[1] % 2, info.min, info.max)
         frames[2] = info.max - frames[2] % 3
     else:
@@ -69,18 +77,29 @@ def test_extreme_numbers_keep_their_order(dtype: str, upper_half, monkeypatch) -
     for small in (2**30, 1):
         monkeypatch.setattr(encoding, "_SMALL", small)
         words = encode(torch.from_numpy(frames))
-        assert np.array_equal(bits.unpack(words, frames[0].size).numpy(), upper_half(frames))
+        assert np.array_equal(
+            bits.unpack(words, frames[0].size).numpy(), upper_half(frames)
+        )
 
 
 def test_frames_with_strides_are_read_by_value() -> None:
-    frames = torch.from_numpy(np.random.default_rng(0).integers(0, 9, (6, 8, 10)).astype(np.uint8))
-    for view in (frames[::2], frames[:, ::2], frames.transpose(1, 2), frames[:, :, 1:4]):
+    frames = torch.from_numpy(
+        np.random.default_rng(0).integers(0, 9, (6, 8, 10)).astype(np.uint8)
+    )
+    for view in (
+        frames[::2],
+        frames[:, ::2],
+        frames.transpose(1, 2),
+        frames[:, :, 1:4],
+    ):
         assert torch.equal(encode(view), encode(view.contiguous()))
 
 
 @pytest.mark.parametrize("dtype", [torch.uint8, torch.int16])
 def test_large_constant_frames_are_named_and_others_are_not(dtype: torch.dtype) -> None:
-    frames = torch.from_numpy(np.random.default_rng(0).integers(0, 99, (2, 9000))).to(dtype)
+    frames = torch.from_numpy(np.random.default_rng(0).integers(0, 99, (2, 9000))).to(
+        dtype
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         encode(frames)
@@ -113,7 +132,9 @@ def test_pixels_that_are_not_finite(dtype: torch.dtype, value: float) -> None:
     frames = torch.zeros(3, 4, 4, dtype=dtype)
     frames[1, 3, 3] = value
     found = "NaN" if value != value else value
-    with pytest.raises(ValueError, match=rf"frames\[11\]: expected finite pixels, found {found}"):
+    with pytest.raises(
+        ValueError, match=rf"frames\[11\]: expected finite pixels, found {found}"
+    ):
         encode(frames, first=10)
 
 
@@ -131,6 +152,8 @@ def test_other_shapes_and_types_are_refused() -> None:
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
 @pytest.mark.parametrize("dtype", [torch.uint8, torch.int16, torch.float32])
 def test_same_bits_on_cuda(dtype: torch.dtype) -> None:
-    frames = torch.randint(0, 99, (70, 50, 51), generator=torch.Generator().manual_seed(0))
+    frames = torch.randint(
+        0, 99, (70, 50, 51), generator=torch.Generator().manual_seed(0)
+    )
     frames = frames.to(dtype)
     assert torch.equal(encode(frames.cuda()).cpu(), encode(frames))

@@ -32,11 +32,15 @@ WITHOUT_PARTIAL_FIT = dict.fromkeys(
 )
 
 
-def touches(n: int = 60, classes: int = 3, side: int = 12) -> tuple[np.ndarray, np.ndarray]:
+def touches(
+    n: int = 60, classes: int = 3, side: int = 12
+) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(1)
     labels = np.arange(n) % classes
     base = rng.integers(0, 200, (classes, side, side))
-    return (base[labels] + rng.integers(0, 56, (n, side, side))).astype(np.uint8), labels
+    return (base[labels] + rng.integers(0, 56, (n, side, side))).astype(
+        np.uint8
+    ), labels
 
 
 @pytest.mark.parametrize(
@@ -57,7 +61,9 @@ def test_all_checks_but_those_declared_are_met(model, not_met: dict) -> None:
         checks = check_estimator(model, expected_failed_checks=not_met, on_fail=None)
     failed = {check["check_name"] for check in checks if check["status"] == "failed"}
     assert not failed
-    assert {check["check_name"] for check in checks if check["status"] == "xfail"} == set(not_met)
+    assert {
+        check["check_name"] for check in checks if check["status"] == "xfail"
+    } == set(not_met)
 
 
 def test_parameters_are_set_and_searched() -> None:
@@ -69,16 +75,28 @@ def test_parameters_are_set_and_searched() -> None:
     )
     assert is_classifier(model)
     assert not hasattr(clone(model.fit(frames, labels)), "prototypes_")
-    with pytest.raises(ValueError, match=r"set_params: expected one of ties, .*found 'tie'"):
+    with pytest.raises(
+        ValueError, match=r"set_params: expected one of ties, .*found 'tie'"
+    ):
         model.set_params(tie="one")
     grid = GridSearchCV(model, {"ties": list(bits.TIES)}, cv=3).fit(frames, labels)
     assert grid.best_score_ > 0.9
     _, _, scores = learning_curve(
-        model, frames, labels, cv=3, train_sizes=[0.5, 1.0], exploit_incremental_learning=True
+        model,
+        frames,
+        labels,
+        cv=3,
+        train_sizes=[0.5, 1.0],
+        exploit_incremental_learning=True,
     )
     assert scores[-1].min() > 0.9
     flat = frames.reshape(60, -1)
-    assert make_pipeline(FunctionTransformer(), model).fit(flat, y=labels).score(flat, labels) == 1
+    assert (
+        make_pipeline(FunctionTransformer(), model)
+        .fit(flat, y=labels)
+        .score(flat, labels)
+        == 1
+    )
 
 
 def test_importing_loads_neither_images_nor_tables() -> None:
@@ -86,7 +104,16 @@ def test_importing_loads_neither_images_nor_tables() -> None:
         "import sys; from hdc import HDCClassifier; "
         "print([m for m in sys.argv[1:] if m in sys.modules])"
     )
-    heavy = ["cv2", "sklearn", "pandas", "matplotlib", "hydra", "scipy", "safetensors", "numba"]
+    heavy = [
+        "cv2",
+        "sklearn",
+        "pandas",
+        "matplotlib",
+        "hydra",
+        "scipy",
+        "safetensors",
+        "numba",
+    ]
     done = subprocess.run(
         [sys.executable, "-c", code, *heavy], capture_output=True, text=True, check=True
     )
@@ -96,5 +123,7 @@ def test_importing_loads_neither_images_nor_tables() -> None:
 def test_the_version_is_that_of_the_project() -> None:
     """pyproject.toml reads it from the package, without importing it."""
     setuptools = pytest.importorskip("setuptools.config.pyprojecttoml")
-    found = setuptools.read_configuration(Path(hdc.__file__).parents[1] / "pyproject.toml")
+    found = setuptools.read_configuration(
+        Path(hdc.__file__).parents[1] / "pyproject.toml"
+    )
     assert found["project"]["version"] == hdc.__version__

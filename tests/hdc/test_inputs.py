@@ -12,7 +12,9 @@ from scipy import sparse
 from hdc import HDCClassifier, HDCRegressor
 
 
-def touches(n: int = 60, classes: int = 3, shape=(12, 10)) -> tuple[np.ndarray, np.ndarray]:
+def touches(
+    n: int = 60, classes: int = 3, shape=(12, 10)
+) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(1)
     labels = np.arange(n) % classes
     base = rng.integers(0, 200, (classes, *shape))
@@ -22,7 +24,9 @@ def touches(n: int = 60, classes: int = 3, shape=(12, 10)) -> tuple[np.ndarray, 
 # Labels -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["array", "tensor", "scalars", "tensors", "series", "objects"])
+@pytest.mark.parametrize(
+    "kind", ["array", "tensor", "scalars", "tensors", "series", "objects"]
+)
 def test_integer_labels_in_any_container(kind: str) -> None:
     frames, labels = touches()
     if kind == "series":
@@ -54,7 +58,10 @@ def test_integer_labels_in_any_container(kind: str) -> None:
             np.array(["2024-01-01", "NaT", "2024-01-02"], "M8[D]"),
             r"labels\[0\]: expected a str, int",
         ),
-        ([0, np.datetime64("NaT"), 1], r"labels\[1\]: expected a str, int, float or bool"),
+        (
+            [0, np.datetime64("NaT"), 1],
+            r"labels\[1\]: expected a str, int, float or bool",
+        ),
         ([0, None, 1], r"labels\[1\]: expected a str, int, float or bool, found None"),
         ([1, "a", 1], "labels: expected all text or all numbers, found both"),
         ([7, 7, 7], "expected at least two classes, found one class, 7"),
@@ -92,18 +99,34 @@ def test_arrays_as_files_give_them() -> None:
 @pytest.mark.parametrize(
     ("frames", "error", "message"),
     [
-        (np.full((60, 2, 2), "a"), TypeError, "expected real or integer pixels, found dtype <U1"),
-        (np.full((60, 2), {}, object), TypeError, "argument must be a string or a real number"),
+        (
+            np.full((60, 2, 2), "a"),
+            TypeError,
+            "expected real or integer pixels, found dtype <U1",
+        ),
+        (
+            np.full((60, 2), {}, object),
+            TypeError,
+            "argument must be a string or a real number",
+        ),
         (np.full((60, 2, 2), 1j), ValueError, "Complex data not supported"),
         (np.ones((60, 0)), ValueError, r"found 0 feature\(s\) \(shape=\(60, 0\)\)"),
-        (np.ones(60), ValueError, r"expected shape \[N, H, W\] or \[N, D\], found \(60,\); Resh"),
+        (
+            np.ones(60),
+            ValueError,
+            r"expected shape \[N, H, W\] or \[N, D\], found \(60,\); Resh",
+        ),
         (sparse.eye_array(60), TypeError, "expected a dense array, found a sparse one"),
         (
             [np.ones((3, 4)), np.ones((3, 5))],
             ValueError,
             "frames of one shape",
         ),
-        (np.ma.masked_less(np.eye(60), 1), ValueError, "expected all pixels, found masked ones"),
+        (
+            np.ma.masked_less(np.eye(60), 1),
+            ValueError,
+            "expected all pixels, found masked ones",
+        ),
     ],
 )
 def test_frames_that_are_none_are_named(frames, error: type, message: str) -> None:
@@ -151,7 +174,9 @@ def test_columns_of_a_data_frame_are_pixels_in_their_order() -> None:
     frames, labels = touches()
     table = pandas.DataFrame(frames.reshape(60, -1), index=np.linspace(0, 1, 60))
     model = HDCClassifier().fit(table, labels)
-    assert torch.equal(model.prototypes_, HDCClassifier().fit(frames, labels).prototypes_)
+    assert torch.equal(
+        model.prototypes_, HDCClassifier().fit(frames, labels).prototypes_
+    )
     assert model.score(table, labels) == 1
 
 
@@ -166,13 +191,28 @@ def test_other_columns_are_refused_after_any_training(streamed: bool, tmp_path) 
     models = [model, HDCClassifier.load(tmp_path / "m"), HDCClassifier().merge(model)]
     models.append(HDCRegressor().fit(table, labels))
     for some in models:
-        for call in (some.predict, *(partial(f, y=labels) for f in (some.partial_fit, some.score))):
-            with pytest.raises(ValueError, match="expected the columns of training in its order"):
+        for call in (
+            some.predict,
+            *(partial(f, y=labels) for f in (some.partial_fit, some.score)),
+        ):
+            with pytest.raises(
+                ValueError, match="expected the columns of training in its order"
+            ):
                 call(other)
     for call in (model.recalibrate, model.partial_fit):
-        with pytest.raises(ValueError, match="expected the columns of training in its order"):
+        with pytest.raises(
+            ValueError, match="expected the columns of training in its order"
+        ):
             call(other, labels)
-    with pytest.raises(ValueError, match="expected the columns of training in its order"):
+    with pytest.raises(
+        ValueError, match="expected the columns of training in its order"
+    ):
         model.merge(HDCClassifier().fit(other, labels))
-    assert model.score(frames, labels) == model.fit(other, labels).score(other, labels) == 1
-    assert HDCClassifier().fit(frames, labels).score(other, labels) < 1  # an array has no names
+    assert (
+        model.score(frames, labels)
+        == model.fit(other, labels).score(other, labels)
+        == 1
+    )
+    assert (
+        HDCClassifier().fit(frames, labels).score(other, labels) < 1
+    )  # an array has no names

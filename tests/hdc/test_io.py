@@ -41,7 +41,8 @@ def test_whatever_step_of_a_write_fails_the_old_or_the_new_model_loads(
         loaded = HDCClassifier.load(path)
         assert loaded.get_params() in [model.get_params() for model in models]
         assert np.array_equal(
-            loaded.distances(QUERIES), models[loaded.get_params()["seed"]].distances(QUERIES)
+            loaded.distances(QUERIES),
+            models[loaded.get_params()["seed"]].distances(QUERIES),
         )
         assert len(list(tmp_path.iterdir())) == 1 or k == 4  # the temporary file stays
     assert k == 5  # folder, file, flush, name, and the temporary file
@@ -62,11 +63,14 @@ def test_only_regular_files_are_replaced(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"\x89PNG\r\n\x1a\n" + b"\0" * 100, b"notes", struct.pack("<Q", 2) + b"{}"]
+    "content",
+    [b"", b"\x89PNG\r\n\x1a\n" + b"\0" * 100, b"notes", struct.pack("<Q", 2) + b"{}"],
 )
 def test_a_model_replaces_models_only(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "0.png").write_bytes(content)
-    with pytest.raises(FileExistsError, match=r"0\.png: expected a saved model or no file"):
+    with pytest.raises(
+        FileExistsError, match=r"0\.png: expected a saved model or no file"
+    ):
         trained().save(tmp_path / "0.png")
     assert (tmp_path / "0.png").read_bytes() == content
 
@@ -81,7 +85,9 @@ def test_a_file_keeps_its_mode_and_may_have_a_long_name(tmp_path: Path) -> None:
 
 
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=r"missing: expected a folder to save m\.st in$"):
+    with pytest.raises(
+        FileNotFoundError, match=r"missing: expected a folder to save m\.st in$"
+    ):
         trained().save(tmp_path / "missing" / "m.st")
 
 
@@ -108,7 +114,11 @@ def test_labels_come_back(tmp_path: Path, prototype: str, names: list) -> None:
 
 
 def test_metadata_are_kept_with_the_model(tmp_path: Path) -> None:
-    metadata = {"crop": [10, 20, 500, 500], "subsample": 2, "camera": {"name": "µEye", "gain": 0.5}}
+    metadata = {
+        "crop": [10, 20, 500, 500],
+        "subsample": 2,
+        "camera": {"name": "µEye", "gain": 0.5},
+    }
     trained().save(tmp_path / "m", metadata)
     loaded = HDCClassifier.load(tmp_path / "m")
     assert loaded.metadata_ == metadata
@@ -117,7 +127,9 @@ def test_metadata_are_kept_with_the_model(tmp_path: Path) -> None:
     loaded.save(tmp_path / "n", {})
     assert HDCClassifier.load(tmp_path / "n").metadata_ == {}
     for bad in ({"crop": np.arange(4)}, {"gain": float("nan")}):
-        with pytest.raises(TypeError, match="n: metadata: expected values of JSON, found"):
+        with pytest.raises(
+            TypeError, match="n: metadata: expected values of JSON, found"
+        ):
             loaded.save(tmp_path / "n", bad)
     assert loaded.metadata_ == {}
 
@@ -141,7 +153,10 @@ def test_flipped_bits_are_refused_or_harmless(tmp_path: Path) -> None:
             continue
         assert torch.equal(model.prototypes_, good.prototypes_)
         assert torch.equal(model.counters_.planes, good.counters_.planes)
-        assert (model.get_params(), model.metadata_) == (good.get_params(), good.metadata_)
+        assert (model.get_params(), model.metadata_) == (
+            good.get_params(),
+            good.metadata_,
+        )
 
 
 def rewrite(path: Path, tensors: dict | None = None, **changes) -> None:
@@ -195,7 +210,9 @@ def test_tensors_that_do_not_fit_are_refused(tmp_path: Path, what: str) -> None:
 def test_folders_pipes_and_missing_files(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for name in ("pipe", "."):
-        with pytest.raises(ValueError, match="expected a saved HDCClassifier, found what is not a"):
+        with pytest.raises(
+            ValueError, match="expected a saved HDCClassifier, found what is not a"
+        ):
             HDCClassifier.load(tmp_path / name)
     with pytest.raises(FileNotFoundError):
         HDCClassifier.load(tmp_path / "nothing")

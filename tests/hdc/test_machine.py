@@ -23,12 +23,17 @@ from hdc import HDCClassifier, bits
 from hdc.prototypes import Counters
 
 D = 77
-batches = st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 99)), min_size=1, max_size=7)
+batches = st.lists(
+    st.tuples(st.sampled_from("abc"), st.integers(0, 99)), min_size=1, max_size=7
+)
 
 
 def frames_of(batch: list) -> tuple[np.ndarray, list[str]]:
     """Frames of few levels, and so with many ties."""
-    frames = [np.random.default_rng(seed).integers(0, 9, (7, 11), np.uint8) for _, seed in batch]
+    frames = [
+        np.random.default_rng(seed).integers(0, 9, (7, 11), np.uint8)
+        for _, seed in batch
+    ]
     return np.stack(frames), [label for label, _ in batch]
 
 
@@ -54,7 +59,11 @@ def majorities(classes: dict[str, list], balance: bool) -> dict[str, np.ndarray]
 class Calls(RuleBasedStateMachine):
     @initialize(balance=st.booleans())
     def begin(self, balance: bool) -> None:
-        self.model, self.classes, self.prototypes = HDCClassifier(balance=balance), {}, {}
+        self.model, self.classes, self.prototypes = (
+            HDCClassifier(balance=balance),
+            {},
+            {},
+        )
         self.recalibrated = False
 
     def learn(self, batch: list, call) -> None:
@@ -110,11 +119,17 @@ class Calls(RuleBasedStateMachine):
         names = sorted(self.prototypes)
         frames, _ = frames_of([("", seed) for seed in range(100, 105)])
         queries = np.stack([hypervector(frame) for frame in frames])
-        expected = np.stack([(queries ^ self.prototypes[name]).sum(1) for name in names], 1)
+        expected = np.stack(
+            [(queries ^ self.prototypes[name]).sum(1) for name in names], 1
+        )
         assert self.model.classes_.tolist() == names
-        assert self.model.counts_.tolist() == [len(self.classes[name]) for name in names]
+        assert self.model.counts_.tolist() == [
+            len(self.classes[name]) for name in names
+        ]
         np.testing.assert_array_equal(self.model.distances(frames), expected)
-        assert self.model.predict(frames).tolist() == [names[c] for c in expected.argmin(1)]
+        assert self.model.predict(frames).tolist() == [
+            names[c] for c in expected.argmin(1)
+        ]
 
 
 def test_any_order_of_calls() -> None:

@@ -17,7 +17,9 @@ def counters(values: Tensor, n_planes: int) -> Tensor:
 
 
 def integers(rows: Tensor, d: int) -> Tensor:
-    return sum((bits.unpack(row, d).long() << p for p, row in enumerate(rows)), torch.zeros(()))
+    return sum(
+        (bits.unpack(row, d).long() << p for p, row in enumerate(rows)), torch.zeros(())
+    )
 
 
 def test_rows_longer_than_a_block_are_counted_once(monkeypatch) -> None:
@@ -29,7 +31,11 @@ def test_rows_longer_than_a_block_are_counted_once(monkeypatch) -> None:
     assert torch.equal(integers(counts, 500).long(), expected)
 
 
-@given(st.integers(0, 300), st.sampled_from([1, 63, 64, 65, 200]), st.sampled_from([0, 0.5, 1]))
+@given(
+    st.integers(0, 300),
+    st.sampled_from([1, 63, 64, 65, 200]),
+    st.sampled_from([0, 0.5, 1]),
+)
 @settings(max_examples=60, deadline=None)
 def test_every_column_is_counted(n: int, d: int, share: float) -> None:
     mask = torch.from_numpy(np.random.default_rng(n).random((n, d)) < share)
@@ -43,7 +49,9 @@ def test_every_column_is_counted(n: int, d: int, share: float) -> None:
     st.lists(st.integers(0, 69), max_size=60),
 )
 @settings(max_examples=60, deadline=None)
-def test_counting_into_what_was_counted_before(start: list[int], rows: list[int]) -> None:
+def test_counting_into_what_was_counted_before(
+    start: list[int], rows: list[int]
+) -> None:
     mask = torch.from_numpy(np.random.default_rng(3).random((70, 70)) < 0.5)
     before = torch.tensor(start)
     counts = counters(before, 7)
@@ -56,7 +64,9 @@ numbers = st.lists(st.integers(0, 1000), min_size=70, max_size=70)
 
 @given(numbers, numbers, st.integers(10, 13), st.integers(0, 2000))
 @settings(max_examples=60, deadline=None)
-def test_sums_and_comparisons(a: list[int], b: list[int], extra: int, threshold: int) -> None:
+def test_sums_and_comparisons(
+    a: list[int], b: list[int], extra: int, threshold: int
+) -> None:
     x, y = torch.tensor(a), torch.tensor(b)
     total = planes.add(counters(x, 10), counters(y, extra))
     assert torch.equal(integers(total, 70).long(), x + y)

@@ -16,7 +16,10 @@ def vectors(n: int, d: int, seed: int = 0) -> torch.Tensor:
     return torch.from_numpy(np.random.default_rng(seed).random((n, d)) < 0.5)
 
 
-@given(st.lists(st.integers(0, 4), min_size=1, max_size=120), st.randoms(use_true_random=False))
+@given(
+    st.lists(st.integers(0, 4), min_size=1, max_size=120),
+    st.randoms(use_true_random=False),
+)
 @settings(max_examples=40, deadline=None)
 def test_any_split_order_and_merge_count_alike(labels: list[int], random) -> None:
     mask, index = vectors(len(labels), 65), torch.tensor(labels)
@@ -59,7 +62,9 @@ def test_random_ties_are_an_added_hypervector_from_the_seed() -> None:
 @pytest.mark.parametrize("label", [-1, 2])
 def test_class_indices_outside_are_named_and_not_counted(label: int) -> None:
     counters = Counters(2, 64)
-    with pytest.raises(ValueError, match=rf"expected class indices in \[0, 2\), found {label}"):
+    with pytest.raises(
+        ValueError, match=rf"expected class indices in \[0, 2\), found {label}"
+    ):
         counters.add(torch.zeros(1, 1).long(), torch.tensor([label]))
     assert counters.n.tolist() == [0, 0]
 
@@ -70,7 +75,9 @@ def test_disagreeing_sizes_are_named() -> None:
         counters.add(torch.zeros(3, 1).long(), torch.zeros(2).long())
     with pytest.raises(ValueError, match="expected 1 words for D = 64, found 2"):
         counters.add(torch.zeros(3, 2).long(), torch.zeros(3).long())
-    with pytest.raises(ValueError, match="expected 2 classes of D = 64, found 2 of D = 65"):
+    with pytest.raises(
+        ValueError, match="expected 2 classes of D = 64, found 2 of D = 65"
+    ):
         counters.merge(Counters(2, 65))
 
 
@@ -126,8 +133,14 @@ def test_what_is_drawn_from_one_seed_is_drawn_apart() -> None:
     counters = Counters(1, d)
     ones, zeros = torch.full((3, 40), -1), torch.zeros(3, 40).long()
     drawn = [
-        *(counters._tie_breaker(*pair) for pair in ((0, 0), (0, 1), (0, 1_000_003), (1, 0))),
-        *(counters._tie_breaker(seed, 0) for seed in (-1, -5, 2**32 + 5, 2**62, 2**64 - 5)),
+        *(
+            counters._tie_breaker(*pair)
+            for pair in ((0, 0), (0, 1), (0, 1_000_003), (1, 0))
+        ),
+        *(
+            counters._tie_breaker(seed, 0)
+            for seed in (-1, -5, 2**32 + 5, 2**62, 2**64 - 5)
+        ),
         *recalibrate(zeros, ones, d, 0.5, seed=0),
         *recalibrate(zeros, ones, d, 0.5, seed=1),
         bits.random_hypervector(d, 0),

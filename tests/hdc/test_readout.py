@@ -19,16 +19,24 @@ def plain(x: np.ndarray, y: np.ndarray, penalty: float) -> PlainRidge:
     return PlainRidge(penalty, solver="svd").fit(x, y)
 
 
-def problem(n: int, d: int, t: int, seed: int) -> tuple[np.ndarray, torch.Tensor, torch.Tensor]:
+def problem(
+    n: int, d: int, t: int, seed: int
+) -> tuple[np.ndarray, torch.Tensor, torch.Tensor]:
     """Bits in ±1 [n, d], packed ones, and targets [n, t]."""
     rng = np.random.default_rng(seed)
     x = np.where(rng.random((n, d)) < rng.random(d), 1.0, -1.0)
-    return x, bits.pack(torch.from_numpy(x > 0)), torch.from_numpy(rng.normal(3, 1, (n, t)))
+    return (
+        x,
+        bits.pack(torch.from_numpy(x > 0)),
+        torch.from_numpy(rng.normal(3, 1, (n, t))),
+    )
 
 
 @given(st.integers(3, 30), st.integers(1, 300), st.integers(1, 3), st.integers(0, 99))
 @settings(max_examples=40, deadline=None)
-def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(n, d, t, seed) -> None:
+def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(
+    n, d, t, seed
+) -> None:
     x, words, y = problem(n, d, t, seed)
     queries, asked, _ = problem(5, d, t, seed + 1)
     model, held = readout.ridge(words, y, d)
@@ -63,19 +71,27 @@ def test_the_penalty_is_the_one_with_the_least_left_out_error() -> None:
         for p in readout.PENALTIES
     ]  # fmt: skip
     errors = [float((r**2).sum()) for r in others]
-    assert model.penalty == pytest.approx(unit * readout.PENALTIES[int(np.argmin(errors))])
+    assert model.penalty == pytest.approx(
+        unit * readout.PENALTIES[int(np.argmin(errors))]
+    )
     assert float((held.residuals**2).sum()) == pytest.approx(min(errors))
 
 
-def test_weights_are_those_of_floats_in_any_block(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_weights_are_those_of_floats_in_any_block(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(readout, "_STEP", 2)  # words that are rounded at once
     x, words, y = problem(30, 300, 2, 0)
     fitted, _ = readout.ridge(words, y, 300)
     whole, expected = fitted.weights(0, 5), plain(x, y.numpy(), fitted.penalty).coef_
-    np.testing.assert_allclose(whole[:, :300], expected, atol=np.abs(expected).max() / 253)
+    np.testing.assert_allclose(
+        whole[:, :300], expected, atol=np.abs(expected).max() / 253
+    )
     assert (fitted.weights(2, 4) == whole[:, 128:256]).all()
     assert fitted.planes[:, 7].any()  # 8 bits: the largest weight is ±127 steps
-    assert float((whole / fitted.scales[:, None])[:, :300].abs().amax()) == pytest.approx(127)
+    assert float(
+        (whole / fitted.scales[:, None])[:, :300].abs().amax()
+    ) == pytest.approx(127)
 
 
 def test_recalibration_stays_near_the_old_weights() -> None:
@@ -101,7 +117,9 @@ def hard(n: int, seed: int, drift: float = 0.0) -> tuple[np.ndarray, np.ndarray]
     rng = np.random.default_rng(seed)
     labels = np.arange(n) % 4
     shared = rng.normal(0, 1, (n, 3)) @ np.random.default_rng(8).normal(0, 1, (3, 2000))
-    return common + moved + fields[labels] + shared + rng.normal(0, 1, (n, 2000)), labels
+    return common + moved + fields[labels] + shared + rng.normal(
+        0, 1, (n, 2000)
+    ), labels
 
 
 def test_ridge_recognises_what_prototypes_do_not_and_recalibrates() -> None:
@@ -113,9 +131,13 @@ def test_ridge_recognises_what_prototypes_do_not_and_recalibrates() -> None:
     ridge.recalibrate(*new)
     assert ridge.score(*fresh) >= before
     fitted = HDCClassifier(readout="ridge").fit(*train)
-    with pytest.raises(ValueError, match="merge: expected readout 'prototype' or 'neigh"):
+    with pytest.raises(
+        ValueError, match="merge: expected readout 'prototype' or 'neigh"
+    ):
         fitted.merge(fitted)
-    with pytest.raises(ValueError, match="partial_fit: expected readout 'prototype' or 'neigh"):
+    with pytest.raises(
+        ValueError, match="partial_fit: expected readout 'prototype' or 'neigh"
+    ):
         HDCClassifier(readout="ridge").partial_fit(*train)
 
 
@@ -123,7 +145,9 @@ def test_ridge_recognises_what_prototypes_do_not_and_recalibrates() -> None:
 def test_neighbours_vote_and_ties_go_to_the_nearest(k: int) -> None:
     (frames, labels), (queries, _) = hard(40, 0), hard(60, 1)
     model = HDCClassifier(readout="neighbours", n_neighbours=k).fit(frames, labels)
-    distances = bits.hamming(*(encode(torch.from_numpy(f)) for f in (queries, frames))).numpy()
+    distances = bits.hamming(
+        *(encode(torch.from_numpy(f)) for f in (queries, frames))
+    ).numpy()
     expected = []
     for row in distances:
         voting = labels[np.argsort(row, kind="stable")[:k]]
@@ -140,7 +164,9 @@ def test_neighbours_are_added_merged_and_replaced() -> None:
     parts = HDCClassifier(readout="neighbours").partial_fit(frames[:20], labels[:20])
     parts.merge(HDCClassifier(readout="neighbours").fit(frames[20:], labels[20:]))
     assert np.array_equal(parts._scores(queries), whole._scores(queries))
-    with pytest.raises(ValueError, match=r"with readout 'neighbours', found .* 'prototype'"):
+    with pytest.raises(
+        ValueError, match=r"with readout 'neighbours', found .* 'prototype'"
+    ):
         whole.merge(HDCClassifier().fit(frames, labels))
     new = labels[:20] == 2
     whole.recalibrate(queries[:20][new], labels[:20][new])
@@ -155,11 +181,15 @@ def test_read_outs_come_back_from_files(tmp_path: Path, name: str) -> None:
     model.save(tmp_path / "m")
     loaded = HDCClassifier.load(tmp_path / "m")
     assert loaded.get_params() == model.get_params()
-    assert np.array_equal(loaded.decision_function(queries), model.decision_function(queries))
+    assert np.array_equal(
+        loaded.decision_function(queries), model.decision_function(queries)
+    )
     assert np.array_equal(loaded.is_known(queries), model.is_known(queries))
     model.recalibrate(queries, np.array(list("dcba"))[labels[:1]].repeat(60))
     loaded.recalibrate(queries, np.array(list("dcba"))[labels[:1]].repeat(60))
-    assert np.array_equal(loaded.decision_function(queries), model.decision_function(queries))
+    assert np.array_equal(
+        loaded.decision_function(queries), model.decision_function(queries)
+    )
 
 
 # Regressor ----------------------------------------------------------------------------------------
@@ -174,8 +204,12 @@ def presses(n: int, seed: int, move: float = 0.0) -> tuple[np.ndarray, np.ndarra
     return np.tanh(field) + 0.5 * rng.normal(0, 1, (n, 500)), z
 
 
-@pytest.mark.parametrize("model", [HDCRegressor(), HDCRegressor("neighbours", 3)], ids=repr)
-def test_numbers_are_predicted_adapted_and_saved(tmp_path: Path, model: HDCRegressor) -> None:
+@pytest.mark.parametrize(
+    "model", [HDCRegressor(), HDCRegressor("neighbours", 3)], ids=repr
+)
+def test_numbers_are_predicted_adapted_and_saved(
+    tmp_path: Path, model: HDCRegressor
+) -> None:
     (frames, z), (queries, truth) = presses(60, 0), presses(100, 1)
     model.fit(frames, z)
     assert model.score(queries, truth) > 0.85
@@ -191,7 +225,9 @@ def test_numbers_are_predicted_adapted_and_saved(tmp_path: Path, model: HDCRegre
         loaded.predict(queries, True), model.predict(queries, True), strict=True
     ):
         np.testing.assert_array_equal(found, expected)
-    with pytest.raises(ValueError, match="found a saved HDCRegressor; load it with HDCRegressor"):
+    with pytest.raises(
+        ValueError, match="found a saved HDCRegressor; load it with HDCRegressor"
+    ):
         HDCClassifier.load(tmp_path / "m")
     moved, new = presses(100, 2, 3.0), presses(60, 3, 3.0)
     before = loaded.score(*moved)
@@ -203,7 +239,9 @@ def test_numbers_are_predicted_adapted_and_saved(tmp_path: Path, model: HDCRegre
     assert HDCRegressor.load(tmp_path / "m").score(*moved) == loaded.score(*moved)
 
 
-@pytest.mark.parametrize("model", [HDCRegressor(), HDCRegressor("neighbours", 2)], ids=repr)
+@pytest.mark.parametrize(
+    "model", [HDCRegressor(), HDCRegressor("neighbours", 2)], ids=repr
+)
 def test_intervals_cover_as_often_as_stated(model: HDCRegressor) -> None:
     covered = []
     for seed in range(12):
@@ -234,5 +272,7 @@ def test_targets_that_cannot_be_learnt_are_named() -> None:
     with pytest.raises(ValueError, match="targets: expected as many a frame as before"):
         model.partial_fit(frames, z[:, 0])
     assert (model.predict(frames) == before).all()
-    with pytest.raises(ValueError, match=r"alpha: expected a share in \(0, 1\), found 0"):
+    with pytest.raises(
+        ValueError, match=r"alpha: expected a share in \(0, 1\), found 0"
+    ):
         model.predict(frames, True, alpha=0)

@@ -16,9 +16,13 @@ def sessions(n: int = 60, classes: int = 3, side: int = 24, seed: int = 1):
     rng = np.random.default_rng(seed)
     labels = np.arange(n) % classes
     base = rng.integers(0, 200, (classes, side, side))
-    changed = np.where(rng.random(base.shape) < 0.5, rng.integers(0, 200, base.shape), base)
+    changed = np.where(
+        rng.random(base.shape) < 0.5, rng.integers(0, 200, base.shape), base
+    )
     return [
-        (b[labels] + rng.integers(0, 156, (n, side, side))).clip(0, 255).astype(np.uint8)
+        (b[labels] + rng.integers(0, 156, (n, side, side)))
+        .clip(0, 255)
+        .astype(np.uint8)
         for b in (base, changed)
     ], labels
 
@@ -34,9 +38,16 @@ def counters_of(counts: torch.Tensor, n: torch.Tensor) -> Counters:
 
 @pytest.mark.parametrize(
     ("p", "wins"),
-    [(0.0, [1, 1, 0, 0]), (0.5, [1, 1, 0, 0]), (0.6, [1, 0, 1, 0]), (1.0, [1, 0, 1, 0])],
+    [
+        (0.0, [1, 1, 0, 0]),
+        (0.5, [1, 1, 0, 0]),
+        (0.6, [1, 0, 1, 0]),
+        (1.0, [1, 0, 1, 0]),
+    ],
 )
-def test_votes_have_their_shares_whatever_the_numbers(p: float, wins: list[int]) -> None:
+def test_votes_have_their_shares_whatever_the_numbers(
+    p: float, wins: list[int]
+) -> None:
     """Bits: clear on both sides, clear old against clear new, the reverse, clear zeros."""
     old = counters_of(torch.tensor([[80, 74, 6, 0]]), torch.tensor([80]))
     new = counters_of(torch.tensor([[5, 1, 4, 0]]), torch.tensor([5]))
@@ -49,7 +60,10 @@ def test_votes_have_their_shares_whatever_the_numbers(p: float, wins: list[int])
 def test_equal_votes_are_those_of_exact_fractions() -> None:
     rng = np.random.default_rng(3)
     n_old, n_new = torch.tensor([41, 80, 7]), torch.tensor([13, 0, 21])
-    counts = [torch.from_numpy(rng.integers(0, n[:, None] + 1, (3, 500))) for n in (n_old, n_new)]
+    counts = [
+        torch.from_numpy(rng.integers(0, n[:, None] + 1, (3, 500)))
+        for n in (n_old, n_new)
+    ]
     old, new = map(counters_of, counts, (n_old, n_new))
     votes, _ = merged(old, new, 0.5)
     signs = [2 * c - n[:, None] for c, n in zip(counts, (n_old, n_new), strict=True)]
@@ -116,9 +130,13 @@ def test_classes_without_new_frames_keep_their_prototypes() -> None:
 def test_what_cannot_be_recalibrated_is_named() -> None:
     (old, new), labels = sessions()
     model = HDCClassifier().fit(old, labels)
-    with pytest.raises(ValueError, match="method: expected one of replace, merge, found 'add'"):
+    with pytest.raises(
+        ValueError, match="method: expected one of replace, merge, found 'add'"
+    ):
         model.recalibrate(new, labels, method="add")
-    with pytest.raises(ValueError, match=r"labels: expected classes among \[0, 1, 2\], found 9"):
+    with pytest.raises(
+        ValueError, match=r"labels: expected classes among \[0, 1, 2\], found 9"
+    ):
         model.recalibrate(new[:2], [9, 9])
     for method in METHODS:
         with pytest.raises(ValueError, match="p: expected a probability"):

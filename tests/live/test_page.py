@@ -16,7 +16,9 @@ import pytest
 from hdc import HDCClassifier
 from hdc.command import main
 
-pytest.importorskip("nicegui", reason="the page needs nicegui: pip install 'speckle-hdc[live]'")
+pytest.importorskip(
+    "nicegui", reason="the page needs nicegui: pip install 'speckle-hdc[live]'"
+)
 
 from hdc.live.page import Guard
 
@@ -61,7 +63,9 @@ class Reader:
     """A browser that shows the page."""
 
     def __init__(self, browser, address, width=1400):
-        self.page = browser.new_context(viewport={"width": width, "height": 900}).new_page()
+        self.page = browser.new_context(
+            viewport={"width": width, "height": 900}
+        ).new_page()
         self.page.set_default_timeout(60_000)
         self.errors = []
         self.page.on("pageerror", lambda error: self.errors.append(error))
@@ -74,7 +78,9 @@ class Reader:
         self.pad.scroll_into_view_if_needed()
         box = self.pad.bounding_box()
         across, down = x / 90, 0.5 - y / 40
-        self.page.mouse.click(box["x"] + box["width"] * across, box["y"] + box["height"] * down)
+        self.page.mouse.click(
+            box["x"] + box["width"] * across, box["y"] + box["height"] * down
+        )
         # The picture of the touch comes from the server: it was pressed.
         self.until(
             "Math.abs(document.querySelector('.pad circle[fill=\"#222\"]')"
@@ -88,7 +94,9 @@ class Reader:
         self.row(name).get_by_text("10 samples").wait_for()
 
     def row(self, name):
-        return self.page.locator(".class", has=self.page.locator(".name", has_text=name))
+        return self.page.locator(
+            ".class", has=self.page.locator(".name", has_text=name)
+        )
 
     def click(self, button):
         self.page.get_by_role("button", name=button).click()
@@ -98,7 +106,9 @@ class Reader:
 
     def predicts(self, label):
         """One of a few touches is recognised; each differs, and some are rightly refused."""
-        from playwright.sync_api import TimeoutError as Timeout  # other tests do without a browser
+        from playwright.sync_api import (
+            TimeoutError as Timeout,
+        )  # other tests do without a browser
 
         answer = self.page.locator(".answer", has_text=re.compile(f"^{label}$"))
         for _ in range(5):
@@ -154,7 +164,10 @@ def test_a_model_is_taught_by_two_and_saved(reader, browser, address, tmp_path):
     with reader.page.expect_download() as download:
         reader.click("Save the model")
     download.value.save_as(tmp_path / "touch.safetensors")
-    assert HDCClassifier.load(tmp_path / "touch.safetensors").counts_.tolist() == [10, 10]
+    assert HDCClassifier.load(tmp_path / "touch.safetensors").counts_.tolist() == [
+        10,
+        10,
+    ]
     reader.click("Forget everything")
     reader.until("document.querySelectorAll('.class').length === 0")
     reader.click("Save the model")
@@ -173,10 +186,18 @@ def test_a_model_is_taught_by_two_and_saved(reader, browser, address, tmp_path):
 
 def test_everything_needs_the_token(address):
     bare = address.split("?")[0]
-    for path in ("", "frame", "?token=", "?token=wrong", "_nicegui_ws/socket.io/?EIO=4"):
+    for path in (
+        "",
+        "frame",
+        "?token=",
+        "?token=wrong",
+        "_nicegui_ws/socket.io/?EIO=4",
+    ):
         for headers in ({}, {"Cookie": "hdc_live=wrong; ;="}):
             with pytest.raises(urllib.error.HTTPError, match="403"):
-                urllib.request.urlopen(urllib.request.Request(bare + path, headers=headers))
+                urllib.request.urlopen(
+                    urllib.request.Request(bare + path, headers=headers)
+                )
     assert opener(address).open(bare).status == 200
 
 
@@ -187,8 +208,14 @@ def test_a_socket_without_the_token_is_refused():
         messages.append(message)
 
     for headers in ([], [(b"cookie", b"c=x")]):
-        scope = {"type": "websocket", "query_string": b"token=secret", "headers": headers}
-        with contextlib.suppress(StopIteration):  # playwright has an event loop of its own here
+        scope = {
+            "type": "websocket",
+            "query_string": b"token=secret",
+            "headers": headers,
+        }
+        with contextlib.suppress(
+            StopIteration
+        ):  # playwright has an event loop of its own here
             Guard(None, token="secret", cookie="c")(scope, None, send).send(None)
         assert messages[0]["status"] == 403
 
@@ -196,7 +223,11 @@ def test_a_socket_without_the_token_is_refused():
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        (["--camera", "97"], 1, "expected a camera that can be opened at index 97, found none"),
+        (
+            ["--camera", "97"],
+            1,
+            "expected a camera that can be opened at index 97, found none",
+        ),
         ([], 2, "expected one of --camera and --folder"),
         (["--folder", "nowhere"], 1, "found nothing: nowhere"),
     ],

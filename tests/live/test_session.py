@@ -26,7 +26,9 @@ def teach(session, name, n=20):
 
 
 def accuracy(session):
-    return np.mean([session.ask(f).label == c for c in PLACES for f in touch(session, c, 30)])
+    return np.mean(
+        [session.ask(f).label == c for c in PLACES for f in touch(session, c, 30)]
+    )
 
 
 @pytest.fixture
@@ -86,7 +88,9 @@ def test_forgetting_a_class_equals_never_teaching_it(taught):
 
 
 @pytest.mark.parametrize("readout", READOUTS)
-def test_each_readout_is_trained_on_the_same_frames_and_saved(taught, readout, tmp_path):
+def test_each_readout_is_trained_on_the_same_frames_and_saved(
+    taught, readout, tmp_path
+):
     taught.use(readout)
     assert accuracy(taught) > 0.8
     frames = np.stack(touch(taught, "left", 3))
@@ -104,7 +108,10 @@ def test_prediction_sets_have_the_true_class(taught):
 def test_the_place_of_a_touch_is_predicted(taught):
     for name, x in PLACES.items():
         (across, low, high), (along, *_) = taught.ask(touch(taught, name, 1)[0]).values
-        assert (across, along) == (pytest.approx(1e3 * x, abs=4), pytest.approx(0, abs=4))
+        assert (across, along) == (
+            pytest.approx(1e3 * x, abs=4),
+            pytest.approx(0, abs=4),
+        )
         assert low <= across <= high
 
 
@@ -145,14 +152,19 @@ def test_the_worker_survives_jobs_and_frames_that_fail(empty, monkeypatch):
         worker.do(lambda session: session.places["nobody"])
     seen = worker.view
     wait_for(lambda: worker.picture() and worker.view is not seen)
-    assert cv2.imdecode(np.frombuffer(worker.view.picture, np.uint8), 0).shape == (100, 200)
+    assert cv2.imdecode(np.frombuffer(worker.view.picture, np.uint8), 0).shape == (
+        100,
+        200,
+    )
     worker.stop()
 
 
 @pytest.fixture
 def recorded(tmp_path, frames_and_labels):
     frames, labels = frames_and_labels(n=40, classes=2)
-    np.savez(tmp_path / "r.npz", frames=frames, labels=np.array(["1 mm", "2 mm"])[labels])
+    np.savez(
+        tmp_path / "r.npz", frames=frames, labels=np.array(["1 mm", "2 mm"])[labels]
+    )
     return Recorded(tmp_path / "r.npz", Window())
 
 

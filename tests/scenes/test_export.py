@@ -43,13 +43,17 @@ def test_command(tmp_path, capsys, monkeypatch):
     with (out / "manifest.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 15
-    assert {"file", "label", "class_index", "order", "session", "temperature"} <= set(rows[0])
+    assert {"file", "label", "class_index", "order", "session", "temperature"} <= set(
+        rows[0]
+    )
     assert all((out / row["file"]).exists() for row in rows)
 
 
 def test_nothing_is_overwritten(tmp_path):
     (tmp_path / "mine.txt").write_text("precious")
-    scene = Frames(torch.zeros(2, 4, 4, dtype=torch.uint8), np.array([0, 1]), ("a", "b"))
+    scene = Frames(
+        torch.zeros(2, 4, 4, dtype=torch.uint8), np.array([0, 1]), ("a", "b")
+    )
     with pytest.raises(FileExistsError, match="expected a new or an empty folder"):
         export(scene, tmp_path)
     assert (tmp_path / "mine.txt").read_text() == "precious"

@@ -58,7 +58,9 @@ def test_the_frame_is_the_measured_matrix_times_the_fields(n_fields):
         name = position + "0" * position.endswith(".")
         with np.load(EXCERPT / "Data" / f"TM_modes_{name}.npz") as file:
             outputs = [file["TM_corr_modes"] @ field for field in fields]
-        halves = [modes.T @ out[15 * p : 15 * p + 15] for out in outputs for p in (0, 1)]
+        halves = [
+            modes.T @ out[15 * p : 15 * p + 15] for out in outputs for p in (0, 1)
+        ]
         expected = np.hstack([np.abs(half.reshape(21, 21)) ** 2 for half in halves])
         frame = scene.frames([i]).numpy()[0].astype(float)
         scale = (frame * expected).sum() / (expected**2).sum()
@@ -67,21 +69,29 @@ def test_the_frame_is_the_measured_matrix_times_the_fields(n_fields):
 
 
 def test_the_exposure_is_fixed_and_photons_are_counted():
-    clean, noisy = (excerpt(samples_per_class=40, photons=n, saturation=60) for n in (0, 50))
+    clean, noisy = (
+        excerpt(samples_per_class=40, photons=n, saturation=60) for n in (0, 50)
+    )
     a, b = (s.frames(np.arange(200)).numpy().astype(float) for s in (clean, noisy))
     assert a.mean() == pytest.approx(255 / 60, rel=0.05)
     # One grey is 60/255 · 50 photons; the variance of the difference is Poisson's plus rounding's.
     photons = 60 / 255 * 50
     bright = (a > 5) & (a < 255)
-    assert np.var((b - a)[bright]) == pytest.approx((a[bright] / photons).mean() + 1 / 6, rel=0.1)
+    assert np.var((b - a)[bright]) == pytest.approx(
+        (a[bright] / photons).mean() + 1 / 6, rel=0.1
+    )
     means = a.mean((1, 2))
     assert means.std() > 1e-3 * means.mean()  # frames are not normalised one by one
 
 
 def test_an_enlarged_field_is_the_same_field():
     """Trigonometric interpolation at three times the pixels passes through the stored ones."""
-    a, b = (excerpt(photons=0, side=side).frames(range(10)).numpy() for side in (21, 63))
-    assert np.array_equal(a, b.reshape(10, 63, 2, 63)[:, 1::3, :, 1::3].reshape(10, 21, 42))
+    a, b = (
+        excerpt(photons=0, side=side).frames(range(10)).numpy() for side in (21, 63)
+    )
+    assert np.array_equal(
+        a, b.reshape(10, 63, 2, 63)[:, 1::3, :, 1::3].reshape(10, 21, 42)
+    )
     x, fine = np.arange(41), (np.arange(100) + 0.5) * 41 / 100 - 0.5
     for k in range(-20, 21):
         wave, expected = (np.exp(2j * np.pi * k * t / 41) for t in (x, fine))
@@ -90,7 +100,12 @@ def test_an_enlarged_field_is_the_same_field():
 
 def test_the_fingerprint_follows_every_setting():
     changed = {
-        **{"samples_per_class": 9, "perturbation": 0.4, "photons": 20, "saturation": 5.0},
+        **{
+            "samples_per_class": 9,
+            "perturbation": 0.4,
+            "photons": 20,
+            "saturation": 5.0,
+        },
         **{"side": 50, "seed": 1, "sampling_seed": 1, "n_fields": 2},
         "depth_edges": [0.0, 40e-6, 80e-6],
     }
@@ -102,12 +117,21 @@ def test_the_fingerprint_follows_every_setting():
 def test_matrices_of_another_fibre(tmp_path, monkeypatch):
     """An array of matrices one step apart, of the input modes of one polarisation."""
     rng = np.random.default_rng(0)
-    matrices = rng.standard_normal((6, 30, 15, 2)).astype(np.float32).view(np.complex64)[..., 0]
+    matrices = (
+        rng.standard_normal((6, 30, 15, 2))
+        .astype(np.float32)
+        .view(np.complex64)[..., 0]
+    )
     (tmp_path / "bent").mkdir()
     np.save(tmp_path / "bent" / "TMs.npy", matrices)
     monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
     source = {"repository": "somebody/bent", "commit": "abc", "cite": "Somebody, 2023"}
-    settings = {"source": source, "file": "TMs.npy", "step": 2e-6, "depth_edges": [4e-6, 10e-6]}
+    settings = {
+        "source": source,
+        "file": "TMs.npy",
+        "step": 2e-6,
+        "depth_edges": [4e-6, 10e-6],
+    }
     scene = excerpt(**settings, perturbation=0, photons=0)
     assert scene.classes == ("≤ 4 µm", "4–10 µm")
     assert set(np.round(scene.values[:, 0], 6)) <= {0, 2, 4, 6, 8, 10}
@@ -119,9 +143,13 @@ def test_matrices_of_another_fibre(tmp_path, monkeypatch):
     )
     frame = scene.frames([0]).numpy()[0]
     assert np.corrcoef(expected[frame < 255], frame[frame < 255])[0, 1] > 0.999
-    with pytest.raises(ValueError, match=r"expected the 1 files of somebody/bent at abc"):
+    with pytest.raises(
+        ValueError, match=r"expected the 1 files of somebody/bent at abc"
+    ):
         excerpt(**{**settings, "source": {**source, "sha256": "0"}})
-    with pytest.raises(ValueError, match=r"scene.file, scene.step: expected with scene.source"):
+    with pytest.raises(
+        ValueError, match=r"scene.file, scene.step: expected with scene.source"
+    ):
         excerpt(**{**settings, "step": None})
     monkeypatch.delenv("MEASURED_DATA")
     with pytest.raises(
@@ -134,7 +162,10 @@ def test_settings_out_of_range_are_named():
     for setting, message in [
         ({"saturation": 0}, "scene.saturation: expected a finite number > 0"),
         ({"side": 20}, r"scene.side: expected an integer ≥ 21, found 20"),
-        ({"depth_edges": [0.0, 1e-6]}, r"some of the 15 measured depths in class 0–1 µm"),
+        (
+            {"depth_edges": [0.0, 1e-6]},
+            r"some of the 15 measured depths in class 0–1 µm",
+        ),
     ]:
         with pytest.raises(ValueError, match=message):
             excerpt(**setting)
@@ -146,7 +177,9 @@ def test_a_missing_repository_is_named(tmp_path, monkeypatch):
     monkeypatch.delenv("FIBRE_DATA", raising=False)
     monkeypatch.delenv("MEASURED_DATA", raising=False)
     monkeypatch.setattr(fibre, "BESIDE", tmp_path / "a")
-    with pytest.raises(FileNotFoundError, match=r"found no folder .*a/Data; get it by: git clone"):
+    with pytest.raises(
+        FileNotFoundError, match=r"found no folder .*a/Data; get it by: git clone"
+    ):
         FibreScene()
     shutil.copytree(EXCERPT, tmp_path / "article_MMF_disorder")
     monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
@@ -158,7 +191,10 @@ def test_a_damaged_file_is_named_and_nothing_is_unpickled(tmp_path):
     file = tmp_path / "copy" / "Data" / "TM_modes_5.06.npz"
     good = np.zeros((30, 30), complex)
     for content, message in [
-        ({"TM_corr_modes": good[:, :3]}, r"complex array \(30, 30\), found complex128 \(30, 3\)"),
+        (
+            {"TM_corr_modes": good[:, :3]},
+            r"complex array \(30, 30\), found complex128 \(30, 3\)",
+        ),
         ({"TM_corr_modes": np.full_like(good, np.nan)}, "not all finite"),
         ({"TM_corr_modes": np.array([print])}, "allow_pickle"),
     ]:
@@ -166,5 +202,7 @@ def test_a_damaged_file_is_named_and_nothing_is_unpickled(tmp_path):
         with pytest.raises(ValueError, match=message):
             excerpt(tmp_path / "copy")
     file.write_bytes(file.read_bytes()[:900])
-    with pytest.raises(ValueError, match=r"TM_modes_5.06.npz: expected a complex array"):
+    with pytest.raises(
+        ValueError, match=r"TM_modes_5.06.npz: expected a complex array"
+    ):
         excerpt(tmp_path / "copy")

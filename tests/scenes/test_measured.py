@@ -12,7 +12,11 @@ from scenes.frames import Scene
 from scenes.measured import MeasuredScene, main
 from scenes.split import split
 
-ABOUT = {"repository": "somebody/touches", "commit": "0123abc", "cite": "Somebody, 2024"}
+ABOUT = {
+    "repository": "somebody/touches",
+    "commit": "0123abc",
+    "cite": "Somebody, 2024",
+}
 
 
 def write(path, image):
@@ -51,7 +55,9 @@ def test_a_recording_is_a_scene(pressed, monkeypatch):
     assert (scene.origin, scene.cacheable, scene.unknown) == ("measured", False, None)
     assert (scene.classes, scene.shape, len(scene)) == (("9", "10"), (6, 8), 6)
     assert scene.samples["order"].tolist() == [1, 2, 3, 1, 2, 3]
-    grey = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in pressed.reshape(6, 6, 8, 3)]
+    grey = [
+        cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in pressed.reshape(6, 6, 8, 3)
+    ]
     indices = [5, 0, 0, 3]
     expected = torch.from_numpy(np.stack([grey[i] for i in indices]))
     assert torch.equal(scene.frames(indices), expected)
@@ -60,7 +66,9 @@ def test_a_recording_is_a_scene(pressed, monkeypatch):
     assert scene.frames([]).shape == (0, 6, 8)
     with pytest.raises(IndexError, match=r"expected values in \[0, 6\), found \[6\]"):
         scene.frames([6])
-    train, test = split(scene.labels, kind="ordered", n_test=2, order=scene.samples["order"])
+    train, test = split(
+        scene.labels, kind="ordered", n_test=2, order=scene.samples["order"]
+    )
     assert scene.samples["order"][train].max() < scene.samples["order"][test].min()
 
 
@@ -71,7 +79,9 @@ def test_other_content_is_refused_and_changes_the_fingerprint(pressed, root):
     assert touches(subsample=2).fingerprint() != scene.fingerprint()
     write(root / "material_9" / "cycle_2_A" / "frame.png", pressed[1, 1])
     assert touches().fingerprint() != scene.fingerprint()
-    with pytest.raises(ValueError, match=r"expected the 6 files of somebody/touches at 0123abc"):
+    with pytest.raises(
+        ValueError, match=r"expected the 6 files of somebody/touches at 0123abc"
+    ):
         touches(source=source)
 
 
@@ -116,11 +126,20 @@ def test_a_table_gives_values_and_levels_and_each_folder_is_a_session(root):
 def test_unknown_frames_are_a_scene_of_their_own(root):
     for k, label in enumerate(["n13311", "extra", "n13529"]):
         for i in range(2):
-            write(root / label / f"s{k}_frame_{i}.png", np.full((3, 3), 10 * k + i, np.uint8))
+            write(
+                root / label / f"s{k}_frame_{i}.png",
+                np.full((3, 3), 10 * k + i, np.uint8),
+            )
     scene = touches(
         template="{label}/{group}_frame_{order}.png",
         unknown=["extra"],
-        values=[{"name": "index", "unit": "1", "labels": {"n13311": 1.3311, "n13529": 1.3529}}],
+        values=[
+            {
+                "name": "index",
+                "unit": "1",
+                "labels": {"n13311": 1.3311, "n13529": 1.3529},
+            }
+        ],
         saturated="frames of one capture are nearly copies",
     )
     assert scene.classes == ("n13311", "n13529")
@@ -135,7 +154,9 @@ def test_unknown_frames_are_a_scene_of_their_own(root):
     assert "copies" in scene.saturated
 
 
-def test_what_is_missing_is_listed_with_the_commands_that_get_it(tmp_path, monkeypatch, capsys):
+def test_what_is_missing_is_listed_with_the_commands_that_get_it(
+    tmp_path, monkeypatch, capsys
+):
     monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
     main([])
     lines = capsys.readouterr().out.splitlines()

@@ -12,7 +12,9 @@ from scenes.recorded import open_recording
 def archive(tmp_path):
     frames = np.random.default_rng(0).integers(0, 2**16, (6, 5, 4), dtype=np.uint16)
     path = tmp_path / "touches.npz"
-    np.savez(path, frames=frames, labels=np.array(["a", "b"] * 3), session=np.arange(6) // 3)
+    np.savez(
+        path, frames=frames, labels=np.array(["a", "b"] * 3), session=np.arange(6) // 3
+    )
     return path, frames
 
 
@@ -20,7 +22,11 @@ def test_a_recording_is_a_scene(archive):
     path, frames = archive
     scene = open_recording(path, crop=[1, 0, 3, 5], subsample=2)
     assert isinstance(scene, Scene)
-    assert (scene.origin, scene.classes, scene.shape) == ("recorded", ("a", "b"), (3, 2))
+    assert (scene.origin, scene.classes, scene.shape) == (
+        "recorded",
+        ("a", "b"),
+        (3, 2),
+    )
     assert scene.labels.tolist() == [0, 1] * 3
     assert scene.samples["session"].tolist() == [0, 0, 0, 1, 1, 1]
     assert len(scene) == 6
@@ -32,5 +38,7 @@ def test_a_recording_is_a_scene(archive):
 
 
 def test_a_setting_is_named_as_in_the_configuration(archive):
-    with pytest.raises(ValueError, match=r"^scene\.crop: expected a window inside frames 4 px wid"):
+    with pytest.raises(
+        ValueError, match=r"^scene\.crop: expected a window inside frames 4 px wid"
+    ):
         open_recording(archive[0], crop=[0, 0, 9, 9])

@@ -10,7 +10,9 @@ from scenes.sessions import Halves, Joined
 
 def scene(n, side=4, classes="ab", seed=0):
     generator = torch.Generator().manual_seed(seed)
-    images = torch.randint(0, 256, (n, side, side), generator=generator, dtype=torch.uint8)
+    images = torch.randint(
+        0, 256, (n, side, side), generator=generator, dtype=torch.uint8
+    )
     labels = np.arange(n) % len(classes)
     return Frames(images, labels, tuple(classes), {"order": np.arange(n)[::-1].copy()})
 
@@ -35,5 +37,7 @@ def test_joined_scenes_are_sessions_in_their_order():
     assert torch.equal(joined.frames([7, 0, 13]), torch.stack(
         [second.images[1], first.images[0], second.images[7]]
     ))  # fmt: skip
-    with pytest.raises(ValueError, match=r"scene\.scenes: expected 2 classes of frames \(4, 4\)"):
+    with pytest.raises(
+        ValueError, match=r"scene\.scenes: expected 2 classes of frames \(4, 4\)"
+    ):
         Joined({"a": first, "b": scene(6, side=5)})

@@ -15,7 +15,9 @@ def labelled(draw, least=4):
     """Labels of 2-6 classes, unequal, not contiguous, in any order."""
     counts = draw(st.lists(st.integers(least, 40), min_size=2, max_size=6))
     names = draw(
-        st.lists(st.integers(0, 99), min_size=len(counts), max_size=len(counts), unique=True)
+        st.lists(
+            st.integers(0, 99), min_size=len(counts), max_size=len(counts), unique=True
+        )
     )
     labels = np.repeat(names, counts)
     return np.random.default_rng(draw(seeds)).permutation(labels)
@@ -25,11 +27,20 @@ def counts_of(labels, names):
     return np.array([(labels == name).sum() for name in names])
 
 
-@given(labelled(), st.sampled_from([0.25, 0.4, 0.5]), seeds, st.sampled_from(["random", "ordered"]))
+@given(
+    labelled(),
+    st.sampled_from([0.25, 0.4, 0.5]),
+    seeds,
+    st.sampled_from(["random", "ordered"]),
+)
 def test_a_split_is_a_stratified_partition(labels, fraction, seed, kind):
     order = np.random.default_rng(seed).permutation(len(labels))
-    train, test = split(labels, test_fraction=fraction, kind=kind, seed=seed, order=order)
-    assert np.array_equal(np.sort(np.concatenate([train, test])), np.arange(len(labels)))
+    train, test = split(
+        labels, test_fraction=fraction, kind=kind, seed=seed, order=order
+    )
+    assert np.array_equal(
+        np.sort(np.concatenate([train, test])), np.arange(len(labels))
+    )
     names = np.unique(labels)
     share = len(test) / len(labels) * counts_of(labels, names)
     assert (np.abs(counts_of(labels[test], names) - share) < 1).all()
@@ -52,35 +63,49 @@ def test_an_ordered_split_tests_on_what_came_last_of_each_class(labels, seed):
 def test_a_grouped_split_never_parts_a_group(labels, fraction, seed, across):
     """Groups within a class (positions) or across all of them (sessions), of unequal sizes."""
     rng = np.random.default_rng(seed)
-    groups = rng.choice([3, 5, 8, 13, 21], size=len(labels), p=[0.1, 0.1, 0.2, 0.2, 0.4])
+    groups = rng.choice(
+        [3, 5, 8, 13, 21], size=len(labels), p=[0.1, 0.1, 0.2, 0.2, 0.4]
+    )
     if across:
         for name in np.unique(labels):  # every class is in two groups at least
             groups[np.flatnonzero(labels == name)[:2]] = 3, 5
         texts = np.char.add("g", groups.astype(str))
     else:
         groups = np.arange(len(labels)) // 2
-        texts = np.array([f"{name}/{group}" for name, group in zip(labels, groups, strict=True)])
+        texts = np.array(
+            [f"{name}/{group}" for name, group in zip(labels, groups, strict=True)]
+        )
     try:
-        train, test = split(labels, test_fraction=fraction, kind="grouped", seed=seed, groups=texts)
+        train, test = split(
+            labels, test_fraction=fraction, kind="grouped", seed=seed, groups=texts
+        )
     except ValueError as error:
         assert "split.groups: expected groups of class" in str(error)  # noqa: PT017
-        assert across  # the only two groups of one class were needed for the test of two others
+        assert (
+            across
+        )  # the only two groups of one class were needed for the test of two others
         return
-    assert np.array_equal(np.sort(np.concatenate([train, test])), np.arange(len(labels)))
+    assert np.array_equal(
+        np.sort(np.concatenate([train, test])), np.arange(len(labels))
+    )
     assert not set(texts[train]) & set(texts[test])
     assert set(labels[train]) == set(labels[test]) == set(labels)
     if not across:  # groups of one or two samples: as near as whole groups allow
         names = np.unique(labels)
         share = fraction * counts_of(labels, names)
         assert (np.abs(counts_of(labels[test], names) - share) <= 2).all()
-    again = split(labels, test_fraction=fraction, kind="grouped", seed=seed, groups=texts)
+    again = split(
+        labels, test_fraction=fraction, kind="grouped", seed=seed, groups=texts
+    )
     assert np.array_equal(again[0], train)
     assert np.array_equal(again[1], test)
 
 
 def test_groups_that_are_drawn_follow_the_seed_and_large_ones_are_still_found():
     labels, groups = np.arange(200) % 2, np.arange(200) // 20
-    tests = {tuple(split(labels, kind="grouped", seed=s, groups=groups)[1]) for s in range(9)}
+    tests = {
+        tuple(split(labels, kind="grouped", seed=s, groups=groups)[1]) for s in range(9)
+    }
     assert {len(test) for test in tests} == {40}
     assert len(tests) > 5
     half = np.arange(200) // 100  # two groups of 100 where 40 should test
@@ -95,7 +120,9 @@ def test_neighbours_in_time_leak_through_a_random_split_only():
     labels = labels[order]
     random = neighbours_leak(labels, order, *split(labels))
     assert random == pytest.approx(1 - 0.2**2, abs=0.06)  # of 100
-    ordered = neighbours_leak(labels, order, *split(labels, kind="ordered", order=order))
+    ordered = neighbours_leak(
+        labels, order, *split(labels, kind="ordered", order=order)
+    )
     assert ordered == 5 / 100  # the first test frame of each class
     grouped = split(labels, kind="grouped", groups=order // 20)
     assert neighbours_leak(labels, order, *grouped) <= 0.1
@@ -107,7 +134,9 @@ def test_neighbours_in_time_leak_through_a_random_split_only():
 def test_learning_curve_subsets_are_nested_and_stratified(labels, seed, data):
     train, _ = split(labels, test_fraction=0.25, seed=seed)
     names = np.unique(labels)
-    sizes = data.draw(st.lists(st.integers(len(names), len(train)), min_size=1, max_size=6))
+    sizes = data.draw(
+        st.lists(st.integers(len(names), len(train)), min_size=1, max_size=6)
+    )
     subsets = learning_curve_subsets(train, labels, sizes, seed)
     assert list(subsets) == sorted(set(sizes))
     before: set[int] = set()
@@ -120,7 +149,9 @@ def test_learning_curve_subsets_are_nested_and_stratified(labels, seed, data):
         # Half a sample of rounding a class can add up in one class; and one a class comes first,
         # so a small class may hold a sample more than its share.
         share = n / len(train) * counts_of(labels[train], names)
-        assert (np.abs(got - share) <= 1 + (len(names) - 1) * max(0.5, (share < 1).any())).all()
+        assert (
+            np.abs(got - share) <= 1 + (len(names) - 1) * max(0.5, (share < 1).any())
+        ).all()
 
 
 def test_sessions():
@@ -128,7 +159,9 @@ def test_sessions():
     train, test = by_session(sessions)
     assert (train.tolist(), test.tolist()) == ([0, 1], [2, 4])
     for test in (0, 5):
-        with pytest.raises(ValueError, match=r"other than 0 of the sessions \[0, 1, 2\], found"):
+        with pytest.raises(
+            ValueError, match=r"other than 0 of the sessions \[0, 1, 2\], found"
+        ):
             by_session(sessions, 0, test)
 
 
@@ -138,14 +171,29 @@ LABELS = np.arange(20) % 2
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"test_fraction": 1.0}, r"test_fraction: expected a number in \(0, 1\), found 1"),
+        (
+            {"test_fraction": 1.0},
+            r"test_fraction: expected a number in \(0, 1\), found 1",
+        ),
         ({"n_test": 20}, r"split: expected samples of class 0 on both sides of its 10"),
         ({"kind": "time"}, r"kind: expected one of random, .*, found 'time'"),
-        ({"kind": "ordered"}, r"split.order: expected the place of each sample, found None"),
-        ({"kind": "grouped"}, r"split.groups: expected the group of each sample, found None"),
-        ({"kind": "grouped", "groups": LABELS}, r"groups of class 0 of which some .* found 1"),
+        (
+            {"kind": "ordered"},
+            r"split.order: expected the place of each sample, found None",
+        ),
+        (
+            {"kind": "grouped"},
+            r"split.groups: expected the group of each sample, found None",
+        ),
+        (
+            {"kind": "grouped", "groups": LABELS},
+            r"groups of class 0 of which some .* found 1",
+        ),
         ({"labels": LABELS.astype(float)}, "labels: expected integers"),
-        ({"labels": np.array([0, 0, 0, 0, 1])}, "class 1 on both sides of its 1, found '0 to test"),
+        (
+            {"labels": np.array([0, 0, 0, 0, 1])},
+            "class 1 on both sides of its 1, found '0 to test",
+        ),
     ],
 )
 def test_arguments_that_make_no_sense_are_named(settings, message):

@@ -18,7 +18,9 @@ from experiments.reporting.table import Table
 TEMPLATES = Path(__file__).parent / "templates"
 COLUMNS = 8  # of a table that are shown at first
 ROWS = 30  # of a table that is not folded away
-_NUMBER = re.compile(r"[-+−]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?( k?M?B)?( [\[(].*)?", re.IGNORECASE)
+_NUMBER = re.compile(
+    r"[-+−]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?( k?M?B)?( [\[(].*)?", re.IGNORECASE
+)
 _TONES = {
     "yes": "good", "no": "bad", "partly": "plain", "fitted": "plain",
     "agrees": "good", "same": "good", "holds": "good", "differs": "bad", "fails": "bad",
@@ -68,7 +70,9 @@ class Section:
     open: bool = False  # not folded away at first
 
 
-def render(sections: Sequence[Section], problems: Sequence[str], about: Mapping[str, str]) -> str:
+def render(
+    sections: Sequence[Section], problems: Sequence[str], about: Mapping[str, str]
+) -> str:
     """The page's HTML; `about`: name of a set of results → where it comes from."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
@@ -79,7 +83,11 @@ def render(sections: Sequence[Section], problems: Sequence[str], about: Mapping[
     )
     environment.filters |= {"tone": _tone, "kinds": _kinds}
     return environment.get_template("report.html").render(
-        sections=sections, problems=problems, about=about, most_rows=ROWS, most_columns=COLUMNS
+        sections=sections,
+        problems=problems,
+        about=about,
+        most_rows=ROWS,
+        most_columns=COLUMNS,
     )
 
 

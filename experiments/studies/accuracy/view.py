@@ -13,7 +13,13 @@ from experiments.records import configs
 from experiments.records.results import Results
 from experiments.reporting import estimates, published
 from experiments.reporting import rows as rows_of
-from experiments.reporting.plot import accuracy_curves, handle, published_point, star, title
+from experiments.reporting.plot import (
+    accuracy_curves,
+    handle,
+    published_point,
+    star,
+    title,
+)
 from experiments.reporting.rows import Row, row, swept
 from experiments.reporting.study import RUN, Quantity, Study
 from experiments.reporting.table import frame
@@ -110,10 +116,14 @@ def accuracy_vs_n(figure: Figure, results: Results) -> None:
         axes.legend(handles=[*map(handle, models), *paper], loc="lower right")
     known = published.numbers()
     for model, n in PUBLISHED_N.items():
-        published_point(panels[0], model, n, known[f"table1/{model}_test_accuracy"].value, 8)
+        published_point(
+            panels[0], model, n, known[f"table1/{model}_test_accuracy"].value, 8
+        )
     limit = known["accuracy_vs_n/n_for_90_percent"].value
     for axes in panels:
-        axes.plot([limit, limit], [0, 90], color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
+        axes.plot(
+            [limit, limit], [0, 90], color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0
+        )
         axes.axhline(90, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
     text = f"paper: > 90 %\nonly for N > {limit:g}"
     panels[0].text(limit * 1.05, 42, text, ha="left", color="0.3", fontsize=6)

@@ -69,12 +69,16 @@ class Case:
         self._temporary = tempfile.TemporaryDirectory()  # it goes when the case goes
         folder, size = Path(self._temporary.name), (math.isqrt(self.d),) * 2
         lossless = cv2.VideoWriter.fourcc(*"FFV1")
-        video = cv2.VideoWriter(str(folder / "video.avi"), lossless, RATE_HZ, size, isColor=False)
+        video = cv2.VideoWriter(
+            str(folder / "video.avi"), lossless, RATE_HZ, size, isColor=False
+        )
         lines, first = ["start_s,end_s,label"], 0
         for c, n in enumerate(np.bincount(self.labels)):
             (folder / "images" / str(c)).mkdir(parents=True)
             for k, frame in enumerate(self.pixels.numpy()[self.labels == c]):
-                cv2.imwrite(str(folder / "images" / str(c) / f"{k}.png"), frame.reshape(size))
+                cv2.imwrite(
+                    str(folder / "images" / str(c) / f"{k}.png"), frame.reshape(size)
+                )
                 video.write(frame.reshape(size))
             lines.append(f"{first / RATE_HZ},{(first + n) / RATE_HZ},{c}")
             first += n
@@ -83,19 +87,27 @@ class Case:
         return folder
 
     def _made(self, labels: np.ndarray, stream: int) -> Tensor:
-        frames = np.fromiter(self._drawn(labels, stream), (np.uint8, self.d), len(labels))
+        frames = np.fromiter(
+            self._drawn(labels, stream), (np.uint8, self.d), len(labels)
+        )
         return torch.from_numpy(frames)
 
     def _drawn(self, labels: np.ndarray, stream: int) -> Iterator[np.ndarray]:
         """One frame [D] after another; every pattern is a stretch of one long random sequence."""
         n, spare = len(labels), min(15 * self.d, 2**22)
-        patterns = np.random.default_rng(self.seed).standard_gamma(3, self.d + spare, np.float32)
+        patterns = np.random.default_rng(self.seed).standard_gamma(
+            3, self.d + spare, np.float32
+        )
         of_class = np.random.default_rng([self.seed, 0]).integers(0, spare, self.l)
         rng = np.random.default_rng([self.seed, stream])
         gains = 1 + 0.01 * rng.standard_normal(n)
-        for label, start, gain in zip(labels, rng.integers(0, spare, n), gains, strict=True):
+        for label, start, gain in zip(
+            labels, rng.integers(0, spare, n), gains, strict=True
+        ):
             pattern = patterns[of_class[label] :][: self.d] + patterns[start:][: self.d]
-            yield np.minimum(np.float32(gain * 50 / 3 / 2) * pattern, 255).astype(np.uint8)
+            yield np.minimum(np.float32(gain * 50 / 3 / 2) * pattern, 255).astype(
+                np.uint8
+            )
 
     def verdict(self, result: np.ndarray) -> str:
         """Compare a result in common form with the reference, which is computed in numpy alone.
@@ -124,7 +136,9 @@ class Case:
         low, ones, high = np.zeros((3, self.l, self.d), np.int32)
         for frame, label in zip(self.pixels.numpy(), self.labels, strict=True):
             passed, equal = threshold(frame)
-            if self.operation == "bundle":  # of hypervectors, which have no ties any more
+            if (
+                self.operation == "bundle"
+            ):  # of hypervectors, which have no ties any more
                 equal = np.zeros_like(equal)
             ones[label] += passed
             low[label] += passed & ~equal

@@ -26,7 +26,9 @@ from experiments.studies.benchmark.names import NO_RESULT, OURS, OURS_COMPILED
 from experiments.studies.benchmark.routes import OPERATIONS, Route, common_form
 
 SIZE = ("operation", "n", "d", "l")
-_SAMPLE_S = 20e-3  # shorter calls are repeated, so that each finds its own data in the caches
+_SAMPLE_S = (
+    20e-3  # shorter calls are repeated, so that each finds its own data in the caches
+)
 
 
 @experiment
@@ -52,7 +54,9 @@ def benchmark(
                 if row["status"] == "wrong result":
                     wrong.append(f"{row['operation']} by {row['route']}")
     if wrong:
-        raise RuntimeError(f"benchmark: expected right results, found wrong ones of {wrong}")
+        raise RuntimeError(
+            f"benchmark: expected right results, found wrong ones of {wrong}"
+        )
 
 
 def measure(case: Case, budget_s: float) -> list[Row]:
@@ -73,7 +77,10 @@ def measure(case: Case, budget_s: float) -> list[Row]:
     for row in rows:
         if row["route"] in samplers:
             seconds = np.array([turn[row["route"]] for turn in turns])
-            row |= {"median_s": float(np.median(seconds)), "min_s": float(seconds.min())}
+            row |= {
+                "median_s": float(np.median(seconds)),
+                "min_s": float(seconds.min()),
+            }
             row["samples"] = len(turns)
             if OURS in samplers:
                 ours = np.array([turn[OURS] for turn in turns])

@@ -41,7 +41,9 @@ def encode_routes(case: Case) -> Iterator[Route]:
     frames = case.pixels
     yield from ours(lambda backend: partial(encode, frames, backend=backend))
     yield Route("torch.median, compare", "torch", lambda: torch_bits(frames))
-    yield Route("cv2.calcHist, compare, packbits", "cv2", lambda: opencv_words(frames.numpy()))
+    yield Route(
+        "cv2.calcHist, compare, packbits", "cv2", lambda: opencv_words(frames.numpy())
+    )
 
 
 def bundle_routes(case: Case) -> Iterator[Route]:
@@ -70,8 +72,14 @@ def hamming_routes(case: Case) -> Iterator[Route]:
 def train_routes(case: Case) -> Iterator[Route]:
     """Frames to prototypes."""
     frames, copied = case.pixels, np.zeros(case.pixels.shape, np.uint8)
-    yield from ours(lambda backend: lambda: HDCClassifier(backend=backend).fit(frames, case.labels))
-    yield Route(names.READ, "numpy", lambda: np.bitwise_xor.reduce(frames.numpy().view(np.uint64)))
+    yield from ours(
+        lambda backend: lambda: HDCClassifier(backend=backend).fit(frames, case.labels)
+    )
+    yield Route(
+        names.READ,
+        "numpy",
+        lambda: np.bitwise_xor.reduce(frames.numpy().view(np.uint64)),
+    )
     yield Route(names.COPY, "numpy", lambda: np.copyto(copied, frames.numpy()))
 
     def ordinary(ones: Callable[[Tensor], Tensor]) -> Callable[[], Tensor]:
@@ -101,9 +109,13 @@ def predict_routes(case: Case) -> Iterator[Route]:
         return lambda: label(next(turn))
 
     yield from ours(
-        lambda backend: each(HDCClassifier(backend=backend).fit(case.examples, labels).predict)
+        lambda backend: each(
+            HDCClassifier(backend=backend).fit(case.examples, labels).predict
+        )
     )
-    yield Route("torch.median, torchhd.hamming_similarity", "torchhd", each(torchhd_label))
+    yield Route(
+        "torch.median, torchhd.hamming_similarity", "torchhd", each(torchhd_label)
+    )
     yield Route("cv2.calcHist, numpy.bitwise_count", "cv2", each(opencv_label))
 
 
@@ -162,7 +174,11 @@ def common_form(case: Case, call: Callable[[], Any]) -> np.ndarray:
     result: Any = call()
     if isinstance(result, HDCClassifier):
         result = result.prototypes_
-    if isinstance(result, Tensor) and result.dtype == torch.int64 and case.operation != "hamming":
+    if (
+        isinstance(result, Tensor)
+        and result.dtype == torch.int64
+        and case.operation != "hamming"
+    ):
         result = unpack_bits(result, case.d)
     array = np.asarray(result)
     return pack_bits(array) if array.dtype == np.bool_ else array
@@ -195,9 +211,13 @@ def numpy_bits(frames: Tensor) -> Tensor:
 def opencv_words(frames: np.ndarray) -> np.ndarray:
     """The same of uint8 frames, packed, by OpenCV's histograms; exact to 2^24 pixels."""
     middle = (frames.shape[1] + 1) // 2
-    counts = (load("cv2").calcHist([x], [0], None, [256], [0, 256]).ravel() for x in frames)
+    counts = (
+        load("cv2").calcHist([x], [0], None, [256], [0, 256]).ravel() for x in frames
+    )
     levels = [np.searchsorted(x.astype(np.int64).cumsum(), middle) for x in counts]
-    return np.stack([pack_bits(x > level) for x, level in zip(frames, levels, strict=True)])
+    return np.stack(
+        [pack_bits(x > level) for x, level in zip(frames, levels, strict=True)]
+    )
 
 
 def by_class(case: Case, ones: Tensor) -> list[Tensor]:

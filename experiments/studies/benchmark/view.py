@@ -47,7 +47,11 @@ def _median(row: Mapping[str, Any]) -> str:
     return row["status"] if row["status"] != "ok" else milliseconds(row["median_s"])
 
 
-SHOWN = {"predict": "predict, one frame", "folder": "train, PNG images", "video": "train, video"}
+SHOWN = {
+    "predict": "predict, one frame",
+    "folder": "train, PNG images",
+    "video": "train, video",
+}
 COLUMNS = {
     "operation": Column("Operation", lambda name: SHOWN.get(name, name)),
     "route": Column("Route"),
@@ -67,18 +71,26 @@ COLUMNS = {
 def goals(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """What was to be reached, as far as it was measured."""
     single = of_route(rows, "predict", OURS_COMPILED)
-    table = [("predict one frame: hdc, compiled, ms", "≤", 0.12, 1e3 * single["median_s"])]
+    table = [
+        ("predict one frame: hdc, compiled, ms", "≤", 0.12, 1e3 * single["median_s"])
+    ]
     for operation, pair, bound, limit in GOALS:
         # Both were timed in turns with ours.
-        over, under = (of_route(rows, operation, route)["ratio_to_ours"] for route in pair)
-        table.append((f"{operation}: {pair[0]}, × {pair[1]}", bound, limit, over / under))
+        over, under = (
+            of_route(rows, operation, route)["ratio_to_ours"] for route in pair
+        )
+        table.append(
+            (f"{operation}: {pair[0]}, × {pair[1]}", bound, limit, over / under)
+        )
     return pd.DataFrame(
         [
             {
                 "Goal": goal,
                 "Wanted": f"{bound} {limit:g}",
                 "Measured": float(value),
-                "Met": "yes" if (value >= limit if bound == "≥" else value <= limit) else "no",
+                "Met": "yes"
+                if (value >= limit if bound == "≥" else value <= limit)
+                else "no",
             }
             for goal, bound, limit, value in table
             if not math.isnan(value)
@@ -100,7 +112,9 @@ def headline(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     rows = rows[(rows["d"] == HEADLINE["d"]) & (rows["l"] == HEADLINE["l"])]
     other_n = ~rows["operation"].isin(["encode", "bundle", "train"])
     rows = rows[other_n | (rows["n"] == HEADLINE["n"])]
-    return rows.sort_values("operation", key=lambda x: x.map(OPERATIONS.index), kind="stable")
+    return rows.sort_values(
+        "operation", key=lambda x: x.map(OPERATIONS.index), kind="stable"
+    )
 
 
 def ordinary_training_s(results: Results, group: Group) -> float | None:
@@ -110,15 +124,29 @@ def ordinary_training_s(results: Results, group: Group) -> float | None:
     if measured is None or not group.runs:
         return None
     record, made_on = group.runs[0].record, measured.record.environment
-    if (made_on.cpu, made_on.threads) != (record.environment.cpu, record.environment.threads):
+    if (made_on.cpu, made_on.threads) != (
+        record.environment.cpu,
+        record.environment.threads,
+    ):
         return None
-    sizes = {"n": record.n_train, "d": math.prod(record.scene.shape), "l": len(group.classes)}
-    rows = (of_route(measured.frame, "train", route, **sizes) for route in names.ORDINARY_ROUTES)
-    seconds = [float(row["median_s"]) for row in rows if not math.isnan(row["median_s"])]
+    sizes = {
+        "n": record.n_train,
+        "d": math.prod(record.scene.shape),
+        "l": len(group.classes),
+    }
+    rows = (
+        of_route(measured.frame, "train", route, **sizes)
+        for route in names.ORDINARY_ROUTES
+    )
+    seconds = [
+        float(row["median_s"]) for row in rows if not math.isnan(row["median_s"])
+    ]
     return min(seconds, default=None)
 
 
-def of_route(rows: pd.DataFrame, operation: str, route: str, **sizes: int) -> dict[str, float]:
+def of_route(
+    rows: pd.DataFrame, operation: str, route: str, **sizes: int
+) -> dict[str, float]:
     """Median and ratio of a route at these sizes, NaN where it was not measured.
 
     A size that is not given is the headline's, or the only one that was measured.

@@ -8,7 +8,9 @@ from collections.abc import Iterable, Sequence
 from experiments.reporting.estimates import Estimate
 
 YES, NO, PARTLY, UNDECIDED = "yes", "no", "partly", "undecided"
-MARGIN = 0.03  # of accuracies, as in published.csv: a smaller difference decides nothing
+MARGIN = (
+    0.03  # of accuracies, as in published.csv: a smaller difference decides nothing
+)
 TIMES = 10  # a training "much faster" takes at most this part of its rival's time
 
 
@@ -31,7 +33,9 @@ def at_least_as_accurate(difference: Estimate) -> str:
     Yes: the interval lies above −margin. No: the difference is at most −margin and its interval
     lies below zero. Undecided otherwise.
     """
-    opposite = more_accurate(Estimate(-difference.value, -difference.high, -difference.low))
+    opposite = more_accurate(
+        Estimate(-difference.value, -difference.high, -difference.low)
+    )
     return {YES: NO, NO: YES}.get(opposite, UNDECIDED)
 
 

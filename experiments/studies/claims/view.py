@@ -18,7 +18,12 @@ from omegaconf import OmegaConf
 
 from experiments.records.results import Results
 from experiments.reporting.columns import Column, display_name
-from experiments.reporting.estimates import Estimate, difference, mean_difference, mean_interval
+from experiments.reporting.estimates import (
+    Estimate,
+    difference,
+    mean_difference,
+    mean_interval,
+)
 from experiments.reporting.study import RUN, Study, with_places
 from experiments.reporting.table import frame, records
 from experiments.reporting.text import number
@@ -84,8 +89,12 @@ def _slower(results: Results, models: Sequence[str]) -> Iterator[Evidence]:
     for model in models:
         ratios = time_ratios(results, results.group(scene_of_table1(), model))
         for way, runs in ratios.items():
-            median = float(np.median(runs)) if runs else math.nan  # a way that was not measured
-            bounds = (min(runs), max(runs)) if len(runs) > 1 else ()  # one run has no range
+            median = (
+                float(np.median(runs)) if runs else math.nan
+            )  # a way that was not measured
+            bounds = (
+                (min(runs), max(runs)) if len(runs) > 1 else ()
+            )  # one run has no range
             yield {"evidence": f"{display_name(model)}, over {way}", "kind": TIMED,
                    "value": Estimate(median, *bounds), "verdict": rules.slower(runs),
                    "n": f"{len(runs)} run{'s' * (len(runs) != 1)}"}  # fmt: skip
@@ -96,7 +105,10 @@ def _of_places(
 ) -> Iterator[Evidence]:
     """Evidence of a measurement: on its own, simulated frames, and on others, measured ones."""
     for suffix, measured in with_places(results, name):
-        of = {"kind": MEASURED if suffix else SIMULATED, "command": measured.record.command}
+        of = {
+            "kind": MEASURED if suffix else SIMULATED,
+            "command": measured.record.command,
+        }
         for row in read(measured.frame, suffix.lstrip("_")):
             yield {**of, "n": f"{measured.frame.seed.nunique()} seeds", **row}
 
@@ -107,7 +119,10 @@ def _few(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     by_seed = equal.pivot_table("accuracy", "seed", "model")
     if RIVAL in by_seed:
         value = mean_interval((by_seed["hdc"] - by_seed[RIVAL]).tolist())
-        yield {"evidence": f"{place or 'touch'}, N up to {equal.n.max()}", "value": value}
+        yield {
+            "evidence": f"{place or 'touch'}, N up to {equal.n.max()}",
+            "value": value,
+        }
 
 
 def _first(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
@@ -120,7 +135,9 @@ def _first(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
 def _contrast(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     """Contrast of prototypes less that of the speckle, on samples held out."""
     if "speckle" in set(rows.kind):
-        before, after = (mean_contrast(rows, k, "held-out")[0] for k in ("speckle", "prototype"))
+        before, after = (
+            mean_contrast(rows, k, "held-out")[0] for k in ("speckle", "prototype")
+        )
         yield {"evidence": place or "touch", "value": Estimate(after - before),
                "quantity": f"contrast {number(before)} to {number(after)}",
                "verdict": YES if after > before else NO}  # fmt: skip
@@ -154,7 +171,10 @@ def _faults(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
         lost = (flipped.groupby("seed").accuracy.mean() - clean).dropna()
         if len(lost):
             value = mean_difference(lost.tolist(), float(flipped.n_test.iloc[0]))
-            row = {"evidence": f"{display_name(model)}, {place or 'touch'}", "value": value}
+            row = {
+                "evidence": f"{display_name(model)}, {place or 'touch'}",
+                "value": value,
+            }
             yield row if model == "hdc" else {**row, "verdict": UNDECIDED}
 
 
@@ -207,8 +227,18 @@ def evidence(results: Results) -> pd.DataFrame:
         for found in read(results):
             value = found["value"]
             verdict = found.get("verdict") or getattr(rules, rule)(value)
-            shown = Estimate(*(100 * bound for bound in value)) if unit == "points" else value
-            columns = {**of, **shown.columns("value"), **rest, **found, "verdict": verdict}
+            shown = (
+                Estimate(*(100 * bound for bound in value))
+                if unit == "points"
+                else value
+            )
+            columns = {
+                **of,
+                **shown.columns("value"),
+                **rest,
+                **found,
+                "verdict": verdict,
+            }
             rows.append({**columns, "value": shown.value})
     return frame(rows)
 
@@ -218,10 +248,15 @@ def verdicts(rows: pd.DataFrame) -> dict[str, str]:
     measured one first."""
     words = {}
     for claim, part in rows.groupby("claim", sort=False):
-        of = {kind: part[part.kind == kind].verdict.tolist() for kind in (MEASURED, SIMULATED)}
+        of = {
+            kind: part[part.kind == kind].verdict.tolist()
+            for kind in (MEASURED, SIMULATED)
+        }
         timed = part[part.kind == TIMED].verdict.tolist()
         if timed:
-            words[str(claim)] = UNDECIDED if UNDECIDED in timed else rules.combine(timed)
+            words[str(claim)] = (
+                UNDECIDED if UNDECIDED in timed else rules.combine(timed)
+            )
         elif claim == "contrast":
             words[str(claim)] = rules.combine(of[MEASURED] + of[SIMULATED])
         else:
@@ -234,7 +269,10 @@ def _text(row: Mapping[str, Any]) -> str:
     value, name = row["value"], row["evidence"]
     if row["unit"] == "1":  # of a bare number, the quantity has both values
         return f"{name}: {row['quantity']}"
-    bounds = [value, *(row[key] for key in ("value_low", "value_high") if row.get(key) is not None)]
+    bounds = [
+        value,
+        *(row[key] for key in ("value_low", "value_high") if row.get(key) is not None),
+    ]
     points = row["unit"] == "points"
     texts = [f"{x:+.{int(abs(x) < 10)}f}" if points else number(x, 2) for x in bounds]
     shown = f"×{texts[0]}" if row["unit"] == "×" else f"{texts[0]} {row['unit']}"
@@ -278,7 +316,10 @@ STUDY.table(
     title="Evidence for each claim",
     shown=("claim", "evidence", "kind", "quantity", "value", "unit", "n", "verdict"),
     columns={
-        **{name: Column(name.capitalize()) for name in ("claim", "evidence", "kind", "quantity")},
+        **{
+            name: Column(name.capitalize())
+            for name in ("claim", "evidence", "kind", "quantity")
+        },
         "value": Column("Number [interval]"),
         "unit": Column("Unit"),
         "n": Column("n"),

@@ -40,7 +40,10 @@ class Start:
 
     def factor(self, pixels: int, classes: int) -> float:
         """Scale of a draw of its family (uniform in ±1, or of unit variance)."""
-        limits = {"linear": 1 / math.sqrt(pixels), "glorot": math.sqrt(6 / (pixels + classes))}
+        limits = {
+            "linear": 1 / math.sqrt(pixels),
+            "glorot": math.sqrt(6 / (pixels + classes)),
+        }
         return (limits | {"zeros": 0.0, "normal": self.std})[self.rule]
 
     def sigma(self, pixels: int, classes: int) -> float:
@@ -75,7 +78,9 @@ class Products:
         flat = frames.flatten(1)
         n, self.pixels = flat.shape
         drawn = [draw(seed, number, classes, self.pixels) for number in range(draws)]
-        self.intercepts = torch.stack([one["intercepts"] for one in drawn])  # [draws, L], in ±1
+        self.intercepts = torch.stack(
+            [one["intercepts"] for one in drawn]
+        )  # [draws, L], in ±1
         # By family: logits float64 [draws, n, L], and sums of the weights of a class [draws, L].
         self.logits, self.weight_sums = {}, {}
         for name in ("uniform", "normal"):
@@ -106,7 +111,12 @@ class Problem:
     """
 
     def __init__(
-        self, known: Products, labels: np.ndarray, train: np.ndarray, test: np.ndarray, scaling: str
+        self,
+        known: Products,
+        labels: np.ndarray,
+        train: np.ndarray,
+        test: np.ndarray,
+        scaling: str,
     ):
         self.n_train = n = len(train)
         self._known, pixels = known, known.pixels
@@ -115,7 +125,9 @@ class Problem:
         scale, offset = (1.0 if scaling == "raw" else 1 / 255), 0.0
         if scaling == "standard_global":
             offset = float(sums[:n].sum()) / (n * pixels)
-            scale = (float(gram.diagonal()[:n].sum()) / (n * pixels) - offset**2) ** -0.5
+            scale = (
+                float(gram.diagonal()[:n].sum()) / (n * pixels) - offset**2
+            ) ** -0.5
         self._scale, self._offset = scale, offset
         inner = scale**2 * (gram - offset * (sums[:, None] + sums) + offset**2 * pixels)
         self.kernel, self.targets = inner[:, :n], torch.from_numpy(labels)[order]
@@ -132,5 +144,7 @@ class Problem:
         weights = self._known.weight_sums[start.family][number]
         logits = factor * (self._scale * (raw - self._offset * weights))
         within = self._inverse @ logits[: self.n_train]
-        intercepts = self._known.intercepts[number] * (factor if start.rule == "linear" else 0.0)
+        intercepts = self._known.intercepts[number] * (
+            factor if start.rule == "linear" else 0.0
+        )
         return logits + intercepts, within - logits[self.n_train :]

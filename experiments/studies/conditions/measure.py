@@ -46,9 +46,14 @@ def table1_conditions(
     :class:`~experiments.studies.conditions.linear.Problem`; ``hdc``, test accuracy of HDC.
     Arguments: configs/experiment/table1_conditions.yaml.
     """
-    begun = [*(Start(rule) for rule in starts), *(Start("normal", float(std)) for std in normal)]
+    begun = [
+        *(Start(rule) for rule in starts),
+        *(Start("normal", float(std)) for std in normal),
+    ]
     # All starts at zero are one.
-    trainings = [(s, k) for s in begun for k in range(1 if s.rule == "zeros" else draws)]
+    trainings = [
+        (s, k) for s in begun for k in range(1 if s.rule == "zeros" else draws)
+    ]
     for seed, made in run.scenes(scene, seeds):
         run.note(f"seed {seed}")
         frames = made.frames(range(len(made.labels)))
@@ -84,11 +89,15 @@ def train_all(
     side by side; `seed` is that of the minibatches."""
     n = problem.n_train
     every = max(1, -(-n // (batch or n)) // reports_per_epoch)
-    logits, shifts = zip(*(problem.start(*training) for training in trainings), strict=True)
+    logits, shifts = zip(
+        *(problem.start(*training) for training in trainings), strict=True
+    )
     to_span = torch.stack(shifts, dim=2)
     starts = torch.stack(logits, dim=2)
     targets, classes = problem.targets[:n], starts.shape[1]
-    descent = Descent(problem.kernel, targets, classes, rate, logits=starts, batch=batch, seed=seed)
+    descent = Descent(
+        problem.kernel, targets, classes, rate, logits=starts, batch=batch, seed=seed
+    )
     names = [f"{value}_{level}" for level in levels for value in ("steps", *VALUES)]
     readings: list[Row] = [dict.fromkeys(names) for _ in trainings]
     *_, last = levels
@@ -99,13 +108,19 @@ def train_all(
             continue
         train, test = descent.logits[:n], descent.logits[n:]
         shares = [accuracy(train, targets)]
-        shares += [accuracy(logits, problem.targets[n:]) for logits in (test, test + to_span)]
+        shares += [
+            accuracy(logits, problem.targets[n:]) for logits in (test, test + to_span)
+        ]
         for k, *values in zip(alive, *shares, strict=True):
             for level, least in levels.items():
-                passed = values[0] >= least - 1e-9 if level == last else values[0] > least
+                passed = (
+                    values[0] >= least - 1e-9 if level == last else values[0] > least
+                )
                 if passed and readings[k][f"steps_{level}"] is None:
                     readings[k][f"steps_{level}"] = step
-                    readings[k] |= {f"{x}_{level}": v for x, v in zip(VALUES, values, strict=True)}
+                    readings[k] |= {
+                        f"{x}_{level}": v for x, v in zip(VALUES, values, strict=True)
+                    }
         kept = [p for p, k in enumerate(alive) if readings[k][f"steps_{last}"] is None]
         if not kept:
             break

@@ -59,11 +59,22 @@ STUDY = Study(
 def conditions(rows: pd.DataFrame, config: dict[str, Any]) -> pd.DataFrame:
     """One row a condition: optimiser, scale of the pixels and initial weights."""
     groups = rows.assign(inside=as_published(rows)).groupby(KEY, sort=False)
-    names = ("test_90", "steps_end", "train_end", "test_end", "projected_end", "hdc", "inside")
+    names = (
+        "test_90",
+        "steps_end",
+        "train_end",
+        "test_end",
+        "projected_end",
+        "hdc",
+        "inside",
+    )
     lines = groups.agg(
         trials=("draw", "size"),
         steps_90=("steps_90", median_of_most),
-        **{name: (name, median_of_most if "steps" in name else mean_of_most) for name in names},
+        **{
+            name: (name, median_of_most if "steps" in name else mean_of_most)
+            for name in names
+        },
     )
     return named(lines.reset_index())
 

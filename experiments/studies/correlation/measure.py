@@ -47,7 +47,9 @@ def correlation(
     Arguments: configs/experiment/correlation.yaml.
     """
     if set(kinds) - set(KINDS):
-        raise ValueError(f"task.kinds: expected among {', '.join(KINDS)}, found {list(kinds)}")
+        raise ValueError(
+            f"task.kinds: expected among {', '.join(KINDS)}, found {list(kinds)}"
+        )
     for seed, sensor in run.scenes(scene, seeds):
         for row in correlations(sensor, split, seed, kinds, samples):
             yield {"origin": sensor.origin, "seed": seed, **row}
@@ -56,7 +58,11 @@ def correlation(
 
 @experiment
 def correlation_images(
-    run: Run, scene: Mapping[str, Any], split: Mapping[str, Any], seed: int, crop: Sequence[int]
+    run: Run,
+    scene: Mapping[str, Any],
+    split: Mapping[str, Any],
+    seed: int,
+    crop: Sequence[int],
 ) -> Iterator[Row]:
     """One row: a square of a class, a PNG in base64 (``png``).
 
@@ -76,7 +82,12 @@ def correlation_images(
             image = images.view(frames.shape)[k, top : top + edge, left : left + edge]
             _, png = cv2.imencode(".png", np.ascontiguousarray(image.numpy()))
             text = base64.b64encode(png.tobytes()).decode()
-            yield {"origin": sensor.origin, "class": name, "picture": picture, "png": text}
+            yield {
+                "origin": sensor.origin,
+                "class": name,
+                "picture": picture,
+                "png": text,
+            }
 
 
 def correlations(
@@ -91,9 +102,13 @@ def correlations(
     for kind in kinds:
         parts = sums[_correlated(kind)]
         for part in samples:
-            total = parts["training"] + parts["held-out"] if part == "all" else parts[part]
+            total = (
+                parts["training"] + parts["held-out"] if part == "all" else parts[part]
+            )
             means = (
-                total.means_with(prototypes.numpy()) if kind == "prototype" else total.pair_means()
+                total.means_with(prototypes.numpy())
+                if kind == "prototype"
+                else total.pair_means()
             )
             for i, j in np.ndindex(means.shape):
                 yield {
@@ -104,7 +119,9 @@ def correlations(
                 }  # fmt: skip
 
 
-def members_of(scene: Scene, split: Mapping[str, Any], seed: int) -> dict[str, np.ndarray]:
+def members_of(
+    scene: Scene, split: Mapping[str, Any], seed: int
+) -> dict[str, np.ndarray]:
     """Sample indices [L, N_s] of the training and of the held-out part.
 
     Raises:
@@ -112,7 +129,9 @@ def members_of(scene: Scene, split: Mapping[str, Any], seed: int) -> dict[str, n
     """
     members = {}
     for part, chosen in zip(PARTS, data.choose(scene, split, seed), strict=True):
-        by_class = [chosen[scene.labels[chosen] == c] for c in range(len(scene.classes))]
+        by_class = [
+            chosen[scene.labels[chosen] == c] for c in range(len(scene.classes))
+        ]
         counts = sorted({len(indices) for indices in by_class})
         if len(counts) > 1:
             raise ValueError(
@@ -147,7 +166,9 @@ def add_up(
             for correlated, by_part in sums.items():
                 if part in by_part:
                     ones = correlated == "hypervector"
-                    by_part[part].add(bits.unpack(words, dimension) if ones else frames.flatten(1))
+                    by_part[part].add(
+                        bits.unpack(words, dimension) if ones else frames.flatten(1)
+                    )
     return sums, bits.unpack(counters.majority(), dimension)
 
 

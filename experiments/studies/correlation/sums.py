@@ -53,7 +53,9 @@ class CorrelationSums:
     def pair_means(self) -> NDArray[np.float64]:
         """C_ll′ of Eqs. 4 and 5, float64 [L, L]; of two samples per class at least."""
         if self.n < 2:
-            raise ValueError(f"samples: expected at least two of each class, found {self.n}")
+            raise ValueError(
+                f"samples: expected at least two of each class, found {self.n}"
+            )
         return (self.sums @ self.sums.T - self.same) / (self.n * (self.n - 1))
 
     def means_with(self, prototypes: Any) -> NDArray[np.float64]:
@@ -77,7 +79,9 @@ def mean_pair_correlations(a: Any, b: Any, dtype: DTypeLike = np.float64) -> flo
     return float(sums.pair_means()[0, 1])
 
 
-def pair_correlations_double_sum(a: Any, b: Any, dtype: DTypeLike = np.float64) -> float:
+def pair_correlations_double_sum(
+    a: Any, b: Any, dtype: DTypeLike = np.float64
+) -> float:
     """:func:`mean_pair_correlations` pair by pair as Eq. 4 is written, in `dtype`: O(N_s²·D)."""
     if _constant(a).any() or _constant(b).any():
         return np.nan

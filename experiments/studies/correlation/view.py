@@ -15,7 +15,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from experiments.reporting import published
-from experiments.reporting.estimates import ONE_SENSOR, Estimate, mean_interval, one_sensor
+from experiments.reporting.estimates import (
+    ONE_SENSOR,
+    Estimate,
+    mean_interval,
+    one_sensor,
+)
 from experiments.reporting.plot import PAPER, errors, matrix, panel, star
 from experiments.reporting.study import Quantity, Study
 from experiments.studies.correlation.sums import contrast
@@ -50,7 +55,8 @@ def mean_contrast(rows: pd.DataFrame, kind: str, samples: str) -> Estimate:
 def quantities(rows: pd.DataFrame, config: Mapping[str, Any]) -> Iterator[Quantity]:
     """Fig. 4: the largest C^s_ll and the contrasts ΔC, of all samples, as Eq. 4 has them."""
     training, held_out = (
-        mean_contrast(rows, "prototype", samples).value for samples in ("training", "held-out")
+        mean_contrast(rows, "prototype", samples).value
+        for samples in ("training", "held-out")
     )
     note = f"samples in the prototypes alone {training:.3g}, the others alone {held_out:.3g}"
     for quantity, kind, of in (
@@ -85,7 +91,9 @@ def images(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> Non
         image = plt.imread(io.BytesIO(base64.b64decode(row["png"])))
         # Speckle: from dark to 0.6 of the camera's range, above which few pixels are.
         brightest = 0.6 if row["picture"] == "speckle" else 1
-        place.imshow(image, cmap="gray", vmin=0, vmax=brightest, interpolation="nearest")
+        place.imshow(
+            image, cmap="gray", vmin=0, vmax=brightest, interpolation="nearest"
+        )
         place.set(xticks=[], yticks=[])
         place.spines[:].set_visible(False)
     for place, name in zip(axes[0], classes, strict=True):
@@ -125,8 +133,13 @@ def _contrasts(axes: Axes, rows: pd.DataFrame) -> None:
     }
     x = np.arange(len(bars))
     value, spread = errors([mean_contrast(rows, *of) for of in bars.values()])
-    axes.bar(x, value, yerr=spread, color="#56B4E9", width=0.7, error_kw={"elinewidth": 0.7})
-    known = [published.numbers()[f"correlation/contrast_{of[0]}"].value for of in bars.values()]
+    axes.bar(
+        x, value, yerr=spread, color="#56B4E9", width=0.7, error_kw={"elinewidth": 0.7}
+    )
+    known = [
+        published.numbers()[f"correlation/contrast_{of[0]}"].value
+        for of in bars.values()
+    ]
     axes.plot(x, known, zorder=4, **PAPER)
     axes.set_xticks(x, list(bars), fontsize=5.5)
     axes.tick_params(axis="y", labelsize=5.5)

@@ -41,7 +41,10 @@ def crossing(
     """
     sizes, built = _sizes(n_train), models_of(models)
     for seed, sensor in run.scenes(scene, seeds):
-        frames, labels = sensor.frames(np.arange(len(sensor.labels))).cpu(), sensor.labels
+        frames, labels = (
+            sensor.frames(np.arange(len(sensor.labels))).cpu(),
+            sensor.labels,
+        )
         words, products = encode(frames), Products(frames, labels, len(sensor.classes))
         for draw in range(draws):
             drawn = int(np.random.default_rng((seed, draw)).integers(2**31))
@@ -49,10 +52,17 @@ def crossing(
             order = learning_curve_subsets(train, labels, [sizes[-1]], drawn)[sizes[-1]]
             for name, model in built.items():
                 if isinstance(model, HDCClassifier):
-                    right = hdc_right(words, labels, order, test, sizes, model, frames[0].numel())
+                    right = hdc_right(
+                        words, labels, order, test, sizes, model, frames[0].numel()
+                    )
                 else:
-                    answers = (products.scores(model, order[:n], test).argmax(1) for n in sizes)
-                    right = [int((answer.numpy() == labels[test]).sum()) for answer in answers]
+                    answers = (
+                        products.scores(model, order[:n], test).argmax(1) for n in sizes
+                    )
+                    right = [
+                        int((answer.numpy() == labels[test]).sum())
+                        for answer in answers
+                    ]
                 yield {
                     "origin": sensor.origin, "seed": seed, "draw": draw, "model": name,
                     "n_classes": len(sensor.classes), "n_test": n_test,
@@ -63,7 +73,10 @@ def crossing(
 
 @experiment
 def crossing_theory(
-    run: Run, scene: Mapping[str, Any], seeds: Sequence[int], n_train: Sequence[int] = (5, 60)
+    run: Run,
+    scene: Mapping[str, Any],
+    seeds: Sequence[int],
+    n_train: Sequence[int] = (5, 60),
 ) -> Iterator[Row]:
     """One row: accuracies that theory expects after ``n`` samples of the classes of one sensor.
 
@@ -76,7 +89,9 @@ def crossing_theory(
         everyone, labels = np.arange(len(sensor.labels)), sensor.labels
         frames = sensor.frames(everyone).cpu()
         dimension = frames[0].numel()
-        of_bits = theory.correlations(bit_correlations(encode(frames), dimension), labels)
+        of_bits = theory.correlations(
+            bit_correlations(encode(frames), dimension), labels
+        )
         products = Products(frames, labels, len(sensor.classes))
         standardised, _ = products.kernel(everyone, everyone[:0], "standardised")
         of_frames = theory.correlations(standardised.numpy() / dimension, labels)
@@ -93,7 +108,9 @@ def crossing_theory(
 
 def _sizes(n_train: Sequence[int]) -> range:
     if len(n_train) != 2 or not 0 < n_train[0] <= n_train[1]:
-        raise ValueError(f"task.n_train: expected first and last n, found {list(n_train)}")
+        raise ValueError(
+            f"task.n_train: expected first and last n, found {list(n_train)}"
+        )
     return range(n_train[0], n_train[1] + 1)
 
 
@@ -118,8 +135,15 @@ def hdc_right(
     size: int | None = None
     for k in range(sizes[-1]):
         counters.add(words[order[k : k + 1]], targets[k : k + 1])
-        before, size = size, int(counters.n[counters.n > 0].min()) if model.balance else None
-        changed = [int(targets[k])] if size == before else counters.n.nonzero().flatten().tolist()
+        before, size = (
+            size,
+            int(counters.n[counters.n > 0].min()) if model.balance else None,
+        )
+        changed = (
+            [int(targets[k])]
+            if size == before
+            else counters.n.nonzero().flatten().tolist()
+        )
         for c in changed:
             prototype = counters.prototype(c, model.ties, model.seed, size=size)
             distances[:, c] = bits.hamming(words[test], prototype[None])[:, 0]

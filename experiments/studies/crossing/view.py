@@ -86,7 +86,10 @@ def middle(first: pd.Series) -> Estimate:
     "experiments; theory is from correlations alone.",
 )  # fmt: skip
 def figure(
-    figure: Figure, rows: pd.DataFrame, expected: pd.DataFrame, config: Mapping[str, Any]
+    figure: Figure,
+    rows: pd.DataFrame,
+    expected: pd.DataFrame,
+    config: Mapping[str, Any],
 ) -> None:
     """(a) accuracy, with theory; (b) cumulative distribution of the first N."""
     every = tidy(rows).assign(percent=lambda frame: 100 * frame.accuracy)
@@ -96,7 +99,9 @@ def figure(
     line_plot(accuracy, every[every.equal], "n", "percent", ms=2.2)
     for name in shown:
         mean = 100 * expected[expected.n.isin(n)].groupby("n")[name].mean()
-        accuracy.plot(mean.index, mean, color="black", ls=THEORY[name][1], lw=0.9, zorder=4)
+        accuracy.plot(
+            mean.index, mean, color="black", ls=THEORY[name][1], lw=0.9, zorder=4
+        )
     accuracy.axhline(100 * LEVEL, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
     accuracy.set_ylabel("test accuracy (%)")
     firsts = first_crossings(rows)
@@ -109,7 +114,13 @@ def figure(
         ylabel="experiments that have\nexceeded 90 % (%)",
         xlabel="training samples of all classes, N",
     )
-    share.text(_LIMIT + 0.7, 3, f"paper: > 90 % only for N > {_LIMIT:g}", fontsize=6, color="0.3")
+    share.text(
+        _LIMIT + 0.7,
+        3,
+        f"paper: > 90 % only for N > {_LIMIT:g}",
+        fontsize=6,
+        color="0.3",
+    )
     for axes, letter, title in (
         (accuracy, "a", "as many samples of every class"),
         (share, "b", "first N above 90 %, as many samples of every class"),
@@ -118,7 +129,8 @@ def figure(
         axes.axvline(_LIMIT, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
         axes.set_xlim(every.n.min() - 1, every.n.max() + 1)
     lines = [
-        Line2D([], [], color="black", ls=THEORY[name][1], label=THEORY[name][0]) for name in shown
+        Line2D([], [], color="black", ls=THEORY[name][1], label=THEORY[name][0])
+        for name in shown
     ]
     handles = [*map(handle, firsts.model.unique()), *lines]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)

@@ -60,14 +60,18 @@ def drift(
     Arguments: configs/experiment/drift.yaml.
     """
     if set(order) - set(ORDERS):
-        raise ValueError(f"task.order: expected among {', '.join(ORDERS)}, found {list(order)}")
+        raise ValueError(
+            f"task.order: expected among {', '.join(ORDERS)}, found {list(order)}"
+        )
     built = models_of(models)
     for seed, two_sessions in run.scenes(scene, seeds):
         sessions = Subsets(two_sessions)
         for in_order in order:
             choice = choose(two_sessions, old_split, n_test, in_order, seed)
             for name, model in built.items():
-                for row in updates(sessions, choice, model, n_new, p, in_order, draws, seed):
+                for row in updates(
+                    sessions, choice, model, n_new, p, in_order, draws, seed
+                ):
                     yield {"origin": two_sessions.origin, "seed": seed, "order": in_order,
                            "model": name, **row}  # fmt: skip
         run.note(f"seed {seed}")
@@ -91,7 +95,9 @@ def choose(
     old, test_old = data.choose(scene, old_split, seed)
     kind = "ordered" if order == "time" else "random"
     in_time = scene.samples["order"][second]
-    pool, test = split(scene.labels[second], n_test=n_test, kind=kind, seed=seed, order=in_time)
+    pool, test = split(
+        scene.labels[second], n_test=n_test, kind=kind, seed=seed, order=in_time
+    )
     return Choice(old, second[pool], {"new": second[test], "old": test_old})
 
 
@@ -105,7 +111,9 @@ def subsets(
     turn = np.array([(of_pool[:k] == label).sum() for k, label in enumerate(of_pool)])
     ordered = choice.pool[np.argsort(turn, kind="stable")]
     if max(sizes) > len(ordered):
-        raise ValueError(f"task.n_new: expected 1 to {len(ordered)}, found {max(sizes)}")
+        raise ValueError(
+            f"task.n_new: expected 1 to {len(ordered)}, found {max(sizes)}"
+        )
     return {n: ordered[:n] for n in sizes}
 
 
@@ -123,7 +131,9 @@ def updates(
     asked = np.concatenate(list(choice.tests.values()))
     first = len(choice.tests["new"])
 
-    def row(predicted: np.ndarray, n: int, draw: int, method: str, p: float | None) -> Row:
+    def row(
+        predicted: np.ndarray, n: int, draw: int, method: str, p: float | None
+    ) -> Row:
         right = predicted == sessions.labels[asked]
         return {
             "method": method, "p": p, "n_old": len(choice.old), "n_new": n, "draw": draw,
@@ -153,7 +163,9 @@ def of_hdc(
     asked: np.ndarray,
 ) -> Iterator[Update]:
     """Updates of prototypes, from counters of the old and of the new samples."""
-    before, after = (Counters(sessions.products.n_classes, sessions.dimension) for _ in range(2))
+    before, after = (
+        Counters(sessions.products.n_classes, sessions.dimension) for _ in range(2)
+    )
     for counters, chosen in ((before, old), (after, new)):
         counters.add(sessions.words[chosen], torch.from_numpy(sessions.labels[chosen]))
 

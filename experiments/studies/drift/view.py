@@ -51,7 +51,9 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
         update=[UPDATES[m].format(p) for m, p in zip(rows.method, rows.p, strict=True)],
     )
     keys = ["order", "model", "method", "p", "update", "n_new", "seed"]
-    return shares.groupby(keys, sort=False, dropna=False)[list(ROOMS)].mean().reset_index()
+    return (
+        shares.groupby(keys, sort=False, dropna=False)[list(ROOMS)].mean().reset_index()
+    )
 
 
 @STUDY.table(
@@ -95,8 +97,12 @@ _LOOKS = {
     "hdc; bits replaced, p = 0.75": _look("HDC, p = 0.75", "#D55E00", "D"),
     "hdc; new samples alone": _look("HDC, p = 1: new samples alone", "#7A3600", "^"),
     "hdc; old and new, equal votes": _look("HDC, equal votes", "#0072B2", "v", "--"),
-    "correlation; old and new, equal votes": _look("mean image, equal votes", "#009E73", "X", "--"),
-    "ridge; new, from the old weights": _look("ridge, from old weights", "black", "P", "-."),
+    "correlation; old and new, equal votes": _look(
+        "mean image, equal votes", "#009E73", "X", "--"
+    ),
+    "ridge; new, from the old weights": _look(
+        "ridge, from old weights", "black", "P", "-."
+    ),
 }
 
 
@@ -115,12 +121,16 @@ def fig8(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
         shown = shown.sort_values("way", key=lambda ways: ways.map(list(_LOOKS).index))
         handles = line_plot(axes, shown, "n_new", "percent", by="way", looks=_LOOKS)
         stored = by_seed[(by_seed.model == "hdc") & (by_seed.method == "stored")]
-        axes.axhline(100 * stored[room].mean(), color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0)
+        axes.axhline(
+            100 * stored[room].mean(), color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0
+        )
         axes.set(ylim=(15, 103), ylabel="accuracy (%)")
         panel(axes, letter, f"test samples of the {room} room")
     if set(rows.origin) == {"simulated"}:  # at the left edge: with no N_new
         across = panels[0].get_yaxis_transform()
-        numbers = [published.numbers()[f"drift/{name}_accuracy"].value for name in PUBLISHED]
+        numbers = [
+            published.numbers()[f"drift/{name}_accuracy"].value for name in PUBLISHED
+        ]
         panels[0].plot(0.015, numbers[0], zorder=5, transform=across, **PAPER)
         panels[0].plot(N_NEW, numbers[1], zorder=5, **PAPER)
         handles.append(star("paper: p = 0; p = 0.5 or 0.75"))
@@ -144,7 +154,9 @@ def quantities(rows: pd.DataFrame, config: Mapping[str, Any]) -> Iterator[Quanti
         if values:
             yield Quantity.of(
                 f"drift/{name}_accuracy",
-                estimates.one_sensor(values, estimates.least_variance(values, n_test)).within(0, 1),
+                estimates.one_sensor(
+                    values, estimates.least_variance(values, n_test)
+                ).within(0, 1),
                 estimates.ONE_SENSOR,
                 100,
                 n=n_test * len(values),

@@ -16,7 +16,9 @@ from experiments.studies.footprint import probe
 
 
 @experiment
-def footprint(run: Run, scenes: Sequence[str], models: Sequence[str], frames: int) -> Iterator[Row]:
+def footprint(
+    run: Run, scenes: Sequence[str], models: Sequence[str], frames: int
+) -> Iterator[Row]:
     """One row: a scene and a model in a process of their own (:mod:`…footprint.probe`).
 
     ``first_prediction_s`` since the import of torch, which took ``torch_s`` of it; ``peak_bytes``;
@@ -27,7 +29,9 @@ def footprint(run: Run, scenes: Sequence[str], models: Sequence[str], frames: in
         for model in models:
             run.note(f"{scene}, {model}")
             command = [sys.executable, "-m", probe.__name__, scene, model, str(frames)]
-            answer = subprocess.check_output(command, cwd=ROOT, env=environment, text=True)
+            answer = subprocess.check_output(
+                command, cwd=ROOT, env=environment, text=True
+            )
             yield {
                 "scene": scene,
                 "model": model,

@@ -44,7 +44,10 @@ def main(scene_name: str, model_name: str, frames: str) -> None:
     images = scene.frames(indices)
     next(iter(model.train(images, scene.labels[indices])))
     model.predict(images[:1])
-    row: dict[str, Any] = {"torch_s": torch_s, "first_prediction_s": time.perf_counter() - begin}
+    row: dict[str, Any] = {
+        "torch_s": torch_s,
+        "first_prediction_s": time.perf_counter() - begin,
+    }
     row |= {"peak_bytes": peak_bytes(), "status": "ok", "origin": scene.origin}
     row["loaded"] = " ".join(name for name in WATCHED if name in sys.modules)
     print(json.dumps(row))

@@ -46,7 +46,9 @@ def library(
         pool, test = draw_split(recording, split, (seed, 0), most_test)
         order, _ = nested(pool, recording.labels, (), (seed, 0))
         train = np.sort(np.concatenate([of_class[:n_per_class] for of_class in order]))
-        frames, queries = (recording.frames(part).cpu().numpy() for part in (train, test))
+        frames, queries = (
+            recording.frames(part).cpu().numpy() for part in (train, test)
+        )
         labels = recording.labels[train]
         for readout in ("prototype", "ridge", "neighbours"):
             model = HDCClassifier(readout=readout, balance=False)
@@ -69,7 +71,10 @@ def _peers(readout: str, model: HDCClassifier) -> dict[str, Any]:
         return {"NumPy": _NumPyMajority()}
     if readout == "neighbours":
         nearest = KNeighborsClassifier(1, metric="hamming", algorithm="brute")
-        return {"harness": _Trained(NearestNeighbour()), "scikit-learn": _OnBits(nearest, bool)}
+        return {
+            "harness": _Trained(NearestNeighbour()),
+            "scikit-learn": _OnBits(nearest, bool),
+        }
     alpha = model.ridge_.penalty
     return {
         "harness": _Trained(BitReadout(alpha=alpha)),
@@ -93,7 +98,10 @@ def _timed(
     fit = shortest(partial(model.fit, frames, labels))
     single = [queries[k : k + 1] for k in range(min(10, len(queries)))]
     each = [shortest(partial(model.predict, frame)) for frame in single]
-    return np.asarray(model.predict(queries)), {"fit_s": fit, "predict_s": float(np.median(each))}
+    return np.asarray(model.predict(queries)), {
+        "fit_s": fit,
+        "predict_s": float(np.median(each)),
+    }
 
 
 def _brighter_half(frames: Frames) -> np.ndarray:
@@ -126,7 +134,11 @@ class _OnBits:
 
     def _numbers(self, frames: Frames) -> np.ndarray:
         hypervectors = _brighter_half(frames)
-        return hypervectors if self.kind is bool else 2 * hypervectors.astype(self.kind) - 1
+        return (
+            hypervectors
+            if self.kind is bool
+            else 2 * hypervectors.astype(self.kind) - 1
+        )
 
     def fit(self, frames: Frames, labels: np.ndarray) -> None:
         self.model.fit(self._numbers(frames), labels)

@@ -44,7 +44,9 @@ def library(results: Results) -> pd.DataFrame | None:
     """A row for each kind of frames, read-out and implementation, over all seeds."""
     table = []
     for scene, measured in by_scene(results, "library").items():
-        for (readout, peer), rows in measured.frame.groupby(["readout", "peer"], sort=False):
+        for (readout, peer), rows in measured.frame.groupby(
+            ["readout", "peer"], sort=False
+        ):
             times = ("fit_s", "peer_fit_s", "predict_s", "peer_predict_s")
             table.append({
                 "recording": scene, "readout": readout, "peer": peer,
@@ -54,5 +56,7 @@ def library(results: Results) -> pd.DataFrame | None:
     if not table:
         return None
     data = pd.DataFrame(table)
-    data.attrs["commands"] = [f"{RUN}library scene={name}" for name in data.recording.unique()]
+    data.attrs["commands"] = [
+        f"{RUN}library scene={name}" for name in data.recording.unique()
+    ]
     return data

@@ -28,15 +28,21 @@ Samples = NDArray[Any]
 
 
 @experiment
-def numerics(run: Run, samples: int = 100, pixels: int = 25_000, repeats: int = 3) -> Iterator[Row]:
+def numerics(
+    run: Run, samples: int = 100, pixels: int = 25_000, repeats: int = 3
+) -> Iterator[Row]:
     """One row: a method on one input. Columns: ``input``, ``method``, ``number`` (its precision),
     ``error`` against an exact reference, ``time_s``, and ``tolerance``, the error that it may have.
     Arguments: configs/experiment/numerics.yaml.
     """
-    with threadpool_limits(1):  # of numpy and torch: waiting threads would count as CPU time
+    with threadpool_limits(
+        1
+    ):  # of numpy and torch: waiting threads would count as CPU time
         for row, call in (*phases(), *correlations(samples, pixels)):
             call()
-            times = timeit.repeat(call, timer=time.process_time, number=1, repeat=repeats)
+            times = timeit.repeat(
+                call, timer=time.process_time, number=1, repeat=repeats
+            )
             yield row | {"time_s": min(times)}
 
 
@@ -53,7 +59,11 @@ def phases() -> Iterator[tuple[Row, Callable[[], object]]]:
         for number, form in FIELDS.items():
             value = form(phase).numpy()
             square = (value.real - np.cos(long)) ** 2 + (value.imag - np.sin(long)) ** 2
-            row: Row = {"input": "phases", "method": f"to {largest:.0e} rad", "number": number}
+            row: Row = {
+                "input": "phases",
+                "method": f"to {largest:.0e} rad",
+                "number": number,
+            }
             row["error"] = float(np.sqrt(square.mean()))
             row["tolerance"] = camera.read_noise / camera.grey / math.sqrt(2)
             yield row, partial(form, phase)
@@ -79,7 +89,10 @@ FIELDS: dict[str, Callable[[Tensor], Tensor]] = {
 
 def correlations(n: int, d: int) -> Iterator[tuple[Row, Callable[[], object]]]:
     """Error of C_ll; the tolerance is half of the last digit that the paper prints."""
-    for name, frames in (("8-bit speckle", speckle(n, d)), ("mean 10⁶ × deviation", flat(n, d))):
+    for name, frames in (
+        ("8-bit speckle", speckle(n, d)),
+        ("mean 10⁶ × deviation", flat(n, d)),
+    ):
         exact = exact_mean(frames)
         for method, number, form in FORMS:
             row = {"input": name, "method": method, "number": number, "tolerance": 5e-4}
@@ -103,7 +116,9 @@ def flat(n: int, d: int) -> Samples:
 
 def exact_mean(frames: Samples) -> float:
     """C_ll of integer frames [N_s, D] by integer sums and roots of 50 digits."""
-    rows = frames.astype(np.int64) - frames.min(1, keepdims=True)  # changes no covariance
+    rows = frames.astype(np.int64) - frames.min(
+        1, keepdims=True
+    )  # changes no covariance
     sums = rows.sum(1).astype(object)
     covariance = rows.shape[1] * (rows @ rows.T).astype(object) - np.outer(sums, sums)
     with localcontext(prec=50):

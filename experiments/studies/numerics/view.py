@@ -18,8 +18,14 @@ STUDY = Study(
     "How exact are phases of many turns and mean correlations, and what would another digit cost?",
     10,
 )
-FLOOR = 2.0**-54  # half a unit in the last place of a correlation near one: smaller is drawn there
-COLOURS = {"float32": "#0072B2", "mixed": "#009E73", "float64": "#D55E00"}  # Okabe and Ito's
+FLOOR = (
+    2.0**-54
+)  # half a unit in the last place of a correlation near one: smaller is drawn there
+COLOURS = {
+    "float32": "#0072B2",
+    "mixed": "#009E73",
+    "float64": "#D55E00",
+}  # Okabe and Ito's
 
 
 @STUDY.figure(
@@ -30,7 +36,9 @@ COLOURS = {"float32": "#0072B2", "mixed": "#009E73", "float64": "#D55E00"}  # Ok
     "the camera's read noise and half of the last digit that the paper prints.",
     size=(3.4, 5.2),
 )
-def error_against_time(figure: Figure, rows: pd.DataFrame, config: dict[str, Any]) -> None:
+def error_against_time(
+    figure: Figure, rows: pd.DataFrame, config: dict[str, Any]
+) -> None:
     """A panel an input: a colour a precision, a marker a method."""
     every = figure.subplots(rows["input"].nunique(), 1)
     for axes, letter, (name, part) in zip(
@@ -50,5 +58,9 @@ def error_against_time(figure: Figure, rows: pd.DataFrame, config: dict[str, Any
         panel(axes, letter, name if name == "phases" else f"mean correlation, {name}")
         looks = [(n, COLOURS[n], "o") for n in part["number"].unique()]
         looks += [(method, "0.4", marker) for method, marker in markers.items()]
-        handles = [Line2D([], [], ls="", color=c, marker=m, label=n) for n, c, m in looks]
-        axes.legend(handles=handles, loc="center left", bbox_to_anchor=(1, 0.5), handlelength=1)
+        handles = [
+            Line2D([], [], ls="", color=c, marker=m, label=n) for n, c, m in looks
+        ]
+        axes.legend(
+            handles=handles, loc="center left", bbox_to_anchor=(1, 0.5), handlelength=1
+        )

@@ -63,7 +63,14 @@ def recordings(
         subsets = Subsets(recording)
         for split, config in splits.items():
             draw = partial(
-                _draw, subsets, recording, config, direct, stepwise, n_per_class, most_test
+                _draw,
+                subsets,
+                recording,
+                config,
+                direct,
+                stepwise,
+                n_per_class,
+                most_test,
             )
             for k in range(draws):
                 place = {"seed": seed, "split": split, "draw": k}
@@ -113,12 +120,17 @@ def recording_distances(
         chosen = np.arange(len(recording.labels))
         if len(chosen) > most:
             chosen = np.sort(np.random.default_rng(seed).permutation(chosen)[:most])
-        words = torch.cat([encode(recording.frames(c)) for c in np.array_split(chosen, 16)])
+        words = torch.cat(
+            [encode(recording.frames(c)) for c in np.array_split(chosen, 16)]
+        )
         dimension = recording.shape[0] * recording.shape[1]
         distances = bits.hamming(words, words).numpy() / dimension
         upper = np.triu_indices(len(words), 1)
         same = np.equal.outer(recording.labels[chosen], recording.labels[chosen])[upper]
-        for kind, values in (("intra", distances[upper][same]), ("inter", distances[upper][~same])):
+        for kind, values in (
+            ("intra", distances[upper][same]),
+            ("inter", distances[upper][~same]),
+        ):
             counts, edges = np.histogram(values, bins, (0.0, 0.6))
             moments = {"mean": float(values.mean()), "variance": float(values.var())}
             for count, low, high in zip(counts, edges, edges[1:], strict=False):
@@ -179,7 +191,9 @@ class Subsets:
     def __init__(self, scene: Scene):
         self.labels, n_classes = scene.labels, len(scene.classes)
         every = np.arange(len(self.labels))
-        frames = torch.cat([scene.frames(part).cpu() for part in np.split(every, every[::_BATCH])])
+        frames = torch.cat(
+            [scene.frames(part).cpu() for part in np.split(every, every[::_BATCH])]
+        )
         self.dimension = frames[0].numel()
         self.words = torch.cat([encode(part) for part in frames.split(_BATCH)])
         self.products = Products(frames, self.labels, n_classes)
@@ -214,8 +228,12 @@ def draw_split(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(pool, test) of one draw: frames that may train, and at most so many that test."""
     drawn = int(np.random.default_rng(seed).integers(2**31))
-    with warnings.catch_warnings(action="ignore"):  # a random split of a recording leaks on purpose
-        pool, test = data.choose(scene, {"group": None, **split, "n_train": None}, drawn)
+    with warnings.catch_warnings(
+        action="ignore"
+    ):  # a random split of a recording leaks on purpose
+        pool, test = data.choose(
+            scene, {"group": None, **split, "n_train": None}, drawn
+        )
     if len(test) > most_test:
         test = np.sort(np.random.default_rng(drawn).permutation(test)[:most_test])
     return pool, test
@@ -239,7 +257,9 @@ class StepModels(NamedTuple):
     draws: int
     sizes: Sequence[int]
 
-    def right(self, part: Any, scene: Scene, train: np.ndarray, test: np.ndarray) -> int:
+    def right(
+        self, part: Any, scene: Scene, train: np.ndarray, test: np.ndarray
+    ) -> int:
         """Test samples that a model has right after training until the stopping rule ends it."""
         model = _build(part, 0)
         rule = trial.stop_rule(OmegaConf.create(dict(self.stop or {})))

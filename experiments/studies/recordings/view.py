@@ -40,7 +40,11 @@ STEPS = {
     "hdc": "majority: HDC",
 }
 SHOWN_N = (1, 5, 20, 50)
-FIELDS = {"fibre_grouped": 1, "fibre_4_fields": 4, "fibre_16_fields": 16}  # input fields
+FIELDS = {
+    "fibre_grouped": 1,
+    "fibre_4_fields": 4,
+    "fibre_16_fields": 16,
+}  # input fields
 KINDS = {
     "diffuser": "laser speckle behind ground glass",
     "fibre_grouped": "multimode fibre, pressed; 3,362 pixels of 110 modes, computed from measured "
@@ -57,7 +61,10 @@ def recordings(results: Results, name: str = "recordings") -> dict[str, Measured
     """:func:`by_scene` in the order of :data:`KINDS`; one fibre counts once, by one field."""
     found = by_scene(results, name)
     known = [scene for scene in KINDS if scene in found]
-    return {scene: found[scene] for scene in [*known, *sorted(set(found) - {*known, *FIELDS})]}
+    return {
+        scene: found[scene]
+        for scene in [*known, *sorted(set(found) - {*known, *FIELDS})]
+    }
 
 
 def by_scene(results: Results, name: str) -> dict[str, Measured]:
@@ -95,7 +102,13 @@ def summary(measured: Measured) -> pd.DataFrame:
     seeds = measured.frame.seed.nunique() > 1
     table = []
     for (model, n), part in every.groupby(["model", "n"]):
-        table.append({"model": model, "n": n, **estimate(part.accuracy, seeds).columns("accuracy")})
+        table.append(
+            {
+                "model": model,
+                "n": n,
+                **estimate(part.accuracy, seeds).columns("accuracy"),
+            }
+        )
     return pd.DataFrame(table)
 
 
@@ -107,7 +120,9 @@ COLUMNS = {
     "mean_image": Column("Mean image, %", percent),
     "linear_bits": Column("Ridge on the same bits, %", percent),
     "softmax_dual": Column("Softmax at its optimum, %", percent),
-    "softmax_dual_standardised": Column("Softmax at its optimum, standardised frames, %", percent),
+    "softmax_dual_standardised": Column(
+        "Softmax at its optimum, standardised frames, %", percent
+    ),
     "nearest_neighbour": Column("Nearest neighbour on bits, %", percent),
     "softmax": Column("Softmax, published recipe, two draws, %", percent),
 }
@@ -119,13 +134,17 @@ NOTE = (
 )
 
 
-@STUDY.table("recordings", title="Accuracy on measured recordings", note=NOTE, columns=COLUMNS)
+@STUDY.table(
+    "recordings", title="Accuracy on measured recordings", note=NOTE, columns=COLUMNS
+)
 def front(results: Results) -> pd.DataFrame | None:
     """The recordings, at the fewest, a middle and the largest number of frames per class."""
     table = []
     for scene, measured in recordings(results).items():
         saturated = measured.record.config["scene"].get("saturated")
-        frames = KINDS.get(scene, "recording") + "; saturated, ranks nothing" * bool(saturated)
+        frames = KINDS.get(scene, "recording") + "; saturated, ranks nothing" * bool(
+            saturated
+        )
         for k, line in enumerate(_by_size(measured)):
             table.append({"recording": scene, "frames": "" if k else frames, **line})
     if not table:
@@ -133,7 +152,9 @@ def front(results: Results) -> pd.DataFrame | None:
     data = pd.DataFrame(table)
     names = [name for name in COLUMNS if name in data]
     data.attrs["shown"] = names
-    data.attrs["commands"] = [f"{RUN}recordings scene={scene}" for scene in recordings(results)]
+    data.attrs["commands"] = [
+        f"{RUN}recordings scene={scene}" for scene in recordings(results)
+    ]
     return data[[*names, *(c for c in data if c.endswith(("_low", "_high")))]]
 
 
@@ -145,7 +166,10 @@ def _by_size(measured: Measured) -> list[dict[str, Any]]:
         line = {"n": n}
         for model, part in lines[lines.n == n].set_index("model").iterrows():
             if model in COLUMNS:
-                line |= {f"{model}{end}": part[f"accuracy{end}"] for end in ("", "_low", "_high")}
+                line |= {
+                    f"{model}{end}": part[f"accuracy{end}"]
+                    for end in ("", "_low", "_high")
+                }
         table.append(line)
     return table
 
@@ -164,11 +188,18 @@ def fields(results: Results) -> pd.DataFrame | None:
         if scene in found:
             side = found[scene].record.config["scene"]["side"]
             lines = _by_size(found[scene])
-            table += [{"fields": count, "pixels": 2 * side**2 * count, **line} for line in lines]
+            table += [
+                {"fields": count, "pixels": 2 * side**2 * count, **line}
+                for line in lines
+            ]
     if not table:
         return None
     data = pd.DataFrame(table)
-    data.attrs["shown"] = ["fields", "pixels", *(name for name in COLUMNS if name in data)]
+    data.attrs["shown"] = [
+        "fields",
+        "pixels",
+        *(name for name in COLUMNS if name in data),
+    ]
     data.attrs["commands"] = [f"{RUN}recordings scene={scene}" for scene in FIELDS]
     return data
 
@@ -207,7 +238,9 @@ def foretold(results: Results) -> pd.DataFrame | None:
                 line = {"recording": scene, "n": n, "hdc": hdc, "mean_image": image}
                 line |= {"cost": image - hdc}
                 for name in ("hdc", "mean_image", "cost"):
-                    line |= estimate(part[name].tolist(), seeds=False).columns(f"{name}_theory")
+                    line |= estimate(part[name].tolist(), seeds=False).columns(
+                        f"{name}_theory"
+                    )
                 table.append(line)
     if not table:
         return None
@@ -236,13 +269,17 @@ def lost(figure: Figure, results: Results) -> None:
     panels = figure.subplots(1, max(1, len(shown)), sharey=True, squeeze=False)[0]
     colours, markers = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00"), "osD^"
     looks = dict(zip(SHOWN_N, zip(colours, markers, strict=True), strict=True))
-    for k, (axes, (scene, measured)) in enumerate(zip(panels, shown.items(), strict=False)):
+    for k, (axes, (scene, measured)) in enumerate(
+        zip(panels, shown.items(), strict=False)
+    ):
         lines = summary(measured)
         for n, (colour, marker) in looks.items():
             at = lines[lines.n == n].set_index("model")
             places = [i for i, model in enumerate(STEPS) if model in at.index]
             values = at.loc[[list(STEPS)[i] for i in places]]
-            y, spread = errors(values[["accuracy", "accuracy_low", "accuracy_high"]], 100)
+            y, spread = errors(
+                values[["accuracy", "accuracy_low", "accuracy_high"]], 100
+            )
             axes.errorbar(places, y, yerr=np.maximum(spread, 0), color=colour, marker=marker,
                           ls=":", lw=0.6, ms=3, elinewidth=0.5, label=f"{n}")  # fmt: skip
         axes.axvline(4.5, color="0.7", lw=0.6)
@@ -252,7 +289,11 @@ def lost(figure: Figure, results: Results) -> None:
     panels[0].set_ylabel("accuracy (%)")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(
-        handles, labels, title="frames per class", loc="outside lower center", ncols=len(labels)
+        handles,
+        labels,
+        title="frames per class",
+        loc="outside lower center",
+        ncols=len(labels),
     )
 
 
@@ -267,14 +308,22 @@ def distances(figure: Figure, results: Results) -> None:
     """Histograms of intra- and inter-class distances, a panel a recording."""
     shown = recordings(results, "recording_distances")
     panels = figure.subplots(1, len(shown), squeeze=False, sharex=True)[0]
-    for k, (axes, (scene, measured)) in enumerate(zip(panels, shown.items(), strict=True)):
+    for k, (axes, (scene, measured)) in enumerate(
+        zip(panels, shown.items(), strict=True)
+    ):
         for kind, colour in (("intra", "#0072B2"), ("inter", "#D55E00")):
             part = (
-                measured.frame.query("kind == @kind").groupby("low", as_index=False)["count"].sum()
+                measured.frame.query("kind == @kind")
+                .groupby("low", as_index=False)["count"]
+                .sum()
             )
             axes.step(part.low, part["count"] / part["count"].sum(), where="post", color=colour,
                       lw=0.9, label=kind)  # fmt: skip
-        panel(axes, "abcdefgh"[k], f"{scene}\nd′ = {number(separation(measured.frame), 2)}")
+        panel(
+            axes,
+            "abcdefgh"[k],
+            f"{scene}\nd′ = {number(separation(measured.frame), 2)}",
+        )
         axes.set_yticks([])
         axes.set_xlabel("share of bits", fontsize=6)
     panels[0].legend()
@@ -288,7 +337,9 @@ def separation(rows: pd.DataFrame) -> float:
     return float(gap / np.sqrt(moments["variance"].mean()))
 
 
-def over_rival(measured: Measured, sizes: Sequence[int] = ()) -> list[tuple[Estimate, int]]:
+def over_rival(
+    measured: Measured, sizes: Sequence[int] = ()
+) -> list[tuple[Estimate, int]]:
     """HDC's accuracy less that of the primary rival, by the split that counts, and n: each of these
     frames a class that was asked for, or the most at which one is below :data:`SATURATED`."""
     rows = measured.frame[measured.frame.model.isin(("hdc", RIVAL))]

@@ -17,14 +17,20 @@ def power(frames: np.ndarray, level: float, random: np.random.Generator) -> np.n
     brightest = np.iinfo(frames.dtype).max
     factors = random.uniform(1 - level, 1 + level, len(frames))
     pairs = zip(frames, factors, strict=True)
-    return np.stack([np.minimum(np.rint(x * c), brightest).astype(x.dtype) for x, c in pairs])
+    return np.stack(
+        [np.minimum(np.rint(x * c), brightest).astype(x.dtype) for x, c in pairs]
+    )
 
 
-def dead_pixels(frames: np.ndarray, level: float, random: np.random.Generator) -> np.ndarray:
+def dead_pixels(
+    frames: np.ndarray, level: float, random: np.random.Generator
+) -> np.ndarray:
     """A fraction `level` of the pixels, the same ones in all frames [N, H, W], reads zero."""
     result = frames.copy()
     flat = result.reshape(len(frames), -1)
-    dead = random.choice(flat.shape[1], round(level * flat.shape[1]), replace=False, shuffle=False)
+    dead = random.choice(
+        flat.shape[1], round(level * flat.shape[1]), replace=False, shuffle=False
+    )
     flat[:, dead] = 0
     return result
 
@@ -42,7 +48,9 @@ OF_FRAMES: dict[str, Callable[[np.ndarray, float, np.random.Generator], np.ndarr
 
 
 @contextmanager
-def flipped_bits(tensors: Iterable[Tensor], rate: float, seed: Sequence[int]) -> Iterator[None]:
+def flipped_bits(
+    tensors: Iterable[Tensor], rate: float, seed: Sequence[int]
+) -> Iterator[None]:
     """Every stored bit of these tensors flipped with probability `rate`, and back at the end.
 
     The tensors are contiguous, on the CPU, of any type, and changed in place. The same seed flips

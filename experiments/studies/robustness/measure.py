@@ -47,10 +47,15 @@ def robustness(
         for name, part in models.items():
             model = instantiate(OmegaConf.create(at_seed(part["model"], seed)), "model")
             train_until(
-                model, stop_rule(OmegaConf.create(dict(stops.get(name, stop)))), sensor, train
+                model,
+                stop_rule(OmegaConf.create(dict(stops.get(name, stop)))),
+                sensor,
+                train,
             )
             keep = (spared or {}).get(name, ())
-            for row in rows_of(model, sensor, test, disturbances, bit_error_rates, keep, seed):
+            for row in rows_of(
+                model, sensor, test, disturbances, bit_error_rates, keep, seed
+            ):
                 yield {"origin": sensor.origin, "model": name, "seed": seed, **row}
             run.note(f"seed {seed}, {name}")
 
@@ -72,24 +77,37 @@ def rows_of(
 
     def row(disturbance: str, level: float, predicted: np.ndarray) -> Row:
         right = int((predicted == labels).sum())
-        return {"disturbance": disturbance, "level": float(level), "right": right, **same}
+        return {
+            "disturbance": disturbance,
+            "level": float(level),
+            "right": right,
+            **same,
+        }
 
     yield row("none", 0, model.predict(frames))
     for place, (name, levels) in enumerate(disturbances.items()):
         for level in levels:
             random = np.random.default_rng([seed, place])
-            disturbed = torch.from_numpy(faults.OF_FRAMES[name](frames.numpy(), level, random))
+            disturbed = torch.from_numpy(
+                faults.OF_FRAMES[name](frames.numpy(), level, random)
+            )
             yield row(name, level, model.predict(disturbed))
     damaged = [tensor for name, tensor in state.items() if name not in spared]
     kinds: list[tuple[str, Any, list[float]]] = [("bit_flips", faults.flipped_bits, [])]
     if any(tensor.is_floating_point() for tensor in damaged):
-        kinds.append(("bit_flips_int8", faults.flipped_bits_of_int8, [0.0]))  # rounding alone
+        kinds.append(
+            ("bit_flips_int8", faults.flipped_bits_of_int8, [0.0])
+        )  # rounding alone
     for name, flipped, first in kinds:
         for rate in (*first, *bit_error_rates):
             # The same rate flips the same bits whatever other rates there are.
             with flipped(damaged, rate, (seed, round(1e9 * rate), 0)):
                 try:
                     predicted = model.predict(frames)
-                except (RuntimeError, ValueError, IndexError):  # too damaged to be asked
+                except (
+                    RuntimeError,
+                    ValueError,
+                    IndexError,
+                ):  # too damaged to be asked
                     predicted = np.full(len(frames), -1)
             yield row(name, rate, predicted)

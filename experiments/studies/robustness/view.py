@@ -46,8 +46,12 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
         mean = float(np.clip(shares.mean(), shares.min(), shares.max()))
         estimate = Estimate(mean, shares.min(), shares.max())
         if disturbance not in FLIPS:
-            estimate = mean_share(shares.groupby(same.seed).mean().tolist(), same.n_test.iloc[0])
-        line = table.setdefault((disturbance, level), {"disturbance": disturbance, "level": level})
+            estimate = mean_share(
+                shares.groupby(same.seed).mean().tolist(), same.n_test.iloc[0]
+            )
+        line = table.setdefault(
+            (disturbance, level), {"disturbance": disturbance, "level": level}
+        )
         line |= estimate.columns(model)
     return pd.DataFrame(list(table.values()))
 
@@ -63,7 +67,11 @@ NOTE = (
 def _level(row: Mapping[str, Any]) -> str:
     """A level with its unit; nothing where there is no disturbance."""
     _, unit, units = LEVELS[row["disturbance"]]
-    return "" if row["disturbance"] == "none" else f"{row['level'] * units:g} {unit}".strip()
+    return (
+        ""
+        if row["disturbance"] == "none"
+        else f"{row['level'] * units:g} {unit}".strip()
+    )
 
 
 @STUDY.table(
@@ -79,9 +87,13 @@ def disturbed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     table = accuracies(rows)
     models = list(rows.model.unique())
     sizes = rows.groupby("model", sort=False).model_bytes.first()
-    stored = "; ".join(f"{display_name(str(m))} {size(int(n))}" for m, n in sizes.items())
+    stored = "; ".join(
+        f"{display_name(str(m))} {size(int(n))}" for m, n in sizes.items()
+    )
     stops = config.get("stops", {})
     early = [m for m in models if stops.get(m, {}).get("reached_after_s") is not None]
     stopped = ", ".join(map(display_name, early)) or "none"
-    table.attrs["note"] = f"{NOTE} Stored: {stored}. Stopped at 90 % in training: {stopped}."
+    table.attrs["note"] = (
+        f"{NOTE} Stored: {stored}. Stopped at 90 % in training: {stopped}."
+    )
     return table

@@ -20,7 +20,14 @@ from experiments.records.results import Group, Results
 from experiments.reporting import estimates
 from experiments.reporting import rows as rows_of
 from experiments.reporting.estimates import ONE_SENSOR
-from experiments.reporting.plot import CONFUSION_MAP, PRINTED, head, literal, matrix, panel
+from experiments.reporting.plot import (
+    CONFUSION_MAP,
+    PRINTED,
+    head,
+    literal,
+    matrix,
+    panel,
+)
 from experiments.reporting.rows import row
 from experiments.reporting.study import RUN, WIDTH, Quantity, Study, with_places
 from experiments.reporting.table import frame
@@ -55,7 +62,9 @@ def groups(results: Results) -> list[Group]:
     for group in results.groups():
         key = group.scene, group.model
         if group.pixels is None and group.runs:
-            whole[key] = max(whole.get(key, group), group, key=lambda g: g.n_train or math.inf)
+            whole[key] = max(
+                whole.get(key, group), group, key=lambda g: g.n_train or math.inf
+            )
     order = [*configs.sweep(EXPERIMENT)["scene"]]
 
     def place(group: Group) -> tuple[bool, int, str, bool]:
@@ -79,7 +88,9 @@ def groups(results: Results) -> list[Group]:
 def all_scenes(results: Results) -> pd.DataFrame:
     """One row per scene and model."""
     every = groups(results)
-    data = frame(row(group, results.group(group.scene, "hdc", group.n_train)) for group in every)
+    data = frame(
+        row(group, results.group(group.scene, "hdc", group.n_train)) for group in every
+    )
     data.attrs["commands"] = rows_of.commands(every)
     return data
 
@@ -111,7 +122,9 @@ def confusions(figure: Figure, results: Results) -> None:
 
 def confused(results: Results) -> list[Group]:
     """HDC's runs on each scene of few classes."""
-    return [g for g in groups(results) if g.model == "hdc" and len(g.classes) <= PRINTED]
+    return [
+        g for g in groups(results) if g.model == "hdc" and len(g.classes) <= PRINTED
+    ]
 
 
 def confusion(axes: Axes, group: Group) -> None:
@@ -119,7 +132,11 @@ def confusion(axes: Axes, group: Group) -> None:
     counts = group.confusion()
     shares = 100 * counts / np.maximum(counts.sum(1, keepdims=True), 1)
     few = len(group.classes) <= PRINTED
-    cells = [[f"{x:.0f}" if x >= 0.5 else "" for x in line] for line in shares] if few else None
+    cells = (
+        [[f"{x:.0f}" if x >= 0.5 else "" for x in line] for line in shares]
+        if few
+        else None
+    )
     gamma = 1 if few else 0.4  # a colour has to show one of 100 test samples
     bar = matrix(axes, shares, group.classes, cells, CONFUSION_MAP, (0, 100), gamma)
     if few:
@@ -131,7 +148,9 @@ def confusion(axes: Axes, group: Group) -> None:
 def positions(record: Finished) -> np.ndarray:
     """Places along the line of contacts of a run on the scene ``spatial``: mm [L]."""
     line = record.config["scene"]["classes"]
-    return np.linspace(0.0, 1e3 * math.dist(line["start"], line["stop"]), line["number"])
+    return np.linspace(
+        0.0, 1e3 * math.dist(line["start"], line["stop"]), line["number"]
+    )
 
 
 @STUDY.figure(
@@ -143,13 +162,22 @@ def positions(record: Finished) -> np.ndarray:
 )
 def spatial(figure: Figure, results: Results) -> None:
     """Fig. 7 and the error in millimetres."""
-    group, measured = results.group("spatial", "hdc"), dict(with_places(results, "correlation"))
+    group, measured = (
+        results.group("spatial", "hdc"),
+        dict(with_places(results, "correlation")),
+    )
     grid = figure.add_gridspec(2, 2, height_ratios=(1.4, 1))
-    left, right, below = (figure.add_subplot(grid[at]) for at in ((0, 0), (0, 1), (1, slice(None))))
+    left, right, below = (
+        figure.add_subplot(grid[at]) for at in ((0, 0), (0, 1), (1, slice(None)))
+    )
     if "_spatial" in measured:
-        classes, values, _ = matrices(measured["_spatial"].frame, "prototype", "held-out")
+        classes, values, _ = matrices(
+            measured["_spatial"].frame, "prototype", "held-out"
+        )
         matrix(left, values.mean(0), classes)
-        left.set(xlabel="hypervectors of position (mm)", ylabel="prototype of position (mm)")
+        left.set(
+            xlabel="hypervectors of position (mm)", ylabel="prototype of position (mm)"
+        )
     else:
         left.set_axis_off()
     panel(left, "a", "correlation $C^p$, held out" if left.axison else "no measurement")
@@ -158,7 +186,9 @@ def spatial(figure: Figure, results: Results) -> None:
     panel(right, "b", "confusion (%)")
     at = positions(group.runs[0].record)
     truth = np.concatenate([run.record.test_labels for run in group.runs])
-    error = np.abs(at[np.concatenate([run.record.predicted for run in group.runs])] - at[truth])
+    error = np.abs(
+        at[np.concatenate([run.record.predicted for run in group.runs])] - at[truth]
+    )
     mean = np.bincount(truth, error, len(at)) / np.bincount(truth, minlength=len(at))
     below.plot(at, mean, color="#0072B2", marker="o", ms=2)
     below.set(xlabel="true position (mm)", ylim=(0, None), ylabel="mean |error| (mm)")

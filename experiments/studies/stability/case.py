@@ -56,7 +56,9 @@ class Case:
             **{name: getattr(self, name) for name in same},
             "error_naive": self._error(naive, exact),
             "error_ours": error_ours,
-            "verdict": "fails" if error_ours is None or error_ours > self.tolerance else "holds",
+            "verdict": "fails"
+            if error_ours is None or error_ours > self.tolerance
+            else "holds",
         }
 
     def _error(self, compute: Callable[[], Any], exact: Any) -> float | None:

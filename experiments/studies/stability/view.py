@@ -48,5 +48,7 @@ COLUMNS = {
 def stability(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """One row per case."""
     holding = (rows["verdict"] == "holds").sum()
-    rows.attrs["title"] = f"Numbers at their limits: {holding} of {len(rows)} cases hold"
+    rows.attrs["title"] = (
+        f"Numbers at their limits: {holding} of {len(rows)} cases hold"
+    )
     return rows

@@ -56,14 +56,27 @@ def stiffness(
         at_optimum = softmax.spectrum(gram, gram @ a + b, 1, strength)
         noise = torch.from_numpy(np.random.default_rng(seed).standard_normal(a.shape))
         zero: dict[str, Any] = {"steps": steps, "each": 1}
-        best = zero | {"coefficients": a[:, :, None], "intercepts": b[:, None], "decay": strength}
+        best = zero | {
+            "coefficients": a[:, :, None],
+            "intercepts": b[:, None],
+            "decay": strength,
+        }
         near = best | {"coefficients": (a * (1 + _PERTURBATION * noise))[:, :, None]}
-        minibatches = {"steps": epochs, "each": -(-len(targets) // batch), "batch": batch}
+        minibatches = {
+            "steps": epochs,
+            "each": -(-len(targets) // batch),
+            "batch": batch,
+        }
         (floor,) = descend(gram, targets, 0.0, **best | {"steps": 0})
         for method, start, lambda_max, how in (
             ("GD", "zero", at_start[0], zero),
             ("GD", "optimum", at_optimum[0], near),
-            ("SGD", "zero", softmax.minibatch_lambda(gram, classes, batch, seed), minibatches),
+            (
+                "SGD",
+                "zero",
+                softmax.minibatch_lambda(gram, classes, batch, seed),
+                minibatches,
+            ),
         ):
             least = floor if start == "optimum" else 0.0
             for k in sorted(exponents):
@@ -77,7 +90,13 @@ def stiffness(
 
 
 def descend(
-    gram: torch.Tensor, targets: torch.Tensor, rate: float, *, steps: int, each: int, **how: Any
+    gram: torch.Tensor,
+    targets: torch.Tensor,
+    rate: float,
+    *,
+    steps: int,
+    each: int,
+    **how: Any,
 ) -> list[float]:
     """Losses at the start and after every so many (`each`) of ``steps`` times as many steps."""
     descent = Descent(gram, targets, int(targets.max()) + 1, rate, **how)
@@ -98,7 +117,9 @@ def verdict(losses: Sequence[float], floor: float = 0.0) -> Row:
         "loss_start": losses[0],
         "loss_end": losses[-1],
         "loss_max": highest,
-        "rises": any(not after <= before + slack for before, after in itertools.pairwise(losses)),
+        "rises": any(
+            not after <= before + slack for before, after in itertools.pairwise(losses)
+        ),
         "exceeds": highest > losses[0] + slack,
         "ends_above": not losses[-1] <= losses[0],
     }

@@ -40,7 +40,13 @@ def kernel(pixels: str, frames: Tensor, labels: np.ndarray) -> tuple[Tensor, Ten
     gram = torch.zeros(len(frames), len(frames), dtype=torch.float64)
     for first in range(0, frames.shape[1], _ROWS):
         rows = slice(first, first + _ROWS)
-        block = frames[:, rows].double().sub_(offset[rows]).mul_(scale[rows]).sub_(shift[rows])
+        block = (
+            frames[:, rows]
+            .double()
+            .sub_(offset[rows])
+            .mul_(scale[rows])
+            .sub_(shift[rows])
+        )
         gram += block.flatten(1) @ block.flatten(1).T
     return gram, targets
 
@@ -65,10 +71,14 @@ def minibatch_lambda(gram: Tensor, classes: int, batch: int, seed: int) -> float
     """λ_max of the Hessian of a minibatch at W = 0, mean over the minibatches of an epoch."""
     order = torch.randperm(len(gram), generator=torch.Generator().manual_seed(seed))
     parts = order.split(batch)
-    return float(np.mean([start_spectrum(gram[part][:, part], classes)[0] for part in parts]))
+    return float(
+        np.mean([start_spectrum(gram[part][:, part], classes)[0] for part in parts])
+    )
 
 
-def spectrum(gram: Tensor, logits: Tensor, count: int, penalty: float = 0.0) -> np.ndarray:
+def spectrum(
+    gram: Tensor, logits: Tensor, count: int, penalty: float = 0.0
+) -> np.ndarray:
     """The largest eigenvalues of the Hessian at logits [N, L], largest first.
 
     The penalty is added as if the intercept carried it too, which is off by less than itself.
@@ -81,9 +91,13 @@ def spectrum(gram: Tensor, logits: Tensor, count: int, penalty: float = 0.0) -> 
         v = torch.from_numpy(vector).view(n, classes)
         u = root * v - p * (root * v).sum(dim=1, keepdim=True)  # B·v
         u = gram @ u + u.sum(dim=0)
-        return (root * u - root * (p * u).sum(dim=1, keepdim=True)).flatten().numpy() / n  # Bᵀ·u
+        return (
+            root * u - root * (p * u).sum(dim=1, keepdim=True)
+        ).flatten().numpy() / n  # Bᵀ·u
 
-    operator = LinearOperator((n * classes, n * classes), matvec=product, dtype=np.float64)
+    operator = LinearOperator(
+        (n * classes, n * classes), matvec=product, dtype=np.float64
+    )
     start = np.random.default_rng(0).standard_normal(n * classes)
     values = eigsh(operator, k=count, which="LA", v0=start, return_eigenvectors=False)
     return np.sort(values)[::-1] + penalty

@@ -48,8 +48,13 @@ def limits(rows: pd.DataFrame, config: dict[str, Any]) -> pd.DataFrame:
     lines = []
     for key, sweep in rows.groupby(GROUP, sort=False):
         first = sweep.iloc[0]
-        line = dict(zip(GROUP, key, strict=True)) | first[["lambda_max", "predicted"]].to_dict()
-        line |= {name: crossing(sweep, name) for name in ("rises", "exceeds", "ends_above")}
+        line = (
+            dict(zip(GROUP, key, strict=True))
+            | first[["lambda_max", "predicted"]].to_dict()
+        )
+        line |= {
+            name: crossing(sweep, name) for name in ("rises", "exceeds", "ends_above")
+        }
         if not isinstance(limit := line["exceeds"], str):
             line["exceeds_over_predicted"] = limit / first["predicted"]
         rate = published.value("table1/learning_rate")

@@ -86,7 +86,9 @@ COLUMNS = {
         "of HDC by ordinary routes, the faster of NumPy and PyTorch medians followed by torchhd.",
     ),
     "published_test_accuracy": Column("Test, %: paper", percent),
-    "test_accuracy_at_target": Column("Test, %: here, at 90 % training accuracy", percent),
+    "test_accuracy_at_target": Column(
+        "Test, %: here, at 90 % training accuracy", percent
+    ),
     "trained": Column(
         "Test, %: here, after full training [95 % interval]",
         cell=_trained,
@@ -108,7 +110,9 @@ def table1(results: Results) -> pd.DataFrame | None:
     groups = [results.group(scene(), model) for model in models]
     rows = []
     for group in groups:
-        line = row(group, groups[0], paper=True) | {"training_time_over_ordinary_hdc": None}
+        line = row(group, groups[0], paper=True) | {
+            "training_time_over_ordinary_hdc": None
+        }
         seconds = ordinary_training_s(results, group)
         if seconds and isinstance(line.get("training_time_s"), float):
             line["training_time_over_ordinary_hdc"] = line["training_time_s"] / seconds
@@ -126,8 +130,14 @@ def seconds_to(run: Run, accuracy: float) -> float:
     """Training time at the first report of at least this test accuracy; infinite without one.
     A one-pass model is asked once, when it is fitted."""
     if not run.iterative:
-        return run.record.training_s if run.record.test_accuracy_final >= accuracy else math.inf
-    reached = (r["training_s"] for r in run.curve if r.get("test_accuracy", -1) >= accuracy)
+        return (
+            run.record.training_s
+            if run.record.test_accuracy_final >= accuracy
+            else math.inf
+        )
+    reached = (
+        r["training_s"] for r in run.curve if r.get("test_accuracy", -1) >= accuracy
+    )
     return next(reached, math.inf)
 
 
@@ -159,17 +169,28 @@ def _or_never(value: float) -> str:
 def equal_accuracy(results: Results) -> pd.DataFrame | None:
     """A row for each model of Table I and its extension, and one for the fewest pixels it needs."""
     hdc = results.group(scene(), "hdc")
-    ours = {run.seeds: (run.record.training_s, run.record.test_accuracy_final) for run in hdc.runs}
-    extended = [m for name in ("table1", "table1_extended") for m in configs.sweep(name)["model"]]
+    ours = {
+        run.seeds: (run.record.training_s, run.record.test_accuracy_final)
+        for run in hdc.runs
+    }
+    extended = [
+        m
+        for name in ("table1", "table1_extended")
+        for m in configs.sweep(name)["model"]
+    ]
     rows, place = [], scene()
     for model in dict.fromkeys([*extended, *results.extra_models(place)]):
         same = (g for g in results.groups() if (g.scene, g.model) == (place, model))
-        for group in sorted((g for g in same if g.n_train is None), key=lambda g: g.pixels or 0):
+        for group in sorted(
+            (g for g in same if g.n_train is None), key=lambda g: g.pixels or 0
+        ):
             runs = [run for run in group.runs if run.seeds in ours]
             times = [seconds_to(run, ours[run.seeds][1]) for run in runs]
             if not runs or (group.pixels and max(times) == math.inf):
                 continue
-            ratios = [time / ours[run.seeds][0] for run, time in zip(runs, times, strict=True)]
+            ratios = [
+                time / ours[run.seeds][0] for run, time in zip(runs, times, strict=True)
+            ]
             rows.append({
                 "model": model, "pixels": group.pixels or "all", "seeds": len(runs),
                 **_over_seeds("time", times),
@@ -190,7 +211,9 @@ def equal_accuracy(results: Results) -> pd.DataFrame | None:
 )
 def error_vs_time(figure: Figure, results: Results) -> None:
     """Test error against training time, a curve for each model and seed; the paper's points."""
-    models = [m for m in configs.models("paper", "fast") if m in results.models(scene())]
+    models = [
+        m for m in configs.models("paper", "fast") if m in results.models(scene())
+    ]
     models += results.extra_models(scene())
     groups = [results.group(scene(), model) for model in models]
     rows = [row(group, groups[0]) for group in groups]
@@ -201,19 +224,35 @@ def error_vs_time(figure: Figure, results: Results) -> None:
         for run in group.runs:
             _curve(axes, run, floor)
         if group.runs and not isinstance(line["training_time_s"], str):
-            error_bars(axes, group.model, [line["total_time_s"]], [line], floor, marker=False)
+            error_bars(
+                axes, group.model, [line["total_time_s"]], [line], floor, marker=False
+            )
     for model in PAPER:
         known = row(results.group(scene(), model), groups[0], paper=True)
-        time, error = known["published_training_time_s"], 1 - known["published_test_accuracy"]
+        time, error = (
+            known["published_training_time_s"],
+            1 - known["published_test_accuracy"],
+        )
         published_point(axes, model, time, max(error, floor), 9)
     axes.set(xlabel="training time (s)", ylabel="test error")
     plain_decades(axes)
     shown = [group.model for group in groups if group.runs]
     handles = [handle(model) for model in shown]
-    for marker, size, label in (("*", 8, "paper, Table I"), ("o", 6, "training accuracy > 90 %")):
-        look: Any = {"marker": marker, "ms": size, "mfc": "white", "mec": "black", "ls": ""}
+    for marker, size, label in (
+        ("*", 8, "paper, Table I"),
+        ("o", 6, "training accuracy > 90 %"),
+    ):
+        look: Any = {
+            "marker": marker,
+            "ms": size,
+            "mfc": "white",
+            "mec": "black",
+            "ls": "",
+        }
         handles.append(Line2D([], [], label=label, **look))
-    title(figure, axes, "Test error against training time", rows, shown, models, handles)
+    title(
+        figure, axes, "Test error against training time", rows, shown, models, handles
+    )
 
 
 def _curve(axes: Axes, run: Run, floor: float) -> None:
@@ -246,11 +285,15 @@ def quantities(results: Results) -> Iterator[Quantity]:
         }
         note = f"median; {line['cpu']}, {line['threads']} threads; paper: Apple M1"
         time = line["training_time_s"]
-        yield Quantity(f"{name}_training_time", time, n=len(group.runs), note=note, **seeds)
+        yield Quantity(
+            f"{name}_training_time", time, n=len(group.runs), note=note, **seeds
+        )
         if model == "hdc":
             share = estimates.share_of_one_sensor(group)
             accuracy = f"{name}_test_accuracy"
-            yield Quantity.of(accuracy, share, ONE_SENSOR, 100, n=line["n_test"], **seeds)
+            yield Quantity.of(
+                accuracy, share, ONE_SENSOR, 100, n=line["n_test"], **seeds
+            )
             yield Quantity("touch/labels", len(group.classes), made_by=f"{RUN}table1")
             continue
         yield from _ratios(results, group)
@@ -261,12 +304,18 @@ def quantities(results: Results) -> Iterator[Quantity]:
             best, final = line[f"{kind}_accuracy_max"], line[f"{kind}_accuracy_final"]
             if best is not None:
                 note = f"maximum of a run, as published; {100 * final:.4g} % at its end"
-                yield Quantity(f"{name}_{called}_accuracy", 100 * best, n=n, note=note, **seeds)
+                yield Quantity(
+                    f"{name}_{called}_accuracy", 100 * best, n=n, note=note, **seeds
+                )
     iterative = [group for model, group in groups.items() if model != "hdc"]
-    rates = {run.record.config["model"]["lr"] for group in iterative for run in group.runs}
+    rates = {
+        run.record.config["model"]["lr"] for group in iterative for run in group.runs
+    }
     if len(rates) == 1:
         note = "softmax and CNNs"
-        yield Quantity("table1/learning_rate", rates.pop(), note=note, made_by=f"{RUN}table1")
+        yield Quantity(
+            "table1/learning_rate", rates.pop(), note=note, made_by=f"{RUN}table1"
+        )
 
 
 def _ratios(results: Results, group: Group) -> Iterator[Quantity]:
@@ -281,7 +330,9 @@ def _ratios(results: Results, group: Group) -> Iterator[Quantity]:
             continue
         ends = min(ratios), max(ratios), "lowest to highest run", condition
         n = len(ratios)
-        yield Quantity(name, float(np.median(ratios)), *ends, n=n, seeds=n, made_by=by, note=note)
+        yield Quantity(
+            name, float(np.median(ratios)), *ends, n=n, seeds=n, made_by=by, note=note
+        )
 
 
 def time_ratios(results: Results, group: Group) -> dict[str, list[float]]:
@@ -294,6 +345,8 @@ def time_ratios(results: Results, group: Group) -> dict[str, list[float]]:
         own = {}
     times = {run.seeds: estimates.training_time(run) for run in group.runs}
     return {
-        "HDC as written here": [time / own[seeds] for seeds, time in times.items() if seeds in own],
+        "HDC as written here": [
+            time / own[seeds] for seeds, time in times.items() if seeds in own
+        ],
         ORDINARY: [time / ordinary for time in times.values()] if ordinary else [],
     }

@@ -74,10 +74,14 @@ def unequal(
 
 def _train(order: Sequence[np.ndarray], n: int, larger: int, more: int) -> np.ndarray:
     """The first n frames of each class, and so many more of one."""
-    return np.concatenate([of[: n + more * (c == larger)] for c, of in enumerate(order)])
+    return np.concatenate(
+        [of[: n + more * (c == larger)] for c, of in enumerate(order)]
+    )
 
 
-def _predict(subsets: Subsets, model: Any, train: np.ndarray, test: np.ndarray) -> np.ndarray:
+def _predict(
+    subsets: Subsets, model: Any, train: np.ndarray, test: np.ndarray
+) -> np.ndarray:
     """Labels by a model of these frames; HDC with its own rule for unequal classes."""
     if not isinstance(model, HDCClassifier) or not model.balance:
         return subsets.predict(model, train, test)

@@ -42,9 +42,13 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     every["accuracy"] = every.right.astype(float) / every.n_test
     every["to_larger"] = every.to_larger.astype(float) / every.n_test
     keys = ["model", "n", "unit"]
-    every = every.groupby([*keys, "extra"])[["accuracy", "to_larger"]].mean().reset_index()
+    every = (
+        every.groupby([*keys, "extra"])[["accuracy", "to_larger"]].mean().reset_index()
+    )
     equal = every[every.extra == 0].set_index(keys).accuracy
-    every["change"] = every.accuracy - equal.reindex(every.set_index(keys).index).to_numpy()
+    every["change"] = (
+        every.accuracy - equal.reindex(every.set_index(keys).index).to_numpy()
+    )
     table = []
     for (n, extra, model), part in every.groupby(["n", "extra", "model"]):
         line = {"n": n, "extra": extra, "model": model}
@@ -69,7 +73,9 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
         "n": Column("n of each class"),
         "extra": Column("More of one class"),
         "equal": Column("HDC, equal classes, %", percent),
-        "to_larger": Column("Answers of HDC as published that name the larger class, %", percent),
+        "to_larger": Column(
+            "Answers of HDC as published that name the larger class, %", percent
+        ),
         **{model: Column(f"{name}, points", points) for model, name in NAMES.items()},
     },
 )
@@ -84,13 +90,17 @@ def table(results: Results) -> pd.DataFrame | None:
             for end in ENDS:
                 line[f"equal{end}"] = equal.loc["hdc", f"accuracy{end}"]
                 line[f"to_larger{end}"] = at.loc["hdc", f"to_larger{end}"]
-                line |= {f"{model}{end}": at.loc[model, f"change{end}"] for model in NAMES}
+                line |= {
+                    f"{model}{end}": at.loc[model, f"change{end}"] for model in NAMES
+                }
             lines.append(line)
     if not lines:
         return None
     data = pd.DataFrame(lines)
     data.attrs["shown"] = [name for name in data if not name.endswith(ENDS[1:])]
-    data.attrs["commands"] = [f"{RUN}unequal scene={scene}" for scene in measurements(results)]
+    data.attrs["commands"] = [
+        f"{RUN}unequal scene={scene}" for scene in measurements(results)
+    ]
     return data
 
 
@@ -114,11 +124,21 @@ def figure(figure: Figure, results: Results) -> None:
     """A panel a scene, a line a rule."""
     shown = measurements(results)
     panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
-    for k, (axes, (scene, measured)) in enumerate(zip(panels, shown.items(), strict=True)):
+    for k, (axes, (scene, measured)) in enumerate(
+        zip(panels, shown.items(), strict=True)
+    ):
         every = summary(measured.frame)
         for model, extra, colour, line in LINES.values():
             part = every[(every.model == model) & (every.extra == extra)]
-            axes.plot(part.n, 100 * part.accuracy, color=colour, ls=line, marker="o", ms=2, lw=1)
+            axes.plot(
+                part.n,
+                100 * part.accuracy,
+                color=colour,
+                ls=line,
+                marker="o",
+                ms=2,
+                lw=1,
+            )
             low, high = 100 * part.accuracy_low, 100 * part.accuracy_high
             axes.fill_between(part.n, low, high, color=colour, alpha=0.1, lw=0)
         ticks = [n for n in (2, 5, 10, 20) if n in set(every.n)]
@@ -127,6 +147,9 @@ def figure(figure: Figure, results: Results) -> None:
         axes.minorticks_off()
         panel(axes, "abcdefgh"[k], scene)
     panels[0].set_ylabel("test accuracy (%)")
-    handles = [Line2D([], [], color=c, ls=s, label=name) for name, (_, _, c, s) in LINES.items()]
+    handles = [
+        Line2D([], [], color=c, ls=s, label=name)
+        for name, (_, _, c, s) in LINES.items()
+    ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
     head(figure, "One more frame in one class", [])

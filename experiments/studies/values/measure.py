@@ -45,7 +45,9 @@ def values(
 
     Arguments: configs/experiment/values.yaml.
     """
-    for recording, row, pool, test in parts(run, scene, splits, seeds, draws, most_test):
+    for recording, row, pool, test in parts(
+        run, scene, splits, seeds, draws, most_test
+    ):
         seed = row["seed"]
         known: Any = recording  # a cached scene has frames and labels alone
         if not hasattr(recording, "values"):
@@ -58,10 +60,16 @@ def values(
         images = recording.frames(np.concatenate([train, test])).cpu()
         words, queries = encode(images), np.arange(len(train), len(images))
         products = Products(images, np.zeros(len(images), np.int64), 1)
-        row |= {"n_test": len(test), "value": known.value_names[0], "unit": known.units[0]}
+        row |= {
+            "n_test": len(test),
+            "value": known.value_names[0],
+            "unit": known.units[0],
+        }
         for n in (n for n in n_train if n <= len(train)):
             y, truth = numbers[train[:n]], numbers[test]
-            for model, answer in answers(images, words, products, y, queries, bins).items():
+            for model, answer in answers(
+                images, words, products, y, queries, bins
+            ).items():
                 error = float(np.abs(answer - truth).mean())
                 yield {**row, "n": n, "model": model, "error": error}
             of = regressor(images, y, queries, truth, alphas)
@@ -85,7 +93,9 @@ def coverage(
 
     Arguments: configs/experiment/coverage.yaml.
     """
-    for recording, row, pool, test in parts(run, scene, splits, seeds, draws, most_test):
+    for recording, row, pool, test in parts(
+        run, scene, splits, seeds, draws, most_test
+    ):
         key = row["seed"], row["draw"]
         order, _ = nested(pool, recording.labels, [], key)
         n = min(n_per_class, *map(len, order))
@@ -104,7 +114,9 @@ def coverage(
         if (others := getattr(recording, "unknown", None)) is not None:
             some = np.random.default_rng(key).permutation(len(others.labels))
             strange = others.frames(some[:most_test])
-            row["unknown_refused"] = [_mean(~model.is_known(strange, a)) for a in alphas]
+            row["unknown_refused"] = [
+                _mean(~model.is_known(strange, a)) for a in alphas
+            ]
         yield row
 
 
@@ -116,13 +128,23 @@ def parts(
         for split, key in splits.items():
             for draw in range(draws):
                 pool, test = draw_split(recording, key, (seed, draw), most_test)
-                row = {"origin": recording.origin, "seed": seed, "split": split, "draw": draw}
+                row = {
+                    "origin": recording.origin,
+                    "seed": seed,
+                    "split": split,
+                    "draw": draw,
+                }
                 yield recording, row, pool, test
         run.note(f"seed {seed}")
 
 
 def answers(
-    images: Tensor, words: Tensor, products: Products, y: np.ndarray, queries: np.ndarray, bins: int
+    images: Tensor,
+    words: Tensor,
+    products: Products,
+    y: np.ndarray,
+    queries: np.ndarray,
+    bins: int,
 ) -> dict[str, np.ndarray]:
     """Numbers [Q] of the queries by each model of the first frames, whose values are y [n].
 
@@ -139,7 +161,9 @@ def answers(
     nearest = bits.hamming(words[queries], words[train]).argmin(1).numpy()
     found = {
         "mean": np.full(len(queries), y.mean()),
-        "bins": centres[HDCClassifier().fit(images[train], of).predict(images[queries])],
+        "bins": centres[
+            HDCClassifier().fit(images[train], of).predict(images[queries])
+        ],
         "nearest_neighbour": y[nearest],
     }
     for name, pixels in (("ridge_bits", "bits"), ("ridge_greys", "unit")):
@@ -148,7 +172,11 @@ def answers(
 
 
 def regressor(
-    images: Tensor, y: np.ndarray, queries: np.ndarray, truth: np.ndarray, alphas: Sequence[float]
+    images: Tensor,
+    y: np.ndarray,
+    queries: np.ndarray,
+    truth: np.ndarray,
+    alphas: Sequence[float],
 ) -> Row:
     """Error, coverage and width of the library's regressor of the first frames [n]."""
     model, covered, width = HDCRegressor().fit(images[: len(y)], y), [], []

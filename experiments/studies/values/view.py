@@ -22,7 +22,9 @@ STUDY = Study(
 COLUMNS = {
     "recording": Column("Frames"),
     "answer": Column("Answer"),
-    "split": Column("Split", lambda split: "as recorded" if split == "counts" else split),
+    "split": Column(
+        "Split", lambda split: "as recorded" if split == "counts" else split
+    ),
     "n": Column("Training frames"),
     "mean": Column("Mean guess", number),
     "bins": Column("10 prototypes of bins", number),
@@ -43,21 +45,30 @@ NOTE = (
 )
 
 
-def measured(results: Results, name: str) -> Iterator[tuple[dict[str, str], pd.DataFrame]]:
+def measured(
+    results: Results, name: str
+) -> Iterator[tuple[dict[str, str], pd.DataFrame]]:
     """Scene and answer of each measurement, and its rows."""
     every = [m for m in results.measurements if m.record.name == name]
     for measurement in sorted(every, key=lambda m: m.record.scene):
         rows = measurement.frame
         answer = "labels" if name == "coverage" else f"{rows.value[0]}, {rows.unit[0]}"
-        saturated = ", saturated" * bool(measurement.record.config["scene"].get("saturated"))
-        yield {"recording": f"{measurement.record.scene}{saturated}", "answer": answer}, rows
+        saturated = ", saturated" * bool(
+            measurement.record.config["scene"].get("saturated")
+        )
+        yield (
+            {"recording": f"{measurement.record.scene}{saturated}", "answer": answer},
+            rows,
+        )
 
 
 def means(rows: pd.DataFrame, column: str, name: str) -> dict[str, float]:
     """Mean of a column with its interval: over seeds where there are several, else over draws."""
     several = rows.seed.nunique() > 1
     of = rows.groupby("seed" if several else "draw")[column].mean()
-    value = estimate(of.astype(float).round(9).tolist(), several)  # 9: no rounding errors as errors
+    value = estimate(
+        of.astype(float).round(9).tolist(), several
+    )  # 9: no rounding errors as errors
     return (value.within(0, 1) if column in SHARES else value).columns(name)
 
 
@@ -66,7 +77,9 @@ def shown(lines: list[dict], results: Results, *names: str) -> pd.DataFrame | No
     data = pd.DataFrame(lines)
     data.attrs["shown"] = [name for name in COLUMNS if name in data]
     every = [m for m in results.measurements if m.record.name in names]
-    data.attrs["commands"] = sorted(f"{RUN}{m.record.name} scene={m.record.scene}" for m in every)
+    data.attrs["commands"] = sorted(
+        f"{RUN}{m.record.name} scene={m.record.scene}" for m in every
+    )
     return data if lines else None
 
 
@@ -109,7 +122,12 @@ def coverage(results: Results) -> pd.DataFrame | None:
             columns = [c for c in list(COLUMNS)[-4:] if c in rows]
             rows = rows.explode(["alpha", *columns])
             for (split, alpha), part in rows.groupby(["split", "alpha"], sort=False):
-                line = {**about, "split": split, "n": part.n.iloc[0], "promised": 1 - alpha}
+                line = {
+                    **about,
+                    "split": split,
+                    "n": part.n.iloc[0],
+                    "promised": 1 - alpha,
+                }
                 for column in columns:
                     if part[column].notna().all():
                         line |= means(part, column, column)

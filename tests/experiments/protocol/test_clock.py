@@ -27,7 +27,11 @@ class SlowScene:
 
     def frames(self, indices):
         self.now.t += 10 * len(indices)
-        return torch.from_numpy(np.asarray(indices)).to(torch.uint8)[:, None, None].expand(-1, 2, 3)
+        return (
+            torch.from_numpy(np.asarray(indices))
+            .to(torch.uint8)[:, None, None]
+            .expand(-1, 2, 3)
+        )
 
 
 def test_only_the_time_inside_counts(now):

@@ -14,7 +14,9 @@ from experiments.protocol.clock import Clock
 from scenes.frames import Frames
 
 
-def make_scene(n=60, classes=3, shape=(5, 7), dtype=np.uint8, origin="simulated", sessions=1):
+def make_scene(
+    n=60, classes=3, shape=(5, 7), dtype=np.uint8, origin="simulated", sessions=1
+):
     rng = np.random.default_rng(0)
     labels = np.tile(np.arange(classes), n // classes)
     base = rng.integers(0, np.iinfo(dtype).max // 2, (classes, *shape))
@@ -43,7 +45,9 @@ class Interrupted(Frames):
 # Lazy frames ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("index", [slice(8, 200), [4, 0, 4], torch.tensor([5, 3]), -1], ids=repr)
+@pytest.mark.parametrize(
+    "index", [slice(8, 200), [4, 0, 4], torch.tensor([5, 3]), -1], ids=repr
+)
 def test_lazy_frames_index_as_a_tensor_does(index):
     scene = make_scene(dtype=np.uint16)
     chosen = np.random.default_rng(1).permutation(60)[:12]
@@ -51,7 +55,9 @@ def test_lazy_frames_index_as_a_tensor_does(index):
     whole = scene.frames(chosen)
     assert lazy.shape == tuple(whole.shape)
     assert len(lazy) == 12
-    expected = whole.numpy()[index.numpy() if isinstance(index, torch.Tensor) else index]
+    expected = whole.numpy()[
+        index.numpy() if isinstance(index, torch.Tensor) else index
+    ]
     assert lazy[index].dtype == whole.dtype
     np.testing.assert_array_equal(lazy[index].numpy(), expected)
 
@@ -81,14 +87,20 @@ def test_cached_frames_are_the_scenes(tmp_path):
     assert cached.frames(indices).dtype == scene.images.dtype
     assert torch.equal(cached.frames(indices), scene.frames(indices))
     assert cached.fingerprint() == scene.fingerprint()
-    assert (cached.classes, cached.shape, cached.origin) == (scene.classes, (5, 7), "simulated")
+    assert (cached.classes, cached.shape, cached.origin) == (
+        scene.classes,
+        (5, 7),
+        "simulated",
+    )
     assert len(cached) == 60
     assert {f.suffix for f in tmp_path.iterdir()} == {".npy", ".lock"}
 
 
 def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch):
     scene = make_scene()
-    broken = Interrupted(scene.images, scene.labels, scene.classes, scene.samples, scene.origin)
+    broken = Interrupted(
+        scene.images, scene.labels, scene.classes, scene.samples, scene.origin
+    )
     monkeypatch.setattr(Interrupted, "fingerprint", lambda self: scene.fingerprint())
     with pytest.raises(KeyboardInterrupt):
         data.cached(broken, tmp_path, QUIET)
@@ -97,7 +109,9 @@ def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch):
     (path,) = tmp_path.glob("*.npy")
     # A killed process leaves its part, which is overwritten.
     path.rename(path.with_suffix(".partial")).write_bytes(b"half")
-    assert torch.equal(data.cached(scene, tmp_path, QUIET).frames([59]), scene.images[[59]])
+    assert torch.equal(
+        data.cached(scene, tmp_path, QUIET).frames([59]), scene.images[[59]]
+    )
     assert {f.suffix for f in tmp_path.iterdir()} == {".npy", ".lock"}
 
 
@@ -116,12 +130,18 @@ class Counted(Frames):
 def test_frames_wanted_by_several_processes_are_made_by_one(tmp_path):
     scene = Counted(*vars(make_scene()).values())
     fork = multiprocessing.get_context("fork")
-    processes = [fork.Process(target=data.cached, args=(scene, tmp_path, QUIET)) for _ in range(3)]
+    processes = [
+        fork.Process(target=data.cached, args=(scene, tmp_path, QUIET))
+        for _ in range(3)
+    ]
     for process in processes:
         process.start()
     for process in processes:
         process.join(30)
-    assert ([process.exitcode for process in processes], scene.made.value) == ([0, 0, 0], 60)
+    assert ([process.exitcode for process in processes], scene.made.value) == (
+        [0, 0, 0],
+        60,
+    )
 
 
 @pytest.mark.parametrize("damage", ["truncated", "other"])
@@ -149,10 +169,15 @@ def test_fewer_pixels_are_some_of_more():
     assert set(few._chosen) < set(more._chosen)
     every = data.PixelSubset(scene, 35, 1)
     assert torch.equal(every.frames([2])[0, 0], scene.frames([2]).flatten())
-    names = {s.fingerprint() for s in (scene, few, more, every, data.PixelSubset(scene, 6, 2))}
+    names = {
+        s.fingerprint()
+        for s in (scene, few, more, every, data.PixelSubset(scene, 6, 2))
+    }
     assert len(names) == 5
     for pixels in (1, 36, 2.5, True):
-        with pytest.raises(ValueError, match=r"^data\.pixels: expected an integer in \[2, 35\]"):
+        with pytest.raises(
+            ValueError, match=r"^data\.pixels: expected an integer in \[2, 35\]"
+        ):
             data.PixelSubset(scene, pixels, 0)
 
 

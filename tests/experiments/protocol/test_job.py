@@ -16,7 +16,9 @@ def the_record(results):
     return entry
 
 
-def test_a_run_says_what_it_was_and_what_came_out(carry_out, results, frames_and_labels):
+def test_a_run_says_what_it_was_and_what_came_out(
+    carry_out, results, frames_and_labels
+):
     entry = carry_out()
     assert the_record(results) == entry
     assert (entry.status, entry.stop, entry.error) == ("finished", "finished", None)
@@ -31,7 +33,9 @@ def test_a_run_says_what_it_was_and_what_came_out(carry_out, results, frames_and
     np.testing.assert_array_equal(entry.test_labels, labels[held["test_indices"]])
     train = np.setdiff1d(np.arange(50), held["test_indices"])
     model = hdc.HDCClassifier().fit(frames[train], labels[train])
-    np.testing.assert_array_equal(entry.predicted, model.predict(frames[held["test_indices"]]))
+    np.testing.assert_array_equal(
+        entry.predicted, model.predict(frames[held["test_indices"]])
+    )
     assert entry.model_bytes == sum(t.nbytes for t in model.state_tensors().values())
     assert 0 < entry.predict_single_s < 1
     assert 0 < entry.training_s < 10
@@ -63,7 +67,9 @@ def test_a_finished_run_is_not_repeated_unless_forced(carry_out, results, monkey
     monkeypatch.setattr(job, "train_and_test", lambda *_: pytest.fail("run again"))
     assert carry_out() == first
     assert carry_out.repeated
-    monkeypatch.setattr(job, "train_and_test", lambda *_: (_ for _ in ()).throw(ZeroDivisionError))
+    monkeypatch.setattr(
+        job, "train_and_test", lambda *_: (_ for _ in ()).throw(ZeroDivisionError)
+    )
     with pytest.raises(ZeroDivisionError):
         carry_out("force=true")
     assert the_record(results) == first  # the failed repetition leaves it
@@ -72,7 +78,10 @@ def test_a_finished_run_is_not_repeated_unless_forced(carry_out, results, monkey
 @pytest.mark.parametrize(
     ("error", "status"),
     [
-        (RuntimeError("out of memory" + 20_000 * "!"), "failed"),  # more than a record can hold
+        (
+            RuntimeError("out of memory" + 20_000 * "!"),
+            "failed",
+        ),  # more than a record can hold
         (KeyboardInterrupt(), "interrupted"),
         (SystemExit(143), "interrupted"),
     ],
@@ -81,7 +90,9 @@ def test_a_run_that_breaks_off_is_kept_and_run_again(
     carry_out, results, monkeypatch, fake, error, status
 ):
     real = hdc.HDCClassifier
-    fake({"samples_seen": 1, "loss": 1.0}, error)  # neither the warm-up nor the first report fails
+    fake(
+        {"samples_seen": 1, "loss": 1.0}, error
+    )  # neither the warm-up nor the first report fails
     with pytest.raises(type(error)):
         carry_out()
     entry = the_record(results)
@@ -126,7 +137,11 @@ def test_a_model_that_cannot_predict_in_the_end_leaves_its_times_and_curve(
             raise RuntimeError("not that way")
         return np.zeros(len(frames), np.int64)
 
-    fake({"samples_seen": 1, "loss": 2.0}, {"samples_seen": 2, "loss": 1.0}, predict=predict)
+    fake(
+        {"samples_seen": 1, "loss": 2.0},
+        {"samples_seen": 2, "loss": 1.0},
+        predict=predict,
+    )
     with pytest.raises(RuntimeError, match="not that way"):
         carry_out()
     entry = the_record(results)
@@ -138,9 +153,13 @@ def test_a_model_that_cannot_predict_in_the_end_leaves_its_times_and_curve(
     assert len(record.curve_of(entry)) == 2
 
 
-def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(carry_out, results, fake):
+def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(
+    carry_out, results, fake
+):
     fake({"samples_seen": 1}, predict=lambda self, frames: np.full(len(frames), 99))
-    with pytest.raises(ValueError, match="predicted: expected labels below 5, found 99"):
+    with pytest.raises(
+        ValueError, match="predicted: expected labels below 5, found 99"
+    ):
         carry_out()
     entry = the_record(results)
     assert (entry.status, entry.training_s > 0) == ("failed", True)
@@ -156,8 +175,14 @@ def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(carry_ou
         (["scene.path=???"], r"^scene\.path: expected a value, found none"),
         (["+scene.colour=1"], r"^scene: .*unexpected keyword argument 'colour'"),
         (["stop.loss=-1"], r"^stop\.loss: expected at least 0, found -1"),
-        (["+stop.colour=0"], r"^stop\.colour: expected one of target, reached_after_s, loss"),
-        (["split.test_fraction=nan"], r"^split\.test_fraction: expected a number, found nan"),
+        (
+            ["+stop.colour=0"],
+            r"^stop\.colour: expected one of target, reached_after_s, loss",
+        ),
+        (
+            ["split.test_fraction=nan"],
+            r"^split\.test_fraction: expected a number, found nan",
+        ),
         (["model.device=cuda:99"], r"^model\.device: expected one of cpu"),
         (["exclusive=no"], r"^exclusive: expected true or false, found 'no'"),
         (

@@ -74,7 +74,9 @@ def test_a_worker_has_its_share_of_the_cores(monkeypatch, launcher, threads):
 @pytest.mark.parametrize("wanted", [0, 5, 10**20, True, "two"])
 def test_a_wrong_number_of_threads_is_named(four_cores, wanted):
     """100,000 threads ended in a segmentation fault, and took all that the machine has."""
-    with pytest.raises(ValueError, match=r"^threads: expected an integer from 1 to .* 4 cores, or"):
+    with pytest.raises(
+        ValueError, match=r"^threads: expected an integer from 1 to .* 4 cores, or"
+    ):
         machine.threads(wanted, {})
 
 
@@ -94,7 +96,9 @@ print(kept, resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 
 def test_kept_memory_is_not_cleared_again():
     """In a process of its own, since it cannot be undone."""
-    run = subprocess.run([sys.executable, "-c", KEEP], capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", KEEP], capture_output=True, text=True, check=True
+    )
     kept, faults = run.stdout.split()
     if kept == "False":
         pytest.skip("the C library is not glibc")

@@ -34,7 +34,9 @@ def test_the_stop_is_in_the_record(carry_out, fake, overrides, stop, reports):
     assert len(curve_of(entry)) == reports
 
 
-def test_a_model_that_learns_by_steps_is_tested_at_a_tenth_more_and_at_its_end(carry_out, fake):
+def test_a_model_that_learns_by_steps_is_tested_at_a_tenth_more_and_at_its_end(
+    carry_out, fake
+):
     """With five samples each step is an epoch: testing took a hundred times as long as training."""
     fake(*({"samples_seen": 20 * k, "steps": k, "loss": 1.0} for k in range(1, 151)))
     seen = [row["steps"] for row in curve_of(carry_out())]
@@ -50,10 +52,15 @@ def test_both_readings_of_a_curve_are_in_the_record(carry_out, fake, monkeypatch
     read = iter([share for pair in pairs for share in pair])
     fake(*({"samples_seen": k, "steps": k, "loss": 1.0} for k in range(4)))
     right = trial.accuracy  # of the final predictions
-    monkeypatch.setattr(trial, "accuracy", lambda *given: next(read, None) or right(*given))
+    monkeypatch.setattr(
+        trial, "accuracy", lambda *given: next(read, None) or right(*given)
+    )
     entry = carry_out()
     assert entry.time_to_target_train_s == curve_of(entry)[1]["training_s"]
-    assert (entry.train_accuracy_at_target, entry.test_accuracy_at_target) == (0.92, 0.7)
+    assert (entry.train_accuracy_at_target, entry.test_accuracy_at_target) == (
+        0.92,
+        0.7,
+    )
     assert (entry.train_accuracy_max, entry.test_accuracy_max) == (1.0, 0.9)
 
 
@@ -90,7 +97,10 @@ def test_too_many_frames_are_read_in_parts_and_give_the_same_record(
     carry_out, recording, monkeypatch, model
 ):
     """All test frames were read at once, of however many gigabytes."""
-    path, words = recording(1000, 5, 8), (f"model={model}", "split.test_fraction=0.5", "force=true")
+    path, words = (
+        recording(1000, 5, 8),
+        (f"model={model}", "split.test_fraction=0.5", "force=true"),
+    )
     whole = carry_out(*words, scene=path)
     most = 300
     monkeypatch.setattr(data, "IN_MEMORY_BYTES", most * 64)
@@ -98,11 +108,19 @@ def test_too_many_frames_are_read_in_parts_and_give_the_same_record(
     monkeypatch.setattr(
         data.LazyFrames,
         "__getitem__",
-        lambda self, index: (frames := real(self, index), asked.append(frames.numel() / 64))[0],
+        lambda self, index: (
+            frames := real(self, index),
+            asked.append(frames.numel() / 64),
+        )[0],
     )
     lazy = carry_out(*words, scene=path)
     assert 0 < max(asked) <= most
-    for key in ("predicted", "test_accuracy_final", "data_sha256", "train_accuracy_max"):
+    for key in (
+        "predicted",
+        "test_accuracy_final",
+        "data_sha256",
+        "train_accuracy_max",
+    ):
         assert getattr(lazy, key) == getattr(whole, key)
 
 
@@ -112,8 +130,14 @@ def test_too_many_frames_are_read_in_parts_and_give_the_same_record(
 @pytest.mark.parametrize(
     ("report", "message"),
     [
-        ({"samples_seen": 1, "note": "a"}, r"report\['note'\]: expected a number, found 'a'"),
-        ({"samples_seen": 1, "training_s": 0.0}, r"report\['training_s'\]: expected no such key"),
+        (
+            {"samples_seen": 1, "note": "a"},
+            r"report\['note'\]: expected a number, found 'a'",
+        ),
+        (
+            {"samples_seen": 1, "training_s": 0.0},
+            r"report\['training_s'\]: expected no such key",
+        ),
     ],
 )
 def test_a_report_that_no_curve_can_hold_is_refused(carry_out, fake, report, message):
@@ -123,7 +147,10 @@ def test_a_report_that_no_curve_can_hold_is_refused(carry_out, fake, report, mes
 
 
 def test_a_model_that_writes_into_its_frames_is_refused(carry_out, fake):
-    fake({"samples_seen": 1}, predict=lambda self, frames: frames.zero_()[:, 0, 0].long().numpy())
+    fake(
+        {"samples_seen": 1},
+        predict=lambda self, frames: frames.zero_()[:, 0, 0].long().numpy(),
+    )
     with pytest.raises(ValueError, match="expected it to leave its frames as they are"):
         carry_out()
 
@@ -138,12 +165,19 @@ def test_models_of_subsets_are_hdc_or_computed_from_products():
     configs = {
         "hdc": {"_target_": "hdc.HDCClassifier"},
         "ridge": {"_target_": "baselines.ridge.RidgeReadout", "pixels": "standardised"},
-        "neighbours": {"_target_": "baselines.nearest_neighbour.NearestNeighbour", "k": 3},
+        "neighbours": {
+            "_target_": "baselines.nearest_neighbour.NearestNeighbour",
+            "k": 3,
+        },
     }
-    assert list(models_of({name: {"model": m} for name, m in configs.items()})) == list(configs)
+    assert list(models_of({name: {"model": m} for name, m in configs.items()})) == list(
+        configs
+    )
     for wrong in (
         {"_target_": "baselines.softmax.SoftmaxRegression"},
         {"_target_": "hdc.HDCClassifier", "prototype": "integer"},
     ):
-        with pytest.raises(ValueError, match=r"^task\.models\.wrong: expected HDC with binary"):
+        with pytest.raises(
+            ValueError, match=r"^task\.models\.wrong: expected HDC with binary"
+        ):
             models_of({"wrong": {"model": wrong}})

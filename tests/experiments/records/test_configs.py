@@ -12,14 +12,18 @@ def test_parts_of_configs_are_resolved_or_none():
     assert set(touch) == {"scene", "split"}
     assert touch["scene"]["seed"] == 0
     assert configs.part("scene", "recorded")["scene"]["path"] == "???"
-    assert configs.part("model", "hdc") == {"model": configs.part("model", "hdc")["model"]}
+    assert configs.part("model", "hdc") == {
+        "model": configs.part("model", "hdc")["model"]
+    }
     paper = configs.part("stop", "paper")["stop"]
     assert configs.part("stop", "long")["stop"] == {**paper, "least_steps": 1000}
     assert configs.part("model", "nowhere") is None
 
 
 def test_an_experiment_has_a_task_or_a_sweep():
-    assert configs.task("drift")["_target_"] == "experiments.studies.drift.measure.drift"
+    assert (
+        configs.task("drift")["_target_"] == "experiments.studies.drift.measure.drift"
+    )
     assert configs.task("table1") == configs.task("nowhere") == {}
     assert "hdc" in configs.sweep("table1")["model"]
     assert configs.numbers(["5", "null"]) == [5, None]
@@ -47,6 +51,8 @@ def test_parts_are_composed_as_hydra_does(group):
     with initialize_config_dir(str(configs.CONFIGS), version_base="1.3"):
         for path in (configs.CONFIGS / group).glob("*.yaml"):
             whole = compose("config", overrides=[f"{group}={path.stem}"])
-            for key in ("task",) if group == "experiment" else configs.part(group, path.stem):
+            for key in (
+                ("task",) if group == "experiment" else configs.part(group, path.stem)
+            ):
                 expected = OmegaConf.to_container(whole, resolve=True)[key] or {}
                 assert configs._resolved(group, path.stem, key) == expected, path

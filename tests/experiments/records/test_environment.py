@@ -16,7 +16,11 @@ CONFIG = {"model": {"_target_": "hdc.bits.Nothing"}}
 
 def test_a_reader_of_a_time_finds_what_it_depends_on():
     known = environment("cpu", 3, {})
-    assert (known["threads"], known["device"], known["cores"]) == (3, "cpu", os.cpu_count())
+    assert (known["threads"], known["device"], known["cores"]) == (
+        3,
+        "cpu",
+        os.cpu_count(),
+    )
     assert known["packages"]["numpy"] == np.__version__
     assert json.dumps(known)
 
@@ -24,7 +28,10 @@ def test_a_reader_of_a_time_finds_what_it_depends_on():
 def git(folder, *words):
     who = ["-c", "user.name=t", "-c", "user.email=t@t"]
     done = subprocess.run(
-        ["git", "-C", str(folder), *who, *words], check=True, capture_output=True, text=True
+        ["git", "-C", str(folder), *who, *words],
+        check=True,
+        capture_output=True,
+        text=True,
     )
     return done.stdout.strip()
 

@@ -29,13 +29,17 @@ def test_text_is_on_disk_before_it_has_the_name(tmp_path, monkeypatch):
     steps = []
     fsync, replace = os.fsync, os.replace
     monkeypatch.setattr(os, "fsync", lambda h: (steps.append("fsync"), fsync(h)))
-    monkeypatch.setattr(os, "replace", lambda a, b: (steps.append("name"), replace(a, b)))
+    monkeypatch.setattr(
+        os, "replace", lambda a, b: (steps.append("name"), replace(a, b))
+    )
     write_atomically(tmp_path / "deep" / "file", "µ\n")
     assert steps == ["fsync", "name"]
     assert (tmp_path / "deep" / "file").read_bytes() == "µ\n".encode()
 
 
-@pytest.mark.parametrize(("umask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
+@pytest.mark.parametrize(
+    ("umask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)]
+)
 def test_files_are_readable_for_whom_the_user_says(tmp_path, umask, mode):
     before = os.umask(umask)
     try:

@@ -19,7 +19,10 @@ FORK = multiprocessing.get_context("fork")
 def test_a_lock_has_one_holder(tmp_path):
     path = tmp_path / "run-1" / locks.FILE
     for name in ("run-1", "frames"):
-        with locks.held(path), pytest.raises(locks.Held, match=f"{name}: being run by another"):
+        with (
+            locks.held(path),
+            pytest.raises(locks.Held, match=f"{name}: being run by another"),
+        ):
             locks.held(path, name).__enter__()
 
 

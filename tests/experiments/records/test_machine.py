@@ -7,7 +7,12 @@ from threading import Thread
 
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, rule, run_state_machine_as_test
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    invariant,
+    rule,
+    run_state_machine_as_test,
+)
 
 from experiments.records import record
 
@@ -31,7 +36,13 @@ def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
 
         def entry(self, name, status, seconds):
             more = {"error": "ValueError: it broke"} if status == "failed" else {}
-            return {**template, "id": name, "status": status, "training_s": seconds, **more}
+            return {
+                **template,
+                "id": name,
+                "status": status,
+                "training_s": seconds,
+                **more,
+            }
 
         def note(self, name, status, seconds):
             if status == "finished" or self.known.get(name, ("", 0))[0] != "finished":
@@ -54,7 +65,10 @@ def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
         @rule(names=st.tuples(NAMES, NAMES), seconds=TIMES)
         def two_at_once(self, names, seconds):
             entries = [self.entry(name, "finished", seconds) for name in names]
-            threads = [Thread(target=record.append, args=(self.folder, e, curve)) for e in entries]
+            threads = [
+                Thread(target=record.append, args=(self.folder, e, curve))
+                for e in entries
+            ]
             for thread in threads:
                 thread.start()
             for thread, name in zip(threads, names, strict=True):
@@ -69,7 +83,9 @@ def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
             assert runs == self.known
             assert len(errors) == self.damaged
             for name, (status, _) in self.known.items():
-                assert (record.find(self.folder, name) is not None) == (status == "finished")
+                assert (record.find(self.folder, name) is not None) == (
+                    status == "finished"
+                )
 
     few = settings(max_examples=15, stateful_step_count=12, deadline=None)
     run_state_machine_as_test(Store, settings=few)

@@ -25,7 +25,12 @@ def powers(run: Run, base: int, most: int = 3, fail_at: int | None = None):
     for k in range(most):
         if k == fail_at:
             raise ValueError("no more")
-        yield {"n": k, "value": np.float64(base**k), "label": "None", "odd": bool(k % 2)}
+        yield {
+            "n": k,
+            "value": np.float64(base**k),
+            "label": "None",
+            "odd": bool(k % 2),
+        }
 
 
 @pytest.fixture(autouse=True)
@@ -64,7 +69,10 @@ def test_a_failure_leaves_what_was_finished(results, monkeypatch):
     monkeypatch.setattr(measurement, "write", lambda *_: pytest.fail("written"))
     with pytest.raises(OSError, match="the disk is full"):
         measurement.measure(
-            "powers", {"base": 2, "most": 3, "fail_at": None}, lambda: broken(None), force=True
+            "powers",
+            {"base": 2, "most": 3, "fail_at": None},
+            lambda: broken(None),
+            force=True,
         )
     assert (path / "rows.jsonl").read_bytes() == rows
     assert read(path).record.status == "finished"
@@ -95,7 +103,9 @@ def test_finished_parts_are_not_computed_again(results):
 
 
 def test_numbers_that_json_lacks_become_null():
-    text = measurement.to_lines([{"a": float("nan"), "b": float("inf"), "c": np.int64(3)}])
+    text = measurement.to_lines(
+        [{"a": float("nan"), "b": float("inf"), "c": np.int64(3)}]
+    )
     assert measurement.from_lines(text) == [{"a": None, "b": None, "c": 3}]
 
 
@@ -107,11 +117,17 @@ def test_whatever_step_of_a_write_fails_no_record_vouches_for_rows_of_another_ca
     measurement.write(folder, {**entry, "seconds": -1}, [{"n": -1}])
     for k in range(100):
         again = {**entry, "seconds": k}
-        failed = full_disk(k, lambda again=again, k=k: measurement.write(folder, again, [{"n": k}]))
+        failed = full_disk(
+            k, lambda again=again, k=k: measurement.write(folder, again, [{"n": k}])
+        )
         if (found := read(folder)) is not None:
-            assert found.rows == ([{"n": k}] if found.record.seconds == k else [{"n": k - 1}])
+            assert found.rows == (
+                [{"n": k}] if found.record.seconds == k else [{"n": k - 1}]
+            )
         if failed is None:
             break
         assert "No space left" in str(failed)
         measurement.write(folder, again, [{"n": k}])
-    assert k == 11  # the old record; folder, file, flush, name and temporary file of both
+    assert (
+        k == 11
+    )  # the old record; folder, file, flush, name and temporary file of both

@@ -13,7 +13,10 @@ def lines(folder):
 
 
 def test_a_run_is_read_as_it_was_written(tmp_path, write_run):
-    curve = [{"training_s": 1.0, "loss": math.inf}, {"training_s": 2.0, "loss": 0.1, "epoch": 1.0}]
+    curve = [
+        {"training_s": 1.0, "loss": math.inf},
+        {"training_s": 2.0, "loss": 0.1, "epoch": 1.0},
+    ]
     name = write_run("softmax", seed=3, wrong=range(7), curve=curve)
     (run,) = record.read(tmp_path)
     assert (run.id, run.seed, run.status) == (name, 3, "finished")

@@ -15,7 +15,9 @@ def other_code(monkeypatch):
     real = sources.sources
 
     def switch():
-        monkeypatch.setattr(sources, "sources", lambda *a: {**real(*a), "hdc/bits.py": "0" * 12})
+        monkeypatch.setattr(
+            sources, "sources", lambda *a: {**real(*a), "hdc/bits.py": "0" * 12}
+        )
 
     return switch
 
@@ -40,7 +42,9 @@ def test_runs_of_one_config_and_code_stand_in_one_row_by_seed(tmp_path, write_ru
     assert group.others == 0
 
 
-def test_runs_of_other_code_are_not_averaged_and_todays_come_first(tmp_path, write_run, other_code):
+def test_runs_of_other_code_are_not_averaged_and_todays_come_first(
+    tmp_path, write_run, other_code
+):
     write_run("hdc", seed=0)
     other_code()
     for seed in (1, 2, 3):
@@ -51,9 +55,13 @@ def test_runs_of_other_code_are_not_averaged_and_todays_come_first(tmp_path, wri
     assert group.status == "3 more left out: of other code or settings"
 
 
-def test_the_stopping_rule_of_the_paper_comes_first_then_the_larger_group(tmp_path, write_run):
+def test_the_stopping_rule_of_the_paper_comes_first_then_the_larger_group(
+    tmp_path, write_run
+):
     for seed in range(3):
-        write_run("softmax", seed=seed, stop="quick", curve=[{"training_s": 1.0, "loss": 1.0}])
+        write_run(
+            "softmax", seed=seed, stop="quick", curve=[{"training_s": 1.0, "loss": 1.0}]
+        )
     write_run("softmax", stop="paper", curve=[{"training_s": 1.0, "loss": 1.0}])
     group = Results(tmp_path).group("touch", "softmax")
     assert [run.record.choices.stop for run in group.runs] == ["paper"]
@@ -85,7 +93,10 @@ def test_a_run_with_another_value_has_a_row_of_its_own(tmp_path, write_run, key)
     if name is None:
         assert rows(found) == {("touch", "hdc", None, None): [0, 1, 2]}
         return
-    assert rows(found) == {("touch", "hdc", None, None): [0], (*name, None, None): [1, 2]}
+    assert rows(found) == {
+        ("touch", "hdc", None, None): [0],
+        (*name, None, None): [1, 2],
+    }
     overrides = [row["overrides"] for row in runs_table(found).data.to_dict("records")]
     assert sorted(text.partition("=")[0] for text in overrides) == ["", key, key]
 

@@ -19,10 +19,17 @@ def test_a_run_is_made_by_what_it_imports_and_by_the_trial():
         "experiments/protocol/clock.py",
     } <= set(files)
     assert not any(name.startswith("baselines/") for name in files)
-    assert {"experiments/run.py", "experiments/reporting/rows.py", "hdc/io.py"}.isdisjoint(files)
+    assert {
+        "experiments/run.py",
+        "experiments/reporting/rows.py",
+        "hdc/io.py",
+    }.isdisjoint(files)
     drift = sources.sources({"_target_": "experiments.studies.drift.measure.drift"})
     assert "experiments/studies/drift/measure.py" in drift
-    assert {"experiments/records/measurement.py", "experiments/records/record.py"}.isdisjoint(drift)
+    assert {
+        "experiments/records/measurement.py",
+        "experiments/records/record.py",
+    }.isdisjoint(drift)
     assert "baselines/training.py" in sources.sources(CNN)
     # What a package offers counts where it is asked for, what a type checker reads nowhere.
     assert "hdc/classifier.py" in set(files) - set(sources.sources(CNN))
@@ -36,8 +43,14 @@ WRITTEN = '"""Words."""\nfrom hdc.bits import a\ndef f(x):\n    """More."""\n   
 @pytest.mark.parametrize(
     ("text", "same"),
     [
-        ('"""Other."""\n\nfrom hdc.bits import a\ndef f( x ):\n    return x  + 1 # why\n', True),
-        ("from hdc.packed import a\ndef f(x):\n    return x + 1\n", True),  # has its own digest
+        (
+            '"""Other."""\n\nfrom hdc.bits import a\ndef f( x ):\n    return x  + 1 # why\n',
+            True,
+        ),
+        (
+            "from hdc.packed import a\ndef f(x):\n    return x + 1\n",
+            True,
+        ),  # has its own digest
         ("from hdc.bits import b\ndef f(x):\n    return x + 1\n", False),
         ("from numpy import a\ndef f(x):\n    return x + 1\n", False),
         ("from hdc.bits import a\ndef f(x):\n    return x + 2\n", False),
@@ -57,7 +70,10 @@ def test_outdated_files():
     assert sources.outdated(now, HDC) == []
     old = {**now, "hdc/bits.py": "0" * 12, "hdc/gone.py": "1" * 12}
     assert sources.outdated(old, HDC) == ["hdc/bits.py", "hdc/gone.py"]
-    assert sources.outdated({**sources.sources(CNN), "hdc/classifier.py": "0" * 12}, CNN) == []
+    assert (
+        sources.outdated({**sources.sources(CNN), "hdc/classifier.py": "0" * 12}, CNN)
+        == []
+    )
     assert sources.outdated(sources.sources(CNN), HDC)  # code that took no part in it
     study = "experiments/studies/drift/measure.py"
     assert study in sources.outdated({**now, study: "0" * 12}, HDC)

@@ -11,7 +11,9 @@ from experiments.reporting.table import records
 
 
 def paper(value=90.0, calibration="", name="touch/some", unit="%", margin=3.0, why=""):
-    return Published(name, value, unit, calibration=calibration, margin=margin, not_comparable=why)
+    return Published(
+        name, value, unit, calibration=calibration, margin=margin, not_comparable=why
+    )
 
 
 def ours(value, low=None, high=None):
@@ -53,7 +55,9 @@ def test_verdicts(known, measured, expected):
 
 def test_every_published_number_has_a_row_and_an_experiment_that_makes_it():
     rows = records(compare([]).data)
-    assert [f"{row['experiment']}/{row['quantity']}" for row in rows] == list(published.numbers())
+    assert [f"{row['experiment']}/{row['quantity']}" for row in rows] == list(
+        published.numbers()
+    )
     for row in rows:
         assert row["verdict"] == "missing"
         experiment = row["made_by"].partition(" experiment=")[2]
@@ -62,12 +66,31 @@ def test_every_published_number_has_a_row_and_an_experiment_that_makes_it():
 
 def test_a_row_has_what_is_behind_its_number_and_one_for_each_condition():
     quantities = [
-        Quantity("table1/hdc_test_accuracy", 98.0, 95.0, 99.5, "Wilson", n=300, made_by="make it"),
-        *(Quantity("drift/recovered_accuracy", 90.0, condition=f"p = {p}") for p in (0.5, 0.75)),
+        Quantity(
+            "table1/hdc_test_accuracy",
+            98.0,
+            95.0,
+            99.5,
+            "Wilson",
+            n=300,
+            made_by="make it",
+        ),
+        *(
+            Quantity("drift/recovered_accuracy", 90.0, condition=f"p = {p}")
+            for p in (0.5, 0.75)
+        ),
         Quantity("table1/of_our_own", 1.0),  # the paper does not give it
     ]
     data = records(compare(quantities).data)
     assert len(data) == len(published.numbers()) + 1
     (row,) = (row for row in data if row["measured"] == 98)
-    assert (row["low"], row["high"], row["n"], row["made_by"]) == (95, 99.5, 300, "make it")
-    assert {row["condition"] for row in data if row["measured"] == 90} == {"p = 0.5", "p = 0.75"}
+    assert (row["low"], row["high"], row["n"], row["made_by"]) == (
+        95,
+        99.5,
+        300,
+        "make it",
+    )
+    assert {row["condition"] for row in data if row["measured"] == 90} == {
+        "p = 0.5",
+        "p = 0.75",
+    }

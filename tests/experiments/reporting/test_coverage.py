@@ -12,13 +12,21 @@ from experiments.reporting.text import number
 
 REPEATS = 3000
 PAGE = (ROOT / "docs" / "verdicts.md").read_text(encoding="utf-8")
-ROWS = [[c.strip() for c in x.strip("|").split("|")] for x in PAGE.splitlines() if x[:1] == "|"]
+ROWS = [
+    [c.strip() for c in x.strip("|").split("|")]
+    for x in PAGE.splitlines()
+    if x[:1] == "|"
+]
 
 
 def shares(rng, seeds, truth, spread):
     """Mean share of seeds whose true shares have this standard deviation."""
     size = truth * (1 - truth) / spread**2 - 1 if spread else None
-    each = rng.beta(truth * size, (1 - truth) * size, seeds) if size else np.full(seeds, truth)
+    each = (
+        rng.beta(truth * size, (1 - truth) * size, seeds)
+        if size
+        else np.full(seeds, truth)
+    )
     return mean_share((rng.binomial(100, each) / 100).tolist(), 100), truth
 
 
@@ -30,12 +38,30 @@ def draws(rng, n):
 @pytest.mark.parametrize(
     ("of", "once"),
     [
-        ("mean of 5 normal numbers", lambda rng: (mean_interval(rng.normal(size=5).tolist()), 0)),
-        ("5 seeds of 100 frames, all with a truth of 90 %", lambda rng: shares(rng, 5, 0.9, 0)),
-        ("5 seeds that spread by 5 points about 90 %", lambda rng: shares(rng, 5, 0.9, 0.05)),
-        ("5 seeds that spread by 5 points about 95 %", lambda rng: shares(rng, 5, 0.95, 0.05)),
-        ("20 seeds that spread by 5 points about 95 %", lambda rng: shares(rng, 20, 0.95, 0.05)),
-        ("5 seeds that spread by 3 points about 98 %", lambda rng: shares(rng, 5, 0.98, 0.03)),
+        (
+            "mean of 5 normal numbers",
+            lambda rng: (mean_interval(rng.normal(size=5).tolist()), 0),
+        ),
+        (
+            "5 seeds of 100 frames, all with a truth of 90 %",
+            lambda rng: shares(rng, 5, 0.9, 0),
+        ),
+        (
+            "5 seeds that spread by 5 points about 90 %",
+            lambda rng: shares(rng, 5, 0.9, 0.05),
+        ),
+        (
+            "5 seeds that spread by 5 points about 95 %",
+            lambda rng: shares(rng, 5, 0.95, 0.05),
+        ),
+        (
+            "20 seeds that spread by 5 points about 95 %",
+            lambda rng: shares(rng, 20, 0.95, 0.05),
+        ),
+        (
+            "5 seeds that spread by 3 points about 98 %",
+            lambda rng: shares(rng, 5, 0.98, 0.03),
+        ),
         ("one more draw, after 20", lambda rng: draws(rng, 20)),
         ("one more draw, after 50", lambda rng: draws(rng, 50)),
     ],
@@ -43,7 +69,10 @@ def draws(rng, n):
 def test_an_interval_holds_as_often_as_the_page_says(of, once):
     (stated,) = (float(row[2]) for row in ROWS if len(row) == 3 and row[1] == of)
     rng = np.random.default_rng(0)
-    held = [low <= truth <= high for (_, low, high), truth in (once(rng) for _ in range(REPEATS))]
+    held = [
+        low <= truth <= high
+        for (_, low, high), truth in (once(rng) for _ in range(REPEATS))
+    ]
     assert 100 * np.mean(held) == pytest.approx(stated, abs=1.5)
 
 
@@ -58,7 +87,11 @@ def test_numbers_of_objections_are_in_the_table_named(row):
 
 def test_speeds_of_the_page_on_times_are_those_of_the_benchmark():
     page = " ".join((ROOT / "docs" / "times.md").read_text(encoding="utf-8").split())
-    goals = pd.read_csv(REFERENCE / "tables" / "benchmark_goals.csv").set_index("Goal").Measured
+    goals = (
+        pd.read_csv(REFERENCE / "tables" / "benchmark_goals.csv")
+        .set_index("Goal")
+        .Measured
+    )
     said = [goal for goal in goals.index if goal.startswith("train: ")]
     assert len(said) == 3
     for goal in said:

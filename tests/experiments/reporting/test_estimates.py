@@ -18,7 +18,9 @@ def test_student_intervals_of_the_mean_and_of_one_more_sensor():
     half = T2 / math.sqrt(3)
     assert mean_interval([1.0, 2.0, 3.0]) == pytest.approx((2, 2 - half, 2 + half))
     half = T2 * math.sqrt(4 / 3)
-    assert estimates.one_sensor([1.0, 2.0, 3.0]) == pytest.approx((2, 2 - half, 2 + half))
+    assert estimates.one_sensor([1.0, 2.0, 3.0]) == pytest.approx(
+        (2, 2 - half, 2 + half)
+    )
     assert np.isnan(mean_interval([1.0])[1:]).all()
 
 
@@ -30,7 +32,9 @@ def test_100_percent_of_all_samples_has_an_interval(tmp_path, write_run):
     p = 302 / 304  # two right and two wrong added
     half = T2 * math.sqrt(p * (1 - p) / 100)
     assert estimates.share(group).low == pytest.approx(1 - half / math.sqrt(3))
-    assert estimates.share_of_one_sensor(group).low == pytest.approx(1 - half * math.sqrt(4 / 3))
+    assert estimates.share_of_one_sensor(group).low == pytest.approx(
+        1 - half * math.sqrt(4 / 3)
+    )
 
 
 def test_one_seed_has_wilsons_interval():
@@ -49,14 +53,18 @@ def test_a_training_lasts_until_90_percent_or_until_it_is_done():
         record = SimpleNamespace(training_s=7.0, time_to_target_train_s=reached)
         return SimpleNamespace(iterative=iterative, record=record)
 
-    times = [estimates.training_time(r) for r in (run(2.0), run(None), run(None, False))]
+    times = [
+        estimates.training_time(r) for r in (run(2.0), run(None), run(None, False))
+    ]
     assert times == [2.0, math.inf, 7.0]
 
 
 def test_models_differ_seed_by_seed_on_the_same_samples(tmp_path, write_run):
     def difference():
         results = Results(tmp_path)
-        return estimates.difference(*(results.group("touch", m).runs for m in ("softmax", "hdc")))
+        return estimates.difference(
+            *(results.group("touch", m).runs for m in ("softmax", "hdc"))
+        )
 
     write_run("softmax", wrong=range(4))
     assert difference() is None
@@ -67,7 +75,12 @@ def test_models_differ_seed_by_seed_on_the_same_samples(tmp_path, write_run):
     half = 12.7062 * np.std([-0.03, 0.08], ddof=1) / math.sqrt(2)
     # A seed whose test frames were others is no pair.
     write_run("hdc", seed=2)
-    write_run("softmax", seed=2, wrong=range(50), data_sha256={"train": "", "test": "of others"})
+    write_run(
+        "softmax",
+        seed=2,
+        wrong=range(50),
+        data_sha256={"train": "", "test": "of others"},
+    )
     assert difference() == pytest.approx((0.025, 0.025 - half, 0.025 + half), abs=1e-4)
 
 
@@ -76,7 +89,9 @@ def test_opposite_disagreements_widen_the_interval_of_a_difference(tmp_path, wri
         write_run("softmax", seed=seed, wrong=range(30))
         write_run("hdc", seed=seed, wrong=range(30, 60))
     results = Results(tmp_path)
-    found = estimates.difference(*(results.group("touch", m).runs for m in ("softmax", "hdc")))
+    found = estimates.difference(
+        *(results.group("touch", m).runs for m in ("softmax", "hdc"))
+    )
     half = T2 * math.sqrt(181 / 302 / 100 / 3)  # 60 samples of each seed, and one more
     assert found == pytest.approx((0, -half, half))
 

@@ -12,7 +12,9 @@ from experiments.reporting.page.page import Block, Picture, Section
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Table, frame
 
-HOSTILE = '</script><script>alert("1")</script>&<img src=x onerror=alert(2)>\\ `|` \x1b[31m'
+HOSTILE = (
+    '</script><script>alert("1")</script>&<img src=x onerror=alert(2)>\\ `|` \x1b[31m'
+)
 SVG = (
     b'<svg xmlns="http://www.w3.org/2000/svg" width="30pt" height="15pt">'
     b"<text font=\"'a' &amp; b\">100 % #1</text></svg>"
@@ -53,8 +55,13 @@ class Page(HTMLParser):
 
 
 def a_table(name="some", rows=2, **values):
-    data = [{"name": "a name", "error": 1.23456789e-7 * k, **values} for k in range(1, rows + 1)]
-    return Table(name, "A title", frame(data), note="How to read it.", commands=["make it"])
+    data = [
+        {"name": "a name", "error": 1.23456789e-7 * k, **values}
+        for k in range(1, rows + 1)
+    ]
+    return Table(
+        name, "A title", frame(data), note="How to read it.", commands=["make it"]
+    )
 
 
 def picture(name="a_figure", data=SVG, kind="svg", caption="What it shows."):
@@ -78,7 +85,9 @@ def test_it_needs_no_network_and_every_picture_is_whole():
     found = built(Block("", [a_table()], pictures))
     sources = [value for key in ("src", "href", "srcset", "action", "data", "poster")
                for value in found.all(key)]  # fmt: skip
-    assert {value.partition(":")[0] for value in sources if not value.startswith("#")} == {"data"}
+    assert {
+        value.partition(":")[0] for value in sources if not value.startswith("#")
+    } == {"data"}
     assert not re.search(r"url\(|@import", (page.TEMPLATES / "report.css").read_text())
     images = [attrs for tag, attrs in found.elements if tag == "img"]
     assert len(images) == 2
@@ -103,7 +112,9 @@ def test_what_comes_from_outside_is_escaped():
     made = a_table(HOSTILE, error=HOSTILE, verdict=HOSTILE)
     hostile = Table(HOSTILE, HOSTILE, made.data, note=HOSTILE, commands=[HOSTILE])
     shown = picture('x" onload="alert(3)', caption=HOSTILE)
-    plain = built(Block("", [a_table("t", error="e", verdict="v")], [picture()]), problems=["p"])
+    plain = built(
+        Block("", [a_table("t", error="e", verdict="v")], [picture()]), problems=["p"]
+    )
     found = built(
         Block(HOSTILE, [hostile], [shown]),
         problems=[HOSTILE], about={HOSTILE: HOSTILE},
@@ -111,7 +122,9 @@ def test_what_comes_from_outside_is_escaped():
     tags = [[tag for tag, _ in one.elements if tag != "h3"] for one in (found, plain)]
     assert tags[0].count("script") == tags[1].count("script") == 1
     assert set(tags[0]) == set(tags[1])
-    assert not [key for _, attrs in found.elements for key in attrs if key.startswith("on")]
+    assert not [
+        key for _, attrs in found.elements for key in attrs if key.startswith("on")
+    ]
     (rows,) = found.tables.values()
     assert rows[1][1] == HOSTILE.strip()
     # Shown as it is, escaped once: "<" reads "<".

@@ -21,7 +21,9 @@ def figure():
 
 
 def test_no_two_models_look_alike_without_their_lines():
-    looks = [(*plot.style_of(model)[:2], plot.look_of(model)["mfc"]) for model in MODELS]
+    looks = [
+        (*plot.style_of(model)[:2], plot.look_of(model)["mfc"]) for model in MODELS
+    ]
     assert len(set(looks)) == len(looks)
     assert len({configs.display(model)["name"] for model in MODELS}) == len(MODELS)
 

@@ -15,7 +15,12 @@ from experiments.reporting.rows import runs_table, swept
 
 def epochs(*accuracies, step=10.0):
     return [
-        {"training_s": step * (k + 1), "loss": 1.0, "train_accuracy": a, "test_accuracy": a}
+        {
+            "training_s": step * (k + 1),
+            "loss": 1.0,
+            "train_accuracy": a,
+            "test_accuracy": a,
+        }
         for k, a in enumerate(accuracies)
     ]
 
@@ -45,7 +50,12 @@ def test_numbers_are_those_of_the_records(tmp_path, write_run):
 def test_a_model_is_compared_with_hdc_and_with_the_paper(tmp_path, write_run):
     for seed in range(2):
         write_run("hdc", seed=seed, wrong=[0], curve=[{"training_s": 2.0}])
-        write_run("softmax", seed=seed, wrong=range(1 + 4 * seed), curve=epochs(0.5, 0.9, 0.95))
+        write_run(
+            "softmax",
+            seed=seed,
+            wrong=range(1 + 4 * seed),
+            curve=epochs(0.5, 0.9, 0.95),
+        )
     row = line(tmp_path, "softmax")
     assert row["over_hdc"] == pytest.approx(-0.02)
     assert row["over_hdc_low"] < -0.02 < row["over_hdc_high"]
@@ -72,13 +82,17 @@ def test_a_sweep_has_a_row_for_all_that_it_asks_for(tmp_path, a_full_set):
     params = configs.sweep("accuracy_vs_n")
     lines = swept(Results(tmp_path), ["accuracy_vs_n", "accuracy_vs_n"])
     assert len(lines) == len(params["model"]) * len(params["split.n_train"])
-    measured = {(row["model"], row["n_train"]): row["seeds"] for row in lines if row["seeds"]}
+    measured = {
+        (row["model"], row["n_train"]): row["seeds"] for row in lines if row["seeds"]
+    }
     assert measured["hdc", 20] == measured["ridge", 100] == 2
 
 
 def test_every_run_has_a_line_with_what_was_changed(tmp_path, write_run):
     small = write_run("hdc", seed=1, n_train=20, pixels=100, wrong=range(10))
-    changed = write_run("cnn1", change={"model.lr": 0.01, "scene.samples_per_class": 20})
+    changed = write_run(
+        "cnn1", change={"model.lr": 0.01, "scene.samples_per_class": 20}
+    )
     failed = write_run("cnn3", status="failed", error="RuntimeError: no\nmemory")
     text = runs_table(Results(tmp_path)).csv()
     lines = {run["id"]: run for run in csv.DictReader(io.StringIO(text))}

@@ -11,7 +11,9 @@ from experiments.reporting.study import studies as studies_of
 
 def test_no_study_has_anything_to_say_of_an_empty_folder(tmp_path):
     every = studies_of(studies)
-    assert {"table1", "accuracy", "claims", "recordings", "drift"} <= {s.name for s in every}
+    assert {"table1", "accuracy", "claims", "recordings", "drift"} <= {
+        s.name for s in every
+    }
     results = Results(tmp_path)
     for study in every:
         for made in (study.tables_of, study.plots_of, study.quantities_of):
@@ -22,9 +24,13 @@ def test_no_study_has_anything_to_say_of_an_empty_folder(tmp_path):
 def study():
     made = Study("of_a_test", "Title", "Question?", 1)
 
-    @made.table("some", of="correlation", title="Some, {frames}, {machine}", note="How.")
+    @made.table(
+        "some", of="correlation", title="Some, {frames}, {machine}", note="How."
+    )
     def some(rows, config):
-        return rows.groupby("model", as_index=False)["right"].sum().assign(k=config["k"])
+        return (
+            rows.groupby("model", as_index=False)["right"].sum().assign(k=config["k"])
+        )
 
     @made.table("none", of=("correlation", "drift"), title="None")
     def none(rows, others, config):
@@ -40,7 +46,10 @@ def study():
 def test_rows_of_a_measurement_become_a_table_for_each_kind_of_frames(
     tmp_path, write_measurement, study
 ):
-    rows = [{"origin": "simulated", "model": m, "right": int(n)} for m, n in ("a1", "a2", "b4")]
+    rows = [
+        {"origin": "simulated", "model": m, "right": int(n)}
+        for m, n in ("a1", "a2", "b4")
+    ]
     write_measurement("correlation", rows, config={"k": 5})
     write_measurement("correlation", rows[:1], config={"k": 6, "scene": {"path": "mine"}},
                       scene="recorded")  # fmt: skip
@@ -51,4 +60,6 @@ def test_rows_of_a_measurement_become_a_table_for_each_kind_of_frames(
     assert (first.name, second.name) == ("some", "some_recorded")
     assert first.title == "Some, simulated frames, A CPU, 2 threads"
     assert first.commands == ("python -m experiments.run experiment=correlation",)
-    assert [q.value for q in study.quantities_of(Results(tmp_path))] == [7]  # not of other frames
+    assert [q.value for q in study.quantities_of(Results(tmp_path))] == [
+        7
+    ]  # not of other frames

@@ -33,7 +33,9 @@ class Cells(HTMLParser):
     def __init__(self, markdown):
         super().__init__()
         self.rows, self.other, self._open = [], [], False
-        self.feed(MarkdownIt("gfm-like", {"linkify": False, "html": True}).render(markdown))
+        self.feed(
+            MarkdownIt("gfm-like", {"linkify": False, "html": True}).render(markdown)
+        )
 
     def handle_starttag(self, tag, attrs):
         if tag == "br" and self._open:  # a line of a cell
@@ -70,9 +72,15 @@ def test_nothing_comes_of_what_a_record_quotes(text):
 
 
 def test_csv_keeps_integers_exact_numbers_to_six_digits_and_nothing_empty():
-    rows = [{"a": 2**53, "b": 1 / 3, "c": None}, {"a": np.int64(1), "b": math.nan, "d": True}]
+    rows = [
+        {"a": 2**53, "b": 1 / 3, "c": None},
+        {"a": np.int64(1), "b": math.nan, "d": True},
+    ]
     lines = list(csv.reader(io.StringIO(Table("t", "T", frame(rows)).csv())))
-    assert lines[1:] == [["9007199254740992", "0.333333", "", ""], ["1", "", "", "True"]]
+    assert lines[1:] == [
+        ["9007199254740992", "0.333333", "", ""],
+        ["1", "", "", "True"],
+    ]
     assert records(frame([{"a": math.nan, "b": 1}])) == [{"a": None, "b": 1}]
 
 

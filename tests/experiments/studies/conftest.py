@@ -41,7 +41,9 @@ def write_scene(tmp_path, write_run):
 
 def words_of(svg):
     """The words of an SVG: what stands between its tags."""
-    text = re.sub(r"\s*</?tspan[^>]*>\s*", "", svg.decode())  # the letters of a text with a formula
+    text = re.sub(
+        r"\s*</?tspan[^>]*>\s*", "", svg.decode()
+    )  # the letters of a text with a formula
     return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", text)).split())
 
 

@@ -18,7 +18,9 @@ def test_a_table_has_a_row_for_all_that_its_experiments_ask_for(tmp_path, a_full
     data = tables["accuracy_vs_d"].data
     assert len(data) == len(params["model"]) * len(pixels)
     rows = tables["accuracy_vs_n"].data
-    (line,) = rows[(rows["model"] == "hdc") & (rows["n_train"] == 20)].to_dict("records")
+    (line,) = rows[(rows["model"] == "hdc") & (rows["n_train"] == 20)].to_dict(
+        "records"
+    )
     assert (line["seeds"], line["test_accuracy_final"]) == (2, 0.9)
 
 

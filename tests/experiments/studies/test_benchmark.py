@@ -53,7 +53,10 @@ def test_a_result_is_right_and_a_changed_one_is_not(operation):
             changed.flat[-1] += 1
         assert case.verdict(changed) == "no"
         if route.name in (OURS, OURS_COMPILED):
-            assert case.verdict(result) in ("yes", "same labels")  # exact to the last bit
+            assert case.verdict(result) in (
+                "yes",
+                "same labels",
+            )  # exact to the last bit
 
 
 def test_the_reference_splits_ties_as_defined():
@@ -106,7 +109,10 @@ def test_every_step_of_the_config_is_measured(tmp_path, monkeypatch):
     task = configs.task("benchmark")
     del task["_target_"]
     for step in task["steps"]:
-        step |= {"n": [min(n, 12) for n in step["n"]], "l": [min(c, 3) for c in step["l"]]}
+        step |= {
+            "n": [min(n, 12) for n in step["n"]],
+            "l": [min(c, 3) for c in step["l"]],
+        }
         step["d"] = [1024 if d == 10_000 else 2704 for d in step["d"]]
     benchmark.benchmark(**task)
     rows = Results(tmp_path).measured("benchmark").frame
@@ -118,7 +124,10 @@ def test_a_wrong_route_fails_the_experiment_at_its_end(monkeypatch):
     row = {"operation": "encode", "route": "a", "status": "wrong result"}
     monkeypatch.setattr(benchmark, "measure", lambda *_: [row])
     rows = benchmark.benchmark.rows(
-        Run(force=True), [{"operation": ["encode"], "n": [1, 2], "d": [8], "l": [1]}], 0.0, 0
+        Run(force=True),
+        [{"operation": ["encode"], "n": [1, 2], "d": [8], "l": [1]}],
+        0.0,
+        0,
     )
     assert [next(rows), next(rows)] == [row, row]
     with pytest.raises(RuntimeError, match="encode by a"):

@@ -122,7 +122,9 @@ def test_a_saturated_recording_decides_nothing(record, judged):
 @pytest.mark.parametrize(
     ("hdc", "rival", "expected"), [(30, 5, NO), (5, 30, UNDECIDED), (0, 0, UNDECIDED)]
 )
-def test_a_simulated_scene_refutes_or_ranks_nothing(write_run, judged, hdc, rival, expected):
+def test_a_simulated_scene_refutes_or_ranks_nothing(
+    write_run, judged, hdc, rival, expected
+):
     for seed in range(3):
         write_run("hdc", seed=seed, wrong=range(hdc))
         write_run(RIVAL, seed=seed, wrong=range(rival))
@@ -132,12 +134,16 @@ def test_a_simulated_scene_refutes_or_ranks_nothing(write_run, judged, hdc, riva
 
 
 @pytest.mark.parametrize(("updated", "expected"), [(90, UNDECIDED), (31, NO)])
-def test_recalibration_is_what_an_update_gains(write_measurement, judged, updated, expected):
+def test_recalibration_is_what_an_update_gains(
+    write_measurement, judged, updated, expected
+):
     of = {"origin": "simulated", "order": "time", "model": "hdc", "n_test_new": 100,
           "n_test_old": 100, "n_old": 400, "right_old": 50, "draw": 0, "p": None}  # fmt: skip
     rows = []
     for seed in range(3):
-        rows.append(of | {"seed": seed, "method": "stored", "n_new": 0, "right_new": 30 + seed})
+        rows.append(
+            of | {"seed": seed, "method": "stored", "n_new": 0, "right_new": 30 + seed}
+        )
         for method, p in (("replace", 0.75), ("new", None)):
             way = {"seed": seed, "method": method, "p": p, "n_new": 50}
             rows.append(of | way | {"right_new": updated + seed})
@@ -162,7 +168,9 @@ def test_contrast_of_prototypes_is_held_against_that_of_speckle(
 
 
 @pytest.mark.parametrize(("flipped", "expected"), [(100, UNDECIDED), (50, NO)])
-def test_flipped_bits_cost_accuracy_or_do_not(write_measurement, judged, flipped, expected):
+def test_flipped_bits_cost_accuracy_or_do_not(
+    write_measurement, judged, flipped, expected
+):
     rows = [
         {"origin": "simulated", "model": "hdc", "seed": seed, "disturbance": kind, "level": level,
          "draw": 0, "n_test": 1000, "right": right * 10, "n_classes": 5, "model_bytes": 1}

@@ -61,7 +61,9 @@ def test_samples_without_variance_are_counted_and_leave_other_classes_alone():
 def a_scene(per_class=(12, 12, 12)):
     rng = np.random.default_rng(0)
     labels = np.repeat(np.arange(3), per_class)
-    frames = rng.integers(0, 80, (3, 10, 10))[labels] + rng.integers(0, 120, (len(labels), 10, 10))
+    frames = rng.integers(0, 80, (3, 10, 10))[labels] + rng.integers(
+        0, 120, (len(labels), 10, 10)
+    )
     return Frames(torch.from_numpy(frames.astype(np.uint8)), labels, ("A", "B", "C"))
 
 
@@ -73,10 +75,16 @@ def test_every_row_is_the_mean_of_numpys_coefficients():
     rows = list(measure.correlations(scene, SPLIT, 0))
     assert len(rows) == 3 * 3 * 3 * 3
     for row in rows:
-        parts = ["training", "held-out"] if row["samples"] == "all" else [row["samples"]]
+        parts = (
+            ["training", "held-out"] if row["samples"] == "all" else [row["samples"]]
+        )
         i, j = ("ABC".index(row[key]) for key in ("class_i", "class_j"))
         a, b = (np.concatenate([members[part][c] for part in parts]) for c in (i, j))
-        assert row["n"] == len(a) == {"training": 9, "held-out": 3, "all": 12}[row["samples"]]
+        assert (
+            row["n"]
+            == len(a)
+            == {"training": 9, "held-out": 3, "all": 12}[row["samples"]]
+        )
         if row["kind"] == "prototype":
             majority = bits.majority(encode(scene.images[members["training"][i]]))
             prototype = bits.unpack(majority, 100).numpy().astype(float)
@@ -86,17 +94,27 @@ def test_every_row_is_the_mean_of_numpys_coefficients():
             pairs = np.corrcoef(x[a], x[b])[: len(a), len(a) :]
             expected = pairs[~np.eye(len(a), dtype=bool)].mean()
         assert row["value"] == pytest.approx(expected, abs=1e-12)
-    with pytest.raises(ValueError, match=r"as many training samples of every class, found \[6, 9"):
+    with pytest.raises(
+        ValueError, match=r"as many training samples of every class, found \[6, 9"
+    ):
         measure.members_of(a_scene((12, 8, 12)), SPLIT, 0)
 
 
 def test_experiments(small_scene):
     rows = pd.DataFrame(measure.correlation.rows(Run(), small_scene, SPLIT, [0, 1]))
     assert len(rows) == 2 * 3 * 3 * 4
-    with pytest.raises(ValueError, match=r"task\.kinds: expected among .* found \['speckles'\]"):
+    with pytest.raises(
+        ValueError, match=r"task\.kinds: expected among .* found \['speckles'\]"
+    ):
         next(measure.correlation.rows(Run(), small_scene, SPLIT, [0], ["speckles"]))
-    pictures = list(measure.correlation_images.rows(Run(), small_scene, SPLIT, 0, [0, 8, 20]))
-    assert [row["picture"] for row in pictures] == ["speckle", "hypervector", "prototype"] * 2
+    pictures = list(
+        measure.correlation_images.rows(Run(), small_scene, SPLIT, 0, [0, 8, 20])
+    )
+    assert [row["picture"] for row in pictures] == [
+        "speckle",
+        "hypervector",
+        "prototype",
+    ] * 2
     for row in pictures:
         image = cv2.imdecode(np.frombuffer(base64.b64decode(row["png"]), np.uint8), -1)
         assert (image.shape, image.dtype) == ((20, 20), np.uint8)

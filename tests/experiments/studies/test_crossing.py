@@ -14,11 +14,14 @@ from hdc import HDCClassifier, theory
 from hdc.encode import encode
 from hdc.theory import Correlations
 
-MODELS = {name: configs.part("model", name) for name in ("hdc", "hdc_random_ties", "ridge")}
+MODELS = {
+    name: configs.part("model", name) for name in ("hdc", "hdc_random_ties", "ridge")
+}
 
 
 @pytest.mark.parametrize(
-    "choice", [{"balance": False}, {"ties": "random", "balance": False}, {"balance": True}]
+    "choice",
+    [{"balance": False}, {"ties": "random", "balance": False}, {"balance": True}],
 )
 def test_counters_that_grow_are_models_trained_anew(choice):
     images = np.random.default_rng(0).integers(0, 256, (40, 16, 16), np.uint8)
@@ -32,13 +35,17 @@ def test_counters_that_grow_are_models_trained_anew(choice):
 
 
 def test_experiments(small_scene):
-    rows = pd.DataFrame(measure.crossing.rows(Run(), small_scene, MODELS, [0, 1], 2, [2, 5], 4))
+    rows = pd.DataFrame(
+        measure.crossing.rows(Run(), small_scene, MODELS, [0, 1], 2, [2, 5], 4)
+    )
     assert len(rows) == 2 * 2 * 3
     tidy = view.tidy(rows)
     assert len(tidy) == 4 * len(rows)
     assert tidy.accuracy.between(0, 1).all()
     assert tidy.equal.tolist()[:4] == [True, False, True, False]
-    expected = pd.DataFrame(measure.crossing_theory.rows(Run(), small_scene, [0], [2, 5]))
+    expected = pd.DataFrame(
+        measure.crossing_theory.rows(Run(), small_scene, [0], [2, 5])
+    )
     assert expected[["hdc", "hdc_gaussian", "mean_image"]].stack().between(0, 1).all()
     with pytest.raises(ValueError, match=r"task\.n_train: .* found \[9, 5\]"):
         next(measure.crossing_theory.rows(Run(), small_scene, [0], [9, 5]))
@@ -79,12 +86,16 @@ def test_theory_is_the_mean_of_draws_of_its_assumptions(shares):
 
 def test_one_sample_more_in_one_class_attracts_queries():
     expected = theory.hdc_accuracy(equal(0.12, 0.1), 7, 4000)
-    assert simulated(0.12, 0.1, (3, 2, 2), 4000, 150) == pytest.approx(expected, abs=0.06)
+    assert simulated(0.12, 0.1, (3, 2, 2), 4000, 150) == pytest.approx(
+        expected, abs=0.06
+    )
     assert expected < 0.6 < theory.hdc_accuracy(equal(0.12, 0.1), 6, 4000)
 
 
 def test_limits():
-    assert theory.hdc_accuracy(equal(0.1, 0.1), 30, 1000) == pytest.approx(1 / 3, abs=1e-6)
+    assert theory.hdc_accuracy(equal(0.1, 0.1), 30, 1000) == pytest.approx(
+        1 / 3, abs=1e-6
+    )
     assert theory.hdc_accuracy(equal(1, 0), 30, 1000) == pytest.approx(1, abs=1e-6)
     # One sample: the correlation with a fresh one is that of a pair.
     single = theory.expected(equal(0.3, 0.1).mean, np.ones(3, int))[0]
@@ -102,7 +113,9 @@ def test_limits():
 def test_scatter_is_a_mean_of_skewed_numbers(skewness, model):
     # Small correlations: scores are means of N_s draws of a gamma distribution about C.
     scatter, n = np.full((2, 2), 0.02), 3
-    moments = equal(0.03, 0.02, 2)._replace(sample=scatter, skew=np.full((2, 2), skewness))
+    moments = equal(0.03, 0.02, 2)._replace(
+        sample=scatter, skew=np.full((2, 2), skewness)
+    )
     noise = np.random.default_rng(1).standard_normal((2, 40_000, n))
     if skewness:
         shape = 4 / skewness**2
@@ -121,13 +134,22 @@ def test_moments_are_those_of_the_pairs():
     same = labels[:, None] == labels
     of_query = np.where(labels == 0, 0.02, 0) * rng.standard_normal(120)
     # A query of class 0 has more or less of its own class only.
-    pairs = 0.1 + 0.05 * same + 0.03 * rng.standard_normal((120, 120)) + of_query[:, None] * same
+    pairs = (
+        0.1
+        + 0.05 * same
+        + 0.03 * rng.standard_normal((120, 120))
+        + of_query[:, None] * same
+    )
     moments = theory.correlations(pairs, labels)
     np.testing.assert_allclose(moments.mean, [[0.15, 0.1], [0.1, 0.15]], atol=0.008)
     np.testing.assert_allclose(moments.sample, 0.03, atol=0.002)
-    np.testing.assert_allclose(moments.query[0], 0.01, atol=0.003)  # half is common to both
+    np.testing.assert_allclose(
+        moments.query[0], 0.01, atol=0.003
+    )  # half is common to both
     assert moments.query[1].max() < 0.004
-    with pytest.raises(ValueError, match="expected three samples of every class, found 2"):
+    with pytest.raises(
+        ValueError, match="expected three samples of every class, found 2"
+    ):
         theory.correlations(np.eye(5), np.array([0, 0, 0, 1, 1]))
 
 

@@ -20,7 +20,8 @@ from scenes.frames import Frames
 
 SPLIT = {"kind": "random", "test_fraction": 0.2, "n_train": None}
 MODELS = {
-    name: configs.part("model", name) for name in ("hdc", "ridge", "softmax_dual", "correlation")
+    name: configs.part("model", name)
+    for name in ("hdc", "ridge", "softmax_dual", "correlation")
 }
 
 
@@ -32,7 +33,9 @@ def scene():
     base = rng.integers(0, 200, (2, 3, 12, 12))
     frames = base[session, labels] + rng.integers(0, 50, (120, 12, 12))
     samples = {"session": session, "order": np.tile(np.arange(60), 2)}
-    return Frames(torch.from_numpy(frames.astype(np.uint8)), labels, ("A", "B", "C"), samples)
+    return Frames(
+        torch.from_numpy(frames.astype(np.uint8)), labels, ("A", "B", "C"), samples
+    )
 
 
 @pytest.mark.parametrize("order", ["time", "random"])
@@ -55,8 +58,12 @@ def test_no_test_sample_is_learnt_from(scene, order):
 def scores(scene, model, n_new=30):
     """{(method, p): (right of the new, right of the old)}."""
     choice = choose(scene, SPLIT, 30, "time", seed=0)
-    rows = updates(Subsets(scene), choice, model, [n_new], (0, 0.5, 1), "time", 1, seed=0)
-    return {(row["method"], row["p"]): (row["right_new"], row["right_old"]) for row in rows}
+    rows = updates(
+        Subsets(scene), choice, model, [n_new], (0, 0.5, 1), "time", 1, seed=0
+    )
+    return {
+        (row["method"], row["p"]): (row["right_new"], row["right_old"]) for row in rows
+    }
 
 
 def test_every_update_of_prototypes_is_a_classifier_of_those_samples(scene):
@@ -78,27 +85,43 @@ def test_every_update_of_prototypes_is_a_classifier_of_those_samples(scene):
     assert right["balanced", None] == (30, 12)
 
 
-@pytest.mark.parametrize("kind", [RidgeReadout, DualSoftmaxRegression, CorrelationClassifier])
+@pytest.mark.parametrize(
+    "kind", [RidgeReadout, DualSoftmaxRegression, CorrelationClassifier]
+)
 def test_linear_models_start_from_old_weights(scene, kind):
     right = scores(scene, kind(), n_new=3)
     assert right["stored", None][1] == right["pooled", None][1] == 12
     assert (("from_old", None) in right) == (kind is not CorrelationClassifier)
-    if kind is not CorrelationClassifier:  # one frame a class is enough, and nothing is forgotten
+    if (
+        kind is not CorrelationClassifier
+    ):  # one frame a class is enough, and nothing is forgotten
         assert right["from_old", None] == (30, 12)
 
 
 def test_rows_of_a_small_experiment(small_scene):
-    rooms = [{"_target_": "scenes.sensor.environment.Room", "offset": k} for k in (0, 0.5)]
+    rooms = [
+        {"_target_": "scenes.sensor.environment.Room", "offset": k} for k in (0, 0.5)
+    ]
     two = {**small_scene, "sessions": rooms}
-    common = {"scene": two, "old_split": SPLIT, "models": MODELS, "seeds": [0], "n_test": 8}
+    common = {
+        "scene": two,
+        "old_split": SPLIT,
+        "models": MODELS,
+        "seeds": [0],
+        "n_test": 8,
+    }
     rows = pd.DataFrame(
-        drift.rows(Run(), **common, n_new=[2, 4], p=[0.5], order=["time", "random"], draws=2)
+        drift.rows(
+            Run(), **common, n_new=[2, 4], p=[0.5], order=["time", "random"], draws=2
+        )
     )
     # Stored models, and 4 + 4 + 4 + 3 updates of one choice in time order and of two others.
     assert len(rows) == 2 * 4 + 3 * 2 * 15
     assert (rows.right_new <= rows.n_test_new).all()
     assert ((rows.method == "stored") == (rows.n_new == 0)).all()
-    with pytest.raises(ValueError, match=r"task\.order: .* time, random, found \['late'\]"):
+    with pytest.raises(
+        ValueError, match=r"task\.order: .* time, random, found \['late'\]"
+    ):
         next(drift.rows(Run(), **common, n_new=[2], p=[0.5], order=["late"]))
 
 

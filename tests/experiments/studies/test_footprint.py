@@ -19,10 +19,15 @@ def test_a_scene_has_what_it_needs_and_no_more(tmp_path, write_measurement):
     skipped = {"scene": "fibre", "model": "hdc", "status": "skipped: no data"}
     write_measurement("footprint", [row, skipped])
     (table,) = STUDY.tables_of(Results(tmp_path))
-    assert [cells[:2] for cells in table.cells()] == [["touch", "HDC"], ["fibre", "HDC"]]
+    assert [cells[:2] for cells in table.cells()] == [
+        ["touch", "HDC"],
+        ["fibre", "HDC"],
+    ]
     assert [cells[-1] for cells in table.cells()] == ["ok", "skipped: no data"]
 
 
 def test_a_process_that_fails_ends_the_experiment():
     with pytest.raises(subprocess.CalledProcessError, match="nowhere"):
-        next(measure.footprint.rows(Run(), scenes=["nowhere"], models=["hdc"], frames=5))
+        next(
+            measure.footprint.rows(Run(), scenes=["nowhere"], models=["hdc"], frames=5)
+        )

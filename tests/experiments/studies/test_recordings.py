@@ -69,7 +69,12 @@ def test_rows_of_a_small_recording(scene, recording):
         counts = [row["count"] for row in distances if row["kind"] == kind]
         assert sum(counts) == pairs
     expected = list(recording_theory.rows(run, of, [1, 5], draws=2))
-    assert [(row["draw"], row["n"]) for row in expected] == [(0, 1), (0, 5), (1, 1), (1, 5)]
+    assert [(row["draw"], row["n"]) for row in expected] == [
+        (0, 1),
+        (0, 5),
+        (1, 1),
+        (1, 5),
+    ]
     for few, more in zip(expected[::2], expected[1::2], strict=True):
         for model in ("hdc", "mean_image"):
             assert 1 / 3 < few[model] < more[model] + 1e-9 <= 1 + 2e-9
@@ -78,12 +83,15 @@ def test_rows_of_a_small_recording(scene, recording):
 def test_theory_stands_beside_what_was_measured(tmp_path, write_measurement):
     of = {"draw": 0, "seed": 0}
     rows = [
-        of | {"model": name, "split": "random", "n_test": 100, "n": [1, 5], "right": right}
+        of
+        | {"model": name, "split": "random", "n_test": 100, "n": [1, 5], "right": right}
         for name, right in (("hdc", [50, 70]), ("correlation", [60, 75]))
     ]
     write_measurement("recordings", rows, scene="gelsight")
     write_measurement(
-        "recording_theory", [of | {"n": 5, "hdc": 0.68, "mean_image": 0.7}], scene="gelsight"
+        "recording_theory",
+        [of | {"n": 5, "hdc": 0.68, "mean_image": 0.7}],
+        scene="gelsight",
     )
     (row,) = view.foretold(Results(tmp_path)).to_dict("records")
     assert (row["n"], row["hdc"], row["hdc_theory"]) == (5, 0.7, 0.68)
@@ -91,21 +99,45 @@ def test_theory_stands_beside_what_was_measured(tmp_path, write_measurement):
     assert row["cost_theory"] == pytest.approx(0.02)
 
 
-def test_one_fibre_seen_through_more_fields_is_one_recording(tmp_path, write_measurement):
-    row = {"draw": 0, "seed": 0, "model": "hdc", "split": "counts", "n_test": 10, "n": [1]}
+def test_one_fibre_seen_through_more_fields_is_one_recording(
+    tmp_path, write_measurement
+):
+    row = {
+        "draw": 0,
+        "seed": 0,
+        "model": "hdc",
+        "split": "counts",
+        "n_test": 10,
+        "n": [1],
+    }
     for scene in view.FIELDS:
         config = {"scene": configs.part("scene", scene)["scene"]}
-        write_measurement("recordings", [row | {"right": [5]}], config=config, scene=scene)
+        write_measurement(
+            "recordings", [row | {"right": [5]}], config=config, scene=scene
+        )
     results = Results(tmp_path)
     assert list(view.recordings(results)) == ["fibre_grouped"]
     assert view.fields(results).pixels.tolist() == [3362, 13448, 53792]
 
 
-def test_a_change_of_settings_does_not_displace_the_whole_measurement(tmp_path, write_measurement):
+def test_a_change_of_settings_does_not_displace_the_whole_measurement(
+    tmp_path, write_measurement
+):
     scene = configs.task("recordings")["scene"]
     for draws, right in ((20, 90), (2, 10)):
-        row = {"seed": 0, "split": "counts", "draw": 0, "n_test": 100, "n": [5], "right": [right]}
-        rows = [row | {"model": name, "draw": k} for name in ("hdc", view.RIVAL) for k in range(3)]
+        row = {
+            "seed": 0,
+            "split": "counts",
+            "draw": 0,
+            "n_test": 100,
+            "n": [5],
+            "right": [right],
+        }
+        rows = [
+            row | {"model": name, "draw": k}
+            for name in ("hdc", view.RIVAL)
+            for k in range(3)
+        ]
         config = {"scene": scene, "draws": draws, "seeds": [0]}
         write_measurement("recordings", rows, config=config, scene="gelsight")
     (measured,) = view.recordings(Results(tmp_path)).values()

@@ -35,7 +35,9 @@ def random():
 
 def test_disturbances_of_frames():
     given = FRAMES.copy()
-    assert all((disturb(given, 0, random()) == given).all() for disturb in OF_FRAMES.values())
+    assert all(
+        (disturb(given, 0, random()) == given).all() for disturb in OF_FRAMES.values()
+    )
     bright = power(np.full((500, 1, 1), 100, np.uint8), 0.2, random())
     assert (bright.min(), bright.max()) == (80, 120)
     assert power(np.full((50, 1, 1), 60000, np.uint16), 0.2, random()).max() == 65535
@@ -100,7 +102,9 @@ def scene():
     return Frames(images, labels, tuple("abcde"), {}, "simulated")
 
 
-@pytest.mark.parametrize("name", ["hdc", "linear_bits_1bit", "ridge", "nearest_neighbour"])
+@pytest.mark.parametrize(
+    "name", ["hdc", "linear_bits_1bit", "ridge", "nearest_neighbour"]
+)
 def test_every_model_is_measured_and_left_as_it_was(name, scene):
     model = instantiate(OmegaConf.create(configs.part("model", name)["model"]), "model")
     model.fit(scene.images[:80], scene.labels[:80])
@@ -114,7 +118,9 @@ def test_every_model_is_measured_and_left_as_it_was(name, scene):
     if name == "ridge":
         assert right["bit_flips_int8", 0.0] > 18
         assert right["bit_flips_int8", 1e-4] > 18
-    assert (model.predict(scene.images[test]) == scene.labels[test]).sum() == rows.right[0]
+    assert (
+        model.predict(scene.images[test]) == scene.labels[test]
+    ).sum() == rows.right[0]
 
 
 def test_the_experiment_of_the_config(small_scene):
@@ -129,9 +135,17 @@ def test_the_experiment_of_the_config(small_scene):
 
 def test_bounds_of_flips_are_the_worst_and_the_best_seed():
     right = [("none", 0.0, [10, 9]), ("bit_flips", 1e-4, [9, 2])]
-    right += [("bit_flips", 1e-3, [6] * 20)]  # their mean is less than each in the last digit
+    right += [
+        ("bit_flips", 1e-3, [6] * 20)
+    ]  # their mean is less than each in the last digit
     rows = [
-        {"model": "softmax", "seed": seed, "disturbance": name, "level": level, "right": n}
+        {
+            "model": "softmax",
+            "seed": seed,
+            "disturbance": name,
+            "level": level,
+            "right": n,
+        }
         for name, level, numbers in right
         for seed, n in enumerate(numbers)
     ]

@@ -28,7 +28,9 @@ def test_the_table_has_a_row_a_scene_and_model_measured_scenes_first(
     assert rows.index[0] == ("fibre_grouped", "hdc")
     assert rows.index.value_counts().max() == 1
     assert rows.loc[("finger", "hdc"), "test_accuracy_final"] == pytest.approx(12 / 14)
-    assert rows.loc[("finger", "ridge"), "test_accuracy_final"] == pytest.approx(13 / 14)
+    assert rows.loc[("finger", "ridge"), "test_accuracy_final"] == pytest.approx(
+        13 / 14
+    )
     assert rows.loc[("finger", "ridge"), "over_hdc"] == pytest.approx(1 / 14)
 
 

@@ -11,7 +11,9 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 def row_of(naive, ours, *exact, error=largest):
-    return Case("", "", "", "", "", "", lambda: (naive, ours, *exact), error, tolerance=0.5).row()
+    return Case(
+        "", "", "", "", "", "", lambda: (naive, ours, *exact), error, tolerance=0.5
+    ).row()
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.part}: {case.name}")
@@ -23,7 +25,13 @@ def test_ours_is_right_where_the_obvious_computation_is_extreme(case):
 
 @pytest.mark.parametrize(
     ("error", "verdict"),
-    [(0.0, "holds"), (0.5, "holds"), (0.51, "fails"), (math.nan, "fails"), (math.inf, "fails")],
+    [
+        (0.0, "holds"),
+        (0.5, "holds"),
+        (0.51, "fails"),
+        (math.nan, "fails"),
+        (math.inf, "fails"),
+    ],
 )
 def test_a_case_holds_up_to_its_tolerance_and_never_by_nan(error, verdict):
     row = row_of(lambda: 1 / 0, lambda: 0, 0, error=lambda result, exact: error)

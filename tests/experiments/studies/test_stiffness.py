@@ -42,7 +42,9 @@ def test_the_kernel_is_that_of_the_scaled_frames(pixels):
 def test_the_spectrum_is_that_of_the_hessian():
     frames, labels = frames_of(n=6, classes=3, side=3)
     gram, targets = softmax.kernel("unit", frames, labels)
-    inputs = torch.cat([frames.flatten(1).double() / 255, torch.ones(6, 1).double()], dim=1)
+    inputs = torch.cat(
+        [frames.flatten(1).double() / 255, torch.ones(6, 1).double()], dim=1
+    )
     zero = torch.zeros(6, 3).double(), torch.zeros(3).double()
     for a, b in (zero, softmax.optimum(gram, targets, 0.05)):
         weights = torch.cat([a.T @ inputs[:, :-1], b[:, None]], dim=1)
@@ -50,7 +52,9 @@ def test_the_spectrum_is_that_of_the_hessian():
             lambda w: F.cross_entropy(inputs @ w.T, targets), weights
         )
         exact = torch.linalg.eigvalsh(hessian.reshape(30, 30)).flip(0).numpy()
-        np.testing.assert_allclose(softmax.spectrum(gram, gram @ a + b, 4), exact[:4], rtol=1e-9)
+        np.testing.assert_allclose(
+            softmax.spectrum(gram, gram @ a + b, 4), exact[:4], rtol=1e-9
+        )
         if a is zero[0]:
             start = np.repeat(softmax.start_spectrum(gram, 3), 2)
             np.testing.assert_allclose(start, exact[:12], rtol=1e-9)
@@ -70,15 +74,26 @@ def test_the_spectrum_is_that_of_the_hessian():
 )
 def test_verdicts(losses, rises, exceeds, ends_above):
     row = measure.verdict(losses)
-    assert (row["rises"], row["exceeds"], row["ends_above"]) == (rises, exceeds, ends_above)
+    assert (row["rises"], row["exceeds"], row["ends_above"]) == (
+        rises,
+        exceeds,
+        ends_above,
+    )
 
 
-def test_descent_from_the_optimum_loses_its_hold_at_two_over_lambda(tmp_path, write_measurement):
+def test_descent_from_the_optimum_loses_its_hold_at_two_over_lambda(
+    tmp_path, write_measurement
+):
     class OnFrames(Run):
         def scene(self, config, seed):
             return Frames(*frames_of(60, 3), ("a", "b", "c"), origin="simulated")
 
-    config = configs.task("stiffness") | {"seed": 0, "steps": 60, "epochs": 3, "penalty": 0.1}
+    config = configs.task("stiffness") | {
+        "seed": 0,
+        "steps": 60,
+        "epochs": 3,
+        "penalty": 0.1,
+    }
     config |= {"exponents": [-2, -1, 0, 2]}
     del config["_target_"]
     rows = list(measure.stiffness.rows(OnFrames(), **config))
@@ -92,9 +107,12 @@ def test_descent_from_the_optimum_loses_its_hold_at_two_over_lambda(tmp_path, wr
 
 
 @pytest.mark.parametrize(
-    ("happens", "limit"), [("nyy", math.sqrt(0.5)), ("nnn", "> 2.00"), ("yyy", "< 0.500")]
+    ("happens", "limit"),
+    [("nyy", math.sqrt(0.5)), ("nnn", "> 2.00"), ("yyy", "< 0.500")],
 )
 def test_a_limit_lies_between_two_rates(happens, limit):
     sweep = pd.DataFrame({"rate": [2.0, 0.5, 1.0]})
     sweep["rises"] = [happens[2] == "y", happens[0] == "y", happens[1] == "y"]
-    assert crossing(sweep, "rises") == (limit if isinstance(limit, str) else pytest.approx(limit))
+    assert crossing(sweep, "rises") == (
+        limit if isinstance(limit, str) else pytest.approx(limit)
+    )

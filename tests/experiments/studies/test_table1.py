@@ -22,7 +22,9 @@ def table(folder, name="table1"):
 
 def test_the_papers_models_have_a_row_each_whatever_was_run(tmp_path, a_full_set):
     rows, made = table(tmp_path)
-    assert list(rows) == [model for model in LINES if model != "softmax_dual"]  # not run
+    assert list(rows) == [
+        model for model in LINES if model != "softmax_dual"
+    ]  # not run
     assert rows["cnn3"]["status"] == "missing"  # it failed
     assert rows["softmax"]["published_training_time_s"] == 170
     assert {len(cells) for cells in made.cells()} == {len(made.heads)}
@@ -30,8 +32,12 @@ def test_the_papers_models_have_a_row_each_whatever_was_run(tmp_path, a_full_set
 
 def test_numbers_of_table_1(tmp_path, write_run, number):
     for seed in (0, 1, 2):
-        write_run("hdc", seed=seed, curve=[{"training_s": 0.6 * 2**seed}], wrong=range(2))
-        write_run("cnn1", seed=seed, curve=epochs(0.5, 0.8), stop="quick", wrong=range(9))
+        write_run(
+            "hdc", seed=seed, curve=[{"training_s": 0.6 * 2**seed}], wrong=range(2)
+        )
+        write_run(
+            "cnn1", seed=seed, curve=epochs(0.5, 0.8), stop="quick", wrong=range(9)
+        )
     write_run("softmax", curve=epochs(0.5, 0.95), wrong=range(7))
     accuracy = number(STUDY, "table1/hdc_test_accuracy")
     assert (accuracy.value, accuracy.n, accuracy.seeds) == (98, 300, 3)
@@ -84,7 +90,13 @@ def test_times_are_judged_as_ratios_to_both_kinds_of_hdc(tmp_path, timed, number
 
 
 @pytest.mark.parametrize(
-    "row", [{"n": 40}, {"d": 10_000}, {"median_s": None, "status": "skipped"}, {"cpu": "Another"}]
+    "row",
+    [
+        {"n": 40},
+        {"d": 10_000},
+        {"median_s": None, "status": "skipped"},
+        {"cpu": "Another"},
+    ],
 )
 def test_a_denominator_that_was_not_measured_is_missing(tmp_path, timed, number, row):
     timed(**row)
@@ -94,20 +106,31 @@ def test_a_denominator_that_was_not_measured_is_missing(tmp_path, timed, number,
     assert table(tmp_path)[0]["softmax"]["training_time_over_ordinary_hdc"] is None
 
 
-def test_the_time_to_hdcs_accuracy_is_that_of_the_first_report_that_has_it(tmp_path, write_run):
+def test_the_time_to_hdcs_accuracy_is_that_of_the_first_report_that_has_it(
+    tmp_path, write_run
+):
     for seed in (0, 1):
         write_run("hdc", seed=seed, curve=[{"training_s": 0.5}], wrong=range(4))
         write_run("softmax", seed=seed, curve=epochs(0.5, 0.92, 0.96, 0.9)[seed:])
         write_run("cnn1", seed=seed, curve=epochs(0.5, 0.94 + 0.02 * seed))
         write_run("correlation", seed=seed, curve=[{"training_s": 2.0}], wrong=range(5))
-        for pixels, wrong in ((100, 4 + seed), (300, 4), (1000, 0)):  # 300 suffice every seed
+        for pixels, wrong in (
+            (100, 4 + seed),
+            (300, 4),
+            (1000, 0),
+        ):  # 300 suffice every seed
             pixel = [{"training_s": pixels / 1000}]
-            write_run("correlation", seed=seed, pixels=pixels, curve=pixel, wrong=range(wrong))
+            write_run(
+                "correlation", seed=seed, pixels=pixels, curve=pixel, wrong=range(wrong)
+            )
     write_run("ridge", seed=7)  # no HDC of its seed
     rows, made = table(tmp_path, "equal_accuracy")
     assert list(rows) == ["hdc", "softmax", "cnn1", "correlation"]
     assert [cells[1] for cells in made.cells()] == ["all"] * 4 + ["300"]
-    assert (rows["correlation"]["time"], rows["correlation"]["ratio"]) == (0.3, 0.6)  # the last
+    assert (rows["correlation"]["time"], rows["correlation"]["ratio"]) == (
+        0.3,
+        0.6,
+    )  # the last
     assert rows["hdc"]["ratio"] == 1
     assert (rows["softmax"]["time"], rows["softmax"]["ratio"]) == (30, 60)
     assert (rows["cnn1"]["ratio_low"], rows["cnn1"]["ratio_high"]) == (40, np.inf)
@@ -115,7 +138,9 @@ def test_the_time_to_hdcs_accuracy_is_that_of_the_first_report_that_has_it(tmp_p
 
 
 @pytest.mark.filterwarnings("error")
-def test_the_figure_has_the_papers_points_and_an_end_for_each_run(tmp_path, write_run, drawn):
+def test_the_figure_has_the_papers_points_and_an_end_for_each_run(
+    tmp_path, write_run, drawn
+):
     for seed in range(5):
         write_run("hdc", seed=seed, wrong=[0] if seed == 0 else [])  # 1 of 500
     assert "training time (s)" in drawn(STUDY)["error_vs_time"]
@@ -127,6 +152,8 @@ def test_the_figure_has_the_papers_points_and_an_end_for_each_run(tmp_path, writ
         if line.get_marker() == "*"
     }
     assert {(170.0, 0.1), (101.3, 0.07), (441.3, 0.07)} < stars
-    errors = np.concatenate([np.asarray(line.get_ydata(), float) for line in axes.lines])
+    errors = np.concatenate(
+        [np.asarray(line.get_ydata(), float) for line in axes.lines]
+    )
     assert np.min(errors) == pytest.approx(0.5 / 500)  # no error has its strip
     assert 1 / 500 in np.round(errors, 12)

@@ -12,7 +12,10 @@ from experiments.studies.unequal import view
 from experiments.studies.unequal.measure import unequal
 from scenes.frames import Frames
 
-MODELS = {n: configs.part("model", n) for n in ("hdc", "hdc_random_ties", "hdc_integer", "ridge")}
+MODELS = {
+    n: configs.part("model", n)
+    for n in ("hdc", "hdc_random_ties", "hdc_integer", "ridge")
+}
 MODELS |= {
     "hdc_balanced": configs.part("model", "hdc"),
     "mean_image": configs.part("model", "mean_image"),
@@ -37,7 +40,14 @@ def rows(scene, monkeypatch):
     """Rows of two draws."""
     monkeypatch.setattr(Run, "scene", lambda *_: scene)
     made = unequal.rows(
-        Run(), {}, SPLIT, MODELS, seeds=[0], n_per_class=[4, 5, 99], draws=2, most_test=60
+        Run(),
+        {},
+        SPLIT,
+        MODELS,
+        seeds=[0],
+        n_per_class=[4, 5, 99],
+        draws=2,
+        most_test=60,
     )
     return list(made)
 
@@ -45,7 +55,9 @@ def rows(scene, monkeypatch):
 def by(rows, model, extra):
     """Shares of right answers [draws, n] and of those that name the larger class."""
     chosen = [row for row in rows if (row["model"], row["extra"]) == (model, extra)]
-    return (np.array([row[key] for row in chosen]) / 60 for key in ("right", "to_larger"))
+    return (
+        np.array([row[key] for row in chosen]) / 60 for key in ("right", "to_larger")
+    )
 
 
 def test_the_larger_class_takes_the_frames_of_others_by_the_published_rule_only(rows):
@@ -65,7 +77,9 @@ def test_a_frame_more_than_an_odd_number_changes_little(rows):
 
 
 def test_equal_classes_are_as_published_with_the_remedy(rows):
-    for published, balanced in zip(by(rows, "hdc", 0), by(rows, "hdc_balanced", 0), strict=True):
+    for published, balanced in zip(
+        by(rows, "hdc", 0), by(rows, "hdc_balanced", 0), strict=True
+    ):
         assert (published == balanced).all()
 
 
@@ -81,7 +95,9 @@ def test_the_majority_multiplies_a_small_correlation_by_the_stated_factor(n, odd
 
     tiny = np.full((2, 2), 1e-4)
     gain = expected(tiny, np.array([n, n]), np.full(2, 1e-6))[0, 1] / 1e-4
-    assert gain == pytest.approx(odd * comb(odd - 1, (odd - 1) // 2) / 2 ** (odd - 1), rel=0.01)
+    assert gain == pytest.approx(
+        odd * comb(odd - 1, (odd - 1) // 2) / 2 ** (odd - 1), rel=0.01
+    )
     assert gain == pytest.approx((2 * odd / np.pi) ** 0.5, rel=0.1)
 
 

@@ -21,14 +21,19 @@ def scene(monkeypatch):
     depth = rng.uniform(0, 10, 200)
     waves = rng.normal(size=(2, 40, 40))
     turned = (
-        np.cos(depth / 4)[:, None, None] * waves[0] + np.sin(depth / 4)[:, None, None] * waves[1]
+        np.cos(depth / 4)[:, None, None] * waves[0]
+        + np.sin(depth / 4)[:, None, None] * waves[1]
     )
     images = np.clip(128 + 25 * (turned + 0.5 * rng.normal(size=turned.shape)), 0, 255)
     scene = Frames(
-        torch.from_numpy(images.astype(np.uint8)), (depth // 2.5).astype(int), tuple("ABCD")
+        torch.from_numpy(images.astype(np.uint8)),
+        (depth // 2.5).astype(int),
+        tuple("ABCD"),
     )
     about = {"values": depth[:, None], "value_names": ("depth",), "units": ("mm",)}
-    noise = Frames(torch.randint(0, 255, (20, 40, 40)).to(torch.uint8), np.zeros(20, int), ("X",))
+    noise = Frames(
+        torch.randint(0, 255, (20, 40, 40)).to(torch.uint8), np.zeros(20, int), ("X",)
+    )
     for name, value in (about | {"unknown": noise}).items():
         object.__setattr__(scene, name, value)
     monkeypatch.setattr(Run, "scene", lambda *_: scene)
@@ -40,7 +45,9 @@ def test_every_model_is_better_than_the_mean_and_ridge_than_ten_bins(scene):
     error = {row["model"]: row["error"] for row in rows if row["n"] == 100}
     assert max(error, key=error.get) == "mean"
     assert error["ridge_bits"] < error["bins"] < 0.5 * error["mean"]
-    assert error["regressor"] == pytest.approx(error["ridge_bits"], rel=0.02)  # weights of 8 bits
+    assert error["regressor"] == pytest.approx(
+        error["ridge_bits"], rel=0.02
+    )  # weights of 8 bits
     (last,) = (row for row in rows if row["model"] == "regressor" and row["n"] == 100)
     assert np.all(np.subtract(last["covered"], [0.8, 0.9, 0.95]) > -0.1)
     assert last["width"] == sorted(last["width"])
@@ -55,7 +62,14 @@ def test_values_below_the_least_are_left_out(scene):
 
 def test_sets_hold_their_promise_and_noise_is_refused(scene, monkeypatch, tmp_path):
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
-    coverage(name="coverage", scene_name="spr", scene={}, splits=SPLITS, n_per_class=20, draws=4)
+    coverage(
+        name="coverage",
+        scene_name="spr",
+        scene={},
+        splits=SPLITS,
+        n_per_class=20,
+        draws=4,
+    )
     (table,) = view.STUDY.tables_of(Results(tmp_path))
     for row in table.data.to_dict("records"):
         assert row["covered"] >= row["promised"] - 0.08
@@ -70,5 +84,9 @@ def test_ridge_of_values_is_that_of_scikit_learn():
     centred, across = train - train.mean(0), queries - train.mean(0)
     products = [torch.from_numpy(part @ centred.T) for part in (centred, across)]
     unit = np.linalg.eigvalsh(products[0].numpy()).clip(0).mean()
-    expected = RidgeCV(alphas=[unit * 10.0**k for k in range(-4, 5)]).fit(train, y).predict(queries)
+    expected = (
+        RidgeCV(alphas=[unit * 10.0**k for k in range(-4, 5)])
+        .fit(train, y)
+        .predict(queries)
+    )
     assert ridge_values(*products, y) == pytest.approx(expected, abs=1e-6)

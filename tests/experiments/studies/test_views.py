@@ -24,7 +24,9 @@ def results():
 def test_committed_tables_and_figures_follow_from_the_committed_rows(study, results):
     module = importlib.import_module(f"experiments.studies.{study}.view")
     for table in module.STUDY.tables_of(results):
-        committed = (REFERENCE / "tables" / f"{table.name}.csv").read_text(encoding="utf-8")
+        committed = (REFERENCE / "tables" / f"{table.name}.csv").read_text(
+            encoding="utf-8"
+        )
         assert table.csv() == committed
     for plot in module.STUDY.plots_of(results):
         figure = plot.draw()

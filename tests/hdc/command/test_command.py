@@ -72,7 +72,9 @@ def test_a_model_is_that_of_all_frames(hdc, folder, frames, tmp_path):
     assert (status, err) == (0, [])
     assert out[0] == f"{path}: 36 frames, 3 classes, 24 × 24 pixels"
     model = HDCClassifier.load(path)
-    whole = HDCClassifier().fit(frames.reshape(-1, SIDE, SIDE), np.repeat(list("abc"), 12))
+    whole = HDCClassifier().fit(
+        frames.reshape(-1, SIDE, SIDE), np.repeat(list("abc"), 12)
+    )
     assert model.classes_.tolist() == ["a", "b", "c"]
     assert (model.prototypes_ == whole.prototypes_).all()
     assert model.counts_.tolist() == [12, 12, 12]
@@ -115,7 +117,10 @@ def test_crop_and_subsampling_go_with_the_model(hdc, folder, frames, tmp_path):
     hdc("train", folder, "-o", path, "--crop", 2, 4, 20, 16, "--subsample", 2)
     model = HDCClassifier.load(path)
     assert model.frame_shape_ == (8, 10)
-    assert (model.metadata_["crop"], model.metadata_["subsample"]) == ([2, 4, 20, 16], 2)
+    assert (model.metadata_["crop"], model.metadata_["subsample"]) == (
+        [2, 4, 20, 16],
+        2,
+    )
     status, out, _ = hdc("predict", path, folder / "b" / "3.png", "--json")
     answer = json.loads(out[0])
     seen = frames[1, 3, 4:20:2, 2:22:2]
@@ -124,12 +129,17 @@ def test_crop_and_subsampling_go_with_the_model(hdc, folder, frames, tmp_path):
     new = tmp_path / "new.safetensors"
     assert hdc("recalibrate", path, folder, "-o", new, "--p", "0")[0] == 0
     assert HDCClassifier.load(new).metadata_ == model.metadata_
-    assert (status, hdc("evaluate", new, folder)[1][0].split(",")[1]) == (0, " 36 of 36 frames")
+    assert (status, hdc("evaluate", new, folder)[1][0].split(",")[1]) == (
+        0,
+        " 36 of 36 frames",
+    )
 
 
 def test_predictions_as_a_table_and_as_json(hdc, model, folder, frames, tmp_path):
     noise = tmp_path / "noise.png"
-    cv2.imwrite(str(noise), np.random.default_rng(9).integers(0, 256, (SIDE, SIDE), np.uint8))
+    cv2.imwrite(
+        str(noise), np.random.default_rng(9).integers(0, 256, (SIDE, SIDE), np.uint8)
+    )
     status, out, err = hdc("predict", model, folder)
     assert (status, err) == (0, [])
     assert out[0].split("\t") == ["file", "label", "margin", "a", "b", "c"]
@@ -139,13 +149,23 @@ def test_predictions_as_a_table_and_as_json(hdc, model, folder, frames, tmp_path
     shares = HDCClassifier.load(model).distances(frames[2, :1])[0] / SIDE**2
     assert rows[24][3:] == [f"{share:.4f}" for share in shares]
     assert rows[24][2] == f"{np.diff(sorted(shares))[0]:.4f}"
-    assert hdc("predict", model, noise, "--reject", "0.2")[1][1].split("\t")[1] == "(none of these)"
-    assert json.loads(hdc("predict", model, "--json", "--reject=0.2", noise)[1][0])["label"] is None
+    assert (
+        hdc("predict", model, noise, "--reject", "0.2")[1][1].split("\t")[1]
+        == "(none of these)"
+    )
+    assert (
+        json.loads(hdc("predict", model, "--json", "--reject=0.2", noise)[1][0])[
+            "label"
+        ]
+        is None
+    )
     assert hdc("predict", model, noise, "--reject")[0] == 0
     assert json.loads(hdc("predict", model, "--json", noise)[1][0])["label"] in "abc"
 
 
-def test_an_evaluation_tells_accuracy_and_confusions(hdc, model, folder, frames, tmp_path):
+def test_an_evaluation_tells_accuracy_and_confusions(
+    hdc, model, folder, frames, tmp_path
+):
     (folder / "a" / "0.png").rename(folder / "c" / "wrong.png")
     status, out, err = hdc("evaluate", model, folder)
     assert (status, err) == (0, [])
@@ -153,10 +173,16 @@ def test_an_evaluation_tells_accuracy_and_confusions(hdc, model, folder, frames,
     assert [line.split() for line in out[2:]] == [
         ["a", "b", "c"], ["a", "11", "0", "0"], ["b", "0", "12", "0"], ["c", "1", "0", "12"],
     ]  # fmt: skip
-    result = json.loads(hdc("evaluate", model, folder, "--json", "--reject", "0.5")[1][0])
+    result = json.loads(
+        hdc("evaluate", model, folder, "--json", "--reject", "0.5")[1][0]
+    )
     assert result["accuracy"] == 35 / 36
     (wrong,) = result["wrong"]
-    assert (Path(wrong["file"]).name, wrong["label"], wrong["predicted"]) == ("wrong.png", "c", "a")
+    assert (Path(wrong["file"]).name, wrong["label"], wrong["predicted"]) == (
+        "wrong.png",
+        "c",
+        "a",
+    )
     known = HDCClassifier.load(model).is_known(frames.reshape(-1, SIDE, SIDE), 0.5)
     assert result["refused"] == (~known).sum()
     only = write(tmp_path / "only", frames[1:2], "b")
@@ -168,10 +194,24 @@ def test_recalibration_is_that_of_the_classifier(hdc, model, frames, tmp_path, m
     changed = np.roll(frames, 5, axis=-1)
     new, path = write(tmp_path / "new", changed), tmp_path / "new.safetensors"
     before = model.read_bytes()
-    words = ("recalibrate", model, new, "-o", path, "--p", "0.7", "--method", method, "--seed", 3)
+    words = (
+        "recalibrate",
+        model,
+        new,
+        "-o",
+        path,
+        "--p",
+        "0.7",
+        "--method",
+        method,
+        "--seed",
+        3,
+    )
     status, out, err = hdc(*words)
     assert (status, err) == (0, [])
-    assert out == [f"{path}: 36 new frames of 3 classes, at least 12 of each, {method}, p = 0.7"]
+    assert out == [
+        f"{path}: 36 new frames of 3 classes, at least 12 of each, {method}, p = 0.7"
+    ]
     some = write(tmp_path / "some", changed[:1, :1], "a")
     out = hdc("recalibrate", model, some, "-o", tmp_path / "some.safetensors")[1]
     assert out[1:] == ["not recalibrated: b, c"]
@@ -189,10 +229,18 @@ def test_models_made_in_python_are_taken_as_well(hdc, frames, tmp_path):
     HDCClassifier().fit(flat, np.repeat([7, 10], 12)).save(path)
     folder = write(tmp_path / "f", frames[:2], ["7", "10"])
     assert "24 of 24" in hdc("evaluate", path, folder)[1][0]
-    assert json.loads(hdc("predict", path, folder / "10" / "1.png", "--json")[1][0])["label"] == 10
+    assert (
+        json.loads(hdc("predict", path, folder / "10" / "1.png", "--json")[1][0])[
+            "label"
+        ]
+        == 10
+    )
     assert hdc("recalibrate", path, folder, "-o", tmp_path / "n.safetensors")[0] == 0
     found = json.loads("".join(hdc("info", path)[1]))
-    assert (found["frames"], found["classes"]) == (f"{SIDE**2} pixels", {"7": 12, "10": 12})
+    assert (found["frames"], found["classes"]) == (
+        f"{SIDE**2} pixels",
+        {"7": 12, "10": 12},
+    )
 
 
 def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
@@ -212,12 +260,17 @@ def test_a_video_is_learnt_and_predicted_frame_by_frame(hdc, tmp_path):
     film = cv2.VideoWriter(str(path), code, 10, (32, 32), isColor=False)
     rng = np.random.default_rng(0)
     base = rng.integers(0, 150, (2, 32, 32))
-    images = [(base[k // 5] + rng.integers(0, 60, (32, 32))).astype(np.uint8) for k in range(10)]
+    images = [
+        (base[k // 5] + rng.integers(0, 60, (32, 32))).astype(np.uint8)
+        for k in range(10)
+    ]
     for image in images:
         film.write(image)
     film.release()
     words = ("train", path, "-o", tmp_path / "m")
-    assert hdc(*words)[2] == [f"error: {tmp_path}/v.csv: expected a readable file, found none"]
+    assert hdc(*words)[2] == [
+        f"error: {tmp_path}/v.csv: expected a readable file, found none"
+    ]
     (tmp_path / "v.csv").write_text("start_s,end_s,label\n0,0.5,x\n0.5,1,y\n")
     assert "10 frames, 2 classes" in hdc(*words)[1][0]
     status, out, err = hdc("predict", tmp_path / "m", path)
@@ -238,13 +291,25 @@ def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, tmp_path)
     before = contents(tmp_path)
     for words, message in [
         (("train", tmp_path / "no", "-o", out), f"found nothing: {tmp_path}/no"),
-        (("train", folder / "a", "-o", out), f"{folder}/a: expected images in one sub-folder per"),
+        (
+            ("train", folder / "a", "-o", out),
+            f"{folder}/a: expected images in one sub-folder per",
+        ),
         (("train", folder, "-o", folder), f"{folder}: expected a regular file or"),
-        (("train", folder, "-o", tmp_path / "no" / "m"), "expected a folder to save m in"),
+        (
+            ("train", folder, "-o", tmp_path / "no" / "m"),
+            "expected a folder to save m in",
+        ),
         (("predict", tmp_path / "no", "x.png"), f"{tmp_path}/no"),
         (("predict", folder / "a" / "0.png", model), f"{folder}/a/0.png: expected"),
-        (("predict", model, "no\n.png"), "no .png: expected a readable file, found none"),
-        (("predict", model, tmp_path / "empty"), f"{tmp_path}/empty: expected images (.png"),
+        (
+            ("predict", model, "no\n.png"),
+            "no .png: expected a readable file, found none",
+        ),
+        (
+            ("predict", model, tmp_path / "empty"),
+            f"{tmp_path}/empty: expected images (.png",
+        ),
     ]:
         status, shown, (line,) = hdc(*words)
         assert (status, shown) == (1, [])
@@ -263,7 +328,10 @@ def test_bad_frames_are_named_in_one_line(hdc, model, folder, frames, tmp_path):
         return line.removeprefix("error: ")
 
     one = write(tmp_path / "one", frames[:1], "a")
-    assert error("train", one, "-o", out) == f"{one}: expected two classes or more, found only 'a'"
+    assert (
+        error("train", one, "-o", out)
+        == f"{one}: expected two classes or more, found only 'a'"
+    )
     other = write(tmp_path / "other", frames[:1], "x")
     assert error("evaluate", model, other) == (
         f"{other}: expected classes among a, b, c, found 'x' (to add a class: hdc train on all of "
@@ -278,7 +346,9 @@ def test_bad_frames_are_named_in_one_line(hdc, model, folder, frames, tmp_path):
     )
     broken = folder / "a" / "7.png"
     broken.write_bytes(broken.read_bytes()[:-20])
-    assert error("train", folder, "-o", out).startswith(f"{broken}: expected a whole image")
+    assert error("train", folder, "-o", out).startswith(
+        f"{broken}: expected a whole image"
+    )
     (one / "b").mkdir()
     (folder / "c" / "1.png").rename(one / "b" / "1.png")
     assert error("train", one, "-o", out, "--test-fraction", "0.5") == (
@@ -290,11 +360,23 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
     for words, said in [
         (["trian"], "Did you mean 'train'?"),
         (["train", folder], "Missing option '-o'"),
-        (["train", folder, "-o", "m", "--subsample", 0], "'--subsample': 0 is not in the range"),
-        (["train", folder, "-o", "m", "--test-fraction", 1], "'--test-fraction': 1.0 is not in"),
+        (
+            ["train", folder, "-o", "m", "--subsample", 0],
+            "'--subsample': 0 is not in the range",
+        ),
+        (
+            ["train", folder, "-o", "m", "--test-fraction", 1],
+            "'--test-fraction': 1.0 is not in",
+        ),
         (["predict", "m"], "Missing argument 'IMAGES...'"),
-        (["predict", "m", "x", "--reject", "0.9"], "'--reject': 0.9 is not in the range"),
-        (["recalibrate", "m", folder, "-o", "n", "--method", "add"], "'replace', 'merge'"),
+        (
+            ["predict", "m", "x", "--reject", "0.9"],
+            "'--reject': 0.9 is not in the range",
+        ),
+        (
+            ["recalibrate", "m", folder, "-o", "n", "--method", "add"],
+            "'replace', 'merge'",
+        ),
     ]:
         status, out, (line,) = hdc(*words)
         assert (status, out) == (2, [])
@@ -350,5 +432,7 @@ def test_help_does_without_torch():
         "try: main(['train', '--help'])\n"
         "except SystemExit: print('torch' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
     assert done.stdout.splitlines()[-1] == "False"

@@ -15,11 +15,25 @@ CHECKOUT = Path(__file__).resolve().parents[3]
 def installed(tmp_path_factory):
     """The folder of a real installation, built from a copy, as building leaves files behind."""
     pytest.importorskip("setuptools", minversion="77")
-    source, target = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("target")
-    leave = shutil.ignore_patterns("__pycache__", "tests", "results", "build", "*.egg-info", ".*")
+    source, target = (
+        tmp_path_factory.mktemp("source"),
+        tmp_path_factory.mktemp("target"),
+    )
+    leave = shutil.ignore_patterns(
+        "__pycache__", "tests", "results", "build", "*.egg-info", ".*"
+    )
     shutil.copytree(CHECKOUT, source, ignore=leave, dirs_exist_ok=True)
-    options = ["--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--target", target]
-    subprocess.run([sys.executable, "-m", "pip", "install", *options, source], check=True)
+    options = [
+        "--quiet",
+        "--no-deps",
+        "--no-build-isolation",
+        "--no-index",
+        "--target",
+        target,
+    ]
+    subprocess.run(
+        [sys.executable, "-m", "pip", "install", *options, source], check=True
+    )
     return target
 
 
@@ -27,17 +41,28 @@ def test_only_hdc_is_installed(installed):
     (info,) = installed.glob("*.dist-info")
     assert {path.name for path in installed.iterdir()} == {"bin", "hdc", info.name}
     modules = {p.relative_to(CHECKOUT) for p in (CHECKOUT / "hdc").rglob("*.py")}
-    assert {p.relative_to(installed) for p in (installed / "hdc").rglob("*.py")} == modules
+    assert {
+        p.relative_to(installed) for p in (installed / "hdc").rglob("*.py")
+    } == modules
     found = PathDistribution(info)
     assert found.metadata["Name"] == "speckle-hdc"
     assert found.metadata["License-Expression"] == "MIT"
-    core = {text.split(">=")[0] for text in found.requires or () if "extra ==" not in text}
+    core = {
+        text.split(">=")[0] for text in found.requires or () if "extra ==" not in text
+    }
     assert core == {"torch", "numpy", "safetensors"}
 
 
 def test_the_installed_command_runs(installed, tmp_path):
     done = subprocess.run(
-        [sys.executable, installed / "bin" / "hdc", "train", "nowhere", "-o", "m.safetensors"],
+        [
+            sys.executable,
+            installed / "bin" / "hdc",
+            "train",
+            "nowhere",
+            "-o",
+            "m.safetensors",
+        ],
         env={"PYTHONPATH": str(installed)},
         cwd=tmp_path,
         capture_output=True,

@@ -28,7 +28,9 @@ def run(block, capsys):
 def test_nested_folders_by_a_template(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(0)
-    base = {name: rng.integers(0, 150, (30, 40, 3)) for name in ("wood", "felt", "glass")}
+    base = {
+        name: rng.integers(0, 150, (30, 40, 3)) for name in ("wood", "felt", "glass")
+    }
     for day in (1, 2):
         for name, pattern in base.items():
             for cycle in range(4):
@@ -41,7 +43,9 @@ def test_nested_folders_by_a_template(tmp_path, monkeypatch, capsys):
     trained, predicted, evaluated, recalibrated, compared = run(walk, capsys)
     assert "12 frames, 3 classes" in trained
     assert "held out in the last sessions: accuracy 100.0%" in trained
-    assert "left out 24 other files: day1/material_felt/cycle_0_A/settings.json" in trained
+    assert (
+        "left out 24 other files: day1/material_felt/cycle_0_A/settings.json" in trained
+    )
     assert predicted.splitlines()[1].split("\t")[1] == "wood"
     assert "24 of 24 frames" in evaluated
     assert "24 new frames of 3 classes" in recalibrated

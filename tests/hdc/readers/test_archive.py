@@ -62,8 +62,14 @@ def test_axes_of_an_array_are_named(tmp_path, pixels):
     values = open_recording(path, axes=["session", "value", "height", "width"])
     assert values.values[:, 0].tolist() == [0, 1, 2, 3] * 3
     assert values.session.tolist() == [0] * 4 + [1] * 4 + [2] * 4
-    for axes in (["label", "height", "order", "width"], ["x", "y", "height", "width"], ["label"]):
-        with pytest.raises(ValueError, match="axes: expected 4 different names among label, order"):
+    for axes in (
+        ["label", "height", "order", "width"],
+        ["x", "y", "height", "width"],
+        ["label"],
+    ):
+        with pytest.raises(
+            ValueError, match="axes: expected 4 different names among label, order"
+        ):
             open_recording(path, axes=axes)
 
 
@@ -77,7 +83,9 @@ class Trap:
 def test_nothing_is_unpickled(save, tmp_path):
     objects = np.array([Trap()] * 12, dtype=object)
     for key in ("frames", "labels", "classes"):
-        with pytest.raises(ValueError, match=r"x.npz: .* found: Object arrays cannot be loaded"):
+        with pytest.raises(
+            ValueError, match=r"x.npz: .* found: Object arrays cannot be loaded"
+        ):
             open_recording(save(**{key: objects}))
     (tmp_path / "x.npz").write_bytes(pickle.dumps({"frames": 1}))
     with pytest.raises(ValueError, match=r"x.npz: expected an intact .npz"):
@@ -89,18 +97,39 @@ def test_nothing_is_unpickled(save, tmp_path):
     [
         ({"frames": None}, "expected arrays frames and labels, found no frames"),
         ({"labels": None}, "expected arrays frames and labels, found no labels"),
-        ({"frames": np.zeros((12, 5), np.uint8)}, r"\[frames\]: expected shape \[N, H, W\]"),
-        ({"frames": np.zeros((0, 5, 5), np.uint8)}, r"\[frames\]: expected shape \[N, H, W\]"),
-        ({"frames": np.zeros((12, 5, 5))}, r"\[frames\]: expected uint8 or uint16, found float64"),
+        (
+            {"frames": np.zeros((12, 5), np.uint8)},
+            r"\[frames\]: expected shape \[N, H, W\]",
+        ),
+        (
+            {"frames": np.zeros((0, 5, 5), np.uint8)},
+            r"\[frames\]: expected shape \[N, H, W\]",
+        ),
+        (
+            {"frames": np.zeros((12, 5, 5))},
+            r"\[frames\]: expected uint8 or uint16, found float64",
+        ),
         (
             {"labels": LABELS[:5]},
             r"\[labels\]: expected integers or strings \(12,\), found int64 \(5,\)",
         ),
         ({"labels": LABELS.astype(float)}, r"\[labels\]: .* found float64"),
-        ({"labels": LABELS * 0}, r"\[labels\]: expected two classes or more, found only '0'"),
-        ({"classes": np.array(["a", "b"])}, r"\[labels\]: expected one of the 2 classes, found"),
-        ({"classes": np.array(["a", "a", "b"])}, r"\[classes\]: expected different names"),
-        ({"order": LABELS.astype("M8[s]")}, r"12 numbers in the column order, found datetime64"),
+        (
+            {"labels": LABELS * 0},
+            r"\[labels\]: expected two classes or more, found only '0'",
+        ),
+        (
+            {"classes": np.array(["a", "b"])},
+            r"\[labels\]: expected one of the 2 classes, found",
+        ),
+        (
+            {"classes": np.array(["a", "a", "b"])},
+            r"\[classes\]: expected different names",
+        ),
+        (
+            {"order": LABELS.astype("M8[s]")},
+            r"12 numbers in the column order, found datetime64",
+        ),
         ({"session": LABELS[:5]}, r"12 numbers in the column session, found .*\(5,\)"),
     ],
 )

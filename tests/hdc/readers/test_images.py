@@ -93,10 +93,14 @@ def test_fingerprints_are_of_contents_not_of_places(folder, tmp_path, pixels):
 
 def test_a_bad_frame_is_named_at_once_or_when_it_is_asked_for(folder, pixels):
     write(folder / "c" / "9.png", pixels[0].astype(np.uint16))
-    with pytest.raises(BadFrame, match=r"c/9.png: .*uint8 as in the other frames, found 30 × 20"):
+    with pytest.raises(
+        BadFrame, match=r"c/9.png: .*uint8 as in the other frames, found 30 × 20"
+    ):
         open_recording(folder)
     (folder / "b" / "9.png").write_bytes(b"")
-    with pytest.raises(BadFrame, match=r"b/9.png: expected an image \(PNG, .*found other data"):
+    with pytest.raises(
+        BadFrame, match=r"b/9.png: expected an image \(PNG, .*found other data"
+    ):
         open_recording(folder)
     frames = open_recording(folder, check=False).stream()
     assert np.array_equal(next(frames), pixels[0])
@@ -138,11 +142,17 @@ NOISE = np.random.default_rng(0).integers(0, 256, (20, 30), dtype=np.uint8)
         (saved("TIFF", NOISE, NOISE), ".tif", "expected a single image, found 2"),
         (bomb(40_000), ".png", "decompression bomb"),
         (saved("GIF", NOISE), ".png", "found other data"),
-        (saved("TIFF", NOISE.astype(np.float32)), ".tif", "expected a grey TIFF, .* found F"),
+        (
+            saved("TIFF", NOISE.astype(np.float32)),
+            ".tif",
+            "expected a grey TIFF, .* found F",
+        ),
         (encoded(np.zeros((9, 9, 3), np.uint16), ".tif"), ".tif", "colour of 8 bits"),
     ],
 )
-def test_images_that_would_be_learnt_wrongly_are_refused(tmp_path, data, suffix, message):
+def test_images_that_would_be_learnt_wrongly_are_refused(
+    tmp_path, data, suffix, message
+):
     for name in "ab":
         (tmp_path / name).mkdir()
         (tmp_path / name / f"1{suffix}").write_bytes(data)
@@ -171,5 +181,7 @@ def test_damaged_images_are_refused_or_have_their_size(tmp_path, suffix):
             assert f"b/1{suffix}" in str(error)  # noqa: PT017
         else:
             assert frames.shape == (2, 20, 30)
-            if k % 2 or suffix == ".png":  # what was cut off, such as a last tag, is no pixel
+            if (
+                k % 2 or suffix == ".png"
+            ):  # what was cut off, such as a last tag, is no pixel
                 assert np.array_equal(frames[1], reference[1])

@@ -33,12 +33,19 @@ def test_folders_as_they_are(folder, pixels):
 
 
 def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
-    names = [f"day{d}/raw/{c}/x_frame_{k}.png" for d in (2, 10) for c in "ab" for k in (2, 10)]
+    names = [
+        f"day{d}/raw/{c}/x_frame_{k}.png"
+        for d in (2, 10)
+        for c in "ab"
+        for k in (2, 10)
+    ]
     for name, image in zip(names, pixels, strict=False):
         write(tmp_path / name, image)
     write(tmp_path / "day2" / "ref" / "a" / "x_frame_1.png", pixels[0])
     (tmp_path / "day2" / "raw" / "a" / "meta.json").write_text("{}")
-    recording = open_recording(tmp_path, template="{session}/raw/{label}/*_frame_{order}.png")
+    recording = open_recording(
+        tmp_path, template="{session}/raw/{label}/*_frame_{order}.png"
+    )
     assert recording.samples["file"].tolist() == names
     assert recording.names == ["a", "a", "b", "b"] * 2
     assert recording.order.tolist() == [2, 10] * 4
@@ -48,7 +55,9 @@ def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
     assert np.array_equal(recording.frames([1]), pixels[[1]])
     write(tmp_path / "press" / "p1_wood12_-0.5mm.png", pixels[3])
     recording = open_recording(
-        tmp_path / "press", template="{group}_{label}{order}_{value}mm.png", fewest_classes=1
+        tmp_path / "press",
+        template="{group}_{label}{order}_{value}mm.png",
+        fewest_classes=1,
     )
     assert (recording.classes, recording.order.tolist()) == (("wood",), [12])
     assert recording.samples["group_name"].tolist() == ["p1"]
@@ -58,12 +67,21 @@ def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"template": "{depth}/x.png"}, r"template: expected fields among {label}, .*, each once"),
+        (
+            {"template": "{depth}/x.png"},
+            r"template: expected fields among {label}, .*, each once",
+        ),
         ({"template": "{label}/{label}.png"}, "template: expected fields among"),
         ({"template": "{label/x}.png"}, "template: expected fields among"),
         ({"template": "a/{order}.png"}, "expected a label of each image, or numbers"),
-        ({"template": "{label}.jpg"}, r"as the template says, found 12 other files, a/1"),
-        ({"value_columns": ["z"]}, "table: expected a table with the columns z, found None"),
+        (
+            {"template": "{label}.jpg"},
+            r"as the template says, found 12 other files, a/1",
+        ),
+        (
+            {"value_columns": ["z"]},
+            "table: expected a table with the columns z, found None",
+        ),
         ({"table": "t.csv"}, r"t.csv: expected a readable file, found none"),
     ],
 )
@@ -73,10 +91,15 @@ def test_templates_and_tables_that_cannot_be_are_named(folder, settings, message
 
 
 def test_a_table_gives_values(folder, pixels):
-    (folder / "t.csv").write_text("image,x,z,note,order\nb/1.png,1,0.5,u,2\na/1.png,2,-1e-3,v,1\n")
+    (folder / "t.csv").write_text(
+        "image,x,z,note,order\nb/1.png,1,0.5,u,2\na/1.png,2,-1e-3,v,1\n"
+    )
     recording = open_recording(folder, table="t.csv", value_columns=["z"])
     assert recording.labels is None
-    assert (recording.values.tolist(), recording.value_names) == ([[0.5], [-1e-3]], ("z",))
+    assert (recording.values.tolist(), recording.value_names) == (
+        [[0.5], [-1e-3]],
+        ("z",),
+    )
     assert recording.order.tolist() == [2, 1]
     assert np.array_equal(recording.frames([0, 1]), pixels[[4, 0]])
     every = open_recording(folder, table=folder / "t.csv", template="{label}/*.png")
@@ -84,9 +107,13 @@ def test_a_table_gives_values(folder, pixels):
     assert every.fingerprint() != recording.fingerprint()
     with pytest.raises(ValueError, match="expected a recording with labels"):
         _ = recording.names
-    with pytest.raises(ValueError, match=r"t.csv: expected numbers in note, found .*'u'"):
+    with pytest.raises(
+        ValueError, match=r"t.csv: expected numbers in note, found .*'u'"
+    ):
         open_recording(folder, table="t.csv", value_columns=["note"])
-    with pytest.raises(ValueError, match=r"t.csv: expected different columns, with picture, found"):
+    with pytest.raises(
+        ValueError, match=r"t.csv: expected different columns, with picture, found"
+    ):
         open_recording(folder, table="t.csv", image_column="picture")
 
 
@@ -118,16 +145,27 @@ def test_a_manifest_says_what_belongs_to_the_recording(folder, pixels):
         ("file,label\na/1.png,\nb/1.png,y\n", "line 2: expected a label"),
         ("file,label\na/1.png,x\na/./1.png,y\n", "line 3: expected each file once"),
         ("file,label\na/1.png,x\nb/9.png,y\n", "b/9.png: expected a readable file"),
-        ("file,label\na/1.png,x\nb/1.png,x\n", "expected two classes or more, found only 'x'"),
-        ("file,label,order\na/1.png,x,?\nb/1.png,y,1\n", "expected 2 numbers in the column order"),
-        ("file,label,class_index\na/1.png,x,1\nb/1.png,x,2\n", "one class_index per label, found"),
+        (
+            "file,label\na/1.png,x\nb/1.png,x\n",
+            "expected two classes or more, found only 'x'",
+        ),
+        (
+            "file,label,order\na/1.png,x,?\nb/1.png,y,1\n",
+            "expected 2 numbers in the column order",
+        ),
+        (
+            "file,label,class_index\na/1.png,x,1\nb/1.png,x,2\n",
+            "one class_index per label, found",
+        ),
         ("file,label,label\na/1.png,x,y\n", "expected different columns"),
         (b"file,label\n\xff\xfe,x\n", "expected a CSV table in UTF-8"),
         ('file,label\n"a/1.png,x\n', "expected a CSV table in UTF-8"),
     ],
 )
 def test_a_broken_manifest_is_named(folder, text, message):
-    (folder / "manifest.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
+    (folder / "manifest.csv").write_bytes(
+        text if isinstance(text, bytes) else text.encode()
+    )
     with pytest.raises(ValueError, match=message) as caught:
         open_recording(folder)
     assert str(folder) in str(caught.value)
@@ -138,10 +176,14 @@ def test_folders_without_a_recording_are_named(tmp_path, pixels, folder):
     with pytest.raises(ValueError, match=r"x: expected .*, found 1 other files"):
         open_recording(tmp_path / "x")
     (tmp_path / "y").mkdir()
-    with pytest.raises(ValueError, match=r"y: expected images in one sub-folder per class"):
+    with pytest.raises(
+        ValueError, match=r"y: expected images in one sub-folder per class"
+    ):
         open_recording(tmp_path / "y")
     write(tmp_path / "y" / "a" / "x.png", pixels[0])
-    with pytest.raises(ValueError, match="expected two classes or more, found only 'a'"):
+    with pytest.raises(
+        ValueError, match="expected two classes or more, found only 'a'"
+    ):
         open_recording(tmp_path / "y")
     for path, message in (
         (tmp_path / "absent", r"path: .* found nothing: .*/absent"),
@@ -154,14 +196,19 @@ def test_folders_without_a_recording_are_named(tmp_path, pixels, folder):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"crop": [0, 0, 31, 20]}, "crop: expected a window inside frames 30 px wide and 20"),
+        (
+            {"crop": [0, 0, 31, 20]},
+            "crop: expected a window inside frames 30 px wide and 20",
+        ),
         ({"crop": [0, 0, 5]}, r"crop: expected null or \[x, y, width, height\]"),
         ({"crop": [-1, 0, 5, 5]}, "crop: expected null or"),
         ({"crop": [0, 0, 5.0, 5]}, "crop: expected null or"),
         ({"intervals": "x.csv"}, "intervals: expected null unless path is a video"),
     ],
 )
-def test_settings_of_the_wrong_type_or_out_of_range_are_named(folder, settings, message):
+def test_settings_of_the_wrong_type_or_out_of_range_are_named(
+    folder, settings, message
+):
     with pytest.raises(ValueError, match=message):
         open_recording(folder, **settings)
 
@@ -171,7 +218,9 @@ class Connected:
 
     def __init__(self, index):
         colour = np.full((4, 6, 3), 90, np.uint8)
-        self.images = [colour, np.arange(24, dtype=np.uint16).reshape(4, 6)] * (index == 2)
+        self.images = [colour, np.arange(24, dtype=np.uint16).reshape(4, 6)] * (
+            index == 2
+        )
         self.there, self.released = index == 2, False
 
     def isOpened(self):
@@ -186,12 +235,16 @@ class Connected:
 
 def test_a_camera_gives_grey_frames_until_it_is_gone(monkeypatch):
     opened = []
-    monkeypatch.setattr(cv2, "VideoCapture", lambda n: opened.append(Connected(n)) or opened[-1])
+    monkeypatch.setattr(
+        cv2, "VideoCapture", lambda n: opened.append(Connected(n)) or opened[-1]
+    )
     frames = camera(2, crop=[2, 0, 4, 4], subsample=2)
     assert next(frames).tolist() == [[90, 90], [90, 90]]
     assert next(frames).tolist() == [[2, 4], [14, 16]]
     with pytest.raises(BadFrame, match="camera 2: expected a frame, found none"):
         next(frames)
     assert opened[0].released
-    with pytest.raises(ValueError, match=r"camera: expected a camera .* index 5, found none"):
+    with pytest.raises(
+        ValueError, match=r"camera: expected a camera .* index 5, found none"
+    ):
         next(camera(5))

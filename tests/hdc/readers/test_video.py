@@ -18,7 +18,9 @@ NUMBERS = [*range(3, 25), *range(50, 60)]
 
 
 def grey_of(number):
-    return 10 + 4 * (23 * number % N)  # neighbours differ by more than the coding changes them
+    return 10 + 4 * (
+        23 * number % N
+    )  # neighbours differ by more than the coding changes them
 
 
 @pytest.fixture(params=["x.avi", "x.mp4", "x.mkv"])
@@ -116,22 +118,39 @@ def test_a_video_that_ends_early_is_named(tmp_path):
     path.with_suffix(".csv").write_text("start_s,end_s,label\n0,1,a\n1,6,b\n")
     assert len(open_recording(path)) == N
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(BadFrame, match=r"x.avi: expected 60 frames as its header says, found "):
+    with pytest.raises(
+        BadFrame, match=r"x.avi: expected 60 frames as its header says, found "
+    ):
         open_recording(path)
 
 
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ("start_s,end_s,label\n0,1,a\n6,6.2,b\n", r"at least one frame of .*, found 6–6.2 s"),
-        ("start_s,end_s,label\n0,1,a\n0.9,2,b\n", "do not overlap, found 0–1 s and 0.9–2 s"),
+        (
+            "start_s,end_s,label\n0,1,a\n6,6.2,b\n",
+            r"at least one frame of .*, found 6–6.2 s",
+        ),
+        (
+            "start_s,end_s,label\n0,1,a\n0.9,2,b\n",
+            "do not overlap, found 0–1 s and 0.9–2 s",
+        ),
         ("start_s,end_s,label\n0,1,a\n1.01,1.02,b\n", "at least one frame of "),
         ("start_s,end_s,label\n0,1,a\n2,1,b\n", "line 3: expected 0 ≤ start_s < end_s"),
-        ("start_s,end_s,label\n0,1,a\n1,inf,b\n", "line 3: expected 0 ≤ start_s < end_s"),
+        (
+            "start_s,end_s,label\n0,1,a\n1,inf,b\n",
+            "line 3: expected 0 ≤ start_s < end_s",
+        ),
         ("start_s,end_s,label\n0,one,a\n", "line 2: expected seconds"),
         ("start_s,end_s,label\n0,1,\n", "line 2: expected a label"),
-        ("start_s,end_s,label\n0,1,a\n2,3,a\n", "expected two classes or more, found only 'a'"),
-        ("start,end,label\n0,1,a\n", "expected different columns, with start_s, end_s, label"),
+        (
+            "start_s,end_s,label\n0,1,a\n2,3,a\n",
+            "expected two classes or more, found only 'a'",
+        ),
+        (
+            "start,end,label\n0,1,a\n",
+            "expected different columns, with start_s, end_s, label",
+        ),
     ],
 )
 def test_a_table_that_does_not_fit_is_named(film, table, message):
@@ -150,8 +169,12 @@ def test_what_is_no_video_is_named(film):
         open_recording(film)
     for other in (b"", b"not a video at all"):
         film.write_bytes(other)
-        with pytest.raises(ValueError, match=rf"{film.name}: expected a video of known length"):
+        with pytest.raises(
+            ValueError, match=rf"{film.name}: expected a video of known length"
+        ):
             open_recording(film)
     table.unlink()
-    with pytest.raises(ValueError, match=r"x.csv: expected a readable file, found none"):
+    with pytest.raises(
+        ValueError, match=r"x.csv: expected a readable file, found none"
+    ):
         open_recording(film)

@@ -14,7 +14,9 @@ CPU = torch.device("cpu")
 
 def intensities(camera, n, seed=0):
     phases = stream(seed, "test").uniform(0, 2 * np.pi, (n, camera.path_count))
-    return MountedCamera(camera, CPU).intensity(torch.from_numpy(phases)).double().numpy()
+    return (
+        MountedCamera(camera, CPU).intensity(torch.from_numpy(phases)).double().numpy()
+    )
 
 
 @pytest.mark.parametrize("modes", [1, 2])
@@ -77,9 +79,13 @@ def test_floor_that_all_frames_share():
 def grey_distribution(camera, mean):
     """Exact probabilities of the grey levels: Poisson convolved with the read noise, rounded."""
     scale = camera.grey / camera.photons
-    n = np.arange(int(stats.poisson.ppf(1e-13, mean)), int(stats.poisson.isf(1e-13, mean)) + 1)
+    n = np.arange(
+        int(stats.poisson.ppf(1e-13, mean)), int(stats.poisson.isf(1e-13, mean)) + 1
+    )
     edges = np.arange(-0.5, 255)[:, None]
-    below = stats.norm.cdf((edges[1:] - n * scale) / camera.read_noise) @ stats.poisson.pmf(n, mean)
+    below = stats.norm.cdf(
+        (edges[1:] - n * scale) / camera.read_noise
+    ) @ stats.poisson.pmf(n, mean)
     return np.diff(np.concatenate([[0.0], below, [1.0]]))
 
 
@@ -106,7 +112,9 @@ def test_few_photons_are_counted_one_by_one(photons, read):
     camera = Camera(grid=256, crop=256, pupil=4, photons=photons, read_noise=read)
     even = torch.full((4, 256, 256), 1.0)
     grey = (
-        MountedCamera(camera, CPU).expose(even, [stream(0, "test", i) for i in range(4)]).double()
+        MountedCamera(camera, CPU)
+        .expose(even, [stream(0, "test", i) for i in range(4)])
+        .double()
     )
     if read == 0:
         assert set(np.unique(grey)) <= {0, 50, 100, 150, 200, 250, 255}
@@ -122,5 +130,7 @@ def test_bad_values_are_named():
         *(("pupil", 600), ("crop", 513), ("pupil", 0), ("photons", -1.0)),
         ("polarisations", 3),
     ]:
-        with pytest.raises(ValueError, match=rf"scene.sensor.camera.{name}: .*, found {value}"):
+        with pytest.raises(
+            ValueError, match=rf"scene.sensor.camera.{name}: .*, found {value}"
+        ):
             Camera(**{name: value})

@@ -54,7 +54,12 @@ def test_half_space_inside_is_its_integral():
         found, _ = half_space(np.array(r), np.array(d), A)
 
         def integrand(k, r=r, d=d):
-            return j0(k * r) * hertz_transform(np.array(k * A)) * (1 + k * d) * np.exp(-k * d)
+            return (
+                j0(k * r)
+                * hertz_transform(np.array(k * A))
+                * (1 + k * d)
+                * np.exp(-k * d)
+            )
 
         expected, _ = quad(integrand, 0, 40 / d, limit=2000, epsabs=1e-9, epsrel=1e-11)
         assert found == pytest.approx(expected, rel=1e-8)
@@ -74,9 +79,14 @@ def test_base_is_fixed_surface_sinks_by_one(thickness):
 def test_divergence_vanishes():
     layer, e = Layer(), 1e-6
     r, z = np.array([1e-3, 4e-3, 9e-3]), np.array([1e-3, 3e-3])
-    outward = [layer.displacement(r + s * e, z, A)[0] * (r + s * e)[:, None] for s in (1, -1)]
+    outward = [
+        layer.displacement(r + s * e, z, A)[0] * (r + s * e)[:, None] for s in (1, -1)
+    ]
     upward = [layer.displacement(r, z + s * e, A)[1] for s in (1, -1)]
-    terms = (outward[0] - outward[1]) / (2 * e) / r[:, None], (upward[0] - upward[1]) / (2 * e)
+    terms = (
+        (outward[0] - outward[1]) / (2 * e) / r[:, None],
+        (upward[0] - upward[1]) / (2 * e),
+    )
     assert np.abs(terms[0] + terms[1]).max() < 1e-5 * np.abs(terms[1]).max()
 
 
@@ -113,7 +123,9 @@ def test_layer_against_finite_elements():
     import skfem as fem
 
     h, wide = 5e-3, 60e-3
-    r_nodes = np.concatenate([np.linspace(0, 8e-3, 65), np.geomspace(8e-3, wide, 60)[1:]])
+    r_nodes = np.concatenate(
+        [np.linspace(0, 8e-3, 65), np.geomspace(8e-3, wide, 60)[1:]]
+    )
     mesh = fem.MeshTri.init_tensor(r_nodes, np.linspace(0, h, 33))
     displacement = fem.Basis(mesh, fem.ElementVector(fem.ElementTriP2()), intorder=6)
     pressure = displacement.with_element(fem.ElementTriP1())
@@ -121,8 +133,12 @@ def test_layer_against_finite_elements():
     @fem.BilinearForm
     def stiffness(u, v, w):
         r = w.x[0]
-        strain = [[(u.grad[i][j] + u.grad[j][i]) / 2 for j in range(2)] for i in range(2)]
-        twist = [[(v.grad[i][j] + v.grad[j][i]) / 2 for j in range(2)] for i in range(2)]
+        strain = [
+            [(u.grad[i][j] + u.grad[j][i]) / 2 for j in range(2)] for i in range(2)
+        ]
+        twist = [
+            [(v.grad[i][j] + v.grad[j][i]) / 2 for j in range(2)] for i in range(2)
+        ]
         planar = sum(strain[i][j] * twist[i][j] for i in range(2) for j in range(2))
         return 2 * (planar + u[0] * v[0] / r**2) * r
 
@@ -151,8 +167,12 @@ def test_layer_against_finite_elements():
 
     r = np.array([0.0, 1e-3, 2e-3, 4e-3, 6e-3, 10e-3])
     z = np.array([1e-3, 2.5e-3, 4e-3, 5e-3])
-    points = np.stack(np.meshgrid(np.maximum(r, 1e-9), np.minimum(z, h - 1e-9), indexing="ij"))
-    found = (displacement.probes(points.reshape(2, -1)) @ solution).reshape(2, len(r), len(z))
+    points = np.stack(
+        np.meshgrid(np.maximum(r, 1e-9), np.minimum(z, h - 1e-9), indexing="ij")
+    )
+    found = (displacement.probes(points.reshape(2, -1)) @ solution).reshape(
+        2, len(r), len(z)
+    )
     found /= -found[1, 0, -1]
     expected = np.stack(Layer().displacement(r, z, A))
     assert np.abs(found - expected).max() < 0.01

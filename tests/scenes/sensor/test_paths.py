@@ -30,7 +30,9 @@ def test_phase_is_the_change_of_the_optical_path(small):
         moved = np.stack([x, y, z], -1) + scale * np.moveaxis(u, 0, -1)
         ends = [(*sensor.paths.fibre, 2.5e-3), (*sensor.paths.camera, 2.5e-3)]
         start, stop = (np.broadcast_to(e, (1, x.shape[1], 3)) for e in ends)
-        return np.linalg.norm(np.diff(np.concatenate([start, moved, stop]), axis=0), axis=-1).sum(0)
+        return np.linalg.norm(
+            np.diff(np.concatenate([start, moved, stop]), axis=0), axis=-1
+        ).sum(0)
 
     growth = (length(depth) - length(-depth)) / (2 * depth)
     found = paths.lengthening(sensor.table(radius, torch.float64), centre).numpy()
@@ -50,7 +52,9 @@ def test_paths_lie_in_the_layer(small):
 
 def test_phases_are_linear_in_depth_and_zero_at_none(small):
     press = Press((28e-3, 8e-3), 2.45e-3, 1.8e-3, 0.01, 0.02e-3).bind(small)
-    none, one, two = (press(Touch(depth, 28.01e-3, 8e-3)) for depth in (0.0, 0.9e-3, 1.8e-3))
+    none, one, two = (
+        press(Touch(depth, 28.01e-3, 8e-3)) for depth in (0.0, 0.9e-3, 1.8e-3)
+    )
     assert torch.allclose(two, 2 * one)
     assert (none == 0).all()
 
@@ -58,7 +62,9 @@ def test_phases_are_linear_in_depth_and_zero_at_none(small):
 def test_float32_tables_are_exact_enough_for_a_deep_touch(small):
     """1.8 mm are 6,000 rad: the same paths with everything in float64."""
     paths, touch = small.path_set, Touch(1.8e-3, 28e-3, 8e-3)
-    double = replace(paths, x=paths.x.double(), y=paths.y.double(), bend=paths.bend.double())
+    double = replace(
+        paths, x=paths.x.double(), y=paths.y.double(), bend=paths.bend.double()
+    )
     exact = double.lengthening(small.table(2.45e-3, torch.float64), (touch.x, touch.y))
     found = ExactPress(Press((28e-3, 8e-3), 2.45e-3, 1.8e-3), small)(touch)
     assert (found - exact * small.paths.wavenumber * touch.depth).abs().max() < 0.01
@@ -79,11 +85,27 @@ def test_expansion_about_the_target_is_exact_enough(small):
 def test_bad_values_are_named():
     for part, values, message in [
         (Paths, {"vertices": 0}, r"scene.sensor.paths.vertices: expected .*, found 0"),
-        (Paths, {"surface": 1.5}, r"scene.sensor.paths.surface: expected .*, found 1\.5"),
-        (Paths, {"wavelength": math.nan}, r"scene.sensor.paths.wavelength: .*, found nan"),
+        (
+            Paths,
+            {"surface": 1.5},
+            r"scene.sensor.paths.surface: expected .*, found 1\.5",
+        ),
+        (
+            Paths,
+            {"wavelength": math.nan},
+            r"scene.sensor.paths.wavelength: .*, found nan",
+        ),
         (Paths, {"fibre": (0.0, 0.5)}, r"scene.sensor.paths.fibre.*sensor's surface"),
-        (Press, {"position": (0.01,), "radius": 1e-3, "depth": 1e-3}, r"two coordinates"),
-        (Press, {"position": (0.01, 0.0), "radius": 0.0, "depth": 1e-3}, r"radius: .* found 0"),
+        (
+            Press,
+            {"position": (0.01,), "radius": 1e-3, "depth": 1e-3},
+            r"two coordinates",
+        ),
+        (
+            Press,
+            {"position": (0.01, 0.0), "radius": 0.0, "depth": 1e-3},
+            r"radius: .* found 0",
+        ),
         (Sensor, {"seed": -1}, r"seed.sensor: expected .*, found -1"),
     ]:
         with pytest.raises(ValueError, match=message):

@@ -16,7 +16,9 @@ ALL = ("touch", "finger", "spatial", "drift", "tactile")
 
 def scene(name, sensor, samples, overrides=()):
     changed = (f"++scene.{override}" for override in overrides)
-    return compose([f"scene={name}", f"seed.sensor={sensor}", f"seed.samples={samples}", *changed])
+    return compose(
+        [f"scene={name}", f"seed.sensor={sensor}", f"seed.samples={samples}", *changed]
+    )
 
 
 def tiny(name, *overrides, sensor=3, samples=5):
@@ -77,8 +79,14 @@ def test_first_session_of_drift_is_touch():
 def test_fingerprint_knows_every_setting_and_makes_no_frame():
     settings = ["contact.depth=1.7e-3", "samples_per_class=99", "sessions.0.offset=0.1"]
     prints = {tiny("touch", setting).fingerprint() for setting in settings}
-    prints |= {tiny("touch", sensor=4).fingerprint(), tiny("touch", samples=6).fingerprint()}
-    prints |= {tiny("tactile").fingerprint(), tiny("tactile", "classes.P40.offset=0").fingerprint()}
+    prints |= {
+        tiny("touch", sensor=4).fingerprint(),
+        tiny("touch", samples=6).fingerprint(),
+    }
+    prints |= {
+        tiny("tactile").fingerprint(),
+        tiny("tactile", "classes.P40.offset=0").fingerprint(),
+    }
     made = tiny("touch")
     assert len(prints | {made.fingerprint()}) == 8
     assert made.fingerprint() == tiny("touch").fingerprint()
@@ -99,12 +107,36 @@ def test_labels_come_in_random_order_and_samples_are_described():
 @pytest.mark.parametrize(
     ("name", "override", "message"),
     [
-        ("touch", "contact.depth=6e-3", r"scene.contact.depth: .*layer's thickness.*found 0\.006"),
-        ("touch", "classes.L1.position=[0.2, 0.0]", r"scene.classes.L1.position: .*surface"),
-        ("touch", "classes.L1.position=[0.02]", r"position: expected two.*found \(0\.02,\)"),
-        ("touch", "contact=null", r"scene.contact: expected one for class 'L1', found None"),
-        ("touch", "sensor.camera.pixels=3", r"Camera.* unexpected keyword argument 'pixels'"),
-        ("tactile", "contact.side=100", r"scene.contact.side: expected a power.*found 100"),
+        (
+            "touch",
+            "contact.depth=6e-3",
+            r"scene.contact.depth: .*layer's thickness.*found 0\.006",
+        ),
+        (
+            "touch",
+            "classes.L1.position=[0.2, 0.0]",
+            r"scene.classes.L1.position: .*surface",
+        ),
+        (
+            "touch",
+            "classes.L1.position=[0.02]",
+            r"position: expected two.*found \(0\.02,\)",
+        ),
+        (
+            "touch",
+            "contact=null",
+            r"scene.contact: expected one for class 'L1', found None",
+        ),
+        (
+            "touch",
+            "sensor.camera.pixels=3",
+            r"Camera.* unexpected keyword argument 'pixels'",
+        ),
+        (
+            "tactile",
+            "contact.side=100",
+            r"scene.contact.side: expected a power.*found 100",
+        ),
     ],
 )
 def test_bad_values_are_named_before_any_frame(name, override, message):
@@ -113,7 +145,14 @@ def test_bad_values_are_named_before_any_frame(name, override, message):
 
 
 def test_absent_parts_are_not_imported():
-    absent = ["scenes.sensor.texture", "baselines", "experiments", "pandas", "cv2", "sklearn"]
+    absent = [
+        "scenes.sensor.texture",
+        "baselines",
+        "experiments",
+        "pandas",
+        "cv2",
+        "sklearn",
+    ]
     words = ["scene=touch", *(f"++scene.{override}" for override in TINY)]
     program = (
         "import sys; from scenes.export import compose;"

@@ -43,7 +43,9 @@ def test_every_touch_meets_another_patch_unless_told(small):
 @pytest.fixture
 def near():
     """Every path scatters once, so that many lie within the grid."""
-    return Sensor(seed=7, paths={"vertices": 1}, camera={"grid": 64, "crop": 60, "pupil": 48})
+    return Sensor(
+        seed=7, paths={"vertices": 1}, camera={"grid": 64, "crop": 60, "pupil": 48}
+    )
 
 
 def test_displacement_on_the_grid_is_the_one_of_the_table(near):

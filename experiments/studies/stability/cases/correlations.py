@@ -18,7 +18,9 @@ D = 250_000
 
 def correlation_case(extreme: str, naive: str, tolerance: float = 1e-10) -> Any:
     ours = "mean_pair_correlations"
-    return case("correlations", extreme, naive, ours, "correlation", tolerance=tolerance)
+    return case(
+        "correlations", extreme, naive, ours, "correlation", tolerance=tolerance
+    )
 
 
 def one_pass(x: NDArray[Any], y: NDArray[Any]) -> float:
@@ -50,11 +52,14 @@ def compared(
 )
 def mean_far_above_the_deviation() -> Any:
     frames = 65_000 + (correlated(236) == 0)  # one pixel in 236 is brighter by one
-    return compared(one_pass, frames, frames.astype(np.float32), frames.astype(np.uint16))
+    return compared(
+        one_pass, frames, frames.astype(np.float32), frames.astype(np.uint16)
+    )
 
 
 @correlation_case(
-    "mean 10^9, deviation 577: float64 loses 12 of its 16 digits", "⟨xy⟩ − ⟨x⟩⟨y⟩ in float64"
+    "mean 10^9, deviation 577: float64 loses 12 of its 16 digits",
+    "⟨xy⟩ − ⟨x⟩⟨y⟩ in float64",
 )
 def mean_far_above_the_deviation_in_float64() -> Any:
     frames = 10**9 + correlated(2000)
@@ -62,7 +67,8 @@ def mean_far_above_the_deviation_in_float64() -> Any:
 
 
 @correlation_case(
-    "16-bit frames up to 65,535: products in uint16 wrap", "⟨xy⟩ − ⟨x⟩⟨y⟩ of the camera's integers"
+    "16-bit frames up to 65,535: products in uint16 wrap",
+    "⟨xy⟩ − ⟨x⟩⟨y⟩ of the camera's integers",
 )
 def sixteen_bit_frames() -> Any:
     frames = correlated(65_536)
@@ -85,4 +91,6 @@ def squares_that_underflow() -> Any:
 )  # fmt: skip
 def two_samples_a_class() -> Any:
     frames = correlated(256)
-    return compared(lambda *both: np.corrcoef(both).mean(), frames, frames.astype(np.uint8))
+    return compared(
+        lambda *both: np.corrcoef(both).mean(), frames, frames.astype(np.uint8)
+    )

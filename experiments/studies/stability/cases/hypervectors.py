@@ -149,7 +149,9 @@ def hamming_ties(d: int = 1024) -> Any:
     "uint16 counters", "hdc.prototypes.Counters", "counts",
 )  # fmt: skip
 def counters_above_2_to_the_16(n: int = 70_000, d: int = 1000) -> Any:
-    ones = [round(n * share) for share in np.linspace(0, 1, d)]  # how often each bit is set
+    ones = [
+        round(n * share) for share in np.linspace(0, 1, d)
+    ]  # how often each bit is set
     mask = torch.from_numpy(np.arange(n)[:, None] < np.array(ones))
     words, labels = bits.pack(mask), torch.zeros(n, dtype=torch.int64)
     return (
@@ -166,7 +168,10 @@ def counters_above_2_to_the_16(n: int = 70_000, d: int = 1000) -> Any:
 def unequal_classes(d: int = 10_000) -> Any:
     sizes = torch.tensor([1, 2, 997])
     labels, mask = torch.repeat_interleave(torch.arange(3), sizes), random_bits(1000, d)
-    words, counts = bits.pack(mask), torch.stack([mask[labels == c].sum(0) for c in range(3)])
+    words, counts = (
+        bits.pack(mask),
+        torch.stack([mask[labels == c].sum(0) for c in range(3)]),
+    )
     return (
         lambda: counts > len(labels) / 6,
         lambda: bits.unpack(counted(words, d, labels).majority(), d),

@@ -51,18 +51,27 @@ def integer_overflow(d: int = 250_000) -> Any:
 def logits_of_ten_thousand() -> Any:
     # One step of rate 1.25 from W = 0 gives W_0 = −W_1 = 1.25·(x_0 − x_1)/8, logits ±1.25·255²/8,
     # and a loss of twice that for the third of four frames, whose label is wrong.
-    frames = torch.tensor([[[0, 255]], [[0, 255]], [[0, 255]], [[255, 0]]], dtype=torch.uint8)
+    frames = torch.tensor(
+        [[[0, 255]], [[0, 255]], [[0, 255]], [[255, 0]]], dtype=torch.uint8
+    )
     labels, rate = np.array([0, 0, 1, 1]), 1.25
     weights = torch.tensor([[-255.0, 255.0], [255.0, -255.0]]) * (rate / 8)
 
     def naive() -> Tensor:
         exponentials = (frames.flatten(1).float() @ weights.T).exp()
-        likelihood = (exponentials / exponentials.sum(1, keepdim=True))[range(4), labels]
+        likelihood = (exponentials / exponentials.sum(1, keepdim=True))[
+            range(4), labels
+        ]
         return -likelihood.log().mean()
 
     def ours() -> float:
         model = SoftmaxRegression(
-            pixels="raw", optimizer="SGD", lr=rate, batch_size=None, max_epochs=2, init="zeros"
+            pixels="raw",
+            optimizer="SGD",
+            lr=rate,
+            batch_size=None,
+            max_epochs=2,
+            init="zeros",
         )
         return list(model.train(frames, labels))[1]["loss"]  # before the second step
 
@@ -85,14 +94,20 @@ def duplicated_samples(m: int = 50, c: float = 1.0) -> Any:
         x -= x.mean(0)
         gram = x @ x.T
         a = torch.zeros(2 * m, dtype=torch.float64)
-        for _ in range(20):  # on the difference of the classes' weights, whose penalty is |v|²/4
+        for _ in range(
+            20
+        ):  # on the difference of the classes' weights, whose penalty is |v|²/4
             p = (gram @ a).sigmoid()
             hessian = gram @ torch.diag(2 * c * p * (1 - p)) @ gram + gram
             a -= torch.linalg.solve(hessian, gram @ (2 * c * (p - y) + a))
         return float((gram @ a)[0])
 
     def ours() -> float:
-        scores = DualSoftmaxRegression(C=c, tol=1e-14).fit(frames, labels).scores(frames[:1])[0]
+        scores = (
+            DualSoftmaxRegression(C=c, tol=1e-14)
+            .fit(frames, labels)
+            .scores(frames[:1])[0]
+        )
         return float(scores[0] - scores[1])
 
     return naive, ours, float(2 * beta)
@@ -112,7 +127,10 @@ def a_class_without_training_samples(n: int = 10, side: int = 16) -> Any:
         return (((x[:, None] - means) ** 2).sum(2).argmin(1) != labels).sum()
 
     def ours() -> list[int]:
-        return [(model().fit(frames, labels).predict(frames) != labels).sum() for model in MODELS]
+        return [
+            (model().fit(frames, labels).predict(frames) != labels).sum()
+            for model in MODELS
+        ]
 
     return naive, ours, 0
 
