@@ -1,0 +1,13 @@
+"""The inner loops on the CPU as machine code: encoding 8-bit frames, counting, distances.
+
+Imported only for ``backend="compiled"``: numba takes as long to import as everything else here. The
+results are those of the numpy routes, bit for bit. The first import on a machine compiles (some
+seconds) and keeps the code beside these files, in the user's cache folder, or in this process only.
+"""
+
+from __future__ import annotations
+
+from hdc.compiled.count import count_into, count_uint8, hamming
+from hdc.compiled.encode import encode_uint8
+
+__all__ = ["count_into", "count_uint8", "encode_uint8", "hamming"]

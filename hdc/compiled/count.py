@@ -1,0 +1,182 @@
+"""Counting and comparing hypervectors: plain loops over words, of which LLVM makes vectors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hdc.compiled.encode import RULES, encode_rows
+from hdc.compiled.operations import compile_kernel, ones, share
+
+_BLOCK = (
+    512  # words a row counted at a time: they stay in the cache with their counters
+)
+_EIGHT = 8  # hypervectors that _count takes at once; their words stay in the cache
+
+
+def count_uint8(
+    images: np.ndarray,
+    counts: np.ndarray,
+    order: np.ndarray,
+    ends: np.ndarray,
+    places: np.ndarray,
+    kept: np.ndarray,
+    n_ones: int,
+    rule: str,
+) -> tuple[np.ndarray, np.ndarray]:
+    """:func:`encode_uint8` with one threshold and :func:`count_into`, in one read.
+
+    The hypervector of image i is written to row places[i] of `kept` [K, W], or, with −1, nowhere.
+
+    Returns:
+        As of :func:`encode_uint8`.
+    """
+    images = np.ascontiguousarray(images)
+    ties = np.zeros((len(images), 2), np.int64)
+    code = RULES.index(rule)
+    shared: list[
+        tuple[int, np.ndarray]
+    ] = []  # counts of a class that another thread began
+
+    def work(start: int, stop: int) -> None:
+        first = int(np.searchsorted(ends, start, "right"))
+        for c in range(first, int(np.searchsorted(ends, stop, "left")) + 1):
+            begin = int(ends[c - 1]) if c else 0
+            left, right = max(start, begin), min(stop, int(ends[c]))
+            if left == right:
+                continue
+            into = counts[c : c + 1]
+            if left == start > begin:
+                into = np.zeros_like(into)
+                shared.append((c, into))
+            rows = order[left:right]
+            _encode_and_count(images, rows, into, places, kept, ties, n_ones, code)
+
+    share(work, len(images), images.nbytes)
+    for c, part in shared:
+        _add(counts[c], part[0])
+    equal, missing = ties[:, :1], ties[:, 1:]
+    return equal, (missing > 0) & (missing < equal)
+
+
+def count_into(
+    counts: np.ndarray, words: np.ndarray, order: np.ndarray, ends: np.ndarray
+) -> None:
+    """Add rows of words [N, W] to bit-sliced counters [L, P, W], in place, all classes at once.
+
+    `order` has row numbers, class by class; the rows of class c end at ends[c] of it.
+    """
+    words = np.ascontiguousarray(words)
+
+    def work(start: int, stop: int) -> None:
+        _count(counts, words, order, ends, start * _BLOCK, stop * _BLOCK)
+
+    share(work, -(-words.shape[1] // _BLOCK), len(order) * words.shape[1] * 8)
+
+
+def hamming(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
+    """Hamming distances int64 [Q, L] of words [Q, W] and [L, W]."""
+    distances = np.empty((len(queries), len(prototypes)), np.int64)
+
+    def work(start: int, stop: int) -> None:
+        _hamming(queries[start:stop], prototypes, distances[start:stop])
+
+    share(work, len(queries), queries.nbytes * max(1, len(prototypes)))
+    return distances
+
+
+# Kernels -----------------------------------------------------------------------------------------
+
+
+@compile_kernel("UniTuple(int64, 2)(int64, int64, int64)")
+def _full_adder(a, b, c):
+    """Sum and carry of three bits at every position."""
+    half = a ^ b
+    return half ^ c, (a & b) | (half & c)
+
+
+@compile_kernel(
+    "void(int64[:, :, ::1], int64[:, ::1], int64[::1], int64[::1], int64, int64)"
+)
+def _count(counts, words, order, ends, start, stop):
+    """:func:`count_into` for words start to stop, in one thread.
+
+    Rows of weight 2^p, two at a time, and the counter's own plane p make rows of weight 2^(p+1):
+    eight rows become one of weight 8, which runs through the other planes, as single rows do.
+    """
+    carry = np.empty(_BLOCK, np.int64)
+    stop = min(stop, words.shape[1])
+    for left in range(start, stop, _BLOCK):
+        right = min(left + _BLOCK, stop)
+        first = 0
+        for c in range(len(ends)):
+            while first < ends[c]:
+                if first + 8 <= ends[c]:
+                    r0 = words[order[first], left:right]
+                    r1 = words[order[first + 1], left:right]
+                    r2 = words[order[first + 2], left:right]
+                    r3 = words[order[first + 3], left:right]
+                    r4 = words[order[first + 4], left:right]
+                    r5 = words[order[first + 5], left:right]
+                    r6 = words[order[first + 6], left:right]
+                    r7 = words[order[first + 7], left:right]
+                    ones = counts[c, 0, left:right]
+                    twos = counts[c, 1, left:right]
+                    fours = counts[c, 2, left:right]
+                    for i in range(right - left):
+                        one, two_a = _full_adder(ones[i], r0[i], r1[i])
+                        one, two_b = _full_adder(one, r2[i], r3[i])
+                        one, two_c = _full_adder(one, r4[i], r5[i])
+                        ones[i], two_d = _full_adder(one, r6[i], r7[i])
+                        two, four_a = _full_adder(twos[i], two_a, two_b)
+                        twos[i], four_b = _full_adder(two, two_c, two_d)
+                        fours[i], carry[i] = _full_adder(fours[i], four_a, four_b)
+                    first, p = first + 8, 3
+                else:
+                    carry[: right - left] = words[order[first], left:right]
+                    first, p = first + 1, 0
+                while p < counts.shape[1]:
+                    plane = counts[c, p, left:right]
+                    for i in range(right - left):
+                        old = plane[i]
+                        plane[i] = old ^ carry[i]
+                        carry[i] &= old
+                    p += 1
+
+
+@compile_kernel(
+    "void(uint8[:, ::1], int64[::1], int64[:, :, ::1], int64[::1], int64[:, ::1],"
+    " int64[:, ::1], int64, int64)"
+)
+def _encode_and_count(images, rows, counts, places, kept, ties, n_ones, rule):
+    """:func:`count_uint8` of images of one class, with counts [1, P, W], in one thread."""
+    words = np.empty((_EIGHT, counts.shape[2]), np.int64)
+    order, ends = np.arange(_EIGHT), np.empty(1, np.int64)
+    level = np.uint8(127)
+    for start in range(0, len(rows), _EIGHT):
+        eight = rows[start : start + _EIGHT]
+        level = encode_rows(images, eight, words, ties, level, n_ones, rule)
+        for k in range(len(eight)):
+            if places[eight[k]] >= 0:
+                kept[places[eight[k]]] = words[k]
+        ends[0] = len(eight)
+        _count(counts, words, order, ends, 0, counts.shape[2])
+
+
+@compile_kernel("void(int64[:, ::1], int64[:, ::1])")
+def _add(counts, others):
+    """Add bit-sliced counts [P, W] to others, in place."""
+    for w in range(counts.shape[1]):
+        carry = np.int64(0)
+        for p in range(counts.shape[0]):
+            counts[p, w], carry = _full_adder(counts[p, w], others[p, w], carry)
+
+
+@compile_kernel("void(int64[:, ::1], int64[:, ::1], int64[:, ::1])")
+def _hamming(queries, prototypes, distances):
+    """:func:`hamming` in one thread."""
+    for i in range(len(queries)):
+        for j in range(len(prototypes)):
+            total = np.int64(0)
+            for w in range(queries.shape[1]):
+                total += ones(np.uint64(queries[i, w] ^ prototypes[j, w]))
+            distances[i, j] = total

@@ -1,0 +1,54 @@
+"""Encoders: frames to packed hypervectors, one idea a file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from torch import Tensor
+
+from hdc.encoders.base import Encoder
+from hdc.encoders.levels import Levels
+from hdc.encoders.median import Median
+from hdc.encoders.quantile import Quantile
+from hdc.encoders.reference import Reference
+from hdc.parameters import make_part
+
+__all__ = [
+    "ENCODERS",
+    "Encoder",
+    "Levels",
+    "Median",
+    "Quantile",
+    "Reference",
+    "make_encoder",
+]
+
+ENCODERS: dict[str, type[Encoder]] = {
+    "median": Median,
+    "quantile": Quantile,
+    "levels": Levels,
+    "reference": Reference,
+}
+"""Our own encoders by name."""
+
+
+def make_encoder(part: Any) -> Encoder:
+    """An encoder of a name, a dotted name ``"module.Class"``, or an object.
+
+    Raises:
+        ValueError, TypeError: as of :func:`hdc.parameters.make_part`.
+    """
+    return make_part(part, "encoder", ENCODERS, Encoder)  # type: ignore[return-value]
+
+
+def encode_with(
+    encoder: Encoder,
+    frames: Tensor,
+    first: int,
+    backend: str,
+    out: Tensor | None = None,
+) -> Tensor:
+    """Hypervectors by an encoder; one from outside is asked for no more than frames to words."""
+    if type(encoder) in ENCODERS.values():
+        return encoder.encode(frames, first, backend, out)  # type: ignore[call-arg]
+    return encoder.encode(frames)

@@ -1,0 +1,109 @@
+"""Several thresholds by rank: a distributive thermometer code of each frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any, Self
+
+import torch
+from torch import Tensor
+
+from hdc import bits
+from hdc.encoders.ranks import RankEncoder
+
+CHUNK = 64  # training frames summed at a time
+
+
+class Levels(RankEncoder):
+    """T bits a pixel, by the quantiles 1/(T + 1) … T/(T + 1) of the frame's own pixels.
+
+    A distributive thermometer code (Bacellar et al., ICML 2024), here of each frame instead of each
+    feature: ones and zeros are equally frequent over all bits for odd T, and the Hamming distance
+    of two frames is the L1 distance of their pixels' ranks in T + 1 steps. Like the median it
+    survives every monotone change of a whole frame.
+
+    Args:
+        thresholds: T.
+        lit: rank only pixels that are lit in the training frames: those whose mean is at least this
+            share of the mean of all pixels. 0 ranks all pixels and learns nothing.
+        ties: as of :class:`hdc.encoders.Median`.
+
+    Attributes:
+        lit_: bool tensor [D], the pixels that are ranked, where `lit` is not 0.
+
+    Example:
+        >>> import torch
+        >>> words = Levels(3).encode(torch.tensor([[3, 9, 1, 5]]))
+        >>> bits.unpack(words, 12).int().view(3, 4).tolist()
+        [[1, 1, 0, 1], [0, 1, 0, 1], [0, 1, 0, 0]]
+    """
+
+    tied_share = Fraction(1, 2)
+
+    lit_: Tensor
+
+    def __init__(self, thresholds: int = 7, lit: float = 0.0, ties: str = "spread"):
+        self.thresholds = thresholds
+        self.lit = lit
+        self.ties = ties
+
+    @property
+    def learns(self) -> bool:  # type: ignore[override]
+        return self.lit > 0
+
+    @property
+    def quantiles(self) -> tuple[Fraction, ...]:
+        steps = self.thresholds + 1
+        return tuple(Fraction(t, steps) for t in range(1, steps))
+
+    def check(self) -> None:
+        if type(self.thresholds) is not int or not 1 <= self.thresholds <= 255:
+            raise ValueError(
+                f"thresholds: expected an integer from 1 to 255, found {self.thresholds!r}"
+            )
+        if not 0 <= self.lit < 1:
+            raise ValueError(f"lit: expected a share in [0, 1), found {self.lit!r}")
+        super().check()
+
+    def fit(self, frames: Any) -> Self:
+        """Learn which pixels are lit, where `lit` asks for it.
+
+        Raises:
+            ValueError: if fewer than two pixels are lit.
+        """
+        if not self.learns:
+            return self
+        total: Any = 0
+        for start in range(0, len(frames), CHUNK):
+            part = torch.as_tensor(frames[start : start + CHUNK]).flatten(1).cpu()
+            total = total + part.double().sum(0)
+        lit = total >= self.lit * total.mean()
+        if lit.sum() < 2:
+            raise ValueError(
+                f"lit: expected at least two lit pixels, found {int(lit.sum())}"
+            )
+        self.lit_ = lit
+        return self
+
+    def dimension(self, n_pixels: int) -> int:
+        n = int(self.lit_.sum()) if self.learns else n_pixels
+        return super().dimension(n)
+
+    def encode(
+        self,
+        frames: Tensor,
+        first: int = 0,
+        backend: str = "numpy",
+        out: Tensor | None = None,
+    ) -> Tensor:
+        if self.learns:
+            frames = frames.flatten(1)[:, self.lit_.to(frames.device)]
+        return super().encode(frames, first, backend, out)
+
+    def state(self) -> dict[str, Tensor]:
+        return {"lit": bits.pack(self.lit_)} if self.learns else {}
+
+    def restore(self, tensors: Mapping[str, Tensor], n_pixels: int) -> None:
+        if self.learns:
+            self.lit_ = bits.unpack(tensors["lit"], n_pixels)

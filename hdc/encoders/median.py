@@ -1,0 +1,32 @@
+"""The published encoder: each pixel against the median of its frame."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from hdc.encoders.ranks import RankEncoder
+
+
+class Median(RankEncoder):
+    """One bit a pixel, exactly ⌊D/2⌋ ones (Kitagawa et al., Opt. Express 32, 3209, Sec. II).
+
+    In other fields a median threshold bitmap (Ward, J. Graph. Tools 8, 17 (2003)). It survives
+    every monotone change of a whole frame.
+
+    Args:
+        ties: which of the pixels that equal the median become ones: ``"spread"``, in one
+            pseudo-random order of pixels; ``"raster"``, the first of the frame; or ``"below"``,
+            none, as ``pixel > median`` says (:mod:`hdc.encoders.ties`).
+
+    Example:
+        >>> import torch
+        >>> Median().encode(torch.tensor([[3, 9, 1, 5]]))  # pixels 1 and 3
+        tensor([[10]])
+    """
+
+    def __init__(self, ties: str = "spread"):
+        self.ties = ties
+
+    @property
+    def quantiles(self) -> tuple[Fraction, ...]:
+        return (Fraction(1, 2),)

@@ -1,0 +1,380 @@
+"""Thresholds by rank: for each quantile q, the ⌊(1 − q)·D⌋ largest of D pixels become ones.
+
+The paper thresholds a speckle pattern so that 0 and 1 appear with the same probability: q = ½.
+Ones are the pixels above the threshold m, and of those equal to m the first by the encoder's order
+of ties (:mod:`hdc.encoders.ties`). Hypervectors of several thresholds stand one after another,
+bit t·D + j for pixel j and threshold t.
+
+On the CPU, of large frames of integers only a sample is sorted. Its order says about where m lies
+(Floyd and Rivest, Commun. ACM 18, 165 (1975)); one pass over the frame counts the pixels above a
+value and so says on which side. Two or three passes leave the pixels of one grey level of 8 bits.
+The counts of all pixels decide, so the sample changes no bit.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import warnings
+from abc import abstractmethod
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hdc import bits
+from hdc.encoders.base import Encoder
+from hdc.encoders.ties import TIES, first_ties
+from hdc.parameters import check_choice
+
+_STEP = 2**20  # pixels of several frames thresholded at once, at up to 30 bytes each
+_SMALL = (
+    4096  # pixels per frame up to which that is faster than one frame after another
+)
+_SAMPLE = 4096  # pixels of a frame that are sorted, at most
+
+
+class RankEncoder(Encoder):
+    """Thresholds a frame at quantiles of its own pixels.
+
+    A subclass has the parameter ``ties`` (one of :data:`hdc.encoders.ties.TIES`) and says which
+    `quantiles`, and above which share of ties a frame is warned of.
+    """
+
+    ties: str
+    tied_share = Fraction(1, 10)
+    """Share of the pixels that may tie at a threshold before a warning says so, once."""
+    _warned = False
+
+    @property
+    @abstractmethod
+    def quantiles(self) -> tuple[Fraction, ...]:
+        """q₁ < q₂ < …, in (0, 1)."""
+
+    def check(self) -> None:
+        check_choice("ties", self.ties, TIES)
+        _ = self.quantiles
+
+    def dimension(self, n_pixels: int) -> int:
+        return len(self.quantiles) * n_pixels
+
+    def encode(
+        self,
+        frames: Tensor,
+        first: int = 0,
+        backend: str = "numpy",
+        out: Tensor | None = None,
+    ) -> Tensor:
+        """Hypervectors of frames [N, H, W] or [N, D] of any real or integer dtype: int64 [N, W].
+
+        A constant frame carries no information; it gets its ones by the order of pixels alone, and
+        a warning names it. Besides the result, memory is needed for one frame (or 2^20 pixels).
+
+        Args:
+            frames: on any device.
+            first: number of the first frame, in warnings and errors.
+            backend: ``"compiled"`` encodes 8-bit frames on the CPU by :mod:`hdc.compiled`.
+            out: words [≥ N, W] to be overwritten and returned; allocating is slow.
+
+        Raises:
+            ValueError: for another shape, no pixels, pixels that are not finite, or a backend that
+                is not to be had (:func:`hdc.bits.kernels`).
+            TypeError: for a dtype that has no order (bool, complex).
+        """
+        words, ties = encode_ranks(
+            frames, self.quantiles, self.ties, first, backend, out
+        )
+        self.warn(ties, frames.shape[1:].numel(), first)
+        return words
+
+    def warn(self, ties: Ties, n_pixels: int, first: int) -> None:
+        """Warn of constant frames, by number, and once of frames with many ties."""
+        warn_of_constant(ties.constant, first)
+        share = ties.most / n_pixels
+        if share <= self.tied_share or self._warned:
+            return
+        self._warned = True
+        warnings.warn(
+            f"{share:.0%} of the pixels of a frame equal its threshold: which of them become ones "
+            f"is decided by the order of pixels (ties={self.ties!r}), not by light",
+            stacklevel=4,
+        )
+
+
+class Ties(NamedTuple):
+    """What a call of :func:`encode_ranks` met.
+
+    Attributes:
+        constant: frames of which all pixels are equal.
+        most: largest number of pixels of a frame that equal a threshold and are not all ones, nor
+            all zeros; constant frames aside.
+    """
+
+    constant: list[int]
+    most: int
+
+
+def exact_quantile(name: str, value: Any) -> Fraction:
+    """A quantile as the fraction that is written: ``"3/4"``, ``0.9`` or a Fraction.
+
+    By way of its text, since ⌊(1 − .9)·250000⌋ is 24999 in floating point.
+
+    Raises:
+        ValueError: naming the argument, for what is not a number in (0, 1).
+    """
+    try:
+        quantile = Fraction(str(value))
+    except (ValueError, ZeroDivisionError):
+        quantile = Fraction(0)
+    if not 0 < quantile < 1:
+        raise ValueError(f"{name}: expected a quantile in (0, 1), found {value!r}")
+    return quantile
+
+
+def encode_ranks(
+    frames: Tensor,
+    quantiles: Sequence[Fraction],
+    rule: str = "spread",
+    first: int = 0,
+    backend: str = "numpy",
+    out: Tensor | None = None,
+) -> tuple[Tensor, Ties]:
+    """Hypervectors of frames, int64 [N, ⌈T·D/64⌉] for T quantiles, and what ties there were.
+
+    Arguments and errors as of :meth:`RankEncoder.encode`; `rule` is one of
+    :data:`hdc.encoders.ties.TIES`.
+    """
+    check_frames(frames)
+    kernels = bits.kernels(backend, frames.device)
+    n, n_pixels = len(frames), frames.shape[1:].numel()
+    ones = [math.floor((1 - q) * n_pixels) for q in quantiles]
+    width = bits.words_for(len(ones) * n_pixels)
+    if out is None:
+        out = torch.empty(n, width, dtype=torch.int64, device=frames.device)
+    words = out[:n]
+    if kernels and frames.dtype == torch.uint8 and n_pixels > 1:
+        images = frames.reshape(n, n_pixels).numpy()
+        equal, split = kernels.encode_uint8(images, words.numpy(), ones, rule)
+        return words, _ties_of(
+            torch.from_numpy(equal), torch.from_numpy(split), n_pixels
+        )
+    step = max(1, _STEP // n_pixels)
+    route = _route(frames, n_pixels)
+    counted = []
+    for start in range(0, n, step):
+        pixels = _pixels(frames[start : start + step], first + start)
+        counted.append(
+            _encode_block(route, pixels, ones, rule, words[start : start + step])
+        )
+    if not counted:
+        return words, Ties([], 0)
+    equal, split = (torch.cat(part).cpu() for part in zip(*counted, strict=True))
+    return words, _ties_of(equal, split, n_pixels)
+
+
+def check_frames(frames: Tensor) -> None:
+    """Raise ValueError for frames of another shape or no pixels, TypeError for bool or complex."""
+    if frames.ndim not in (2, 3) or 0 in frames.shape[1:]:
+        found = tuple(frames.shape)
+        raise ValueError(
+            f"frames: expected shape [N, H, W] or [N, D] with pixels, found {found}"
+        )
+    if frames.dtype == torch.bool or frames.is_complex():
+        raise TypeError(
+            f"frames: expected real or integer pixels, found {frames.dtype}"
+        )
+
+
+def warn_of_constant(constant: Sequence[int], first: int) -> None:
+    """Warn of frames, counted from number `first`, of which all pixels are equal; if there are."""
+    if not constant:
+        return
+    listed = [str(first + i) for i in constant[:10]]
+    if len(constant) > len(listed):
+        listed.append("…")
+    reason = "every pixel is equal, so the hypervector carries no information"
+    warnings.warn(
+        f"{len(constant)} constant frame(s), at index {', '.join(listed)}: {reason}",
+        stacklevel=5,
+    )
+
+
+def _ties_of(equal: Tensor, split: Tensor, n_pixels: int) -> Ties:
+    """Of counts of pixels that equal a threshold, [N, T], and whether some became ones."""
+    constant = equal[:, 0] == n_pixels
+    counted = equal[split & ~constant[:, None]]
+    most = int(counted.max()) if len(counted) else 0
+    return Ties(constant.nonzero().flatten().tolist(), most)
+
+
+def _pixels(frames: Tensor, first: int) -> Tensor:
+    """Pixels [B, D] of a few frames, known to be finite, in a type that numpy can compare."""
+    pixels = frames.detach().reshape(len(frames), -1)
+    if not pixels.is_floating_point():
+        return pixels
+    if pixels.dtype not in (torch.float32, torch.float64):
+        pixels = pixels.float()  # exact
+    # On the CPU without torch's threads: waiting for a busy core takes longer than the frame.
+    values = pixels.numpy() if pixels.device.type == "cpu" else pixels
+    if not (math.isfinite(values.min()) and math.isfinite(values.max())):  # NaN is both
+        index = int((~pixels.isfinite().all(1)).nonzero()[0])
+        value = pixels[index][~pixels[index].isfinite()][0].item()
+        found = "NaN" if math.isnan(value) else value
+        raise ValueError(
+            f"frames[{first + index}]: expected finite pixels, found {found}"
+        )
+    return pixels
+
+
+class _Level(NamedTuple):
+    """Packed pixels of B frames above and at one threshold, and what is missing of its ones."""
+
+    above: Tensor  # int64 [B, W]
+    equal: Tensor  # int64 [B, W]
+    missing: Tensor  # int64 [B]
+    n_equal: Tensor  # int64 [B]
+
+
+def _encode_block(
+    route: Any, pixels: Tensor, ones: Sequence[int], rule: str, rows: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Fill rows int64 [B, ⌈T·D/64⌉] from pixels [B, D].
+
+    Returns:
+        How many pixels equal each threshold, [B, T], and whether only some of them became ones.
+    """
+    n_pixels = pixels.shape[1]
+    counts, splits = [], []
+    if len(ones) > 1:
+        rows.zero_()
+    for t, level in enumerate(route(pixels, ones)):
+        words = level.above | first_ties(level.equal, level.missing, rule)
+        if len(ones) == 1:
+            rows[:] = words
+        else:
+            _put(words, rows, t * n_pixels)
+        counts.append(level.n_equal)
+        splits.append((level.missing > 0) & (level.missing < level.n_equal))
+    return torch.stack(counts, 1), torch.stack(splits, 1)
+
+
+def _put(words: Tensor, rows: Tensor, start: int) -> None:
+    """Put the bits of words [B, W] into rows [B, W′], which are zero there, from bit `start` on."""
+    place, shift = divmod(start, bits.WORD)
+    width = words.shape[1]
+    rows[:, place : place + width] |= words << shift
+    if shift:
+        above = (words >> (bits.WORD - shift)) & ((1 << shift) - 1)
+        room = min(width, rows.shape[1] - place - 1)
+        rows[:, place + 1 : place + 1 + room] |= above[:, :room]
+
+
+def _route(frames: Tensor, n_pixels: int) -> Any:
+    """The function that thresholds such frames in the least time: pixels, ones → levels."""
+    if frames.device.type != "cpu":
+        return _by_torch
+    if n_pixels > _SMALL and not frames.is_floating_point():
+        return _by_counting
+    return _by_partition
+
+
+def _by_torch(pixels: Tensor, ones: Sequence[int]) -> list[_Level]:
+    """Levels of pixels [B, D] on any device, one a number of ones."""
+    if pixels.dtype == torch.uint64:  # the same order, without the wrap at 2^63
+        pixels = pixels.view(torch.int64) ^ torch.iinfo(torch.int64).min
+    elif not pixels.is_floating_point() and pixels.dtype != torch.uint8:
+        pixels = pixels.long()  # torch compares and selects few other unsigned types
+    n_pixels = pixels.shape[1]
+    levels = []
+    for wanted in ones:
+        place = min(n_pixels - wanted, n_pixels - 1)
+        threshold = pixels.kthvalue(place + 1, dim=1, keepdim=True).values
+        levels.append(_level(pixels > threshold, pixels == threshold, wanted))
+    return levels
+
+
+def _by_partition(pixels: Tensor, ones: Sequence[int]) -> list[_Level]:
+    """:func:`_by_torch` on the CPU, of several small frames or floats at once."""
+    images = pixels.numpy()
+    n_pixels = images.shape[1]
+    places = [min(n_pixels - wanted, n_pixels - 1) for wanted in ones]
+    ordered = np.partition(images, sorted(set(places)), axis=1)
+    levels = []
+    for wanted, place in zip(ones, places, strict=True):
+        threshold = ordered[:, place, None]
+        above, equal = images > threshold, images == threshold
+        levels.append(_level(torch.from_numpy(above), torch.from_numpy(equal), wanted))
+    return levels
+
+
+def _level(above: Tensor, equal: Tensor, wanted: int) -> _Level:
+    """A level from masks [B, D]."""
+    missing = wanted - above.sum(1)
+    return _Level(bits.pack(above), bits.pack(equal), missing, equal.sum(1))
+
+
+def _by_counting(pixels: Tensor, ones: Sequence[int]) -> list[_Level]:
+    """:func:`_by_torch` of integers on the CPU, one frame after another; D > 1."""
+    mask = np.zeros(bits.words_for(pixels.shape[1]) * bits.WORD, np.bool_)
+    found: list[list[tuple[np.ndarray, np.ndarray, int, int]]] = [[] for _ in ones]
+    for image in pixels.numpy():
+        sample = np.sort(
+            image[_places(len(image))], kind="stable"
+        )  # to 16 bits, a radix sort
+        for of_level, wanted in zip(found, ones, strict=True):
+            of_level.append(_select(image, wanted, sample, mask))
+    levels = []
+    for of_level in found:
+        above, equal, missing, n_equal = zip(*of_level, strict=True)
+        words = (torch.from_numpy(np.stack(part)) for part in (above, equal))
+        levels.append(_Level(*words, torch.tensor(missing), torch.tensor(n_equal)))
+    return levels
+
+
+def _select(
+    pixels: np.ndarray, ones: int, sample: np.ndarray, mask: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int, int]:
+    """Threshold integers [D] in two or three passes, so that `ones` are at or above it.
+
+    Returns:
+        Words [W] above the threshold and at it; how many of the latter are missing in the former,
+        and how many there are.
+    """
+    n_pixels = len(pixels)
+    # More than `ones` pixels are above `low`, as `below` says; the others not, as `above` says.
+    low, high = np.iinfo(pixels.dtype).min - 1, int(np.iinfo(pixels.dtype).max)
+    below, n_below = np.full(len(mask) // bits.WORD, -1), n_pixels
+    if rest := n_pixels % bits.WORD:
+        below[-1] = (1 << rest) - 1
+    above, n_above = np.zeros_like(below), 0
+    at = len(sample) * (n_pixels - ones) // n_pixels
+    while high - low > 1:
+        value = int(sample[min(max(0, at), len(sample) - 1)])
+        if not low < value < high:
+            nearest = low + 1 if value <= low else high - 1
+            value = nearest if pixels.itemsize == 1 else (low + high) // 2
+        np.greater(pixels, value, out=mask[:n_pixels])
+        larger = np.packbits(mask, bitorder="little").view(np.int64)
+        n = int(_popcount(larger).sum(dtype=np.int64))
+        if n > ones:
+            low, below, n_below = value, larger, n
+        else:
+            high, above, n_above = value, larger, n
+        off = (n - ones) * len(sample) / n_pixels
+        at += round(off + math.copysign(1, off))
+    return above, above ^ below, ones - n_above, n_below - n_above
+
+
+@functools.lru_cache(maxsize=4)
+def _places(n_pixels: int) -> np.ndarray:
+    """Which pixels are the sample: one of each stretch, at random, lest they follow a pattern."""
+    n = min(_SAMPLE, max(32, n_pixels // 16), n_pixels)
+    offsets = np.arange(n) + np.random.default_rng(0).random(n)
+    return (offsets * n_pixels / n).astype(np.intp)
+
+
+def _popcount(words: np.ndarray) -> np.ndarray:
+    return np.bitwise_count(words.view(np.uint64))

@@ -1,0 +1,164 @@
+"""Frames relative to a reference frame: what a laboratory calls zeroing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hdc.encoders.base import Encoder
+from hdc.encoders.ranks import check_frames, warn_of_constant
+
+FRACTION = 16  # bits after the point of a standardised pixel
+_LARGEST = 18  # bits that floating-point pixels are scaled to
+CHUNK = 16  # frames at a time; 8 bytes a pixel, several times
+
+
+class Reference(Encoder):
+    """Standardises each frame, subtracts a reference frame, and asks another encoder.
+
+    A standardised frame is (x − mean(x))/std(x), in steps of 2⁻¹⁶. The reference is the mean of the
+    standardised training frames, or of the frames given to :meth:`zero`, such as some without a
+    touch. All arithmetic is in integers, so every machine has the same bits. Subtracting a mean
+    frame before a decision is unsupervised re-centring (Vidaurre et al., IEEE TBME 58, 587 (2011)),
+    here before the threshold.
+
+    Args:
+        base: the encoder of the differences, a name or an object; one that learns nothing.
+        frame: reference frame [H, W] or [D]; by default learned of the training frames.
+
+    Attributes:
+        reference_: int64 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
+    """
+
+    learns: ClassVar[bool] = True
+
+    reference_: Tensor
+
+    def __init__(self, base: Any = "median", frame: Any = None):
+        self.base = base
+        self.frame = frame
+
+    @property
+    def parts(self) -> Mapping[str, Callable[[Any], Any]]:  # type: ignore[override]
+        from hdc.encoders import make_encoder
+
+        return {"base": make_encoder}
+
+    @property
+    def base_(self) -> Encoder:
+        """The encoder of the differences."""
+        if not hasattr(self, "_base"):
+            self._base = self.parts["base"](self.base)
+        return self._base
+
+    def check(self) -> None:
+        self.base_.check()
+        if self.base_.learns:
+            raise ValueError(
+                f"base: expected an encoder that learns nothing, found {self.base_!r}"
+            )
+
+    def fit(self, frames: Any) -> Self:
+        """Learn the mean of the standardised training frames, or take the given frame.
+
+        Raises:
+            ValueError: for a given frame of another shape than the training frames.
+        """
+        if self.frame is None:
+            return self.zero(frames)
+        given = torch.as_tensor(np.asarray(self.frame))
+        expected = tuple(frames.shape[1:])
+        if tuple(given.shape) != expected:
+            found = tuple(given.shape)
+            raise ValueError(
+                f"frame: expected a reference of shape {expected}, found {found}"
+            )
+        return self.zero(given[None])
+
+    def zero(self, frames: Any) -> Self:
+        """Take the mean of these standardised frames [N, H, W] or [N, D] as the reference."""
+        total: Any = 0
+        for start in range(0, len(frames), CHUNK):
+            part = torch.as_tensor(frames[start : start + CHUNK])
+            total = total + standardised(part).sum(0, dtype=torch.int64)
+        self.reference_ = total // len(frames)
+        return self
+
+    def dimension(self, n_pixels: int) -> int:
+        return self.base_.dimension(n_pixels)
+
+    def encode(
+        self,
+        frames: Tensor,
+        first: int = 0,
+        backend: str = "numpy",
+        out: Tensor | None = None,
+    ) -> Tensor:
+        """As of :meth:`hdc.encoders.ranks.RankEncoder.encode`, of the differences."""
+        reference = self.reference_.to(frames.device, torch.int32)
+        constant: list[int] = []
+        words = []
+        for start in range(0, max(1, len(frames)), CHUNK):
+            part = frames[start : start + CHUNK]
+            values = standardised(part, first + start)
+            flat = ~values.any(1)
+            constant += [start + i for i in flat.nonzero().flatten().tolist()]
+            words.append(self.base_.encode(values - reference))
+        warn_of_constant(constant, first)
+        whole = torch.cat(words)
+        if out is None:
+            return whole
+        out[: len(whole)] = whole
+        return out[: len(whole)]
+
+    def state(self) -> dict[str, Tensor]:
+        return {"reference": self.reference_}
+
+    def restore(self, tensors: Mapping[str, Tensor], n_pixels: int) -> None:
+        reference = tensors["reference"]
+        if tuple(reference.shape) != (n_pixels,):
+            raise ValueError(
+                f"reference: expected {n_pixels} pixels, found {len(reference)}"
+            )
+        self.reference_ = reference
+
+
+def standardised(frames: Tensor, first: int = 0) -> Tensor:
+    """(x − mean(x))/std(x) in steps of 2⁻¹⁶, rounded down, int32 [N, D]; a constant frame is 0.
+
+    With S = Σ x and Q = Σ x² it is (D·x − S)·2¹⁶ over the integer square root of D·Q − S²: whole
+    numbers below 2⁵³, whose one division rounds alike on every machine. Floating point and types of
+    more than 16 bits are first scaled to integers of 18 bits, frame by frame.
+    """
+    check_frames(frames)
+    pixels = _integers(frames.reshape(len(frames), -1), first)
+    n_pixels = pixels.shape[1]
+    sums = pixels.sum(1)
+    squares = (pixels * pixels).sum(1).tolist()
+    deviations = [
+        max(1, math.isqrt(n_pixels * square - total**2))
+        for total, square in zip(sums.tolist(), squares, strict=True)
+    ]
+    divisors = torch.tensor(deviations, dtype=torch.float64, device=frames.device)
+    numerators = (n_pixels * pixels - sums[:, None]) * 2.0**FRACTION
+    return (numerators.double() / divisors[:, None]).floor().to(torch.int32)
+
+
+def _integers(pixels: Tensor, first: int) -> Tensor:
+    """Pixels [N, D] as int64 of at most 18 bits; those of more are scaled, frame by frame."""
+    if pixels.dtype in (torch.uint8, torch.int8, torch.int16, torch.uint16):
+        return pixels.to(torch.int64)
+    values = pixels.double()
+    finite = values.isfinite().all(1)
+    if not finite.all():
+        index = int((~finite).nonzero()[0])
+        raise ValueError(
+            f"frames[{first + index}]: expected finite pixels, found others"
+        )
+    _, exponents = torch.frexp(values.abs().amax(1))
+    return torch.ldexp(values, (_LARGEST - exponents)[:, None]).round().to(torch.int64)

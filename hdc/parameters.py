@@ -1,0 +1,124 @@
+"""Parameters by name, nested as scikit-learn nests them, for estimators and their parts.
+
+A class states its parameters by the signature of ``__init__``, which only assigns. A parameter that
+is a part of its own, such as ``encoder``, may be an object or the name of a class; the parameters
+of the part are ``encoder__ties`` and so on.
+"""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Self
+
+
+class Parametrised:
+    """Parameters by name; a subclass says in `parts` which of them are objects with their own."""
+
+    parts: ClassVar[Mapping[str, Callable[[Any], Any]]] = {}
+    """Parameter → the function that makes the part of a name or an object."""
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Constructor parameters by name; with `deep`, those of the parts as ``part__name``."""
+        names = inspect.signature(type(self).__init__).parameters
+        found = {name: getattr(self, name) for name in names if name != "self"}
+        if deep:
+            for name, make in self.parts.items():
+                inner = make(found[name]).get_params()
+                found |= {f"{name}__{key}": value for key, value in inner.items()}
+        return found
+
+    def set_params(self, **params: Any) -> Self:
+        """Set constructor parameters by name, those of parts as ``part__name``.
+
+        Raises:
+            ValueError: for a name that is none of them.
+        """
+        own = self.get_params(deep=False)
+        for name, value in sorted(params.items(), key=lambda item: "__" in item[0]):
+            part, _, inner = name.partition("__")
+            if part not in own or (inner and part not in self.parts):
+                known = ", ".join(self.get_params())
+                raise ValueError(f"set_params: expected one of {known}, found {name!r}")
+            if inner:
+                chosen = copy.copy(self.parts[part](getattr(self, part)))
+                setattr(self, part, chosen.set_params(**{inner: value}))
+            else:
+                setattr(self, part, value)
+        return self
+
+    def unlearned(self) -> Self:
+        """A new object of the same parameters that has learned nothing, with parts of its own."""
+        parameters = self.get_params(deep=False)
+        for name in self.parts:
+            if isinstance(parameters[name], Parametrised):
+                parameters[name] = parameters[name].unlearned()
+        return type(self)(**parameters)
+
+    def __repr__(self) -> str:
+        parameters = self.get_params(deep=False).items()
+        listed = ", ".join(f"{name}={value!r}" for name, value in parameters)
+        return f"{type(self).__name__}({listed})"
+
+
+def make_part(part: Any, what: str, known: Mapping[str, type], base: type) -> Any:
+    """A part of a model from what a user gives for it.
+
+    Args:
+        part: an object; a name in `known`; or the dotted name of a class, ``"module.Class"``.
+        what: the parameter, for errors.
+        known: our own classes by name.
+        base: what the part has to be.
+
+    Raises:
+        ValueError: for a name that is not known, or a module that cannot be imported.
+        TypeError: for a class in place of an object, or an object of another kind.
+    """
+    if isinstance(part, str):
+        part = find_class(part, what, known)()
+    if isinstance(part, type):
+        raise TypeError(f"{what}: expected an object, found the class {part.__name__}")
+    if not isinstance(part, base):
+        expected = (
+            f"expected one of {', '.join(known)}, or an object of {base.__module__}"
+        )
+        raise TypeError(f"{what}: {expected}.{base.__name__}, found {part!r}")
+    return part
+
+
+def find_class(name: str, what: str, known: Mapping[str, type]) -> type:
+    """The class of a name in `known`, or of a dotted name; errors as of :func:`make_part`."""
+    if name in known:
+        return known[name]
+    module, _, attribute = name.rpartition(".")
+    listed = ", ".join(known)
+    if not module:
+        expected = f"one of {listed}, or a dotted name such as 'module.Class'"
+        raise ValueError(f"{what}: expected {expected}, found {name!r}")
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise ValueError(
+            f"{what}: expected a class {name!r}, found: {error}"
+        ) from error
+    if not isinstance(found, type):
+        raise ValueError(f"{what}: expected a class, found {name!r}, which is none")
+    return found
+
+
+def name_of(part: object, known: Mapping[str, type]) -> str:
+    """What :func:`find_class` finds the class of an object by."""
+    kind = type(part)
+    for name, ours in known.items():
+        if kind is ours:
+            return name
+    return f"{kind.__module__}.{kind.__qualname__}"
+
+
+def check_choice(name: str, value: Any, choices: tuple[Any, ...]) -> None:
+    """Raise ValueError, listing the choices, for a value that is none of them."""
+    if value not in choices:
+        listed = ", ".join(map(str, choices))
+        raise ValueError(f"{name}: expected one of {listed}, found {value!r}")
