@@ -248,3 +248,12 @@ def check_width(words: Tensor, dimension: int) -> None:
         raise ValueError(
             f"words: expected {width} words for D = {dimension}, found {found}"
         )
+
+
+def check_padding(words: Tensor, dimension: int) -> None:
+    """Raise ValueError for hypervectors [..., W] with a one beyond bit D of the last word."""
+    used = dimension % WORD
+    if used and (words[..., -1] >> used).any():
+        raise ValueError(
+            f"words: expected zeros beyond D = {dimension} bits, found ones"
+        )

@@ -5,7 +5,6 @@ scikit-learn is not imported: it takes as long as torch, and 100 MB.
 
 from __future__ import annotations
 
-import inspect
 import sys
 import warnings
 from abc import ABC, abstractmethod
@@ -19,33 +18,31 @@ import torch
 from torch import Tensor
 
 from hdc import bits, inputs, io
-from hdc.encode import encode
+from hdc.bank import Selection
+from hdc.encoders import Encoder, encode_with, make_encoder
+from hdc.parameters import Parametrised, describe, rebuild
 
 CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
 
 
-class Estimator(ABC):
+class Estimator(Parametrised, ABC):
     """Parameters by name, tags, chunks of frames, and how an untrained model is refused."""
 
     _estimator_type: str
-    _choices: Mapping[str, tuple[Any, ...]]  # valid values of parameters
-    n_neighbours: int
+    encoder: Any
+    readout: Any
     device: str
     backend: str
+    encoder_: Encoder
     frame_shape_: tuple[int, ...]
+    n_features_in_: int
     dimension_: int
     metadata_: dict[str, Any]
     _columns: list[str] | None = None  # of the data frame that the model learned from
 
     def _check_parameters(self) -> None:
-        for name, valid in self._choices.items():
-            if (value := getattr(self, name)) not in valid:
-                listed = ", ".join(map(str, valid))
-                raise ValueError(f"{name}: expected one of {listed}, found {value!r}")
-        if not isinstance(self.n_neighbours, int | np.integer) or self.n_neighbours < 1:
-            raise ValueError(
-                f"n_neighbours: expected an integer ≥ 1, found {self.n_neighbours!r}"
-            )
+        for name, make in self.parts.items():
+            make(getattr(self, name)).check()
         self._backend()
 
     def _check_is_trained(self) -> None:
@@ -60,21 +57,21 @@ class Estimator(ABC):
 
     def _set_shape(self, shape: Sequence[int]) -> None:
         self.frame_shape_ = tuple(shape)
-        self.dimension_ = self.n_features_in_ = prod(self.frame_shape_)
+        self.n_features_in_ = prod(self.frame_shape_)
 
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Constructor parameters by name."""
-        names = inspect.signature(type(self).__init__).parameters
-        return {name: getattr(self, name) for name in names if name != "self"}
+    def _learn_encoder(self, frames: Any) -> None:
+        """Have the encoder learn what it learns of training frames."""
+        encoder = make_encoder(self.encoder).unlearned()
+        if encoder.learns:
+            encoder.fit(frames)
+        self._set_shape(frames.shape[1:])
+        self.encoder_ = encoder
+        self.dimension_ = encoder.dimension(self.n_features_in_)
 
-    def set_params(self, **params: Any) -> Self:
-        """Set constructor parameters by name."""
-        for name, value in params.items():
-            if name not in self.get_params():
-                known = ", ".join(self.get_params())
-                raise ValueError(f"set_params: expected one of {known}, found {name!r}")
-            setattr(self, name, value)
-        return self
+    def _take_encoder(self, other: Estimator) -> None:
+        """Take over the trained encoder of another model, and the shape of its frames."""
+        self._set_shape(other.frame_shape_)
+        self.encoder_, self.dimension_ = other.encoder_, other.dimension_
 
     def _backend(self, frames: Any = None) -> str:
         """The backend to encode frames with, or (None) one that is loaded already."""
@@ -109,25 +106,33 @@ class Estimator(ABC):
         self, frames: Any, first: int, backend: str, out: Tensor | None = None
     ) -> Tensor:
         """Hypervectors [N, W] of one chunk of frames, the first of all being frame `first`."""
+        if len(frames):
+            inputs.check_shape(frames.shape[1:], self.frame_shape_, type(self).__name__)
+        if isinstance(frames, Selection):
+            return frames.words(self.encoder_, backend).to(self.device)
         tensor = inputs.tensor(frames).to(self.device)
-        if hasattr(self, "frame_shape_") and len(tensor):
-            inputs.check_shape(tensor.shape[1:], self.frame_shape_, type(self).__name__)
-        return encode(tensor, first, backend, out)
+        return encode_with(self.encoder_, tensor, first, backend, out)
+
+    def _chunk(self, frames: Any, start: int) -> Any:
+        """Frames from `start` on: a tensor, or a selection of a bank, which has hypervectors."""
+        if isinstance(frames, Selection):
+            return frames.part(start, start + CHUNK)
+        return inputs.tensor(frames[start : start + CHUNK])
 
     def _encoded(self, frames: Any) -> Iterator[Tensor]:
         """Hypervectors of frames, a chunk at a time."""
         frames = self._given(frames)
         backend = self._backend(frames)
         for start in range(0, max(1, len(frames)), CHUNK):
-            yield self._encode(frames[start : start + CHUNK], start, backend)
+            yield self._encode(self._chunk(frames, start), start, backend)
 
     def _untrained(self) -> Self:
-        """A model of the same parameters that has learned nothing."""
-        return type(self)(**self.get_params())
+        """A model of the same parameters, the very same objects, that has learned nothing."""
+        return type(self)(**self.get_params(deep=False))
 
     def _adopt(self, trained: Self) -> None:
         """Take over all that another model of the same parameters has learned."""
-        parameters = self.get_params()
+        parameters = self.get_params(deep=False)
         learned = {k: v for k, v in vars(trained).items() if k not in parameters}
         for name in [n for n in vars(self) if n.endswith("_") and n not in learned]:
             delattr(self, name)
@@ -153,11 +158,12 @@ class Estimator(ABC):
             getattr(self, "metadata_", {}) if metadata is None else metadata
         )
         # Not the backend: the best one depends on the machine, and the model does not.
-        parameters = {k: v for k, v in self.get_params().items() if k != "backend"}
-        parameters |= {"device": str(self.device)}
-        for name in parameters.keys() & {"seed", "n_neighbours"}:
-            parameters[name] = int(parameters[name])
+        parameters = {"device": str(self.device)}
+        for name, make in self.parts.items():
+            parameters[name] = describe(make(getattr(self, name)), self._known[name])
         header, tensors = self._stored()
+        learned = self.encoder_.state().items()
+        tensors |= {f"encoder.{name}": tensor for name, tensor in learned}
         header |= {"parameters": parameters, "frame_shape": self.frame_shape_}
         header["columns"] = self._columns
         kind = type(self).__name__
@@ -179,7 +185,10 @@ class Estimator(ABC):
                 raise ValueError(
                     f"a saved {header['kind']}; load it with {header['kind']}.load"
                 )
-            model = cls().set_params(**header["parameters"])
+            parameters = dict(header["parameters"])
+            for name in cls.parts:
+                parameters[name] = rebuild(parameters[name], name, cls._known[name])
+            model = cls(**parameters)
             if model.device.startswith("cuda") and not torch.cuda.is_available():
                 warnings.warn(
                     f"{path}: trained on a GPU, not here: on the CPU", stacklevel=2
@@ -192,6 +201,7 @@ class Estimator(ABC):
             ):
                 raise ValueError(f"frame_shape {shape!r}")
             model._set_shape(shape)
+            model._restore_encoder(tensors)
             model._restore(header, tensors)
             model._columns = header.get("columns")
             model.metadata_ = dict(header["metadata"])
@@ -205,6 +215,17 @@ class Estimator(ABC):
                 f"{path}: expected a saved {cls.__name__}, found {error}"
             ) from error
 
+    def _restore_encoder(self, tensors: dict[str, Tensor]) -> None:
+        encoder = make_encoder(self.encoder).unlearned()
+        learned = {
+            name.removeprefix("encoder."): tensors.pop(name)
+            for name in list(tensors)
+            if name.startswith("encoder.")
+        }
+        encoder.restore(learned, self.n_features_in_)
+        self.encoder_ = encoder
+        self.dimension_ = encoder.dimension(self.n_features_in_)
+
     @abstractmethod
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         """Header and tensors of the estimator itself."""
@@ -212,10 +233,6 @@ class Estimator(ABC):
     @abstractmethod
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
         """Become the model of :meth:`_stored`."""
-
-    def __repr__(self) -> str:
-        parameters = ", ".join(f"{k}={v!r}" for k, v in self.get_params().items())
-        return f"{type(self).__name__}({parameters})"
 
     def __sklearn_tags__(self) -> Any:
         from sklearn.utils import (

@@ -11,7 +11,7 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from torch import Tensor
 
-FORMAT = "hdc-model-3"
-FLOATS = {"scales", "intercepts", "penalty", "values", "residuals", "inverse", "means"}
+FORMAT = "hdc-model-4"
+_EARLIER = {"hdc-model-3": "1.0"}
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
@@ -128,7 +128,13 @@ def read_model(
         Exception
     ) as error:  # a hostile file reaches safetensors, torch and json in many ways
         raise ValueError(str(error)) from error
-    if not isinstance(header, dict) or header.get("format") != FORMAT:
+    found = header.get("format") if isinstance(header, dict) else None
+    if found in _EARLIER:  # its encoder gave ties to other pixels
+        version = _EARLIER[found]
+        raise ValueError(
+            f"a model of version {version}, which this one cannot ask; train it again"
+        )
+    if found != FORMAT:
         raise ValueError(f"no header of format {FORMAT!r}")
     if tensors and header.pop("sha256", None) not in (None, _digest(header, content)):
         raise ValueError("other bytes than were saved: its SHA-256 differs")
@@ -136,17 +142,17 @@ def read_model(
 
 
 def check_tensors(
-    tensors: Mapping[str, Tensor], shapes: Mapping[str, tuple[int, ...]]
+    tensors: Mapping[str, Tensor],
+    shapes: Mapping[str, tuple[int, ...]],
+    floats: Sequence[str] = (),
 ) -> None:
-    """Check the shapes of tensors, and that they are int64 or float64 and finite.
+    """Check that tensors have these shapes and are int64, or float64 and finite for `floats`.
 
     Raises:
         ValueError: for the first that does not fit, or has no shape to fit.
     """
     for name, tensor in tensors.items():
-        fits = tuple(tensor.shape) == shapes.get(name) and tensor.isfinite().all()
-        if (
-            not fits
-            or str(tensor.dtype) != f"torch.{'float64' if name in FLOATS else 'int64'}"
-        ):
+        expected = "torch.float64" if name in floats else "torch.int64"
+        fits = tuple(tensor.shape) == shapes.get(name) and str(tensor.dtype) == expected
+        if not fits or not tensor.isfinite().all():
             raise ValueError(f"{name}: {tensor.dtype} {tuple(tensor.shape)}")

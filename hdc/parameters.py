@@ -122,3 +122,37 @@ def check_choice(name: str, value: Any, choices: tuple[Any, ...]) -> None:
     if value not in choices:
         listed = ", ".join(map(str, choices))
         raise ValueError(f"{name}: expected one of {listed}, found {value!r}")
+
+
+def describe(part: Parametrised, known: Mapping[str, type]) -> dict[str, Any]:
+    """Class and parameters of a part, and of its own parts, as JSON; what is no JSON is None."""
+    parameters = part.get_params(deep=False)
+    for name, value in parameters.items():
+        if name in part.parts:
+            parameters[name] = describe(part.parts[name](value), known)
+        elif not isinstance(value, str | int | float | bool | None):
+            parameters[name] = (
+                getattr(value, "item", lambda: None)() if _is_scalar(value) else None
+            )
+    return {"class": name_of(part, known), "parameters": parameters}
+
+
+def rebuild(
+    description: Mapping[str, Any], what: str, known: Mapping[str, type]
+) -> Any:
+    """The part that :func:`describe` described; errors as of :func:`make_part`."""
+    kind = find_class(description["class"], what, known)
+    if not issubclass(kind, Parametrised):
+        raise ValueError(
+            f"{what}: expected a part of a model, found {description['class']!r}"
+        )
+    parameters = dict(description["parameters"])
+    for name, value in parameters.items():
+        if isinstance(value, Mapping):
+            parameters[name] = rebuild(value, name, known)
+    return kind(**parameters)
+
+
+def _is_scalar(value: Any) -> bool:
+    """Whether a value is one number of numpy or torch."""
+    return getattr(value, "shape", None) == ()

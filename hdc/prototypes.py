@@ -63,27 +63,33 @@ class Counters:
         self.n = self.n + n
 
     def add_frames(
-        self, frames: Tensor, labels: Tensor, chosen: Sequence[int]
-    ) -> tuple[Tensor, list[int]]:
+        self,
+        frames: Tensor,
+        labels: Tensor,
+        chosen: Sequence[int],
+        n_ones: int,
+        ties: str,
+    ) -> tuple[Tensor, np.ndarray, np.ndarray]:
         """Encode and :meth:`add` frames uint8 [N, ...] of D ≥ 2 pixels, in one read, if compiled.
 
+        The encoder has one threshold, with so many ones, and a rule of ties.
+
         Returns:
-            The hypervectors of the chosen frames, int64 [K, W], and which frames are constant.
+            The hypervectors of the chosen frames, int64 [K, W], and what
+            :func:`hdc.compiled.encode_uint8` says of ties.
         """
         from hdc import compiled
 
         order, n = self._order(frames, labels)
-        kept = torch.from_numpy(
-            np.empty((len(chosen), bits.words_for(self.dimension)), np.int64)
-        )
+        width = bits.words_for(self.dimension)
+        kept = torch.from_numpy(np.empty((len(chosen), width), np.int64))
         places = torch.full((len(frames),), -1)
         places[list(chosen)] = torch.arange(len(chosen))
-        arrays = (x.numpy() for x in (self.planes, order, n.cumsum(0), places, kept))
-        constant = compiled.count_uint8(
-            frames.reshape(len(frames), -1).numpy(), *arrays
-        )
+        arrays = [x.numpy() for x in (self.planes, order, n.cumsum(0), places, kept)]
+        images = frames.reshape(len(frames), -1).numpy()
+        equal, split = compiled.count_uint8(images, *arrays, n_ones, ties)
         self.n = self.n + n
-        return kept, constant
+        return kept, equal, split
 
     def _order(self, samples: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
         """Rows of samples, class by class, and how many each class has; room for them is made."""
@@ -241,18 +247,6 @@ class Counters:
         )
 
 
-def recalibrate(
-    stored: Tensor, new: Tensor, dimension: int, p: float, seed: int = 0
-) -> Tensor:
-    """Replace each bit of the stored prototypes by the new ones' with probability p.
-
-    The adaptive update of the paper's Section III.B (Fig. 8(a)): ``p = 0`` keeps the stored
-    prototypes int64 [L, W], ``p = 1`` takes the new ones. Other p are a ValueError.
-    """
-    mask = replaced_bits(len(stored), dimension, p, seed)
-    return stored ^ ((stored ^ new) & mask.to(stored.device))
-
-
 def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]:
     """Votes of old and new hypervectors of the same L classes, the new with the share p.
 
@@ -281,7 +275,7 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
 
 
 def replaced_bits(n_classes: int, dimension: int, p: float, seed: int) -> Tensor:
-    """The bits that :func:`recalibrate` replaces, drawn class by class: int64 [L, W] (CPU)."""
+    """Bits that are one with probability p, drawn class by class: int64 [L, W] (CPU)."""
     check_probability(p)
     streams = [(_RECALIBRATION, c) for c in range(n_classes)]
     return torch.stack(

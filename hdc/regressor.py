@@ -1,20 +1,22 @@
-"""Numbers from frames: ridge regression or nearest frames on packed hypervectors."""
+"""Numbers from frames: an encoder and a read-out of numbers."""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from math import ceil, floor
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits, inputs, io
+from hdc import bits, inputs
+from hdc.encoders import ENCODERS, make_encoder
 from hdc.estimator import Estimator, check_share
-from hdc.readout import Residuals, Ridge, ridge
-
-READOUTS = ("ridge", "neighbours")
+from hdc.io import check_tensors
+from hdc.readouts import VALUE_READOUTS, make_value_readout
+from hdc.readouts.values import ValueReadout
 
 
 class HDCRegressor(Estimator):
@@ -23,17 +25,18 @@ class HDCRegressor(Estimator):
     The hypervectors of all training frames are kept (31 kB each at D = 250,000).
 
     Args:
-        readout: ``"ridge"``: ridge regression on the bits (:mod:`hdc.readout`); or
-            ``"neighbours"``: the mean of the nearest frames.
-        n_neighbours: how many nearest frames.
+        encoder: as of :class:`hdc.HDCClassifier`.
+        readout: ``"ridge"`` or ``"neighbours"``; an object of
+            :class:`hdc.readouts.ValueReadout`; or the dotted name of such a class.
         device: where frames are encoded and hypervectors live.
-        backend: see :class:`hdc.HDCClassifier`.
+        backend: as of :class:`hdc.HDCClassifier`.
 
     Attributes:
+        encoder_, readout_: the parts, trained.
         residuals_: exact leave-one-out errors of the training frames, float64 [N, T].
-        dimension_, n_features_in_: D, the pixels of a frame.
-        frame_shape_: (H, W) or (D,).
-        ridge_: weights, for ``readout="ridge"``.
+        n_features_in_: pixels of a frame.
+        dimension_: D, bits of a hypervector.
+        frame_shape_: (H, W) or (pixels,).
         metadata_: values that :meth:`save` was given to keep with the model.
 
     Example:
@@ -44,11 +47,10 @@ class HDCRegressor(Estimator):
     """
 
     _estimator_type = "regressor"
-    _choices: Mapping[str, tuple[Any, ...]] = {"readout": READOUTS}
+    parts: ClassVar = {"encoder": make_encoder, "readout": make_value_readout}
+    _known: ClassVar = {"encoder": ENCODERS, "readout": VALUE_READOUTS}
 
-    ridge_: Ridge
-    residuals_: np.ndarray
-    _held: Residuals  # of readout "ridge"
+    readout_: ValueReadout
     _words: Tensor
     _values: Tensor  # float64 [N, T]
     _one: bool  # targets have one dimension
@@ -56,13 +58,13 @@ class HDCRegressor(Estimator):
 
     def __init__(
         self,
-        readout: str = "ridge",
-        n_neighbours: int = 1,
+        encoder: Any = "median",
+        readout: Any = "ridge",
         device: str = "cpu",
         backend: str = "auto",
     ):
+        self.encoder = encoder
         self.readout = readout
-        self.n_neighbours = n_neighbours
         self.device = device
         self.backend = backend
 
@@ -76,17 +78,26 @@ class HDCRegressor(Estimator):
                 are not finite.
         """
         trained = self._untrained()
-        trained._learn(*trained._pairs(frames, y))
+        trained._check_parameters()
+        frames = trained._given(frames, training=True)
+        values = inputs.targets(y, len(frames))
+        trained._one = values.ndim == 1
+        trained._check_enough(frames)
+        trained._learn_encoder(frames)
+        words = torch.cat(list(trained._encoded(frames)))
+        trained._learn(words, _table(values))
         self._adopt(trained)
         return self
 
     def partial_fit(self, frames: Any, y: Any) -> Self:
-        """Add frames to those that are kept, and solve again.
+        """Add frames to those that are kept, and solve again; the encoder stays as it is.
+
+        A call that raises leaves the model as it was.
 
         Raises:
             ValueError: as :meth:`fit`, or after :meth:`recalibrate`, which keeps new frames only.
         """
-        if not hasattr(self, "_words"):
+        if not hasattr(self, "readout_"):
             return self.fit(frames, y)
         if self._recalibrated:
             raise ValueError(
@@ -97,50 +108,53 @@ class HDCRegressor(Estimator):
         return self
 
     def recalibrate(self, frames: Any, y: Any) -> Self:
-        """Adapt to a changed environment by few new frames.
+        """Adapt to a changed environment by few new frames, which replace those that are kept.
 
         Ridge regression goes from its old weights to those near them that fit the new frames, with
-        the penalty of training. The new frames replace those that are kept.
+        the penalty of training. A call that raises leaves the model as it was.
 
         Raises:
             ValueError: as :meth:`fit`.
         """
         self._check_is_trained()
-        self._learn(
-            *self._pairs(frames, y), self.ridge_ if self.readout == "ridge" else None
-        )
+        words, values = self._pairs(frames, y)
+        self._check_enough(words)
+        readout = copy.copy(self.readout_)
+        readout.backend = self._backend()
+        readout.adapt(words, values)
+        self.readout_, self._words, self._values = readout, words, values
         self._recalibrated = True
         return self
 
     def _pairs(self, frames: Any, y: Any) -> tuple[Tensor, Tensor]:
-        """Hypervectors [N, W], and numbers float64 [N, T] like those of before."""
-        self._check_parameters()
+        """Hypervectors [N, W], and numbers float64 [N, T] like those of training."""
         frames = self._given(frames, training=True)
         values = inputs.targets(y, len(frames))
-        words = torch.cat(list(self._encoded(frames)))
-        table = torch.from_numpy(values.reshape(len(values), -1))
-        if not hasattr(self, "_words"):
-            self._set_shape(frames.shape[1:])
-            self._one = values.ndim == 1
-        elif (values.ndim == 1) != self._one or table.shape[1] != self._values.shape[1]:
+        table = _table(values)
+        if (values.ndim == 1) != self._one or table.shape[1] != self._values.shape[1]:
             raise ValueError(
                 f"targets: expected as many a frame as before, found {values.shape}"
             )
-        return words, table
+        return torch.cat(list(self._encoded(frames))), table
 
-    def _learn(self, words: Tensor, values: Tensor, prior: Ridge | None = None) -> None:
-        if len(words) < 2:
+    def _check_enough(self, frames: Any) -> None:
+        if len(frames) < 2:
             raise ValueError(
-                f"frames: expected at least two, found {len(words)} sample"
+                f"frames: expected at least two, found {len(frames)} sample"
             )
-        self._words, self._values, self._recalibrated = words, values, False
-        if self.readout == "ridge":
-            self.ridge_, self._held = ridge(
-                words, values, self.dimension_, prior, self._backend()
-            )
-            self.residuals_ = self._held.residuals.numpy()
-        else:
-            self.residuals_ = (values - self._means(words, own=True)[0]).numpy()
+
+    def _learn(self, words: Tensor, values: Tensor) -> None:
+        """Take a read-out that has learned these."""
+        readout = make_value_readout(self.readout).unlearned()
+        readout.backend = self._backend()
+        readout.fit(words, values, self.dimension_)
+        self.readout_, self._words, self._values = readout, words, values
+        self._encoder_of, self._readout_of = self.encoder, self.readout
+        self._recalibrated = False
+
+    @property
+    def residuals_(self) -> np.ndarray:
+        return self.readout_.residuals_.numpy()
 
     def predict(
         self, frames: Any, return_interval: bool = False, alpha: float = 0.1
@@ -158,91 +172,76 @@ class HDCRegressor(Estimator):
             alpha: share of the numbers that may lie outside, each of T numbers for itself.
 
         Raises:
-            ValueError: for a share outside (0, 1).
+            ValueError: for a share outside (0, 1), or a read-out that has no intervals.
         """
         self._check_is_trained()
-        alpha = check_share(alpha)
+        share = check_share(alpha)
+        readout = self.readout_
+        readout.backend = self._backend()
         parts: list[tuple[Tensor, ...]] = []
         for words in self._encoded(frames):
-            if self.readout == "neighbours":
-                centre, without = self._means(words)
+            if return_interval:
+                centre, without = readout.without(words)
+                parts.append((centre, *_ends(without, readout.residuals_, share)))
             else:
-                centre = self.ridge_.scores(words, self._backend()).cpu()
-                if return_interval:
-                    change = self._held.changes(words, self.dimension_, self._backend())
-                    without = centre[:, None] - change
-            ends = _ends(without, self.residuals_, alpha) if return_interval else ()
-            parts.append((centre, *ends))
+                parts.append((readout.values(words),))
         answers = [torch.cat(part).numpy() for part in zip(*parts, strict=True)]
-        answers = [answer[:, 0] if self._one else answer for answer in answers]
+        if self._one:
+            answers = [answer[:, 0] for answer in answers]
         return tuple(answers) if return_interval else answers[0]
 
     def score(self, frames: Any, y: Any) -> float:
         """R², the share of the variance that is predicted, averaged over targets."""
         found = self.predict(frames)
         values = inputs.targets(y, len(found)).reshape(found.shape)
-        error, spread = (
-            ((values - found) ** 2).sum(0),
-            ((values - values.mean(0)) ** 2).sum(0),
-        )
+        error = ((values - found) ** 2).sum(0)
+        spread = ((values - values.mean(0)) ** 2).sum(0)
         flat = np.where(error == 0, 1.0, 0.0)
         return float(
             np.mean(np.where(spread > 0, 1 - error / np.maximum(spread, 1e-300), flat))
         )
 
+    @classmethod
+    def components(
+        cls, encoder: Any = "median", readout: Any = "ridge", **_: Any
+    ) -> tuple[type, ...]:
+        """The classes of the parts of a model with such parameters."""
+        return type(make_encoder(encoder)), type(make_value_readout(readout))
+
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         tensors = {"words": self._words, "values": self._values}
-        tensors["residuals"] = torch.from_numpy(self.residuals_)
-        if self.readout == "ridge":
-            held = {"inverse": self._held.inverse, "means": self._held.means}
-            tensors |= self.ridge_.tensors() | held
+        for name, tensor in self.readout_.stored().items():
+            tensors[f"readout.{name}"] = tensor
         return {"recalibrated": self._recalibrated, "one": self._one}, tensors
 
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
-        (n, t), width = tensors["values"].shape, bits.words_for(self.dimension_)
-        expected = {
-            "words": (n, width), "values": (n, t), "residuals": (n, t), "inverse": (n, n),
-            "means": (n,), **Ridge.shapes(t, width),
-        }  # fmt: skip
-        io.check_tensors(tensors, expected)
-        here = {name: tensor.to(self.device) for name, tensor in tensors.items()}
-        self._words, self._values = here["words"], tensors["values"]
+        words, values = tensors.pop("words"), tensors.pop("values")
+        n, n_targets = values.shape
+        width = bits.words_for(self.dimension_)
+        shapes = {"words": (n, width), "values": (n, n_targets)}
+        check_tensors({"words": words, "values": values}, shapes, floats=("values",))
+        bits.check_padding(words, self.dimension_)
         self._one, self._recalibrated = (
             bool(header["one"]),
             bool(header["recalibrated"]),
         )
-        self.residuals_ = tensors["residuals"].numpy()
-        if self.readout == "ridge":
-            self.ridge_ = Ridge.of(here, self.dimension_)
-            parts = (tensors[name] for name in ("inverse", "means", "residuals"))
-            self._held = Residuals(self._words, *parts)
-
-    def _means(self, words: Tensor, own: bool = False) -> tuple[Tensor, Tensor]:
-        """Means of the nearest frames [Q, T], and those without each frame, [Q, N, T].
-
-        With `own`, the queries are the kept frames, none of which is its own neighbour.
-        """
-        distances = bits.hamming(words, self._words, self._backend()).cpu().numpy()
-        if own:
-            np.fill_diagonal(distances, self.dimension_ + 1)
-        k = min(self.n_neighbours, len(self._words) - 1)
-        places = torch.from_numpy(distances.argsort(axis=1, kind="stable")[:, : k + 1])
-        values = self._values[places]  # [Q, k + 1, T]
-        means = values[:, :k].mean(1)
-        if own:
-            return means, means[:, None]
-        without = means[:, None].repeat(1, len(self._words), 1)
-        change = (values[:, k:] - values[:, :k]) / k
-        rows = torch.arange(len(words))[:, None]
-        without[rows, places[:, :k]] += change
-        return means, without
+        self._words, self._values = words.to(self.device), values
+        self.readout_ = make_value_readout(self.readout).unlearned()
+        self._encoder_of, self._readout_of = self.encoder, self.readout
+        own = {
+            name.removeprefix("readout."): tensor for name, tensor in tensors.items()
+        }
+        self.readout_.restore(own, self._words, values, self.dimension_)
 
 
-def _ends(
-    without: Tensor, residuals: np.ndarray, alpha: float
-) -> tuple[Tensor, Tensor]:
+def _table(values: np.ndarray) -> Tensor:
+    """Numbers [N] or [N, T] as float64 [N, T]."""
+    return torch.from_numpy(values.reshape(len(values), -1))
+
+
+def _ends(without: Tensor, residuals: Tensor, alpha: float) -> tuple[Tensor, Tensor]:
     """Jackknife+ ends [Q, T] of predictions without each frame [Q, N, T] and errors [N, T]."""
-    n, spread = len(residuals), torch.from_numpy(residuals).abs()
+    n, spread = len(residuals), residuals.abs()
     low, high = floor(alpha * (n + 1)), ceil((1 - alpha) * (n + 1))
     if low < 1 or high > n:
         infinite = torch.full_like(without[:, 0], torch.inf)

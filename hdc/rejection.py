@@ -34,25 +34,12 @@ from torch import Tensor
 
 from hdc import bits
 from hdc.inputs import Label
-from hdc.prototypes import Counters
 
 KEPT = 19
 """Hypervectors kept of a class: p-values in steps of 5 %; 0.6 MB a class at D = 250,000."""
 RATE = 0.05
 """Share of known frames that are refused unless another is given."""
-EXTRAS = (-2, -1, 0, 1, 2)
-"""Prototypes that decide on a class, by `extra` of :meth:`hdc.prototypes.Counters.prototype`."""
-
 _GOLDEN = 0x9E3779B97F4A7C15  # 2^64 over the golden ratio
-
-
-def deciding(
-    counters: Counters, c: int, ties: str, seed: int, weight: int = 1
-) -> Tensor:
-    """The prototypes of class c with :data:`EXTRAS` hypervectors of a weight, int64 [5, W]."""
-    return torch.stack(
-        [counters.prototype(c, ties, seed, weight * extra) for extra in EXTRAS]
-    )
 
 
 class Sample:
@@ -121,7 +108,7 @@ class Peers:
 
     @classmethod
     def of(cls, words: Tensor, prototypes: Tensor) -> Peers:
-        """Peers of kept hypervectors [m, W] and the prototypes [5, W] of :data:`EXTRAS`."""
+        """Peers of kept hypervectors [m, W] and prototypes [5, W] of the read-out's EXTRAS."""
         if_gained, if_zero, prototype, if_one, if_lost = prototypes
         lost, gained = prototype & ~if_lost, if_gained & ~prototype
         constant = bits.count_ones(words ^ prototype) + bits.count_ones(words & lost)

@@ -90,6 +90,10 @@ class RankEncoder(Encoder):
         self.warn(ties, frames.shape[1:].numel(), first)
         return words
 
+    def ones(self, n_pixels: int) -> list[int]:
+        """How many of so many pixels become ones, for each quantile."""
+        return count_ones(self.quantiles, n_pixels)
+
     def warn(self, ties: Ties, n_pixels: int, first: int) -> None:
         """Warn of constant frames, by number, and once of frames with many ties."""
         warn_of_constant(ties.constant, first)
@@ -150,7 +154,7 @@ def encode_ranks(
     check_frames(frames)
     kernels = bits.kernels(backend, frames.device)
     n, n_pixels = len(frames), frames.shape[1:].numel()
-    ones = [math.floor((1 - q) * n_pixels) for q in quantiles]
+    ones = count_ones(quantiles, n_pixels)
     width = bits.words_for(len(ones) * n_pixels)
     if out is None:
         out = torch.empty(n, width, dtype=torch.int64, device=frames.device)
@@ -158,7 +162,7 @@ def encode_ranks(
     if kernels and frames.dtype == torch.uint8 and n_pixels > 1:
         images = frames.reshape(n, n_pixels).numpy()
         equal, split = kernels.encode_uint8(images, words.numpy(), ones, rule)
-        return words, _ties_of(
+        return words, ties_of(
             torch.from_numpy(equal), torch.from_numpy(split), n_pixels
         )
     step = max(1, _STEP // n_pixels)
@@ -172,7 +176,12 @@ def encode_ranks(
     if not counted:
         return words, Ties([], 0)
     equal, split = (torch.cat(part).cpu() for part in zip(*counted, strict=True))
-    return words, _ties_of(equal, split, n_pixels)
+    return words, ties_of(equal, split, n_pixels)
+
+
+def count_ones(quantiles: Sequence[Fraction], n_pixels: int) -> list[int]:
+    """⌊(1 − q)·D⌋ for each quantile q."""
+    return [math.floor((1 - q) * n_pixels) for q in quantiles]
 
 
 def check_frames(frames: Tensor) -> None:
@@ -202,7 +211,7 @@ def warn_of_constant(constant: Sequence[int], first: int) -> None:
     )
 
 
-def _ties_of(equal: Tensor, split: Tensor, n_pixels: int) -> Ties:
+def ties_of(equal: Tensor, split: Tensor, n_pixels: int) -> Ties:
     """Of counts of pixels that equal a threshold, [N, T], and whether some became ones."""
     constant = equal[:, 0] == n_pixels
     counted = equal[split & ~constant[:, None]]

@@ -81,7 +81,8 @@ def _whole_rounds(rotated: Any, wanted: Any) -> tuple[Any, Any]:
     low, of_low = wanted * 0, wanted * 0
     high, of_high = low + bits.WORD, _count_ones(rotated)
     while (high - low > 1).any():
-        guess = low + (wanted - of_low) * (high - low) // (of_high - of_low)
+        between = (of_high - of_low).clip(1, None)
+        guess = low + (wanted - of_low) * (high - low) // between
         guess = guess.clip(low + 1, high - 1)
         guess = guess * (high - low > 1) + low * (high - low <= 1)
         count = _count_ones(rotated & _low_bits(guess))

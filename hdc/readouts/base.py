@@ -1,0 +1,108 @@
+"""What a read-out is: hypervectors of known classes to scores of queries."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, Self
+
+import torch
+from torch import Tensor
+
+from hdc.parameters import Parametrised
+
+NOWHERE = torch.iinfo(torch.int64).min
+"""Score of a class without samples, in whole numbers."""
+
+
+class Readout(Parametrised, ABC):
+    """Scores of classes from packed hypervectors; an idea is a subclass in a file of its own.
+
+    A subclass writes :meth:`fit` and :meth:`scores`. What it learns are tensors int64 or float64 in
+    attributes that end in an underscore: they are what is saved, sized and flipped, unless it
+    writes :meth:`state` and :meth:`restore`. Classes are rows 0 … L − 1; which labels they have is
+    the model's business.
+
+    Example:
+        >>> import torch
+        >>> from hdc import HDCClassifier, bits
+        >>> class First(Readout):
+        ...     def fit(self, words, rows, n_classes, dimension):
+        ...         self.first_ = torch.stack([words[rows == c][0] for c in range(n_classes)])
+        ...         return self
+        ...     def scores(self, words):
+        ...         return -bits.hamming(words, self.first_)
+        >>> frames = torch.tensor([[9, 8, 1, 0], [0, 1, 9, 8]], dtype=torch.uint8)
+        >>> HDCClassifier(readout=First()).fit(frames, ["a", "b"]).predict(frames).tolist()
+        ['a', 'b']
+    """
+
+    revision: ClassVar[int] = 1
+    """Raised by hand in the commit that changes the scores of some query."""
+    backend: str = "numpy"
+    """Set by the model: ``"numpy"`` or ``"compiled"``, for :func:`hdc.bits.hamming` and others."""
+
+    def check(self) -> None:
+        """Raise ValueError, naming it, for a parameter that is not allowed."""
+
+    @abstractmethod
+    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
+        """Start anew and learn.
+
+        Args:
+            words: hypervectors int64 [N, ⌈D/64⌉].
+            rows: their classes int64 [N] (CPU), in [0, L).
+            n_classes: L; a class without samples is never to be the best.
+            dimension: D, bits of a hypervector.
+        """
+
+    @abstractmethod
+    def scores(self, words: Tensor) -> Tensor:
+        """A score for each class, the largest wins, the first of equal ones: [Q, W] → [Q, L]."""
+
+    def state(self) -> dict[str, Tensor]:
+        """The tensors that a prediction needs; they share memory with the read-out."""
+        learned = vars(self).items()
+        return {k: v for k, v in learned if k.endswith("_") and isinstance(v, Tensor)}
+
+    def stored(self) -> dict[str, Tensor]:
+        """The tensors of a file: :meth:`state`, and what further training needs."""
+        return self.state()
+
+    def restore(
+        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
+    ) -> None:
+        """Learn :meth:`stored` of a file.
+
+        Raises:
+            ValueError: for tensors that do not fit.
+        """
+        for name, tensor in tensors.items():
+            setattr(self, name, tensor)
+
+
+class Updatable(Readout):
+    """A read-out that goes on learning, batch by batch, and new classes on the way."""
+
+    @abstractmethod
+    def add(self, words: Tensor, rows: Tensor) -> None:
+        """Learn further hypervectors int64 [N, W] of classes rows int64 [N]."""
+
+    def settle(self) -> None:
+        """What is to be made once after several :meth:`add`, before scores are asked for."""
+
+    @abstractmethod
+    def arrange(self, places: Sequence[int], n_classes: int) -> None:
+        """Make room for new classes: class k becomes class places[k] of n_classes."""
+
+    @abstractmethod
+    def merge(self, other: Self, places: Sequence[int]) -> None:
+        """Learn what another one has learned, whose class k is class places[k] here."""
+
+
+def without_empty(scores: Tensor, empty: Tensor) -> Tensor:
+    """Scores [Q, L] in which classes without samples, bool [L], never win."""
+    if empty.any():
+        lowest = NOWHERE if not scores.is_floating_point() else -torch.inf
+        scores[:, empty.to(scores.device)] = lowest
+    return scores

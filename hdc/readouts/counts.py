@@ -1,0 +1,105 @@
+"""Integer prototypes: the counts themselves, compared by the cosine."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from hdc import bits
+from hdc.parameters import check_choice
+from hdc.prototypes import Counters
+from hdc.readouts.base import without_empty
+from hdc.readouts.majority import Counting, smallest
+from hdc.readouts.products import dot
+
+
+class Counts(Counting):
+    """Nearest class by the cosine between 2c − n, for counts c of n frames, and a bipolar query.
+
+    Args:
+        ties, balance, seed: as of :class:`hdc.readouts.Majority`. Ties and seed decide only
+            the binary prototypes that rejection compares with; a larger class is compared as a
+            random subset of the size of the smallest is expected to be.
+
+    Attributes: as of :class:`hdc.readouts.majority.Counting`.
+    """
+
+    def __init__(self, ties: str = "zero", balance: bool = True, seed: int = 0):
+        self.ties = ties
+        self.balance = balance
+        self.seed = seed
+
+    def scores(self, words: Tensor) -> Tensor:
+        """The cosines, float64 [Q, L]."""
+        size = (
+            smallest(self.counters_)
+            if self.balance and not self.recalibrated_
+            else None
+        )
+        found = cosines(self.counters_, words, size) / math.sqrt(
+            self.counters_.dimension
+        )
+        return without_empty(found, self.counters_.n == 0)
+
+    def adapt(
+        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
+    ) -> None:
+        check_choice("method", method, ("merge",))  # counts have no bits to replace
+        super().adapt(words, rows, share, seed, method)
+
+    def state(self) -> dict[str, Tensor]:
+        return {"counters": self.counters_.planes}
+
+
+def cosines(counters: Counters, words: Tensor, size: int | None = None) -> Tensor:
+    """√D times the cosine of queries int64 [Q, W] and 2c − n: float64 [Q, L].
+
+    A class of more than `size` samples is compared as a random subset of so many is expected to be.
+
+    Raises:
+        ValueError: for counts so large that 64 bits do not hold their products.
+    """
+    if counters.n.max() >= 2**60 // counters.dimension:
+        raise ValueError(
+            f"counters: expected fewer samples, found {int(counters.n.max())}"
+        )
+    lengths = torch.tensor(
+        norms(counters, size), dtype=torch.float64, device=words.device
+    )
+    ones = bits.count_ones(counters.planes)
+    products = dot(counters.planes, ones, counters.n, words, counters.dimension)
+    return products / lengths.clamp(min=1)
+
+
+def norms(counters: Counters, size: int | None = None) -> list[float]:
+    """‖2c − n‖ of each class, correctly rounded; see :func:`cosines` for `size`."""
+    lengths = []
+    for planes, n in zip(counters.planes, counters.n.tolist(), strict=True):
+        total, square = moments(planes)
+        length = 4 * square - 4 * n * total + n * n * counters.dimension
+        if size is not None and 1 < n > size:
+            # n·D + Σ_{i≠k} x_i·x_k = ‖s‖², and the mean product of a pair is that of a subset's.
+            diagonal = n * counters.dimension
+            pairs = (length - diagonal) * size * (size - 1) / (n * (n - 1))
+            lengths.append(
+                math.sqrt(max(0.0, size * counters.dimension + pairs)) * n / size
+            )
+        else:
+            lengths.append(math.sqrt(length))
+    return lengths
+
+
+def moments(planes: Tensor) -> tuple[int, int]:
+    """Σ_j c_j and Σ_j c_j² of bit-sliced counts [P, W], in integers.
+
+    c² = Σ_p Σ_q 2^(p+q) b_p b_q, and the sum of b_p b_q over j is a count of ones.
+    """
+    first = second = 0
+    for p, plane in enumerate(planes):
+        ones = bits.count_ones(plane & planes[p:]).tolist()
+        first += ones[0] << p
+        second += ones[0] << 2 * p
+        second += sum(n << (2 * p + k + 1) for k, n in enumerate(ones[1:], 1))
+    return first, second

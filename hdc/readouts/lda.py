@@ -1,0 +1,270 @@
+"""Shrinkage discriminant analysis of the bits, with weights of four bits a pixel.
+
+Linear discriminant analysis with a shrunken covariance (Friedman, JASA 84, 165 (1989)), solved
+among the N frames. With x ∈ {±1}^D, n_c frames of class c and L classes,
+
+    G = X·Xᵀ = D − 2·Hamming                       integers, N × N
+    E = onehot/n_c,  E' = E − mean over classes,  C = I − E·onehotᵀ
+    K = C·G·C                                      products of frames less the mean of their class
+    A = E' − C·(K + ℓ·I)⁻¹·C·G·E'                  dual weights, w = Aᵀ·X
+    b_c = −½·(E_c + mean over classes of E)ᵀ·G·A_c
+
+The shrunken covariance is (1 − α)·S + α·(tr S/D)·I, so that ℓ = α/(1 − α)·tr(K)/D; α = 1 is the
+nearest mean.
+
+Weights are rounded to q ∈ {−7 … 7}, in units of their 99.5 % quantile over seven; the zero stays,
+for a pixel that says nothing must not say one or the other when it flips. A scale a class, and an
+offset, keep the scores of the class's mean and of the mean of means; as whole numbers they make
+every score a whole number, the same on every machine.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Self
+
+import torch
+from torch import Tensor
+
+from hdc import bits
+from hdc.io import check_tensors
+from hdc.readouts.base import NOWHERE, Readout
+from hdc.readouts.products import combinations, dot, gram
+
+SHRINKAGES = ("ledoit_wolf", "oas")
+MOST_FRAMES = 8000
+_LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced
+_CLIPPED = 0.995  # quantile of the weights that becomes the largest
+_NONE = 1e-9  # of the largest weight: what rounding leaves of a constant pixel
+_UNIT_BITS = 20  # of the largest scale
+_STEP = 1024  # words unpacked at a time
+_ROWS = 256  # rows of the Gram matrix changed at a time
+
+
+class LDA(Readout):
+    """Shrinkage discriminant analysis; classes count alike, however many frames they have.
+
+    Args:
+        shrinkage: α in [0, 1], or in closed form ``"ledoit_wolf"`` (J. Multivar. Anal. 88, 365
+            (2004)) or ``"oas"`` (Chen et al., IEEE TSP 58, 5016 (2010)).
+
+    Attributes:
+        weights_: int64 [L, 4, W], q + 8 bit-sliced.
+        scales_, offsets_: int64 [L], the score of a query x is scale·(q·x) + offset.
+        shrinkage_: float64 [], α.
+    """
+
+    weights_: Tensor
+    scales_: Tensor
+    offsets_: Tensor
+    shrinkage_: Tensor
+    _dimension: int
+    _ones: Tensor
+
+    def __init__(self, shrinkage: float | str = "ledoit_wolf"):
+        self.shrinkage = shrinkage
+
+    def check(self) -> None:
+        given = self.shrinkage
+        if given in SHRINKAGES:
+            return
+        if isinstance(given, str | bool) or not 0 <= given <= 1:
+            expected = f"one of {', '.join(SHRINKAGES)}, or a share in [0, 1]"
+            raise ValueError(f"shrinkage: expected {expected}, found {given!r}")
+
+    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
+        """See :meth:`hdc.readouts.base.Readout.fit`.
+
+        Raises:
+            ValueError: for more than 8000 frames, of which the Gram matrices fill the memory.
+        """
+        if len(words) > MOST_FRAMES:
+            raise ValueError(
+                f"lda: expected at most {MOST_FRAMES} frames, found {len(words)}; train on some "
+                "of them, or use the read-out 'trained'"
+            )
+        known, place = rows.unique(return_inverse=True)
+        onehot = torch.nn.functional.one_hot(place, len(known)).double()
+        share = onehot / onehot.sum(0)
+        products = gram(words, words, dimension, self.backend)
+        of_means = products @ share  # G·E
+        dual, alpha = _dual_weights(
+            products, of_means, onehot, share, dimension, self.shrinkage
+        )
+        offsets = -0.5 * ((of_means + of_means.mean(1, keepdim=True)) * dual).sum(0)
+        planes, scales, offsets = _quantised(words, dual, share, offsets, dimension)
+        self._take(planes, scales, offsets, known, n_classes, dimension)
+        self.shrinkage_ = torch.tensor(alpha, dtype=torch.float64)
+        return self
+
+    def _take(
+        self,
+        planes: Tensor,
+        scales: Tensor,
+        offsets: Tensor,
+        known: Tensor,
+        n_classes: int,
+        dimension: int,
+    ) -> None:
+        """Scores in whole numbers; classes that are not `known` never win."""
+        unit = 2**_UNIT_BITS / float(scales.max())
+        self.weights_ = planes.new_zeros(n_classes, *planes.shape[1:])
+        self.scales_ = torch.zeros(n_classes, dtype=torch.int64)
+        self.offsets_ = torch.full((n_classes,), NOWHERE // 2)
+        self.weights_[known.to(planes.device)] = planes
+        self.scales_[known] = (scales * unit).round().long()
+        self.offsets_[known] = (offsets * unit).round().long()
+        self._dimension = dimension
+        self._ones = bits.count_ones(self.weights_)
+
+    def scores(self, words: Tensor) -> Tensor:
+        """The discriminants, int64 [Q, L]."""
+        n = torch.full((len(self.weights_),), 2 * _OFFSET)
+        products = (
+            dot(self.weights_, self._ones, n, words, self._dimension, self.backend) // 2
+        )
+        return products * self.scales_.to(words.device) + self.offsets_.to(words.device)
+
+    def state(self) -> dict[str, Tensor]:
+        return {
+            "weights": self.weights_,
+            "scales": self.scales_,
+            "offsets": self.offsets_,
+        }
+
+    def stored(self) -> dict[str, Tensor]:
+        return {**self.state(), "shrinkage": self.shrinkage_}
+
+    def restore(
+        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
+    ) -> None:
+        shape = (n_classes, _PLANES, bits.words_for(dimension))
+        expected = {"weights": shape, "scales": (n_classes,), "offsets": (n_classes,)}
+        check_tensors(tensors, {**expected, "shrinkage": ()}, floats=("shrinkage",))
+        bits.check_padding(tensors["weights"], dimension)
+        self.weights_, self.shrinkage_ = tensors["weights"], tensors["shrinkage"].cpu()
+        self.scales_, self.offsets_ = tensors["scales"].cpu(), tensors["offsets"].cpu()
+        self._dimension = dimension
+        self._ones = bits.count_ones(self.weights_)
+
+
+def closed_form(
+    kind: str, trace: float, squares: float, diagonal: Tensor, n: int, d: int
+) -> float:
+    """α of a covariance of n degrees of freedom in D dimensions.
+
+    Args:
+        kind: one of :data:`SHRINKAGES`.
+        trace, squares, diagonal: tr K, ‖K‖²_F and K_ii.
+        n: frames less classes.
+        d: D.
+    """
+    first, second = trace / n, squares / n**2
+    spread = second - first**2 / d
+    if spread <= 0:
+        return 1.0
+    if kind == "ledoit_wolf":
+        share = (float((diagonal**2).sum()) / n**2 - second / n) / spread
+    else:
+        share = ((1 - 2 / d) * second + first**2) / ((n + 1 - 2 / d) * spread)
+    return min(1.0, max(0.0, share))
+
+
+def _dual_weights(
+    products: Tensor,
+    of_means: Tensor,
+    onehot: Tensor,
+    share: Tensor,
+    dimension: int,
+    shrinkage: float | str,
+) -> tuple[Tensor, float]:
+    """A [N, L] and α; `products`, G, becomes K on the way, and memory for one more is needed."""
+    centred = share - share.mean(1, keepdim=True)  # E'
+    n = len(products)
+    _centre_within_classes(products, of_means, onehot, share)
+    diagonal = products.diagonal().clone()
+    trace = float(diagonal.sum())
+    if trace / n < 1e-9 * dimension:
+        warnings.warn(
+            "lda: no class has two different frames, so the nearest mean is learned",
+            stacklevel=4,
+        )
+        return centred, 1.0
+    if isinstance(shrinkage, str):
+        squares = float((products**2).sum())
+        degrees = max(1, n - onehot.shape[1])
+        alpha = closed_form(shrinkage, trace, squares, diagonal, degrees, dimension)
+    else:
+        alpha = float(shrinkage)
+    if alpha == 1:
+        return centred, 1.0
+    # α = 0 has no inverse where there are fewer frames than bits; rounding's share is the least.
+    penalty = max(alpha / (1 - alpha) * trace / dimension, 1e-10 * trace / n)
+    right = of_means - of_means.mean(1, keepdim=True)  # G·E'
+    right = right - onehot @ (share.T @ right)
+    products.diagonal().add_(penalty)
+    factor = torch.linalg.cholesky(products)
+    solved = torch.cholesky_solve(right, factor)
+    return centred - (solved - share @ (onehot.T @ solved)), alpha
+
+
+def _centre_within_classes(
+    products: Tensor, of_means: Tensor, onehot: Tensor, share: Tensor
+) -> None:
+    """C·G·C in place of G, some rows at a time."""
+    between = share.T @ of_means  # Eᵀ·G·E
+    for start in range(0, len(products), _ROWS):
+        rows = slice(start, start + _ROWS)
+        member = onehot[rows]
+        products[rows] -= of_means[rows] @ onehot.T
+        products[rows] -= member @ of_means.T
+        products[rows] += (member @ between) @ onehot.T
+
+
+def _quantised(
+    words: Tensor, dual: Tensor, share: Tensor, offsets: Tensor, dimension: int
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Weights w = Aᵀ·X as planes int64 [L, 4, W], scales and offsets float64 [L]."""
+    n_classes, width = dual.shape[1], words.shape[1]
+    both = torch.cat((dual, share), 1)
+    found = torch.empty(2 * n_classes, width * bits.WORD)
+    for start in range(0, width, _STEP):
+        stop = min(start + _STEP, width)
+        found[:, start * bits.WORD : stop * bits.WORD] = combinations(
+            both, words, start, stop
+        )
+    weights, means = found[:n_classes, :dimension], found[n_classes:, :dimension]
+    centre = means.double().mean(0)
+    planes = words.new_zeros(n_classes, _PLANES, width)
+    scales = torch.ones(n_classes, dtype=torch.float64)
+    for c in range(n_classes):
+        w, away = weights[c].double(), means[c].double() - centre
+        q = (_LEVELS / _unit(w.abs()) * w).round().clamp(-_LEVELS, _LEVELS)
+        if not q.any():
+            planes[c] = _packed(q, words)
+            continue
+        kept = float(away @ q)
+        if kept > 0:
+            scales[c] = float(away @ w) / kept
+        else:
+            scales[c] = float(w @ q) / float(q @ q)
+        offsets[c] += float((w - scales[c] * q) @ centre)
+        planes[c] = _packed(q, words)
+    return planes, scales.clamp(min=1e-300), offsets
+
+
+def _unit(sizes: Tensor) -> float:
+    """The 99.5 % quantile of the weights' sizes [D] that are more than rounding; 1 without any."""
+    live = sizes[sizes > _NONE * sizes.max()]
+    if len(live) == 0:
+        return 1.0
+    place = max(1, round(_CLIPPED * len(live)))
+    return float(live.kthvalue(place).values)
+
+
+def _packed(q: Tensor, words: Tensor) -> Tensor:
+    """q + 8 of the bits [D] as planes int64 [4, W]; zeros beyond D."""
+    shifted = q.long() + _OFFSET
+    planes = [bits.pack((shifted >> p) & 1 == 1) for p in range(_PLANES)]
+    return torch.stack(planes).to(words.device)

@@ -1,0 +1,288 @@
+"""The published read-out: the bitwise majority of a class, nearest in Hamming distance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Self
+
+import torch
+from torch import Tensor
+
+from hdc import bits, planes
+from hdc.io import check_tensors
+from hdc.parameters import check_choice
+from hdc.prototypes import Counters, check_probability, merged, replaced_bits
+from hdc.readouts.base import Updatable
+
+METHODS = ("replace", "merge")
+EXTRAS = (-2, -1, 0, 1, 2)
+"""Hypervectors more or less that :mod:`hdc.rejection` asks for, as `extra` of
+:meth:`hdc.prototypes.Counters.prototype`."""
+
+
+class Counting(Updatable):
+    """Counters of ones a class and their majority; what Majority and Counts share.
+
+    Attributes:
+        counters_: the counts, :class:`hdc.prototypes.Counters`.
+        prototypes_: int64 [L, W], the packed prototypes; zeros for a class without samples.
+        recalibrated_: whether prototypes are no longer those of the counted hypervectors.
+    """
+
+    ties: str
+    balance: bool
+    seed: int
+    counters_: Counters
+    prototypes_: Tensor
+    recalibrated_: bool
+    _size: (
+        int | None
+    )  # samples per class that prototypes count as; −1: none are made yet
+    _changed: set[int]  # classes that have samples that their prototypes have not
+    _deciding: Tensor | None  # [L, 5, W], see EXTRAS, where counters do not tell them
+
+    def check(self) -> None:
+        check_choice("ties", self.ties, bits.TIES)
+        check_choice("balance", self.balance, (True, False))
+
+    def start(self, n_classes: int, dimension: int, device: torch.device | str) -> Self:
+        """Be ready to count for so many classes."""
+        self.counters_ = Counters(n_classes, dimension, device)
+        self.recalibrated_, self._deciding = False, None
+        self._reset()
+        return self
+
+    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
+        self.start(n_classes, dimension, words.device)
+        self.add(words, rows)
+        self.settle()
+        return self
+
+    def add(self, words: Tensor, rows: Tensor) -> None:
+        self.counters_.backend = self.backend
+        self.counters_.add(words, rows)
+        self._changed |= set(rows.tolist())
+
+    def add_frames(
+        self,
+        frames: Tensor,
+        rows: Tensor,
+        chosen: Sequence[int],
+        n_ones: int,
+        ties: str,
+    ) -> tuple[Tensor, Any, Any]:
+        """:meth:`hdc.prototypes.Counters.add_frames`."""
+        self._changed |= set(rows.tolist())
+        return self.counters_.add_frames(frames, rows, chosen, n_ones, ties)
+
+    def settle(self) -> None:
+        """Make the prototypes of classes that have more samples, or all where that changes them."""
+        counters, size = self.counters_, self._common_size()
+        prototypes = torch.empty_like(
+            self.prototypes_
+        )  # others may be reading the ones of before
+        planes.plain(prototypes)[:] = planes.plain(self.prototypes_)
+        changed = self._changed if size == self._size else range(len(counters.n))
+        for c in changed:
+            if counters.n[c]:
+                prototypes[c] = counters.prototype(c, self.ties, self.seed, size=size)
+        self.prototypes_, self._size, self._changed = prototypes, size, set()
+
+    def arrange(self, places: Sequence[int], n_classes: int) -> None:
+        old = self.counters_
+        self.counters_ = Counters(n_classes, old.dimension, old.device)
+        self.counters_.merge(old, places)
+        self._reset()
+
+    def merge(self, other: Self, places: Sequence[int]) -> None:
+        self.counters_.merge(other.counters_, places)
+        self._changed |= set(places)
+
+    def adapt(
+        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
+    ) -> None:
+        """Move the prototypes of some classes to new hypervectors.
+
+        Args:
+            words, rows: the new hypervectors int64 [N, W] and their classes int64 [N].
+            share: probability with which a bit is replaced, or share of the new in the votes.
+            seed: of the choice of bits that are replaced.
+            method: ``"replace"``, as published, or ``"merge"`` (:func:`hdc.prototypes.merged`).
+
+        Raises:
+            ValueError: for a share outside [0, 1] or an unknown method.
+        """
+        check_probability(share)
+        check_choice("method", method, METHODS)
+        classes = rows.unique().tolist()
+        new = Counters(
+            len(classes), self.counters_.dimension, words.device, self.backend
+        )
+        new.add(words, torch.searchsorted(torch.tensor(classes), rows))
+        size = smallest(new) if self.balance else None
+        if method == "merge":
+            self._merge_votes(new, classes, share, seed, size)
+        else:
+            self._replace_bits(new, classes, share, seed, size)
+        self.recalibrated_ = True
+
+    def _merge_votes(
+        self,
+        new: Counters,
+        classes: list[int],
+        share: float,
+        seed: int,
+        size: int | None,
+    ) -> None:
+        """Prototypes of the votes of old and new hypervectors."""
+        old, deciding = self.counters_, self.deciding()
+        if self.balance and not self.recalibrated_:
+            old = old.thinned(smallest(old), self.seed)
+        placed = Counters(len(old.n), old.dimension, old.device)
+        placed.merge(new.thinned(size, seed) if size else new, classes)
+        votes, weights = merged(old, placed, share)
+        for c in classes:
+            deciding[c] = deciding_prototypes(
+                votes, c, self.ties, self.seed, weights[c]
+            )
+        self.counters_, self._deciding = votes, deciding
+        self.prototypes_ = votes.prototypes(self.ties, self.seed)
+
+    def _replace_bits(
+        self,
+        new: Counters,
+        classes: list[int],
+        share: float,
+        seed: int,
+        size: int | None,
+    ) -> None:
+        """Prototypes of which each bit is the new one's with a probability (paper, Fig. 8(a))."""
+        before, deciding = self.prototypes_, self.deciding()
+        mask = replaced_bits(len(before), new.dimension, share, seed).to(before.device)
+        after = before.clone()
+        fresh = new.prototypes(self.ties, self.seed, size)
+        for i, c in enumerate(classes):
+            after[c] ^= (before[c] ^ fresh[i]) & mask[c]
+            near = deciding_prototypes(new, i, self.ties, self.seed)
+            deciding[c] = before[c] ^ ((before[c] ^ near) & mask[c])
+        self.prototypes_, self._deciding = after, deciding
+
+    def deciding(self) -> Tensor:
+        """Prototypes [L, 5, W] with :data:`EXTRAS` hypervectors more, for :mod:`hdc.rejection`."""
+        if self._deciding is not None:
+            return self._deciding.clone()
+        n_classes, width = self.prototypes_.shape
+        decided = self.prototypes_.new_zeros(n_classes, len(EXTRAS), width)
+        for c in self.counters_.n.nonzero().flatten().tolist():
+            decided[c] = deciding_prototypes(self.counters_, c, self.ties, self.seed)
+        return decided
+
+    def distances(self, words: Tensor) -> Tensor:
+        """Hamming distances int64 [Q, L] to the prototypes; D + 1 of a class without samples."""
+        distances = bits.hamming(words, self.prototypes_, self.backend)
+        empty = self.counters_.n == 0
+        if empty.any():
+            distances[:, empty] = self.counters_.dimension + 1
+        return distances
+
+    def stored(self) -> dict[str, Tensor]:
+        tensors = {
+            "planes": self.counters_.planes,
+            "n": self.counters_.n,
+            "prototypes": self.prototypes_,
+            "recalibrated": torch.tensor(int(self.recalibrated_)),
+        }
+        return (
+            tensors
+            if self._deciding is None
+            else {**tensors, "deciding": self._deciding}
+        )
+
+    def restore(
+        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
+    ) -> None:
+        counts, n, width = (
+            tensors["planes"],
+            tensors["n"].cpu(),
+            bits.words_for(dimension),
+        )
+        expected = {
+            "planes": (n_classes, counts.shape[1], width),
+            "n": (n_classes,),
+            "prototypes": (n_classes, width),
+            "recalibrated": (),
+            "deciding": (n_classes, len(EXTRAS), width),
+        }
+        check_tensors(tensors, expected)
+        if (n < 0).any() or (n >= 2**53).any() or not n.any():
+            raise ValueError(f"sample counts {n.tolist()}")
+        for name in ("planes", "prototypes", "deciding"):
+            if name in tensors:
+                bits.check_padding(tensors[name], dimension)
+        self.start(n_classes, dimension, counts.device)
+        self.counters_.planes, self.counters_.n = counts, n
+        self.prototypes_, self._deciding = (
+            tensors["prototypes"],
+            tensors.get("deciding"),
+        )
+        self.recalibrated_ = bool(tensors["recalibrated"])
+        self._size, self._changed = self._common_size(), set()
+
+    def _common_size(self) -> int | None:
+        """Samples a class that prototypes count as, where some classes are thinned."""
+        least = smallest(self.counters_)
+        return least if self.balance and (self.counters_.n > least).any() else None
+
+    def _reset(self) -> None:
+        """Have all prototypes made anew: random ties and thinned counts go by rows."""
+        counters = self.counters_
+        shape = len(counters.n), bits.words_for(counters.dimension)
+        self.prototypes_ = planes.zeros(shape, counters.device)
+        self._size, self._changed = -1, set()
+
+
+class Majority(Counting):
+    """Nearest prototype in Hamming distance; a prototype is the bitwise majority of its class.
+
+    Kitagawa et al., Opt. Express 32, 3209 (2024), Eqs. 1 to 3. Training is counting.
+
+    Args:
+        ties: a prototype bit with as many ones as zeros becomes ``"zero"`` (as published),
+            ``"one"``, or, with ``"random"``, that of an extra random vector (Schmuck et al., ACM
+            JETC 15, 32 (2019)).
+        balance: make classes of unequal size comparable. The majority raises a prototype's
+            correlation with every frame, the more so the more frames it bundles, and a larger class
+            takes frames of the others. With True, prototypes are made as if each class had as many
+            frames as the smallest (:meth:`hdc.prototypes.Counters.thinned`); equal classes are as
+            published. False is the published rule.
+        seed: of the random vectors for ``ties="random"``, and of `balance`.
+
+    Attributes: as of :class:`Counting`.
+    """
+
+    def __init__(self, ties: str = "zero", balance: bool = True, seed: int = 0):
+        self.ties = ties
+        self.balance = balance
+        self.seed = seed
+
+    def scores(self, words: Tensor) -> Tensor:
+        """Minus the Hamming distances, int64 [Q, L]."""
+        return -self.distances(words)
+
+    def state(self) -> dict[str, Tensor]:
+        return {"prototypes": self.prototypes_}
+
+
+def deciding_prototypes(
+    counters: Counters, c: int, ties: str, seed: int, weight: int = 1
+) -> Tensor:
+    """The prototypes of class c with :data:`EXTRAS` hypervectors of a weight, int64 [5, W]."""
+    made: Iterable[Tensor] = (
+        counters.prototype(c, ties, seed, weight * extra) for extra in EXTRAS
+    )
+    return torch.stack(list(made))
+
+
+def smallest(counters: Counters) -> int:
+    """Samples of the smallest class that has any."""
+    return int(counters.n[counters.n > 0].min()) if counters.n.any() else 0

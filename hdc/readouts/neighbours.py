@@ -1,0 +1,112 @@
+"""Nearest training frames; all hypervectors are kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hdc import bits
+from hdc.io import check_tensors
+from hdc.readouts.base import Updatable
+
+
+class Neighbours(Updatable):
+    """The class of most of the k nearest training frames in Hamming distance.
+
+    Of equally near frames that of the first class comes first, so the order of training decides
+    nothing; of classes with as many votes the one with the nearest frame wins.
+
+    Args:
+        n_neighbours: k.
+
+    Attributes:
+        frames_: int64 [N, W], the hypervectors of all training frames.
+        rows_: int64 [N] (CPU), their classes.
+    """
+
+    frames_: Tensor
+    rows_: Tensor
+    _n_classes: int
+    _dimension: int
+
+    def __init__(self, n_neighbours: int = 1):
+        self.n_neighbours = n_neighbours
+
+    def check(self) -> None:
+        check_neighbours(self.n_neighbours)
+
+    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
+        self._n_classes, self._dimension = n_classes, dimension
+        self.frames_, self.rows_ = words.clone(), rows
+        return self
+
+    def add(self, words: Tensor, rows: Tensor) -> None:
+        self.frames_ = torch.cat((self.frames_, words))
+        self.rows_ = torch.cat((self.rows_, rows))
+
+    def arrange(self, places: Sequence[int], n_classes: int) -> None:
+        self._n_classes = n_classes
+        self.rows_ = torch.tensor(list(places), dtype=torch.int64)[self.rows_]
+
+    def merge(self, other: Self, places: Sequence[int]) -> None:
+        self.add(
+            other.frames_, torch.tensor(list(places), dtype=torch.int64)[other.rows_]
+        )
+
+    def adapt(
+        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
+    ) -> None:
+        """Take the new hypervectors in place of the kept ones of their classes, whatever else."""
+        others = ~torch.isin(self.rows_, rows)
+        self.frames_ = torch.cat((self.frames_[others.to(self.frames_.device)], words))
+        self.rows_ = torch.cat((self.rows_[others], rows))
+
+    def scores(self, words: Tensor) -> Tensor:
+        """Minus the distance of the nearest frame of each class, and far more for one with votes.
+
+        int64 [Q, L]; a class without frames is one farther than the farthest.
+        """
+        distances = bits.hamming(words, self.frames_, self.backend)
+        rows = self.rows_.to(words.device).expand_as(distances)
+        far = self._dimension + 1
+        nearest = distances.new_full((len(words), self._n_classes), far)
+        scores = -nearest.scatter_reduce(1, rows, distances, "amin")
+        if self.n_neighbours > 1:
+            by_distance_and_class = distances * self._n_classes + rows
+            k = min(self.n_neighbours, len(self.frames_))
+            voting = (
+                by_distance_and_class.topk(k, dim=1, largest=False).values
+                % self._n_classes
+            )
+            votes = torch.zeros_like(scores)
+            votes.scatter_add_(1, voting, torch.ones_like(voting))
+            scores += (far + 1) * votes
+        return scores
+
+    def state(self) -> dict[str, Tensor]:
+        return {"frames": self.frames_}
+
+    def stored(self) -> dict[str, Tensor]:
+        return {"frames": self.frames_, "rows": self.rows_}
+
+    def restore(
+        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
+    ) -> None:
+        rows = tensors["rows"].cpu()
+        width = bits.words_for(dimension)
+        check_tensors(tensors, {"frames": (len(rows), width), "rows": (len(rows),)})
+        if len(rows) == 0 or rows.min() < 0 or rows.max() >= n_classes:
+            raise ValueError(f"rows: expected classes in [0, {n_classes})")
+        bits.check_padding(tensors["frames"], dimension)
+        self._n_classes, self._dimension = n_classes, dimension
+        self.frames_, self.rows_ = tensors["frames"], rows
+
+
+def check_neighbours(k: object) -> None:
+    """Raise ValueError for a number of neighbours that is none."""
+    if isinstance(k, bool) or not isinstance(k, int | np.integer) or k < 1:
+        raise ValueError(f"n_neighbours: expected an integer ≥ 1, found {k!r}")

@@ -1,0 +1,58 @@
+"""Products of packed hypervectors with bit-sliced weights, and with each other, in integers."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from hdc import bits
+
+_ROWS = 64  # of a Gram matrix at a time
+
+
+def dot(
+    planes: Tensor,
+    plane_ones: Tensor,
+    n: Tensor,
+    words: Tensor,
+    dimension: int,
+    backend: str = "numpy",
+) -> Tensor:
+    """(2v − 1)·(2c − n) of queries v, int64 [Q, L], from bit-sliced c, int64 [L, P, W].
+
+    A query v ∈ {0, 1} has v·c = Σ_p 2^p |v ∧ plane_p| and |v ∧ b| = (|v| + |b| − Ham(v, b))/2;
+    `plane_ones` [L, P] are the |plane_p|.
+    """
+    n_classes, n_planes, width = planes.shape
+    weights = 2 ** torch.arange(n_planes, device=words.device)
+    ones = bits.count_ones(words)
+    distances = bits.hamming(words, planes.reshape(-1, width), backend)
+    distances = distances.view(-1, n_classes, n_planes)
+    overlap = (ones[:, None, None] + plane_ones - distances) // 2
+    products, total = (overlap * weights).sum(2), (plane_ones * weights).sum(1)
+    return (
+        4 * products - 2 * total - n.to(words.device) * (2 * ones[:, None] - dimension)
+    )
+
+
+def gram(a: Tensor, b: Tensor, dimension: int, backend: str = "numpy") -> Tensor:
+    """Products of hypervectors in ±1, [N, W] × [M, W] → float64 [N, M] (CPU)."""
+    if a is not b:
+        return (dimension - 2 * bits.hamming(a, b, backend)).double().cpu()
+    products = torch.empty(len(a), len(a), dtype=torch.float64)
+    for start in range(0, len(a), _ROWS):  # one half; the other is its mirror image
+        stop = start + _ROWS
+        products[start:stop, :stop] = gram(a[start:stop], a[:stop], dimension, backend)
+        products[:start, start:stop] = products[start:stop, :start].T
+    return products
+
+
+def combinations(coefficients: Tensor, words: Tensor, start: int, stop: int) -> Tensor:
+    """Σ_i a_i·x_i over the bits of words start to stop: a [N, K] → float32 [K, 64·(stop − start)].
+
+    x_i are the hypervectors int64 [N, W] in ±1; bits beyond D count as −1.
+    """
+    part = words[:, start:stop].cpu()
+    ones = bits.unpack(part, part.shape[1] * bits.WORD).float()
+    a = coefficients.T.float()
+    return 2 * (a @ ones) - a.sum(1, keepdim=True)

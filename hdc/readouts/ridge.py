@@ -1,0 +1,346 @@
+"""Ridge regression on packed bits, of classes and of numbers.
+
+Targets y on bits x ∈ {−1, 1}^D with an intercept,
+
+    min over w, b of Σ_i (y_i − b − w·x_i)² + λ‖w − w₀‖²        w₀ = 0, or the weights of before,
+
+are solved among N frames: x_i·x_k = D − 2·Hamming, and with the centred Gram matrix K the change of
+the weights is Xᵀa, a = (K + λ)⁻¹(y − ȳ). One eigendecomposition of K gives every penalty and its
+exact leave-one-out residuals r_i = (y_i − f(x_i))/(1 − S_ii) with S = 1/N + K(K + λ)⁻¹; the penalty
+with the least Σ r_i² is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Self
+
+import torch
+from torch import Tensor
+
+from hdc import bits
+from hdc.io import check_tensors
+from hdc.readouts.base import Readout
+from hdc.readouts.products import dot, gram
+from hdc.readouts.values import ValueReadout
+
+PENALTIES = tuple(10.0**k for k in range(-4, 5))
+"""Penalties tried, in units of the mean of K's diagonal."""
+_OFFSET, _PLANES = 128, 8  # weights are stored as q + 128, bit-sliced
+_STEP = 256  # words unpacked at a time
+_LOWEST = -1e300  # intercept of a class without frames
+
+
+class Ridge(Readout):
+    """Ridge regression of 1 for the class of a frame and −1 for the others.
+
+    Args:
+        penalty: λ in units of the mean of K's diagonal; None takes the one of :data:`PENALTIES`
+            with the least leave-one-out error.
+
+    Attributes:
+        linear_: the weights, :class:`Linear`.
+    """
+
+    linear_: Linear
+
+    def __init__(self, penalty: float | None = None):
+        self.penalty = penalty
+
+    def check(self) -> None:
+        check_penalty(self.penalty)
+
+    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
+        fitted = solve(
+            words, _signs(rows, n_classes), dimension, self.penalty, self.backend
+        )
+        empty = torch.bincount(rows, minlength=n_classes) == 0
+        fitted.linear.intercepts[empty] = _LOWEST
+        self.linear_ = fitted.linear
+        return self
+
+    def adapt(
+        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
+    ) -> None:
+        """Go to the weights near those of before that fit new frames, whatever else is asked."""
+        targets = _signs(rows, len(self.linear_.planes))
+        prior, dimension = self.linear_, self.linear_.dimension
+        self.linear_ = solve(
+            words, targets, dimension, None, self.backend, prior
+        ).linear
+
+    def scores(self, words: Tensor) -> Tensor:
+        """The linear functions, float64 [Q, L]."""
+        return self.linear_.values(words, self.backend)
+
+    def state(self) -> dict[str, Tensor]:
+        return {"weights": self.linear_.planes, "scales": self.linear_.scales}
+
+    def stored(self) -> dict[str, Tensor]:
+        return self.linear_.tensors()
+
+    def restore(
+        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
+    ) -> None:
+        self.linear_ = Linear.of(tensors, n_classes, dimension)
+
+
+class RidgeValues(ValueReadout):
+    """Ridge regression of numbers.
+
+    Args:
+        penalty: as of :class:`Ridge`.
+
+    Attributes:
+        linear_: the weights, :class:`Linear`.
+        residuals_: exact leave-one-out errors of the training frames, float64 [N, T].
+    """
+
+    linear_: Linear
+    residuals_: Tensor
+    _words: Tensor
+    _dual: Dual | None  # made again where a file does not have it
+
+    def __init__(self, penalty: float | None = None):
+        self.penalty = penalty
+
+    def check(self) -> None:
+        check_penalty(self.penalty)
+
+    def fit(self, words: Tensor, values: Tensor, dimension: int) -> Self:
+        return self._learn(
+            solve(words, values, dimension, self.penalty, self.backend), words
+        )
+
+    def adapt(self, words: Tensor, values: Tensor) -> Self:
+        """Go to the weights near those of before that fit new frames, with their penalty."""
+        dimension = self.linear_.dimension
+        return self._learn(
+            solve(words, values, dimension, None, self.backend, self.linear_), words
+        )
+
+    def _learn(self, fitted: Fit, words: Tensor) -> Self:
+        self.linear_, self.residuals_, self._dual, self._words = *fitted, words
+        return self
+
+    def values(self, words: Tensor) -> Tensor:
+        return self.linear_.values(words, self.backend).cpu()
+
+    def without(self, words: Tensor) -> tuple[Tensor, Tensor]:
+        """f₋ᵢ is the fit to targets of which f₋ᵢ(x_i) replaces y_i: f(x) − f₋ᵢ(x) = S_i(x)·r_i."""
+        if self._dual is None:
+            self._dual = self._dual_again()
+        centre = self.values(words)
+        products = gram(words, self._words, self.linear_.dimension, self.backend)
+        smoother = self._dual.smoother(products)
+        return centre, centre[:, None] - smoother[..., None] * self.residuals_
+
+    def _dual_again(self) -> Dual:
+        products = gram(self._words, self._words, self.linear_.dimension, self.backend)
+        means = products.mean(1)
+        products -= means
+        products -= means[:, None] - means.mean()
+        products.diagonal().add_(self.linear_.penalty)
+        return Dual(torch.cholesky_inverse(torch.linalg.cholesky(products)), means)
+
+    def stored(self) -> dict[str, Tensor]:
+        return {**self.linear_.tensors(), "residuals": self.residuals_}
+
+    def restore(
+        self,
+        tensors: Mapping[str, Tensor],
+        words: Tensor,
+        values: Tensor,
+        dimension: int,
+    ) -> None:
+        parts = dict(tensors)
+        residuals = parts.pop("residuals").cpu()
+        check_tensors(
+            {"residuals": residuals}, {"residuals": tuple(values.shape)}, ("residuals",)
+        )
+        self.linear_ = Linear.of(parts, values.shape[1], dimension)
+        self.residuals_, self._dual, self._words = residuals, None, words
+
+
+def check_penalty(penalty: Any) -> None:
+    """Raise ValueError for a penalty that is neither None nor a number above zero."""
+    if penalty is not None and not (isinstance(penalty, int | float) and penalty > 0):
+        raise ValueError(
+            f"penalty: expected a number above zero or None, found {penalty!r}"
+        )
+
+
+def _signs(rows: Tensor, n_classes: int) -> Tensor:
+    """1 for the class of each frame and −1 for the others, float64 [N, L]."""
+    return 2 * torch.eye(n_classes, dtype=torch.float64)[rows] - 1
+
+
+@dataclass(frozen=True)
+class Linear:
+    """T linear functions of packed bits, with weights of 8 bits each: scale·q_j for pixel j."""
+
+    planes: Tensor  # int64 [T, 8, W], bit-sliced q + 128
+    scales: Tensor  # float64 [T]
+    intercepts: Tensor  # float64 [T]
+    penalty: float  # λ
+    dimension: int
+
+    def values(self, words: Tensor, backend: str = "numpy") -> Tensor:
+        """w·x + b of hypervectors int64 [Q, W], float64 [Q, T]; the products are exact."""
+        n = torch.full((len(self.planes),), 2 * _OFFSET)
+        ones = bits.count_ones(self.planes)
+        products = dot(self.planes, ones, n, words, self.dimension, backend) // 2
+        return products * self.scales.to(words.device) + self.intercepts.to(
+            words.device
+        )
+
+    def weights(self, start: int, stop: int) -> Tensor:
+        """Weights float64 [T, B] of the bits in words start to stop."""
+        shifted = bits.unpack(self.planes[..., start:stop], (stop - start) * bits.WORD)
+        powers = 2.0 ** torch.arange(_PLANES, dtype=torch.float64)
+        q = torch.einsum("p,tpb->tb", powers, shifted.double().cpu()) - _OFFSET
+        return q * self.scales[:, None]
+
+    def tensors(self) -> dict[str, Tensor]:
+        """The tensors of a file."""
+        penalty = torch.tensor(self.penalty, dtype=torch.float64)
+        values = {
+            "scales": self.scales,
+            "intercepts": self.intercepts,
+            "penalty": penalty,
+        }
+        return {"weights": self.planes, **values}
+
+    @classmethod
+    def of(cls, tensors: Mapping[str, Tensor], n: int, dimension: int) -> Linear:
+        """From :meth:`tensors` of n functions; a ValueError for others."""
+        width = bits.words_for(dimension)
+        shapes = {"weights": (n, _PLANES, width), "scales": (n,), "intercepts": (n,)}
+        floats = ("scales", "intercepts", "penalty")
+        check_tensors(tensors, {**shapes, "penalty": ()}, floats)
+        bits.check_padding(tensors["weights"], dimension)
+        scales, intercepts = tensors["scales"].cpu(), tensors["intercepts"].cpu()
+        return cls(
+            tensors["weights"], scales, intercepts, float(tensors["penalty"]), dimension
+        )
+
+
+class Dual(NamedTuple):
+    """What leave-one-out predictions of other frames need besides the weights."""
+
+    inverse: Tensor  # (K + λ)⁻¹, float64 [N, N]
+    means: Tensor  # of each row of the Gram matrix, [N]
+
+    def smoother(self, products: Tensor) -> Tensor:
+        """S_i(x) from products of Q frames with the training frames: float64 [Q, N]."""
+        shift = self.means - self.means.mean()
+        centred = products - products.mean(1, keepdim=True) - shift
+        return 1 / len(self.means) + centred @ self.inverse
+
+
+class Fit(NamedTuple):
+    """What :func:`solve` finds."""
+
+    linear: Linear
+    residuals: Tensor
+    dual: Dual
+
+
+def solve(
+    words: Tensor,
+    targets: Tensor,
+    dimension: int,
+    penalty: float | None = None,
+    backend: str = "numpy",
+    prior: Linear | None = None,
+) -> Fit:
+    """Fit float64 targets [N, T] to hypervectors int64 [N, W] of D bits.
+
+    Args:
+        words, targets, dimension: as above.
+        penalty: in units of the mean of K's diagonal; None tries :data:`PENALTIES`.
+        backend: of :func:`hdc.bits.hamming`.
+        prior: weights to stay near, with their penalty.
+    """
+    products = gram(words, words, dimension, backend)
+    left = targets if prior is None else targets - prior.values(words, backend).cpu()
+    mean = left.mean(0)
+    # Squares of numbers near 1e155 or 1e-165 are none: errors are compared in units of the largest.
+    unit = (left - mean).abs().amax(0)
+    unit = torch.where(unit > 0, unit, 1.0)
+    scaled = (left - mean) / unit
+    means = products.mean(1)
+    centred = products - means - means[:, None] + means.mean()
+    spectrum, vectors = torch.linalg.eigh(centred)
+    spectrum = spectrum.clamp(min=0)
+    if prior is None:
+        typical = max(float(spectrum.mean()), 1.0)
+        penalties = [
+            typical * p for p in (PENALTIES if penalty is None else (penalty,))
+        ]
+    else:
+        penalties = [prior.penalty]
+    chosen, residuals = least_error(spectrum, vectors, scaled, penalties)
+    inverse = (vectors / (spectrum + chosen)) @ vectors.T
+    dual = (inverse @ scaled) * unit
+    intercepts = mean - means @ dual
+    if prior is not None:
+        intercepts = intercepts + prior.intercepts
+    planes, scales = _quantised(words, dual, dimension, prior)
+    linear = Linear(planes, scales, intercepts, chosen, dimension)
+    return Fit(linear, residuals * unit, Dual(inverse, means))
+
+
+def least_error(
+    spectrum: Tensor, vectors: Tensor, targets: Tensor, penalties: list[float]
+) -> tuple[float, Tensor]:
+    """The penalty with the least leave-one-out error, and its residuals r_i [N, T].
+
+    Args:
+        spectrum, vectors: eigenvalues [N], not negative, and eigenvectors of the centred K.
+        targets: less their mean, float64 [N, T].
+        penalties: those to try.
+    """
+    n = len(spectrum)
+    rotated = vectors.T @ targets
+    tried = []
+    for penalty in penalties:
+        kept = penalty / (spectrum + penalty)
+        # A single frame, or only equal ones, have no leave-one-out prediction: r_i = y_i − ȳ.
+        leverage = ((vectors**2) @ kept - 1 / n).clamp(min=1e-9 if n > 1 else 1.0)
+        residuals = vectors @ (kept[:, None] * rotated) / leverage[:, None]
+        tried.append((float((residuals**2).sum()), penalty, residuals))
+    _, penalty, residuals = min(tried, key=lambda found: found[0])
+    return penalty, residuals
+
+
+def _quantised(
+    words: Tensor, dual: Tensor, dimension: int, prior: Linear | None
+) -> tuple[Tensor, Tensor]:
+    """Weights Xᵀa, and those of before, rounded to 8 bits; a few words at a time, twice."""
+    width = words.shape[1]
+    starts = range(0, width, _STEP)
+
+    def weights(start: int) -> Tensor:
+        stop = min(start + _STEP, width)
+        total = _weights(dual, words, start, stop)
+        return total if prior is None else total + prior.weights(start, stop)
+
+    largest = torch.stack([weights(start).abs().amax(1) for start in starts]).amax(0)
+    scales = torch.where(largest > 0, largest / (_OFFSET - 1), 1.0)
+    planes = words.new_zeros(dual.shape[1], _PLANES, width)
+    for start in starts:
+        q = (weights(start) / scales[:, None]).round().long() + _OFFSET
+        q[:, max(0, dimension - start * bits.WORD) :] = 0
+        for p in range(_PLANES):
+            packed = bits.pack((q >> p) & 1 == 1).to(words.device)
+            planes[:, p, start : start + packed.shape[1]] = packed
+    return planes, scales
+
+
+def _weights(dual: Tensor, words: Tensor, start: int, stop: int) -> Tensor:
+    """Xᵀa of the bits in words start to stop, float64 [T, B]."""
+    part = words[:, start:stop].cpu()
+    signs = bits.unpack(part, part.shape[1] * bits.WORD).double()
+    return dual.T @ (2 * signs - 1)

@@ -1,0 +1,121 @@
+"""Binary prototypes corrected by their mistakes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Self
+
+import torch
+from torch import Tensor
+
+from hdc import bits
+from hdc.io import check_tensors
+from hdc.readouts.base import Readout
+from hdc.readouts.products import combinations
+
+_STEP = 1024  # words unpacked at a time
+_FAR = 2**62
+
+
+class Trained(Readout):
+    """Nearest prototype in Hamming distance; prototypes are counters corrected in some passes.
+
+    The rule of QuantHD (Imani et al., IEEE TCAD 39, 2268 (2020)) with a margin: after each pass,
+    every frame whose nearest prototype of another class is nearer than its own by less than a
+    margin is added to the counter of its class and taken from that of the other; prototypes are the
+    signs of the counters. Nothing is drawn at random.
+
+    Args:
+        margin: share of the D bits.
+        passes: over the training frames, at most; they end when nothing is to be corrected.
+
+    Attributes:
+        prototypes_: int64 [L, W].
+    """
+
+    prototypes_: Tensor
+    _empty: Tensor
+    _dimension: int
+
+    def __init__(self, margin: float = 0.02, passes: int = 10):
+        self.margin = margin
+        self.passes = passes
+
+    def check(self) -> None:
+        if not 0 <= self.margin < 1:
+            raise ValueError(
+                f"margin: expected a share in [0, 1), found {self.margin!r}"
+            )
+        if type(self.passes) is not int or self.passes < 0:
+            raise ValueError(f"passes: expected an integer ≥ 0, found {self.passes!r}")
+
+    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
+        """See :meth:`hdc.readouts.base.Readout.fit`; 4·L·D bytes are needed meanwhile."""
+        self._dimension = dimension
+        self._empty = torch.bincount(rows, minlength=n_classes) == 0
+        counters = torch.zeros(
+            n_classes, words.shape[1] * bits.WORD, dtype=torch.float32
+        )
+        everyone = torch.nn.functional.one_hot(rows, n_classes).float()
+        _add(counters, everyone, words)
+        for _ in range(self.passes):
+            self._binarise(counters, words)
+            votes = self._corrections(words, rows)
+            if not votes.any():
+                break
+            wrong = votes.any(1)
+            _add(counters, votes[wrong], words[wrong.to(words.device)])
+        self._binarise(counters, words)
+        return self
+
+    def _binarise(self, counters: Tensor, words: Tensor) -> None:
+        signs = counters[:, : self._dimension] > 0
+        self.prototypes_ = bits.pack(signs).to(words.device)
+
+    def _corrections(self, words: Tensor, rows: Tensor) -> Tensor:
+        """What each frame is counted by, [N, L]: 1 for its class, −1 for the nearest other one."""
+        distances = -self.scores(words).cpu()
+        places = torch.arange(len(rows))
+        own = distances[places, rows]
+        distances[places, rows] = _FAR
+        nearest, rival = distances.min(1)
+        wrong = nearest - own < self.margin * self._dimension
+        votes = torch.zeros(len(rows), distances.shape[1])
+        votes[places[wrong], rows[wrong]] = 1
+        votes[places[wrong], rival[wrong]] = -1
+        return votes
+
+    def scores(self, words: Tensor) -> Tensor:
+        """Minus the Hamming distances, int64 [Q, L]; far below all for a class without frames."""
+        scores = -bits.hamming(words, self.prototypes_, self.backend)
+        if self._empty.any():
+            scores[:, self._empty.to(scores.device)] = 1 - _FAR
+        return scores
+
+    def state(self) -> dict[str, Tensor]:
+        return {"prototypes": self.prototypes_}
+
+    def stored(self) -> dict[str, Tensor]:
+        return {**self.state(), "empty": self._empty.long()}
+
+    def restore(
+        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
+    ) -> None:
+        width = bits.words_for(dimension)
+        check_tensors(
+            tensors, {"prototypes": (n_classes, width), "empty": (n_classes,)}
+        )
+        bits.check_padding(tensors["prototypes"], dimension)
+        self.prototypes_, self._empty = (
+            tensors["prototypes"],
+            tensors["empty"].cpu() != 0,
+        )
+        self._dimension = dimension
+
+
+def _add(counters: Tensor, votes: Tensor, words: Tensor) -> None:
+    """Add Σ_i votes_ic·x_i of hypervectors in ±1 to counters [L, 64·W], exact below 2²⁴."""
+    for start in range(0, words.shape[1], _STEP):
+        stop = min(start + _STEP, words.shape[1])
+        part = combinations(votes, words, start, stop)
+        counters[:, start * bits.WORD : stop * bits.WORD] += part

@@ -1,0 +1,136 @@
+"""What a read-out of numbers is, and the mean of the nearest frames."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hdc import bits
+from hdc.io import check_tensors
+from hdc.parameters import Parametrised
+from hdc.readouts.neighbours import check_neighbours
+
+
+class ValueReadout(Parametrised, ABC):
+    """T numbers a frame from packed hypervectors; an idea is a subclass in a file of its own.
+
+    A subclass writes :meth:`fit` and :meth:`values`; for intervals also :meth:`without` and
+    `residuals_`. What it learns are tensors in attributes that end in an underscore.
+    """
+
+    revision: ClassVar[int] = 1
+    """Raised by hand in the commit that changes the numbers of some query."""
+    backend: str = "numpy"
+    residuals_: Tensor
+    """Leave-one-out errors of the training frames, float64 [N, T]."""
+
+    def check(self) -> None:
+        """Raise ValueError, naming it, for a parameter that is not allowed."""
+
+    @abstractmethod
+    def fit(self, words: Tensor, values: Tensor, dimension: int) -> Self:
+        """Start anew and learn float64 values [N, T] of hypervectors int64 [N, W] of D bits."""
+
+    @abstractmethod
+    def values(self, words: Tensor) -> Tensor:
+        """Numbers float64 [Q, T] (CPU) of hypervectors int64 [Q, W]."""
+
+    def adapt(self, words: Tensor, values: Tensor) -> Self:
+        """Go to new frames; by default those alone are learned."""
+        return self.fit(words, values, self._dimension)
+
+    def without(self, words: Tensor) -> tuple[Tensor, Tensor]:
+        """:meth:`values`, and those without each training frame, [Q, N, T].
+
+        Raises:
+            ValueError: for a read-out that has none.
+        """
+        raise ValueError(
+            f"interval: {type(self).__name__} has no leave-one-out predictions"
+        )
+
+    def stored(self) -> dict[str, Tensor]:
+        """The tensors of a file, besides the frames and values of training."""
+        learned = vars(self).items()
+        return {k: v for k, v in learned if k.endswith("_") and isinstance(v, Tensor)}
+
+    def restore(
+        self,
+        tensors: Mapping[str, Tensor],
+        words: Tensor,
+        values: Tensor,
+        dimension: int,
+    ) -> None:
+        """Learn :meth:`stored` of a file, and the hypervectors and values of training."""
+        self._dimension = dimension
+        for name, tensor in tensors.items():
+            setattr(self, name, tensor)
+
+    _dimension: int
+
+
+class NeighbourValues(ValueReadout):
+    """The mean of the k nearest training frames in Hamming distance.
+
+    Args:
+        n_neighbours: k.
+    """
+
+    _words: Tensor
+    _targets: Tensor
+
+    def __init__(self, n_neighbours: int = 1):
+        self.n_neighbours = n_neighbours
+
+    def check(self) -> None:
+        check_neighbours(self.n_neighbours)
+
+    def fit(self, words: Tensor, values: Tensor, dimension: int) -> Self:
+        self._words, self._targets, self._dimension = words, values, dimension
+        distances = bits.hamming(words, words, self.backend).cpu().numpy()
+        np.fill_diagonal(distances, dimension + 1)  # none is its own neighbour
+        places = self._nearest(distances)[:, :-1]
+        self.residuals_ = values - values[places].mean(1)
+        return self
+
+    def values(self, words: Tensor) -> Tensor:
+        distances = bits.hamming(words, self._words, self.backend).cpu().numpy()
+        return self._targets[self._nearest(distances)[:, :-1]].mean(1)
+
+    def without(self, words: Tensor) -> tuple[Tensor, Tensor]:
+        distances = bits.hamming(words, self._words, self.backend).cpu().numpy()
+        places = self._nearest(distances)
+        values = self._targets[places]  # [Q, k + 1, T]
+        k = values.shape[1] - 1
+        means = values[:, :k].mean(1)
+        without = means[:, None].repeat(1, len(self._words), 1)
+        queries = torch.arange(len(words))[:, None]
+        without[queries, places[:, :k]] += (values[:, k:] - values[:, :k]) / k
+        return means, without
+
+    def _nearest(self, distances: np.ndarray) -> Tensor:
+        """The k nearest frames of each query and the next one, [Q, k + 1]; k below N."""
+        k = min(self.n_neighbours, len(self._words) - 1)
+        return torch.from_numpy(distances.argsort(axis=1, kind="stable")[:, : k + 1])
+
+    def stored(self) -> dict[str, Tensor]:
+        return {"residuals": self.residuals_}
+
+    def restore(
+        self,
+        tensors: Mapping[str, Tensor],
+        words: Tensor,
+        values: Tensor,
+        dimension: int,
+    ) -> None:
+        residuals = tensors["residuals"].cpu()
+        check_tensors(
+            {"residuals": residuals}, {"residuals": tuple(values.shape)}, ("residuals",)
+        )
+        self._words, self._targets, self._dimension = words, values, dimension
+        self.residuals_ = residuals
