@@ -7,7 +7,8 @@ seconds) and keeps the code beside these files, in the user's cache folder, or i
 
 from __future__ import annotations
 
+from hdc.compiled.combine import combine
 from hdc.compiled.count import count_into, count_uint8, hamming
 from hdc.compiled.encode import encode_uint8
 
-__all__ = ["count_into", "count_uint8", "encode_uint8", "hamming"]
+__all__ = ["combine", "count_into", "count_uint8", "encode_uint8", "hamming"]

@@ -29,6 +29,7 @@ from torch import Tensor
 
 from hdc import bits
 from hdc.io import check_tensors
+from hdc.prototypes import Counters
 from hdc.readouts.base import NOWHERE, Readout
 from hdc.readouts.products import combinations, dot, gram
 
@@ -38,7 +39,6 @@ _LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced
 _CLIPPED = 0.995  # quantile of the weights that becomes the largest
 _NONE = 1e-9  # of the largest weight: what rounding leaves of a constant pixel
 _UNIT_BITS = 20  # of the largest scale
-_STEP = 1024  # words unpacked at a time
 _ROWS = 256  # rows of the Gram matrix changed at a time
 
 
@@ -93,7 +93,10 @@ class LDA(Readout):
             products, of_means, onehot, share, dimension, self.shrinkage
         )
         offsets = -0.5 * ((of_means + of_means.mean(1, keepdim=True)) * dual).sum(0)
-        planes, scales, offsets = _quantised(words, dual, share, offsets, dimension)
+        weights = combinations(dual, words, self.backend)[:, :dimension]
+        means = class_means(words, place, len(known), dimension, self.backend)
+        planes, scales, offsets = _quantised(weights, means, offsets)
+        planes = planes.to(words.device)
         self._take(planes, scales, offsets, known, n_classes, dimension)
         self.shrinkage_ = torch.tensor(alpha, dtype=torch.float64)
         return self
@@ -222,36 +225,46 @@ def _centre_within_classes(
         products[rows] += (member @ between) @ onehot.T
 
 
+def class_means(
+    words: Tensor, rows: Tensor, n_classes: int, dimension: int, backend: str
+) -> Tensor:
+    """Means of the hypervectors of each class in ±1, float32 [L, D] (CPU)."""
+    counters = Counters(n_classes, dimension, "cpu", backend)
+    counters.add(words.cpu(), rows)
+    n = counters.n[:, None]
+    return (2 * counters.counts() - n).float() / n
+
+
 def _quantised(
-    words: Tensor, dual: Tensor, share: Tensor, offsets: Tensor, dimension: int
+    weights: Tensor, means: Tensor, offsets: Tensor
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Weights w = Aᵀ·X as planes int64 [L, 4, W], scales and offsets float64 [L]."""
-    n_classes, width = dual.shape[1], words.shape[1]
-    both = torch.cat((dual, share), 1)
-    found = torch.empty(2 * n_classes, width * bits.WORD)
-    for start in range(0, width, _STEP):
-        stop = min(start + _STEP, width)
-        found[:, start * bits.WORD : stop * bits.WORD] = combinations(
-            both, words, start, stop
-        )
-    weights, means = found[:n_classes, :dimension], found[n_classes:, :dimension]
-    centre = means.double().mean(0)
-    planes = words.new_zeros(n_classes, _PLANES, width)
-    scales = torch.ones(n_classes, dtype=torch.float64)
-    for c in range(n_classes):
-        w, away = weights[c].double(), means[c].double() - centre
-        q = (_LEVELS / _unit(w.abs()) * w).round().clamp(-_LEVELS, _LEVELS)
+    """Weights w [L, D] as planes int64 [L, 4, W]; scales and offsets float64 [L].
+
+    A scale keeps the score of the class's mean less that of the mean of means, an offset that of
+    the mean of means; `offsets` are those of the weights as they are.
+    """
+    centre = means.mean(0)
+    planes = []
+    scales = torch.ones(len(weights), dtype=torch.float64)
+    offsets = offsets.clone()
+    for c, w in enumerate(weights):
+        q = (w * (_LEVELS / _unit(w.abs()))).round_().clamp_(-_LEVELS, _LEVELS)
+        planes.append(_packed(q))
         if not q.any():
-            planes[c] = _packed(q, words)
             continue
-        kept = float(away @ q)
+        away = means[c] - centre
+        kept = _product(away, q)
         if kept > 0:
-            scales[c] = float(away @ w) / kept
+            scales[c] = _product(away, w) / kept
         else:
-            scales[c] = float(w @ q) / float(q @ q)
-        offsets[c] += float((w - scales[c] * q) @ centre)
-        planes[c] = _packed(q, words)
-    return planes, scales.clamp(min=1e-300), offsets
+            scales[c] = _product(w, q) / _product(q, q)
+        offsets[c] += _product(w - scales[c].float() * q, centre)
+    return torch.stack(planes), scales.clamp(min=1e-300), offsets
+
+
+def _product(a: Tensor, b: Tensor) -> float:
+    """Σ a·b of float32 [D], in float64."""
+    return float(a.double() @ b.double())
 
 
 def _unit(sizes: Tensor) -> float:
@@ -263,8 +276,8 @@ def _unit(sizes: Tensor) -> float:
     return float(live.kthvalue(place).values)
 
 
-def _packed(q: Tensor, words: Tensor) -> Tensor:
+def _packed(q: Tensor) -> Tensor:
     """q + 8 of the bits [D] as planes int64 [4, W]; zeros beyond D."""
-    shifted = q.long() + _OFFSET
+    shifted = (q + _OFFSET).to(torch.uint8)
     planes = [bits.pack((shifted >> p) & 1 == 1) for p in range(_PLANES)]
-    return torch.stack(planes).to(words.device)
+    return torch.stack(planes)

@@ -8,6 +8,7 @@ from torch import Tensor
 from hdc import bits
 
 _ROWS = 64  # of a Gram matrix at a time
+_STEP = 1024  # words unpacked at a time
 
 
 def dot(
@@ -47,12 +48,19 @@ def gram(a: Tensor, b: Tensor, dimension: int, backend: str = "numpy") -> Tensor
     return products
 
 
-def combinations(coefficients: Tensor, words: Tensor, start: int, stop: int) -> Tensor:
-    """Σ_i a_i·x_i over the bits of words start to stop: a [N, K] → float32 [K, 64·(stop − start)].
+def combinations(coefficients: Tensor, words: Tensor, backend: str = "numpy") -> Tensor:
+    """Σ_i a_ik·x_i of hypervectors int64 [N, W] in ±1, a [N, K]: float32 [K, 64·W] (CPU).
 
-    x_i are the hypervectors int64 [N, W] in ±1; bits beyond D count as −1.
+    Bits beyond D count as −1. Sums of whole numbers are exact below 2²⁴.
     """
-    part = words[:, start:stop].cpu()
-    ones = bits.unpack(part, part.shape[1] * bits.WORD).float()
-    a = coefficients.T.float()
-    return 2 * (a @ ones) - a.sum(1, keepdim=True)
+    factors, here = coefficients.float(), words.cpu()
+    if kernels := bits.kernels(backend, "cpu"):
+        sums = torch.from_numpy(kernels.combine(here.numpy(), factors.numpy()))
+    else:
+        sums = torch.empty(factors.shape[1], words.shape[1] * bits.WORD)
+        for start in range(0, words.shape[1], _STEP):
+            part = here[:, start : start + _STEP]
+            ones = bits.unpack(part, part.shape[1] * bits.WORD).float()
+            place = slice(start * bits.WORD, (start + part.shape[1]) * bits.WORD)
+            sums[:, place] = factors.T @ ones
+    return sums.mul_(2).sub_(factors.sum(0)[:, None])

@@ -13,7 +13,6 @@ from hdc.io import check_tensors
 from hdc.readouts.base import Readout
 from hdc.readouts.products import combinations
 
-_STEP = 1024  # words unpacked at a time
 _FAR = 2**62
 
 
@@ -53,18 +52,16 @@ class Trained(Readout):
         """See :meth:`hdc.readouts.base.Readout.fit`; 4·L·D bytes are needed meanwhile."""
         self._dimension = dimension
         self._empty = torch.bincount(rows, minlength=n_classes) == 0
-        counters = torch.zeros(
-            n_classes, words.shape[1] * bits.WORD, dtype=torch.float32
-        )
-        everyone = torch.nn.functional.one_hot(rows, n_classes).float()
-        _add(counters, everyone, words)
+        everyone = torch.nn.functional.one_hot(rows, n_classes)
+        counters = combinations(everyone, words, self.backend)
         for _ in range(self.passes):
             self._binarise(counters, words)
             votes = self._corrections(words, rows)
             if not votes.any():
                 break
             wrong = votes.any(1)
-            _add(counters, votes[wrong], words[wrong.to(words.device)])
+            corrected = words[wrong.to(words.device)]
+            counters += combinations(votes[wrong], corrected, self.backend)
         self._binarise(counters, words)
         return self
 
@@ -111,11 +108,3 @@ class Trained(Readout):
             tensors["empty"].cpu() != 0,
         )
         self._dimension = dimension
-
-
-def _add(counters: Tensor, votes: Tensor, words: Tensor) -> None:
-    """Add Σ_i votes_ic·x_i of hypervectors in ±1 to counters [L, 64·W], exact below 2²⁴."""
-    for start in range(0, words.shape[1], _STEP):
-        stop = min(start + _STEP, words.shape[1])
-        part = combinations(votes, words, start, stop)
-        counters[:, start * bits.WORD : stop * bits.WORD] += part

@@ -1,0 +1,47 @@
+"""Weighted sums of hypervectors, which weights of linear read-outs are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hdc.compiled.operations import WORD, compile_kernel, share
+
+_BLOCK = 8  # words of a row at a time: a line of the cache
+
+
+def combine(words: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    """Σ_i a_ik·bit_ij of hypervectors int64 [N, W], a float32 [N, K]: float32 [K, 64·W]."""
+    words = np.ascontiguousarray(words)
+    coefficients = np.ascontiguousarray(coefficients)
+    width = words.shape[1]
+    sums = np.empty((coefficients.shape[1], width * WORD), np.float32)
+
+    def work(start: int, stop: int) -> None:
+        _combine(words, coefficients, sums, start * _BLOCK, min(width, stop * _BLOCK))
+
+    share(work, -(-width // _BLOCK), words.nbytes)
+    return sums
+
+
+@compile_kernel("void(int64[:, ::1], float32[:, ::1], float32[:, ::1], intp, intp)")
+def _combine(words, coefficients, sums, start, stop):
+    """:func:`combine` of words start to stop, in one thread."""
+    n_sums = coefficients.shape[1]
+    total = np.empty((n_sums, _BLOCK * WORD), np.float32)
+    ones = np.empty(WORD, np.float32)
+    for left in range(start, stop, _BLOCK):
+        right = min(left + _BLOCK, stop)
+        total[:] = 0
+        for i in range(len(words)):
+            for w in range(left, right):
+                word = words[i, w]
+                for b in range(WORD):
+                    ones[b] = np.float32((word >> b) & 1)
+                first = (w - left) * WORD
+                for k in range(n_sums):
+                    factor = coefficients[i, k]
+                    for b in range(WORD):
+                        total[k, first + b] += factor * ones[b]
+        for k in range(n_sums):
+            for b in range((right - left) * WORD):
+                sums[k, left * WORD + b] = total[k, b]
