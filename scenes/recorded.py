@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import readers
+from scenes.validate import require_integer
 
 
 class RecordedScene:
     """A :class:`scenes.frames.Scene` of a recording."""
 
     origin = "recorded"
+    revision: ClassVar[int] = 1
+    """Raised by hand in the commit that changes the frames it reads."""
 
     def __init__(self, recording: readers.Recording) -> None:
         if recording.labels is None:
@@ -24,12 +27,11 @@ class RecordedScene:
                 "path: expected a recording with labels, found values only"
             )
         self.recording = recording
-        self.classes, self.labels = recording.classes, recording.labels
-        self.shape, self.samples, self.values = (
-            recording.shape,
-            recording.samples,
-            recording.values,
-        )
+        self.classes = recording.classes
+        self.labels = recording.labels
+        self.shape = recording.shape
+        self.samples = recording.samples
+        self.values = recording.values
 
     def __len__(self) -> int:
         return len(self.recording)
@@ -49,6 +51,8 @@ def open_recording(path: str | Path, **settings: Any) -> RecordedScene:
     Raises:
         ValueError: as there; a setting is named as in the configuration, ``scene.crop``.
     """
+    if "memory_bytes" in settings:
+        require_integer("scene.memory_bytes", settings["memory_bytes"], 0)
     try:
         return RecordedScene(readers.open_recording(path, **settings))
     except readers.SettingError as error:
