@@ -41,6 +41,7 @@ class MeasuredScene:
         levels: classes where there are no labels: the name of a ``value`` and the upper ``edges``
             of its classes.
         unknown: labels of frames that are no class.
+        rename: other names for labels, such as of a class that is spelled in two ways.
         saturated: why accuracies on this recording rank nothing, or null.
 
     Attributes:
@@ -71,6 +72,7 @@ class MeasuredScene:
         crop: Sequence[int] | None = None,
         subsample: int = 1,
         saturated: str | None = None,
+        rename: Mapping[str, str] | None = None,
     ) -> None:
         self.source = Source(**source)
         self.saturated = saturated
@@ -99,7 +101,7 @@ class MeasuredScene:
         self.samples: Mapping[str, np.ndarray] = _samples(self._parts)
         self.value_names = tuple(value["name"] for value in values)
         self.units = tuple(value["unit"] for value in values)
-        names = _labels(self._parts)
+        names = _labels(self._parts, rename or {})
         self.values = _values(values, self._parts, names)
         if levels is None:
             classes = tuple(sorted(set(names.tolist()), key=readers.natural_key))
@@ -206,9 +208,14 @@ def _samples(parts: Sequence[readers.Recording]) -> dict[str, np.ndarray]:
     return samples
 
 
-def _labels(parts: Sequence[readers.Recording]) -> np.ndarray:
+def _labels(
+    parts: Sequence[readers.Recording], rename: Mapping[str, str]
+) -> np.ndarray:
     """Name of each frame's label [N], or of none."""
-    names = [name for part in parts if part.classes for name in part.names]
+    names = []
+    for part in parts:
+        if part.classes:
+            names += [rename.get(name, name) for name in part.names]
     return np.array(names)
 
 
