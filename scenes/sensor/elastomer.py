@@ -31,19 +31,22 @@ NODES_PER_PERIOD = 8  # Gauss-Legendre nodes a period of the fastest oscillation
 def hertz_transform(x: Array) -> Array:
     """Φ(x) = (sin x − x·cos x)/x³ = j1(x)/x, with Φ(0) = 1/3."""
     x = np.asarray(x, dtype=np.float64)
-    safe = np.where(x > 1e-6, x, 1.0)
-    return np.where(x > 1e-6, special.spherical_jn(1, safe) / safe, 1 / 3)
+    large = x > 1e-6
+    safe = np.where(large, x, 1.0)
+    return np.where(large, special.spherical_jn(1, safe) / safe, 1 / 3)
 
 
 def layer_response(k: Array, z: Array, thickness: float) -> tuple[Array, Array]:
     """(P, Q) at wavenumbers k [1/m] and heights z [m], broadcast; nothing overflows or cancels."""
     near, far = _excess(k, z, thickness)
     kd = k * (thickness - z)
-    p, q = near + (1 + kd) * np.exp(-kd), far + kd * np.exp(-kd)
+    p = near + (1 + kd) * np.exp(-kd)
+    q = far + kd * np.exp(-kd)
     # P and Q are of order H³ and H² for a small H, what they are differences of is of order one.
-    thin = _thin(np.minimum(k * thickness, 1), np.minimum(k * z, 1))
+    big_h, s = np.minimum(k * thickness, 1), np.minimum(k * z, 1)
+    thin_p, thin_q = _thin(big_h, s)
     small = k * thickness < 1
-    return np.where(small, thin[0], p), np.where(small, thin[1], q)
+    return np.where(small, thin_p, p), np.where(small, thin_q, q)
 
 
 def _thin(big_h: Array, s: Array) -> tuple[Array, Array]:
@@ -53,15 +56,12 @@ def _thin(big_h: Array, s: Array) -> tuple[Array, Array]:
     N(H) = (sinh 2H − 2H)/2 cancels against w̄: P = N(s)/C, Q = N′(s)/C, C = (cosh 2H + 1)/2 + H².
     s·cosh s − sinh s = s²·i1(s), the modified spherical Bessel function.
     """
-    cosh_h, sinh_h, cosh_s, sinh_s = (
-        np.cosh(big_h),
-        np.sinh(big_h),
-        np.cosh(s),
-        np.sinh(s),
-    )
+    cosh_h, sinh_h = np.cosh(big_h), np.sinh(big_h)
+    cosh_s, sinh_s = np.cosh(s), np.sinh(s)
     rest = cosh_h + big_h * sinh_h
     size = cosh_h**2 + big_h**2
-    p = big_h * cosh_h * s * sinh_s - rest * s**2 * special.spherical_in(1, s)
+    lower = rest * s**2 * special.spherical_in(1, s)
+    p = big_h * cosh_h * s * sinh_s - lower
     q = big_h * cosh_h * (sinh_s + s * cosh_s) - rest * s * sinh_s
     return p / size, q / size
 
