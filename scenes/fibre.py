@@ -27,7 +27,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenes.frames import level_classes, row_numbers
+from scenes.frames import Indices, level_classes, row_numbers
 from scenes.source import Source
 from scenes.validate import require, require_integer, require_number
 
@@ -130,8 +130,10 @@ class FibreScene:
         self.shape = (side, 2 * side * n_fields)
         self._perturbation, self._photons = float(perturbation), float(photons)
         self._sampling_seed = sampling_seed
-        drawn = [self._draw(i).choice(members[c]) for i, c in enumerate(self.labels)]
-        self._position = np.array(drawn)
+        positions = []
+        for i, label in enumerate(self.labels):
+            positions.append(self._draw(i).choice(members[label]))
+        self._position = np.array(positions)
         depth = measured.depths[self._position]
         self.samples: Mapping[str, np.ndarray] = {"order": np.arange(n), "depth": depth}
         self.values = depth[:, None] * 1e6
@@ -163,20 +165,25 @@ class FibreScene:
     def __len__(self) -> int:
         return len(self.labels)
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """Frames uint8 [len(indices), side, 2·side·K]; an IndexError for one outside [0, N)."""
-        frames = [self._frame(i) for i in row_numbers(indices, len(self)).tolist()]
-        return torch.from_numpy(np.array(frames, np.uint8).reshape(-1, *self.shape))
+        rows = row_numbers(indices, len(self)).tolist()
+        frames = np.empty((len(rows), *self.shape), np.uint8)
+        for k, row in enumerate(rows):
+            frames[k] = self._frame(row)
+        return torch.from_numpy(frames)
 
     def fingerprint(self) -> str:
         """SHA-256 over the measured arrays and every parameter but the path."""
-        digest = hashlib.sha256(repr(("fibre", self._settings)).encode())
+        settings = repr(("fibre", self._settings))
+        digest = hashlib.sha256(settings.encode())
         for array in (self._matrices, self._modes, self.samples["depth"]):
             digest.update(np.ascontiguousarray(array).data)
         return digest.hexdigest()
 
     def _draw(self, i: int) -> np.random.Generator:
-        return np.random.default_rng(np.random.SeedSequence([self._sampling_seed, i]))
+        address = np.random.SeedSequence([self._sampling_seed, i])
+        return np.random.default_rng(address)
 
     def _frame(self, i: int) -> np.ndarray:
         # In a batched product the last bit of the intensity, and so a photon count, would depend on
@@ -217,8 +224,8 @@ class _Measured:
 
 def _locate(path: str | Path | None) -> Path:
     """Find folder ``Data`` of a copy of :data:`PRESSED`."""
-    copy = PRESSED.folder() if path is None else Path(path).expanduser()
-    folder = copy / "Data"
+    checkout = PRESSED.folder() if path is None else Path(path)
+    folder = checkout.expanduser() / "Data"
     if not folder.is_dir():
         raise FileNotFoundError(
             f"scene.path: expected a copy of github.com/{PRESSED.repository}, found no folder "
@@ -290,12 +297,14 @@ def _mean_intensity(
     The sum over pixels is the quadratic form of the modes' Gram matrix, so no image is made.
     """
     gram = modes.conj() @ modes.T
-    sources = np.concatenate(
-        [field[:, None], perturbation * np.eye(len(field))], axis=1
-    )
-    out = (matrices @ sources).reshape(len(matrices), 2, len(modes), -1)
-    power = np.einsum("pqms,mn,pqns->", out.conj(), gram, out, optimize=True).real
-    return float(power / (len(matrices) * 2 * modes.shape[1]))
+    perturbations = perturbation * np.eye(len(field))
+    inputs = np.concatenate([field[:, None], perturbations], axis=1)
+    out = matrices @ inputs
+    out = out.reshape(len(matrices), 2, len(modes), -1)
+    sums = "pqms,mn,pqns->"
+    power = np.einsum(sums, out.conj(), gram, out, optimize=True).real
+    n_pixels = 2 * modes.shape[1]
+    return float(power / (len(matrices) * n_pixels))
 
 
 def _dirichlet(side: int, grid: int) -> np.ndarray:
@@ -303,10 +312,12 @@ def _dirichlet(side: int, grid: int) -> np.ndarray:
     Σ_k exp(2πi·k·x/grid)/grid over the frequencies k of an odd number of points."""
     x = (np.arange(side) + 0.5) * grid / side - 0.5
     k = np.arange(-(grid // 2), grid // 2 + 1)
-    offsets = x[:, None, None] - np.arange(grid)[None, :, None]
-    return np.cos(2 * np.pi * k * offsets / grid).sum(-1) / grid
+    stored = np.arange(grid)[None, :, None]
+    phases = 2 * np.pi * k * (x[:, None, None] - stored) / grid
+    return np.cos(phases).sum(-1) / grid
 
 
 def _complex_normal(rng: np.random.Generator, n: int) -> np.ndarray:
     """n circular complex numbers of mean square 1."""
-    return rng.standard_normal((n, 2)).view(np.complex128)[:, 0] / np.sqrt(2)
+    parts = rng.standard_normal((n, 2))
+    return parts.view(np.complex128)[:, 0] / np.sqrt(2)

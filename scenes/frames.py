@@ -18,6 +18,9 @@ from torch import Tensor
 
 from scenes.validate import is_number, require
 
+Indices = Sequence[int] | np.ndarray | Tensor
+"""Numbers of samples, [k]."""
+
 
 @runtime_checkable
 class Scene(Protocol):
@@ -43,7 +46,7 @@ class Scene(Protocol):
     samples: Mapping[str, np.ndarray]
     origin: str
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """Frames uint8 (or uint16) [len(indices), H, W], the same in any batch and order."""
         ...
 
@@ -76,7 +79,7 @@ class Frames:
     def shape(self) -> tuple[int, int]:
         return (self.images.shape[1], self.images.shape[2])
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         rows = torch.as_tensor(np.asarray(indices), dtype=torch.int64)
         return self.images[rows]
 
@@ -119,7 +122,7 @@ def level_classes(
     return tuple(names), labels
 
 
-def row_numbers(indices: Sequence[int] | np.ndarray | Tensor, n: int) -> np.ndarray:
+def row_numbers(indices: Indices, n: int) -> np.ndarray:
     """Indices as int64 [k]; an IndexError for one outside [0, n)."""
     index = np.asarray(indices, dtype=np.int64).reshape(-1)
     outside = (index < 0) | (index >= n)

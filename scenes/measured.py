@@ -21,7 +21,7 @@ import torch
 from torch import Tensor
 
 from hdc import readers
-from scenes.frames import level_classes, row_numbers
+from scenes.frames import Indices, level_classes, row_numbers
 from scenes.source import Source
 from scenes.validate import require
 
@@ -95,7 +95,8 @@ class MeasuredScene:
         except readers.SettingError as error:
             raise ValueError(f"scene.{error}") from error
         self.shape = self._parts[0].shape
-        self.sha256 = self.source.check(root, _files(folders, self._parts, table))
+        files = _files(folders, self._parts, table)
+        self.sha256 = self.source.check(root, files)
         self._settings = (self.sha256, tuple(crop or ()), subsample)
         self._decoded = _decoded(*self._settings)
         self.samples: Mapping[str, np.ndarray] = _samples(self._parts)
@@ -104,7 +105,8 @@ class MeasuredScene:
         names = _labels(self._parts, rename or {})
         self.values = _values(values, self._parts, names)
         if levels is None:
-            classes = tuple(sorted(set(names.tolist()), key=readers.natural_key))
+            found = set(names.tolist())
+            classes = tuple(sorted(found, key=readers.natural_key))
         else:
             classes, names = self._levels(levels)
         expected = "edges of a value: no image has a label"
@@ -122,7 +124,8 @@ class MeasuredScene:
         value, edges = self.values[:, k], levels["edges"]
         classes, labels = level_classes(value, edges, self.units[k])
         expected = f"a last edge of {value.max():g} or more"
-        require(labels.max() < len(classes), "scene.levels.edges", edges, expected)
+        all_below = labels.max() < len(classes)
+        require(all_below, "scene.levels.edges", edges, expected)
         return classes, np.array(classes)[labels]
 
     def _keep(
@@ -130,16 +133,16 @@ class MeasuredScene:
     ) -> None:
         """Keep some of the frames; names [N] of the classes of all."""
         self._rows = np.flatnonzero(chosen)
-        self.classes = tuple(name for name in classes if name in names[chosen])
-        labels = [self.classes.index(name) for name in names[chosen]]
-        self.labels = np.array(labels)
-        self.samples = {name: column[chosen] for name, column in self.samples.items()}
+        kept = names[chosen]
+        self.classes = tuple(name for name in classes if name in kept)
+        self.labels = np.array([self.classes.index(name) for name in kept])
+        self.samples = {key: column[chosen] for key, column in self.samples.items()}
         self.values = self.values[chosen]
 
     def __len__(self) -> int:
         return len(self.labels)
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """Frames uint8 or uint16 [len(indices), H, W]."""
         rows = self._rows[row_numbers(indices, len(self))].tolist()
         if not rows:
@@ -163,10 +166,10 @@ class MeasuredScene:
 
     def fingerprint(self) -> str:
         """SHA-256 over the files, the pixels kept of them, classes, labels, values and order."""
-        digest = hashlib.sha256(
-            repr((self._settings, self.classes, self.value_names)).encode()
-        )
-        for array in (self._rows, self.labels, self.values, self.samples["order"]):
+        settings = repr((self._settings, self.classes, self.value_names))
+        digest = hashlib.sha256(settings.encode())
+        order = self.samples["order"]
+        for array in (self._rows, self.labels, self.values, order):
             digest.update(np.ascontiguousarray(array, dtype="<f8").data)
         return digest.hexdigest()
 
@@ -201,7 +204,8 @@ def _samples(parts: Sequence[readers.Recording]) -> dict[str, np.ndarray]:
     samples = {"order": np.concatenate(orders)}
     for name in ("file", "group", "group_name", "session", "session_name"):
         if all(name in part.samples for part in parts):
-            samples[name] = np.concatenate([part.samples[name] for part in parts])
+            columns = [part.samples[name] for part in parts]
+            samples[name] = np.concatenate(columns)
     if len(parts) > 1:
         sizes = [len(part) for part in parts]
         samples["session"] = np.repeat(np.arange(len(parts)), sizes)
@@ -225,7 +229,8 @@ def _values(
     names: np.ndarray,
 ) -> np.ndarray:
     """Continuous quantities float64 [N, k], by column of the table or by label; nan: not known."""
-    found = np.full((sum(map(len, parts)), len(values)), np.nan)
+    n = sum(len(part) for part in parts)
+    found = np.full((n, len(values)), np.nan)
     column = 0  # of those that were read
     for k, value in enumerate(values):
         if "column" in value:

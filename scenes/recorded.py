@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -11,6 +10,7 @@ import torch
 from torch import Tensor
 
 from hdc import readers
+from scenes.frames import Indices
 from scenes.validate import require_integer
 
 
@@ -36,7 +36,7 @@ class RecordedScene:
     def __len__(self) -> int:
         return len(self.recording)
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """Frames uint8 or uint16 [len(indices), H, W]; raises as the recording does."""
         return torch.from_numpy(self.recording.frames(np.asarray(indices)))
 

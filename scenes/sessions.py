@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenes.frames import Scene
+from scenes.frames import Indices, Scene
 from scenes.validate import require
 
 
@@ -44,7 +44,7 @@ class Halves:
             session[in_time[first_later:]] = 1
         self.samples: Mapping[str, np.ndarray] = {**scene.samples, "session": session}
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """Frames of the recording."""
         return self._scene.frames(indices)
 
@@ -89,7 +89,7 @@ class Joined:
             "session": np.repeat(np.arange(len(sizes)), sizes),
         }
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """Frames of the scenes that the indices fall into."""
         index = np.asarray(indices, np.int64).reshape(-1)
         parts = np.searchsorted(self._starts, index, side="right") - 1

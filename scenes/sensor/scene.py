@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenes.frames import row_numbers
+from scenes.frames import Indices, row_numbers
 from scenes.sensor.contact import BoundContact, Press, Touch
 from scenes.sensor.environment import Room
 from scenes.sensor.seeds import stream
@@ -79,7 +79,7 @@ class SpeckleScene:
     def __len__(self) -> int:
         return len(self.labels)
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """uint8 [n, H, W] on the CPU; each sample is the same in any batch."""
         wanted = row_numbers(indices, len(self))
         frames = torch.empty((len(wanted), *self.shape), dtype=torch.uint8)
