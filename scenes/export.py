@@ -29,19 +29,23 @@ def export(scene: Scene, folder: Path) -> Path:
     for name in scene.classes:
         require(name == Path(name).name, "scene.classes", name, "names of folders")
         (folder / name).mkdir(parents=True, exist_ok=True)
-    names = [f"{scene.classes[c]}/{i:05d}.png" for i, c in enumerate(scene.labels)]
-    for i, name in enumerate(names):
-        # Speckle hardly compresses: the fastest level.
-        speed = [cv2.IMWRITE_PNG_COMPRESSION, 1]
-        if not cv2.imwrite(str(folder / name), scene.frames([i])[0].numpy(), speed):
-            raise OSError(f"{folder / name}: could not be written")
+    # Speckle hardly compresses: the fastest level.
+    speed = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+    names = []
+    for i, label in enumerate(scene.labels):
+        names.append(f"{scene.classes[label]}/{i:05d}.png")
+        frame = scene.frames([i])[0].numpy()
+        path = folder / names[i]
+        if not cv2.imwrite(str(path), frame, speed):
+            raise OSError(f"{path}: could not be written")
     manifest = folder / "manifest.csv"
     with manifest.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["file", "label", "class_index", *scene.samples])
-        for k, (name, c) in enumerate(zip(names, scene.labels, strict=True)):
-            properties = [values[k].item() for values in scene.samples.values()]
-            writer.writerow([name, scene.classes[c], int(c), *properties])
+        for i, label in enumerate(scene.labels):
+            properties = [values[i].item() for values in scene.samples.values()]
+            row = [names[i], scene.classes[label], int(label), *properties]
+            writer.writerow(row)
     return manifest
 
 
@@ -58,11 +62,17 @@ def compose(overrides: Sequence[str]) -> Any:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    out = [a.removeprefix("out=") for a in given if a.startswith("out=")]
-    if len(out) != 1 or not out[0] or {"-h", "--help"} & set(given):
+    given = sys.argv[1:] if arguments is None else arguments
+    out, overrides = [], []
+    for word in given:
+        if word.startswith("out="):
+            out.append(word.removeprefix("out="))
+        else:
+            overrides.append(word)
+    asks_for_help = "-h" in given or "--help" in given
+    if asks_for_help or len(out) != 1 or not out[0]:
         sys.exit(f"{__doc__}\nout: expected one folder, out=FOLDER, found {len(out)}")
-    scene = compose([a for a in given if not a.startswith("out=")])
+    scene = compose(overrides)
     manifest = export(scene, Path(out[0]).expanduser())
     print(f"{len(scene)} frames of {len(scene.classes)} classes, {manifest}")
 

@@ -17,29 +17,27 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 from zipfile import BadZipFile
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from scenes.frames import level_classes, row_numbers
+from scenes.frames import Indices, level_classes, row_numbers
 from scenes.source import Source
 from scenes.validate import require, require_integer, require_number
 
-DATA = "FIBRE_DATA"
-"""Environment variable that names a copy of :data:`PRESSED`."""
 PRESSED = Source(
     repository="wavefrontshaping/article_MMF_disorder",
     commit="273faaa7161f23c22a7d97d99e922e930eaccd8a",
     cite="M. W. Matthès, Y. Bromberg, J. de Rosny, S. M. Popoff, Phys. Rev. X 11, 021060 (2021)",
     licence="MIT",
 )
-BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data" / "mmf_disorder"
+MODES = "modes_out_after_correction.npy"  # of PRESSED: images of the modes
 CONTACT = 5.04e-3  # position of the actuator (m) at which it starts to press
 
 
@@ -52,8 +50,7 @@ class FibreScene:
     sample i needs.
 
     Args:
-        path: a copy of :data:`PRESSED`; default: the one that :data:`DATA` names, a checkout in
-            ``MEASURED_DATA``, or :data:`BESIDE` the checkout of this project.
+        path: a copy of :data:`PRESSED`; default: the checkout in ``MEASURED_DATA``.
         depth_edges: upper press depths Δx (m) of the classes, increasing.
         samples_per_class: N / L.
         perturbation: ε ≥ 0.
@@ -81,6 +78,8 @@ class FibreScene:
     """
 
     origin = "computed"
+    revision: ClassVar[int] = 1
+    """Raised by hand in the commit that changes the frames it makes."""
     value_names, units = ("depth",), ("µm",)
 
     def __init__(
@@ -105,90 +104,86 @@ class FibreScene:
         require_number("scene.photons", photons, 0)
         require_number("scene.saturation", saturation, 0, strict=True)
         data = _locate(path)
-        self._modes = _array(data / "modes_out_after_correction.npy", (None, None))
+        self._modes = _array(data / MODES, (None, None))
         self._grid = math.isqrt(self._modes.shape[1])
         require_integer("scene.side", side, self._grid)
-        self.source = PRESSED
+        outputs = 2 * len(self._modes)
         if source is None:
-            depths, self._matrices = _pressed(data, 2 * len(self._modes))
-            files = [file.name for file in data.glob("TM_modes_*.npz")]
-            self.sha256 = PRESSED.check(
-                data, [*files, "modes_out_after_correction.npy"]
-            )
+            measured = _pressed(data, outputs)
         else:
-            self.source = Source(**source)
-            if not file or not step:
-                raise ValueError(
-                    "scene.file, scene.step: expected with scene.source, found none"
-                )
-            depths, self._matrices = _stepped(
-                self.source, file, step, 2 * len(self._modes)
-            )
-            self.sha256 = self.source.check(self.source.folder(), [str(file)])
+            measured = _stepped(Source(**source), file, step, outputs)
+        self.source, self.sha256 = measured.source, measured.sha256
+        self.cacheable = self.source.licence != "none stated"
+        self._matrices = measured.matrices
         self.classes, class_of = level_classes(
-            depths, depth_edges, "µm", key="scene.depth_edges", scale=1e6
+            measured.depths, depth_edges, "µm", key="scene.depth_edges", scale=1e6
         )
-        members = [np.flatnonzero(class_of == c) for c in range(len(self.classes))]
-        for name, positions in zip(self.classes, members, strict=True):
-            expected = f"some of the {len(depths)} measured depths in class {name}"
-            require(len(positions) > 0, "scene.depth_edges", depth_edges, expected)
+        members = []  # of each class, the measured positions
+        for c, name in enumerate(self.classes):
+            members.append(np.flatnonzero(class_of == c))
+            known = len(measured.depths)
+            expected = f"some of the {known} measured depths in class {name}"
+            require(len(members[c]) > 0, "scene.depth_edges", depth_edges, expected)
 
         n = len(self.classes) * samples_per_class
         self.labels = np.arange(n) % len(self.classes)
         self.shape = (side, 2 * side * n_fields)
         self._perturbation, self._photons = float(perturbation), float(photons)
         self._sampling_seed = sampling_seed
-        self._position = np.array(
-            [self._draw(i).choice(members[c]) for i, c in enumerate(self.labels)]
-        )
-        depth = depths[self._position]
+        positions = []
+        for i, label in enumerate(self.labels):
+            positions.append(self._draw(i).choice(members[label]))
+        self._position = np.array(positions)
+        depth = measured.depths[self._position]
         self.samples: Mapping[str, np.ndarray] = {"order": np.arange(n), "depth": depth}
         self.values = depth[:, None] * 1e6
-        self.cacheable = self.source.licence != "none stated"
+
         self._inputs = self._matrices.shape[2]
         fields = _complex_normal(np.random.default_rng(seed), n_fields * self._inputs)
         self._fields = fields.reshape(n_fields, self._inputs)
         used = self._matrices[np.concatenate(members)]
         means = [
-            _mean_intensity(used, self._modes, f, self._perturbation)
-            for f in self._fields
+            _mean_intensity(used, self._modes, field, self._perturbation)
+            for field in self._fields
         ]
         self._mean = float(np.mean(means))
         self._full_scale = float(saturation) * self._mean
         self._interpolate = _dirichlet(side, self._grid) if side > self._grid else None
-        edges, noise = (
+        self._settings: tuple[Any, ...] = (
             tuple(np.asarray(depth_edges, float)),
-            (self._perturbation, self._photons),
-        )
-        last = (
-            (seed, sampling_seed, n_fields) if n_fields > 1 else (seed, sampling_seed)
-        )
-        self._settings = (
-            edges,
             samples_per_class,
-            *noise,
+            self._perturbation,
+            self._photons,
             float(saturation),
             side,
-            *last,
+            seed,
+            sampling_seed,
         )
+        if n_fields > 1:
+            self._settings += (n_fields,)
 
     def __len__(self) -> int:
         return len(self.labels)
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """Frames uint8 [len(indices), side, 2·side·K]; an IndexError for one outside [0, N)."""
-        frames = [self._frame(i) for i in row_numbers(indices, len(self)).tolist()]
-        return torch.from_numpy(np.array(frames, np.uint8).reshape(-1, *self.shape))
+        rows = row_numbers(indices, len(self)).tolist()
+        frames = np.empty((len(rows), *self.shape), np.uint8)
+        for k, row in enumerate(rows):
+            frames[k] = self._frame(row)
+        return torch.from_numpy(frames)
 
     def fingerprint(self) -> str:
         """SHA-256 over the measured arrays and every parameter but the path."""
-        digest = hashlib.sha256(repr(("fibre", self._settings)).encode())
+        settings = repr(("fibre", self._settings))
+        digest = hashlib.sha256(settings.encode())
         for array in (self._matrices, self._modes, self.samples["depth"]):
             digest.update(np.ascontiguousarray(array).data)
         return digest.hexdigest()
 
     def _draw(self, i: int) -> np.random.Generator:
-        return np.random.default_rng(np.random.SeedSequence([self._sampling_seed, i]))
+        address = np.random.SeedSequence([self._sampling_seed, i])
+        return np.random.default_rng(address)
 
     def _frame(self, i: int) -> np.ndarray:
         # In a batched product the last bit of the intensity, and so a photon count, would depend on
@@ -196,12 +191,9 @@ class FibreScene:
         rng = self._draw(i)
         rng.choice(1)  # the position, drawn in __init__
         matrix = self._matrices[self._position[i]]
-        intensity = np.hstack(
-            [self._intensity(matrix, field, rng) for field in self._fields]
-        )
-        return np.clip(np.rint(intensity * (255 / self._full_scale)), 0, 255).astype(
-            np.uint8
-        )
+        images = [self._intensity(matrix, field, rng) for field in self._fields]
+        grey = np.rint(np.hstack(images) * (255 / self._full_scale))
+        return np.clip(grey, 0, 255).astype(np.uint8)
 
     def _intensity(
         self, matrix: np.ndarray, field: np.ndarray, rng: np.random.Generator
@@ -219,12 +211,21 @@ class FibreScene:
         return np.asarray(counted * (self._mean / self._photons))
 
 
+@dataclass(frozen=True)
+class _Measured:
+    """Matrices complex128 [P, outputs, inputs] at press depths [P] (m, increasing), and the
+    repository and digest of their files."""
+
+    depths: np.ndarray
+    matrices: np.ndarray
+    source: Source
+    sha256: str
+
+
 def _locate(path: str | Path | None) -> Path:
     """Find folder ``Data`` of a copy of :data:`PRESSED`."""
-    folder = (
-        Path(path or os.environ.get(DATA) or PRESSED.find() or BESIDE).expanduser()
-        / "Data"
-    )
+    checkout = PRESSED.folder() if path is None else Path(path)
+    folder = checkout.expanduser() / "Data"
     if not folder.is_dir():
         raise FileNotFoundError(
             f"scene.path: expected a copy of github.com/{PRESSED.repository}, found no folder "
@@ -233,23 +234,34 @@ def _locate(path: str | Path | None) -> Path:
     return folder
 
 
-def _pressed(data: Path, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Press depths [P] (m, increasing) and matrices complex128 [P, size, size] of PRESSED."""
-    # Rounded to a nanometre: 5.06 − 5.04 is not 0.02 in floating point, and it is an edge.
-    files = {
-        round(float(file.stem.removeprefix("TM_modes_")) * 1e-3 - CONTACT, 9): file
-        for file in data.glob("TM_modes_*.npz")
-    }
-    arrays = [_array(files[d], (size, size), "TM_corr_modes") for d in sorted(files)]
-    return np.array(sorted(files)), np.stack(arrays)
+def _pressed(data: Path, outputs: int) -> _Measured:
+    """The fibre of :data:`PRESSED`, a file for each position of the actuator."""
+    files = {}
+    for file in data.glob("TM_modes_*.npz"):
+        position = float(file.stem.removeprefix("TM_modes_")) * 1e-3
+        # Rounded to a nanometre: 5.06 − 5.04 is not 0.02 in floating point, and it is an edge.
+        files[round(position - CONTACT, 9)] = file
+    require(bool(files), "scene.path", str(data), "a folder with TM_modes_*.npz")
+    depths = sorted(files)
+    shape = (outputs, outputs)
+    arrays = [_array(files[depth], shape, "TM_corr_modes") for depth in depths]
+    names = [file.name for file in files.values()]
+    sha256 = PRESSED.check(data, [*names, MODES])
+    return _Measured(np.array(depths), np.stack(arrays), PRESSED, sha256)
 
 
 def _stepped(
-    source: Source, file: str, step: float, size: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Press depths [P] (m) and matrices complex128 [P, size, inputs] of one array."""
-    matrices = _array(source.folder() / file, (None, size, None))
-    return np.round(np.arange(len(matrices)) * step, 9), matrices
+    source: Source, file: str | None, step: float | None, outputs: int
+) -> _Measured:
+    """A fibre whose matrices lie one press step apart in one array."""
+    if not file or not step:
+        raise ValueError(
+            "scene.file, scene.step: expected with scene.source, found none"
+        )
+    folder = source.folder()
+    matrices = _array(folder / file, (None, outputs, None))
+    depths = np.round(np.arange(len(matrices)) * step, 9)
+    return _Measured(depths, matrices, source, source.check(folder, [file]))
 
 
 def _array(
@@ -263,13 +275,14 @@ def _array(
         raise ValueError(
             f"{file}: expected a complex array {shape}, found: {error}"
         ) from error
-    fits = array.ndim == len(shape) and all(
-        map(lambda n, m: n in (None, m), shape, array.shape)
-    )
-    if not fits or array.dtype.kind != "c" or not np.isfinite(array).all():
-        found = f"{array.dtype} {array.shape}" + ", not all finite" * (
-            array.dtype.kind == "c"
-        )
+    found = f"{array.dtype} {array.shape}"
+    fits = array.ndim == len(shape) and array.dtype.kind == "c"
+    for wanted, length in zip(shape, array.shape, strict=False):
+        fits = fits and wanted in (None, length)
+    if fits and not np.isfinite(array).all():
+        found += ", not all finite"
+        fits = False
+    if not fits:
         raise ValueError(
             f"{file}: expected a finite complex array {shape}, found {found}"
         )
@@ -284,12 +297,14 @@ def _mean_intensity(
     The sum over pixels is the quadratic form of the modes' Gram matrix, so no image is made.
     """
     gram = modes.conj() @ modes.T
-    sources = np.concatenate(
-        [field[:, None], perturbation * np.eye(len(field))], axis=1
-    )
-    out = (matrices @ sources).reshape(len(matrices), 2, len(modes), -1)
-    power = np.einsum("pqms,mn,pqns->", out.conj(), gram, out, optimize=True).real
-    return float(power / (len(matrices) * 2 * modes.shape[1]))
+    perturbations = perturbation * np.eye(len(field))
+    inputs = np.concatenate([field[:, None], perturbations], axis=1)
+    out = matrices @ inputs
+    out = out.reshape(len(matrices), 2, len(modes), -1)
+    sums = "pqms,mn,pqns->"
+    power = np.einsum(sums, out.conj(), gram, out, optimize=True).real
+    n_pixels = 2 * modes.shape[1]
+    return float(power / (len(matrices) * n_pixels))
 
 
 def _dirichlet(side: int, grid: int) -> np.ndarray:
@@ -297,10 +312,12 @@ def _dirichlet(side: int, grid: int) -> np.ndarray:
     Σ_k exp(2πi·k·x/grid)/grid over the frequencies k of an odd number of points."""
     x = (np.arange(side) + 0.5) * grid / side - 0.5
     k = np.arange(-(grid // 2), grid // 2 + 1)
-    offsets = x[:, None, None] - np.arange(grid)[None, :, None]
-    return np.cos(2 * np.pi * k * offsets / grid).sum(-1) / grid
+    stored = np.arange(grid)[None, :, None]
+    phases = 2 * np.pi * k * (x[:, None, None] - stored) / grid
+    return np.cos(phases).sum(-1) / grid
 
 
 def _complex_normal(rng: np.random.Generator, n: int) -> np.ndarray:
     """n circular complex numbers of mean square 1."""
-    return rng.standard_normal((n, 2)).view(np.complex128)[:, 0] / np.sqrt(2)
+    parts = rng.standard_normal((n, 2))
+    return parts.view(np.complex128)[:, 0] / np.sqrt(2)

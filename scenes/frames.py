@@ -18,6 +18,9 @@ from torch import Tensor
 
 from scenes.validate import is_number, require
 
+Indices = Sequence[int] | np.ndarray | Tensor
+"""Numbers of samples, [k]."""
+
 
 @runtime_checkable
 class Scene(Protocol):
@@ -43,7 +46,7 @@ class Scene(Protocol):
     samples: Mapping[str, np.ndarray]
     origin: str
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """Frames uint8 (or uint16) [len(indices), H, W], the same in any batch and order."""
         ...
 
@@ -66,8 +69,8 @@ class Frames:
     origin: str = "recorded"
 
     def __post_init__(self) -> None:
-        order = np.arange(len(self.images))
-        object.__setattr__(self, "samples", {"order": order, **self.samples})
+        samples = {"order": np.arange(len(self.images)), **self.samples}
+        object.__setattr__(self, "samples", samples)  # the dataclass is frozen
 
     def __len__(self) -> int:
         return len(self.images)
@@ -76,14 +79,17 @@ class Frames:
     def shape(self) -> tuple[int, int]:
         return (self.images.shape[1], self.images.shape[2])
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
-        return self.images[torch.as_tensor(np.asarray(indices), dtype=torch.int64)]
+    def frames(self, indices: Indices) -> Tensor:
+        rows = torch.as_tensor(np.asarray(indices), dtype=torch.int64)
+        return self.images[rows]
 
     def fingerprint(self) -> str:
-        kind = (tuple(self.images.shape), str(self.images.dtype), list(self.classes))
-        content = hashlib.sha256(repr(kind).encode())
+        shape, dtype = tuple(self.images.shape), str(self.images.dtype)
+        kind = repr((shape, dtype, list(self.classes)))
+        content = hashlib.sha256(kind.encode())
         content.update(np.ascontiguousarray(self.labels, dtype="<i8").data)
-        content.update(np.ascontiguousarray(self.images.numpy(force=True)).data)
+        images = self.images.numpy(force=True)
+        content.update(np.ascontiguousarray(images).data)
         # The order is part of it: a split by time depends on it.
         order = np.ascontiguousarray(self.samples["order"], dtype="<f8").tobytes()
         return hashlib.sha256(content.hexdigest().encode() + order).hexdigest()
@@ -104,19 +110,22 @@ def level_classes(
         unit: of the names, in which an edge is shown after multiplication by ``scale``.
         key: of the edges in the configuration, for errors.
     """
+    expected = "two or more increasing numbers"
     numbers = isinstance(edges, Sequence) and all(map(is_number, edges))
-    increasing = numbers and len(edges) >= 2 and bool((np.diff(edges) > 0).all())
-    require(increasing, key, edges, "two or more increasing numbers")
+    require(numbers and len(edges) >= 2, key, edges, expected)
+    increasing = bool((np.diff(edges) > 0).all())
+    require(increasing, key, edges, expected)
     texts = [f"{edge * scale:g}" for edge in edges]
-    names = [f"{low}–{high} {unit}" for low, high in pairwise(texts)]
-    return (f"≤ {texts[0]} {unit}", *names), np.searchsorted(
-        np.asarray(edges, float), values
-    )
+    names = [f"≤ {texts[0]} {unit}"]
+    names += [f"{low}–{high} {unit}" for low, high in pairwise(texts)]
+    labels = np.searchsorted(np.asarray(edges, float), values)
+    return tuple(names), labels
 
 
-def row_numbers(indices: Sequence[int] | np.ndarray | Tensor, n: int) -> np.ndarray:
+def row_numbers(indices: Indices, n: int) -> np.ndarray:
     """Indices as int64 [k]; an IndexError for one outside [0, n)."""
     index = np.asarray(indices, dtype=np.int64).reshape(-1)
-    if len(index) and not 0 <= index.min() <= index.max() < n:
+    outside = (index < 0) | (index >= n)
+    if outside.any():
         raise IndexError(f"indices: expected values in [0, {n}), found {index}")
     return index

@@ -24,11 +24,10 @@ from scenes.sensor.environment import Room
 from scenes.sensor.seeds import stream
 from scenes.sensor.sensor import Sensor
 
-RADIUS, DEPTH_SPREAD, POSITION_SPREAD = (
-    2.45e-3,
-    0.01,
-    0.02e-3,
-)  # of configs/scene/touch.yaml
+# Of configs/scene/touch.yaml.
+RADIUS = 2.45e-3
+DEPTH_SPREAD = 0.01
+POSITION_SPREAD = 0.02e-3
 SIXTEEN_DAYS = 0.55  # K, of configs/scene/drift.yaml
 
 
@@ -50,9 +49,8 @@ class SimulatedSensor:
     def __init__(self, side: int = 250, seed: int = 0) -> None:
         whole = Camera()
         share = side / whole.crop
-        camera = Camera(
-            grid=round(whole.grid * share), crop=side, pupil=round(whole.pupil * share)
-        )
+        grid, pupil = round(whole.grid * share), round(whole.pupil * share)
+        camera = Camera(grid=grid, crop=side, pupil=pupil)
         self._sensor = Sensor(seed, camera=camera)
         self.title = "Simulated sensor, not measured"
         self.shape = (side, side)
@@ -64,7 +62,8 @@ class SimulatedSensor:
         paths = self._sensor.paths
         self.length, self.width = paths.length, paths.width
         self.offset = 0.0
-        self._press = ExactPress(Press((0.0, 0.0), RADIUS, 0.0), self._sensor)
+        press = Press(position=(0.0, 0.0), radius=RADIUS, depth=0.0)
+        self._press = ExactPress(press, self._sensor)
         self._room = Room()
         self._seed, self._touched, self._frames = seed, 0, 0
         self.touches: tuple[Touch, ...] = ()
@@ -82,10 +81,12 @@ class SimulatedSensor:
         return self._exposed(self._indented, self._temperature, noise)
 
     def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
-        draws = (self._draw(touches) for _ in range(n))
-        return [
-            self._exposed(self._indentation(m), kelvin, rng) for m, kelvin, rng in draws
-        ]
+        frames = []
+        for _ in range(n):
+            missed, temperature, rng = self._draw(touches)
+            indented = self._indentation(missed)
+            frames.append(self._exposed(indented, temperature, rng))
+        return frames
 
     def _draw(
         self, touches: Sequence[Touch]
@@ -97,27 +98,28 @@ class SimulatedSensor:
         missed = []
         for touch in touches:
             across, along, deeper = rng.standard_normal(3)
-            x, y = touch.x + POSITION_SPREAD * across, touch.y + POSITION_SPREAD * along
-            missed.append(
-                Touch(x, y, touch.depth * max(0.0, 1 + DEPTH_SPREAD * deeper))
-            )
+            x = touch.x + POSITION_SPREAD * across
+            y = touch.y + POSITION_SPREAD * along
+            depth = touch.depth * max(0.0, 1 + DEPTH_SPREAD * deeper)
+            missed.append(Touch(x, y, depth))
         return missed, temperature, rng
 
     def _indentation(self, touches: Sequence[Touch]) -> Tensor:
         """Change of phase float64 [P] in rad."""
-        changes = [
-            self._press(Contact(touch.depth, touch.x, touch.y)) for touch in touches
-        ]
-        return torch.stack([torch.zeros_like(self._sensor.phase), *changes]).sum(0)
+        changes = [torch.zeros_like(self._sensor.phase)]
+        for touch in touches:
+            contact = Contact(touch.depth, touch.x, touch.y)
+            changes.append(self._press(contact))
+        return torch.stack(changes).sum(0)
 
     def _exposed(
         self, indented: Tensor, temperature: float, noise: np.random.Generator
     ) -> np.ndarray:
         sensor, camera = self._sensor, self._sensor.mounted
-        phases = (
-            sensor.phase + sensor.sensitivity * (self.offset + temperature) + indented
-        )
-        return camera.expose(camera.intensity(phases[None]), [noise])[0].numpy()
+        warmed = sensor.sensitivity * (self.offset + temperature)
+        phases = sensor.phase + warmed + indented
+        intensity = camera.intensity(phases[None])
+        return camera.expose(intensity, [noise])[0].numpy()
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

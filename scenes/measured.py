@@ -11,17 +11,17 @@ import hashlib
 import posixpath
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import readers
-from scenes.frames import level_classes, row_numbers
+from scenes.frames import Indices, level_classes, row_numbers
 from scenes.source import Source
 from scenes.validate import require
 
@@ -41,6 +41,7 @@ class MeasuredScene:
         levels: classes where there are no labels: the name of a ``value`` and the upper ``edges``
             of its classes.
         unknown: labels of frames that are no class.
+        rename: other names for labels, such as of a class that is spelled in two ways.
         saturated: why accuracies on this recording rank nothing, or null.
 
     Attributes:
@@ -54,6 +55,8 @@ class MeasuredScene:
     """
 
     origin = "measured"
+    revision: ClassVar[int] = 1
+    """Raised by hand in the commit that changes the frames it reads."""
     cacheable = False
 
     def __init__(
@@ -69,6 +72,7 @@ class MeasuredScene:
         crop: Sequence[int] | None = None,
         subsample: int = 1,
         saturated: str | None = None,
+        rename: Mapping[str, str] | None = None,
     ) -> None:
         self.source = Source(**source)
         self.saturated = saturated
@@ -91,47 +95,22 @@ class MeasuredScene:
         except readers.SettingError as error:
             raise ValueError(f"scene.{error}") from error
         self.shape = self._parts[0].shape
-        files = [
-            posixpath.normpath(f"{folder}/{file}")
-            for folder, part in zip(folders, self._parts, strict=True)
-            for file in [*part.samples["file"].tolist(), *([table] if table else [])]
-        ]
+        files = _files(folders, self._parts, table)
         self.sha256 = self.source.check(root, files)
         self._settings = (self.sha256, tuple(crop or ()), subsample)
         self._decoded = _decoded(*self._settings)
         self.samples: Mapping[str, np.ndarray] = _samples(self._parts)
-
-        names = np.array(
-            [name for part in self._parts if part.classes for name in part.names]
-        )
-        classes = tuple(sorted(set(names.tolist()), key=readers.natural_key))
-        self.value_names, self.units = (
-            tuple(v[key] for v in values) for key in ("name", "unit")
-        )
-        self.values = np.full((len(self.samples["order"]), len(values)), np.nan)
-        for k, value in enumerate(values):
-            if "column" in value:
-                at = columns.index(value["column"])
-                column = [np.asarray(part.values)[:, at] for part in self._parts]
-                self.values[:, k] = np.concatenate(column)
-            for name, number in value.get("labels", {}).items():
-                self.values[names == name, k] = number
-        if levels is not None:
-            k = self.value_names.index(levels["value"])
-            classes, labels = level_classes(
-                self.values[:, k], levels["edges"], self.units[k]
-            )
-            top = f"a last edge of {self.values[:, k].max():g} or more"
-            require(
-                labels.max() < len(classes), "scene.levels.edges", levels["edges"], top
-            )
-            names = np.array(classes)[labels]
-        require(
-            len(classes) > 0,
-            "scene.levels",
-            levels,
-            "edges of a value: no image has a label",
-        )
+        self.value_names = tuple(value["name"] for value in values)
+        self.units = tuple(value["unit"] for value in values)
+        names = _labels(self._parts, rename or {})
+        self.values = _values(values, self._parts, names)
+        if levels is None:
+            found = set(names.tolist())
+            classes = tuple(sorted(found, key=readers.natural_key))
+        else:
+            classes, names = self._levels(levels)
+        expected = "edges of a value: no image has a label"
+        require(len(classes) > 0, "scene.levels", levels, expected)
         apart = np.isin(names, list(unknown))
         self.unknown: MeasuredScene | None = None
         if apart.any():
@@ -139,43 +118,58 @@ class MeasuredScene:
             self.unknown._keep(apart, names, classes)
         self._keep(~apart, names, classes)
 
+    def _levels(self, levels: Mapping[str, Any]) -> tuple[tuple[str, ...], np.ndarray]:
+        """Names of the classes [L] of a value, and that of each frame's [N]."""
+        k = self.value_names.index(levels["value"])
+        value, edges = self.values[:, k], levels["edges"]
+        classes, labels = level_classes(value, edges, self.units[k])
+        expected = f"a last edge of {value.max():g} or more"
+        all_below = labels.max() < len(classes)
+        require(all_below, "scene.levels.edges", edges, expected)
+        return classes, np.array(classes)[labels]
+
     def _keep(
         self, chosen: np.ndarray, names: np.ndarray, classes: tuple[str, ...]
     ) -> None:
         """Keep some of the frames; names [N] of the classes of all."""
         self._rows = np.flatnonzero(chosen)
-        self.classes = tuple(name for name in classes if name in names[chosen])
-        self.labels = np.array([self.classes.index(name) for name in names[chosen]])
-        self.samples = {name: column[chosen] for name, column in self.samples.items()}
+        kept = names[chosen]
+        self.classes = tuple(name for name in classes if name in kept)
+        self.labels = np.array([self.classes.index(name) for name in kept])
+        self.samples = {key: column[chosen] for key, column in self.samples.items()}
         self.values = self.values[chosen]
 
     def __len__(self) -> int:
         return len(self.labels)
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """Frames uint8 or uint16 [len(indices), H, W]."""
         rows = self._rows[row_numbers(indices, len(self))].tolist()
-        frames = {row: self._decoded[row] for row in rows if row in self._decoded}
-        missing, first = [row for row in dict.fromkeys(rows) if row not in frames], 0
-        for part in self._parts:
-            inside = [row for row in missing if first <= row < first + len(part)]
-            for row, frame in zip(
-                inside, part.stream([r - first for r in inside]), strict=True
-            ):
-                frames[row] = frame
-                if (len(self._decoded) + 1) * frame.nbytes <= MEMORY_BYTES:
-                    self._decoded[row] = frame
-            first += len(part)
         if not rows:
             return torch.empty((0, *self.shape), dtype=torch.uint8)
+        frames = {row: self._decoded[row] for row in rows if row in self._decoded}
+        missing = [row for row in dict.fromkeys(rows) if row not in frames]
+        for row, frame in self._read(missing):
+            frames[row] = frame
+            if (len(self._decoded) + 1) * frame.nbytes <= MEMORY_BYTES:
+                self._decoded[row] = frame
         return torch.from_numpy(np.stack([frames[row] for row in rows]))
+
+    def _read(self, rows: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
+        """Row and frame of each of these rows, one folder after the other."""
+        first = 0
+        for part in self._parts:
+            inside = [row for row in rows if first <= row < first + len(part)]
+            frames = part.stream([row - first for row in inside])
+            yield from zip(inside, frames, strict=True)
+            first += len(part)
 
     def fingerprint(self) -> str:
         """SHA-256 over the files, the pixels kept of them, classes, labels, values and order."""
-        digest = hashlib.sha256(
-            repr((self._settings, self.classes, self.value_names)).encode()
-        )
-        for array in (self._rows, self.labels, self.values, self.samples["order"]):
+        settings = repr((self._settings, self.classes, self.value_names))
+        digest = hashlib.sha256(settings.encode())
+        order = self.samples["order"]
+        for array in (self._rows, self.labels, self.values, order):
             digest.update(np.ascontiguousarray(array, dtype="<f8").data)
         return digest.hexdigest()
 
@@ -188,18 +182,64 @@ def _decoded(
     return {}
 
 
+def _files(
+    folders: Sequence[str], parts: Sequence[readers.Recording], table: str | None
+) -> list[str]:
+    """The files that are read, relative to the repository."""
+    files = []
+    for folder, part in zip(folders, parts, strict=True):
+        names = part.samples["file"].tolist()
+        if table:
+            names.append(table)
+        files += [posixpath.normpath(f"{folder}/{name}") for name in names]
+    return files
+
+
 def _samples(parts: Sequence[readers.Recording]) -> dict[str, np.ndarray]:
     """File and place in time of each frame; session and group as far as all parts know them."""
-    kept = ("file", "group", "group_name", "session", "session_name")
-    common = [name for name in kept if all(name in part.samples for part in parts)]
-    starts = np.cumsum([0, *(part.order.max() + 1 for part in parts[:-1])])
-    order = [part.order + start for part, start in zip(parts, starts, strict=True)]
-    samples = {n: np.concatenate([part.samples[n] for part in parts]) for n in common}
+    orders, start = [], 0
+    for part in parts:
+        orders.append(part.order + start)
+        start += part.order.max() + 1
+    samples = {"order": np.concatenate(orders)}
+    for name in ("file", "group", "group_name", "session", "session_name"):
+        if all(name in part.samples for part in parts):
+            columns = [part.samples[name] for part in parts]
+            samples[name] = np.concatenate(columns)
     if len(parts) > 1:
-        samples["session"] = np.repeat(
-            np.arange(len(parts)), [len(part) for part in parts]
-        )
-    return {"order": np.concatenate(order), **samples}
+        sizes = [len(part) for part in parts]
+        samples["session"] = np.repeat(np.arange(len(parts)), sizes)
+    return samples
+
+
+def _labels(
+    parts: Sequence[readers.Recording], rename: Mapping[str, str]
+) -> np.ndarray:
+    """Name of each frame's label [N], or of none."""
+    names = []
+    for part in parts:
+        if part.classes:
+            names += [rename.get(name, name) for name in part.names]
+    return np.array(names)
+
+
+def _values(
+    values: Sequence[Mapping[str, Any]],
+    parts: Sequence[readers.Recording],
+    names: np.ndarray,
+) -> np.ndarray:
+    """Continuous quantities float64 [N, k], by column of the table or by label; nan: not known."""
+    n = sum(len(part) for part in parts)
+    found = np.full((n, len(values)), np.nan)
+    column = 0  # of those that were read
+    for k, value in enumerate(values):
+        if "column" in value:
+            read = [np.asarray(part.values)[:, column] for part in parts]
+            found[:, k] = np.concatenate(read)
+            column += 1
+        for name, number in value.get("labels", {}).items():
+            found[names == name, k] = number
+    return found
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -208,25 +248,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     from scenes.export import compose
 
-    files = [
-        f
-        for f in CONFIGS.glob("*.yaml")
-        if re.search("source:|FibreScene", f.read_text())
+    public = [
+        file.stem
+        for file in sorted(CONFIGS.glob("*.yaml"))
+        if re.search("source:|FibreScene", file.read_text(encoding="utf-8"))
     ]
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    for name in given or sorted(file.stem for file in files):
+    given = sys.argv[1:] if arguments is None else arguments
+    for name in given or public:
         try:
             scene = compose([f"scene={name}"])
         except InstantiationException as error:
             print(f"{name}: {error.__cause__}")
             continue
-        source, counts = scene.source, ", ".join(map(str, np.bincount(scene.labels)))
-        print(
-            f"{name}: {len(scene)} frames {scene.shape}, {scene.origin}; a class {counts}"
-        )
-        print(
-            f"  github.com/{source.repository} @ {source.commit}, sha256 {scene.sha256}"
-        )
+        counts = ", ".join(map(str, np.bincount(scene.labels)))
+        frames = f"{len(scene)} frames {scene.shape}, {scene.origin}"
+        print(f"{name}: {frames}; a class {counts}")
+        source = scene.source
+        print(f"  github.com/{source.repository} @ {source.commit}")
+        print(f"  sha256 {scene.sha256}")
         print(f"  licence: {source.licence}; {source.cite}")
 
 

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import readers
+from scenes.frames import Indices
+from scenes.validate import require_integer
 
 
 class RecordedScene:
     """A :class:`scenes.frames.Scene` of a recording."""
 
     origin = "recorded"
+    revision: ClassVar[int] = 1
+    """Raised by hand in the commit that changes the frames it reads."""
 
     def __init__(self, recording: readers.Recording) -> None:
         if recording.labels is None:
@@ -24,17 +27,16 @@ class RecordedScene:
                 "path: expected a recording with labels, found values only"
             )
         self.recording = recording
-        self.classes, self.labels = recording.classes, recording.labels
-        self.shape, self.samples, self.values = (
-            recording.shape,
-            recording.samples,
-            recording.values,
-        )
+        self.classes = recording.classes
+        self.labels = recording.labels
+        self.shape = recording.shape
+        self.samples = recording.samples
+        self.values = recording.values
 
     def __len__(self) -> int:
         return len(self.recording)
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """Frames uint8 or uint16 [len(indices), H, W]; raises as the recording does."""
         return torch.from_numpy(self.recording.frames(np.asarray(indices)))
 
@@ -49,6 +51,8 @@ def open_recording(path: str | Path, **settings: Any) -> RecordedScene:
     Raises:
         ValueError: as there; a setting is named as in the configuration, ``scene.crop``.
     """
+    if "memory_bytes" in settings:
+        require_integer("scene.memory_bytes", settings["memory_bytes"], 0)
     try:
         return RecordedScene(readers.open_recording(path, **settings))
     except readers.SettingError as error:

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenes.frames import Scene
+from scenes.frames import Indices, Scene
 from scenes.validate import require
 
 
@@ -28,27 +28,30 @@ class Halves:
     cacheable = False
 
     def __init__(self, scene: Scene, share: float = 0.5):
-        self._scene, self._share = scene, share
-        self.classes, self.labels, self.shape = scene.classes, scene.labels, scene.shape
+        self._scene = scene
+        self._share = share
+        self.classes = scene.classes
+        self.labels = scene.labels
+        self.shape = scene.shape
         self.origin = scene.origin
+        self.revision = _revision([scene])
         session = np.zeros(len(self.labels), np.int64)
         for c in range(len(self.classes)):
             members = np.flatnonzero(self.labels == c)
-            in_time = members[
-                np.argsort(scene.samples["order"][members], kind="stable")
-            ]
-            session[in_time[round(share * len(members)) :]] = 1
+            times = scene.samples["order"][members]
+            in_time = members[np.argsort(times, kind="stable")]
+            first_later = round(share * len(members))
+            session[in_time[first_later:]] = 1
         self.samples: Mapping[str, np.ndarray] = {**scene.samples, "session": session}
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """Frames of the recording."""
         return self._scene.frames(indices)
 
     def fingerprint(self) -> str:
         """SHA-256 of the recording's digest and the share."""
-        return hashlib.sha256(
-            f"{self._scene.fingerprint()} {self._share}".encode()
-        ).hexdigest()
+        text = f"{self._scene.fingerprint()} {self._share}"
+        return hashlib.sha256(text.encode()).hexdigest()
 
 
 class Joined:
@@ -66,40 +69,44 @@ class Joined:
     def __init__(self, scenes: Mapping[str, Scene]):
         self._scenes = list(scenes.values())
         first = self._scenes[0]
+        wanted = len(first.classes), first.shape
+        expected = f"{len(first.classes)} classes of frames {first.shape}"
         for other in self._scenes[1:]:
-            alike = other.shape == first.shape and len(other.classes) == len(
-                first.classes
-            )
-            wanted = f"{len(first.classes)} classes of frames {first.shape}"
-            require(alike, "scene.scenes", (len(other.classes), other.shape), wanted)
-        self.classes, self.shape, self.origin = first.classes, first.shape, first.origin
+            found = len(other.classes), other.shape
+            require(found == wanted, "scene.scenes", found, expected)
+        self.classes = first.classes
+        self.shape = first.shape
+        self.origin = first.origin
+        self.revision = _revision(self._scenes)
         self.labels = np.concatenate([scene.labels for scene in self._scenes])
         sizes = [len(scene.labels) for scene in self._scenes]
         self._starts = np.cumsum([0, *sizes])
-        order = [
-            s.samples["order"] + a
-            for s, a in zip(self._scenes, self._starts, strict=False)
-        ]
+        orders = []
+        for scene, start in zip(self._scenes, self._starts, strict=False):
+            orders.append(scene.samples["order"] + start)
         self.samples: Mapping[str, np.ndarray] = {
-            "order": np.concatenate(order),
+            "order": np.concatenate(orders),
             "session": np.repeat(np.arange(len(sizes)), sizes),
         }
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """Frames of the scenes that the indices fall into."""
         index = np.asarray(indices, np.int64).reshape(-1)
         parts = np.searchsorted(self._starts, index, side="right") - 1
-        frames = torch.empty(
-            (len(index), *self.shape), dtype=self._scenes[0].frames([0]).dtype
-        )
+        dtype = self._scenes[0].frames([0]).dtype
+        frames = torch.empty((len(index), *self.shape), dtype=dtype)
         for k in np.unique(parts):
             chosen = np.flatnonzero(parts == k)
-            frames[chosen] = (
-                self._scenes[k].frames(index[chosen] - self._starts[k]).cpu()
-            )
+            rows = index[chosen] - self._starts[k]
+            frames[chosen] = self._scenes[k].frames(rows).cpu()
         return frames
 
     def fingerprint(self) -> str:
         """SHA-256 of the scenes' digests."""
         digests = " ".join(scene.fingerprint() for scene in self._scenes)
         return hashlib.sha256(digests.encode()).hexdigest()
+
+
+def _revision(scenes: Sequence[Scene]) -> int:
+    """The latest revision of the scenes that make the frames; 1 of a scene that has none."""
+    return max(getattr(scene, "revision", 1) for scene in scenes)

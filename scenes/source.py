@@ -1,13 +1,15 @@
 """Public repositories of recordings.
 
-The environment variable ``MEASURED_DATA`` names a folder of checkouts, one sub-folder a repository,
-called like the last part of its name or ``owner+name``.
+The environment variable ``MEASURED_DATA`` is the one place where data of others are looked for. It
+names a folder of checkouts, one sub-folder a repository, called like the last part of its name or
+``owner+name``.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -38,13 +40,15 @@ class Source:
 
     def find(self) -> Path | None:
         """The checkout in the folder that ``MEASURED_DATA`` names, if it is there."""
-        root, (owner, name) = os.environ.get(DATA), self.repository.split("/")
-        places = (
-            [Path(root).expanduser() / n for n in (name, f"{owner}+{name}")]
-            if root
-            else []
-        )
-        return next((place for place in places if place.is_dir()), None)
+        root = os.environ.get(DATA)
+        if not root:
+            return None
+        owner, name = self.repository.split("/")
+        for folder in (name, f"{owner}+{name}"):
+            place = Path(root).expanduser() / folder
+            if place.is_dir():
+                return place
+        return None
 
     def folder(self) -> Path:
         """The checkout.
@@ -52,16 +56,26 @@ class Source:
         Raises:
             FileNotFoundError: it is not there; the message has the command that gets it.
         """
-        if place := self.find():
+        place = self.find()
+        if place is not None:
             return place
+        root = os.environ.get(DATA)
+        if not root:
+            raise FileNotFoundError(
+                f"{DATA}: expected a folder with a checkout of github.com/{self.repository}, found "
+                f"the variable not set; export {DATA}=FOLDER, then: {self.command()}"
+            )
         raise FileNotFoundError(
             f"scene.source: expected a checkout of github.com/{self.repository}, found none in "
-            f"{DATA}={os.environ.get(DATA, '')}; get it by: {self.command()}"
+            f"{DATA}={root}; get it by: {self.command()}"
         )
 
     def command(self) -> str:
-        """The git commands that make the checkout."""
-        place = f"{os.environ.get(DATA) or f'${DATA}'}/{self.repository.split('/')[1]}"
+        """The git commands that make the checkout; they fail where ``MEASURED_DATA`` is not set."""
+        name = self.repository.split("/")[1]
+        root = os.environ.get(DATA)
+        # ${X:?} ends the command where X is not set: nothing is cloned into the root folder.
+        place = shlex.quote(f"{root}/{name}") if root else f'"${{{DATA}:?}}/{name}"'
         clone = f"git clone https://github.com/{self.repository} {place}"
         return f"{clone} && git -C {place} checkout {self.commit}"
 
@@ -72,9 +86,8 @@ class Source:
             ValueError: their content is not that of ``sha256``.
         """
         names = tuple(sorted(files))
-        found = _digest(
-            root, names, tuple((root / n).stat().st_mtime_ns for n in names)
-        )
+        changed = tuple((root / name).stat().st_mtime_ns for name in names)
+        found = _digest(root, names, changed)
         if self.sha256 not in (None, found):
             raise ValueError(
                 f"{root}: expected the {len(names)} files of {self.repository} at {self.commit} "
@@ -86,10 +99,8 @@ class Source:
 @lru_cache(maxsize=16)
 def _digest(root: Path, names: tuple[str, ...], changed: tuple[int, ...]) -> str:
     """SHA-256 over the lines that ``sha256sum`` prints; ``changed`` (ns) dates what is kept."""
-    contents = (
-        hashlib.sha256((root / name).read_bytes()).hexdigest() for name in names
-    )
-    lines = (
-        f"{content}  {name}\n" for content, name in zip(contents, names, strict=True)
-    )
-    return hashlib.sha256("".join(lines).encode()).hexdigest()
+    whole = hashlib.sha256()
+    for name in names:
+        content = hashlib.sha256((root / name).read_bytes()).hexdigest()
+        whole.update(f"{content}  {name}\n".encode())
+    return whole.hexdigest()

@@ -55,10 +55,12 @@ def split(
         n_test = round(n * float(fraction))
     # In proportion to the counts: largest remainders, in exact integers.
     target, remainder = np.divmod(n_test * counts, n)
-    target[np.argsort(-remainder, kind="stable")[: n_test - target.sum()]] += 1
-    for name, tested, count in zip(classes, target, counts, strict=True):
+    left = n_test - target.sum()
+    largest = np.argsort(-remainder, kind="stable")
+    target[largest[:left]] += 1
+    for name, share, count in zip(classes, target, counts, strict=True):
         expected = f"samples of class {name} on both sides of its {count}"
-        require(0 < tested < count, "split", f"{tested} to test", expected)
+        require(0 < share < count, "split", f"{share} to test", expected)
 
     rng = np.random.default_rng(seed)
     if kind == "grouped":
@@ -67,20 +69,20 @@ def split(
         train = rng.permutation(n)
         return train[~np.isin(train, test)], test
     require(kind in KINDS, "split.kind", kind, f"one of {', '.join(KINDS)}, grouped")
-    require(
-        kind == "random" or order is not None,
-        "split.order",
-        order,
-        "the place of each sample",
-    )
-    rank = rng.permutation(n) if kind == "random" else np.asarray(order)
-    members = _by_class(class_of, rank, len(classes))
-    train = np.concatenate(
-        [m[: len(m) - t] for m, t in zip(members, target, strict=True)]
-    )
-    test = np.concatenate(
-        [m[len(m) - t :] for m, t in zip(members, target, strict=True)]
-    )
+    if kind == "random":
+        rank = rng.permutation(n)
+    else:
+        expected = "the place of each sample"
+        require(order is not None, "split.order", order, expected)
+        rank = np.asarray(order)
+    trained, tested = [], []
+    for members, n_last in zip(
+        _by_class(class_of, rank, len(classes)), target, strict=True
+    ):
+        first, last = np.split(members, [len(members) - n_last])
+        trained.append(first)
+        tested.append(last)
+    train, test = np.concatenate(trained), np.concatenate(tested)
     return train[np.argsort(rank[train], kind="stable")], np.sort(test)
 
 
@@ -98,12 +100,12 @@ def neighbours_leak(
     in_time = np.argsort(order, kind="stable")
     place = np.empty_like(in_time)
     place[in_time] = np.arange(1, len(in_time) + 1)
-    trained = np.full(
-        len(in_time) + 2, -1
-    )  # by place: class of a training sample, else −1
+    # By place: class of a training sample, else −1.
+    trained = np.full(len(in_time) + 2, -1)
     trained[place[train]] = class_of[train]
-    before, after = trained[place[test] - 1], trained[place[test] + 1]
-    return float(((before == class_of[test]) | (after == class_of[test])).mean())
+    at, own = place[test], class_of[test]
+    beside = (trained[at - 1] == own) | (trained[at + 1] == own)
+    return float(beside.mean())
 
 
 def learning_curve_subsets(
@@ -125,20 +127,23 @@ def learning_curve_subsets(
     """
     classes, class_of, _ = _classes(labels[train])
     low, high = len(classes), len(train)
+    expected = (
+        f"integers from {low} (one sample a class) to {high} (all training samples)"
+    )
     for size in sizes:
-        expected = (
-            f"integers from {low} (one sample a class) to {high} (all training samples)"
-        )
-        require(is_integer(size) and low <= size <= high, "split.sizes", size, expected)
+        inside = is_integer(size) and low <= size <= high
+        require(inside, "split.sizes", size, expected)
     rank = np.random.default_rng(seed).permutation(len(train))
     # The k-th sample of a class of n is due at the share (k + 1/2)/n of the whole; the first of
     # each class is due at once.
     due = np.empty(len(train))
-    for m in _by_class(class_of, rank, len(classes)):
-        due[m] = (np.arange(len(m)) + 0.5) / len(m)
-        due[m[0]] = -1.0
+    for members in _by_class(class_of, rank, len(classes)):
+        count = len(members)
+        due[members] = (np.arange(count) + 0.5) / count
+        due[members[0]] = -1.0
     ordered = train[np.lexsort((rank, due))]
-    return {int(size): ordered[: int(size)] for size in sorted(set(sizes))}
+    wanted = sorted({int(size) for size in sizes})
+    return {size: ordered[:size] for size in wanted}
 
 
 def by_session(
@@ -154,13 +159,10 @@ def by_session(
 def _classes(labels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Labels that occur [L], the index of each sample's among them [N], their counts [L]."""
     labels = np.asarray(labels)
-    integers = labels.ndim == 1 and labels.dtype.kind in "iu" and len(labels) > 0
-    require(
-        integers,
-        "labels",
-        f"{labels.dtype} {labels.shape}",
-        "integers of shape [N], N ≥ 1",
-    )
+    integers = labels.ndim == 1 and labels.dtype.kind in "iu"
+    found = f"{labels.dtype} {labels.shape}"
+    expected = "integers of shape [N], N ≥ 1"
+    require(integers and len(labels) > 0, "labels", found, expected)
     return np.unique(labels, return_inverse=True, return_counts=True)
 
 
@@ -173,33 +175,32 @@ def _of_whole_groups(
 ) -> np.ndarray:
     """Test indices: whole groups, near ``target`` [L]; each class keeps a group on both sides."""
     names, group_of = np.unique(groups, return_inverse=True)
-    held = np.zeros(
-        (len(names), len(classes)), np.int64
-    )  # samples of each class in each group
+    # Samples of each class in each group.
+    held = np.zeros((len(names), len(classes)), np.int64)
     np.add.at(held, (group_of, class_of), 1)
     counts, missing = held.sum(0), target.copy()
     chosen = np.zeros(len(names), bool)
     drawn = rng.permutation(len(names)).tolist()
 
     def can_test(g: int) -> bool:
+        """Whether every class that is in the group keeps samples to train on without it."""
+        if chosen[g]:
+            return False
         left = counts - target + missing - held[g]
-        return not chosen[g] and bool(((left > 0) | (held[g] == 0)).all())
+        return bool((left[held[g] > 0] > 0).all())
 
     for g in drawn:
-        nearer = np.abs(missing - held[g]).sum() < np.abs(missing).sum()
-        if nearer and can_test(g):
+        error = np.abs(missing).sum()
+        error_with = np.abs(missing - held[g]).sum()
+        if error_with < error and can_test(g):
             chosen[g] = True
             missing -= held[g]
     for c, name in enumerate(classes):
         if missing[c] == target[c]:  # each of its groups is larger than the test set
             possible = [g for g in drawn if held[g, c] and can_test(g)]
+            found = int(np.count_nonzero(held[:, c]))
             expected = f"groups of class {name} of which some test and some train"
-            require(
-                bool(possible),
-                "split.groups",
-                int(np.count_nonzero(held[:, c])),
-                expected,
-            )
+            require(bool(possible), "split.groups", found, expected)
             smallest = min(possible, key=lambda g: held[g].sum())
             chosen[smallest] = True
             missing -= held[smallest]

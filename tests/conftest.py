@@ -7,18 +7,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scenes.fibre import PRESSED
+
 CHECKOUT = Path(__file__).resolve().parents[1]
 
 
-@pytest.fixture(scope="session")
-def shared_data() -> Path:
-    """The folder with the measured data: ``SHARED_DATA``, else the one beside the checkout."""
-    folder = Path(os.environ.get("SHARED_DATA", CHECKOUT.parent / "shared" / "data"))
-    if not folder.is_dir():
+@pytest.fixture
+def measured_data(monkeypatch, tmp_path_factory) -> None:
+    """``MEASURED_DATA`` with the matrices of the first fibre: as it is set, else a folder with the
+    copy beside the checkout."""
+    beside = CHECKOUT.parent / "shared" / "data" / "mmf_disorder"
+    if "MEASURED_DATA" not in os.environ and beside.is_dir():
+        folder = tmp_path_factory.mktemp("measured")
+        (folder / "article_MMF_disorder").symlink_to(beside)
+        monkeypatch.setenv("MEASURED_DATA", str(folder))
+    if PRESSED.find() is None:
         pytest.skip(
-            f"the measured data are not here: no folder {folder}; set SHARED_DATA"
+            f"the matrices of {PRESSED.repository} are not here: set MEASURED_DATA"
         )
-    return folder
 
 
 @pytest.fixture

@@ -67,8 +67,10 @@ class Camera:
     @cached_property
     def disc(self) -> np.ndarray:
         """A, bool [pupil, pupil]."""
-        c = np.arange(self.pupil) - (self.pupil - 1) / 2
-        return c[:, None] ** 2 + c**2 <= max(self.pupil / 2, 0.5) ** 2
+        along = np.arange(self.pupil) - (self.pupil - 1) / 2
+        square = along[:, None] ** 2 + along**2
+        radius = max(self.pupil / 2, 0.5)
+        return np.asarray(square <= radius**2)
 
     @property
     def path_count(self) -> int:
@@ -78,17 +80,21 @@ class Camera:
     @cached_property
     def illumination(self) -> np.ndarray:
         """W float64 [crop, crop], mean 1 and standard deviation ``unevenness``."""
-        c = (np.arange(self.crop) + 0.5) / self.crop - 0.5
-        square = (c[:, None] + 0.05) ** 2 + (c - 0.1) ** 2
+        along = (np.arange(self.crop) + 0.5) / self.crop - 0.5
+        # Squared distance from the middle of the beam, in widths of the frame.
+        square = (along[:, None] + 0.05) ** 2 + (along - 0.1) ** 2
         if self.unevenness == 0 or self.crop == 1:
             return np.ones_like(square)
 
-        def contrast(width: float) -> float:
-            w = np.exp(-square / (2 * width**2))
-            return float(w.std() / w.mean()) - self.unevenness
+        def beam(width: float) -> np.ndarray:
+            return np.asarray(np.exp(-square / (2 * width**2)))
 
-        w = np.exp(-square / (2 * brentq(contrast, 0.2, 50.0, xtol=1e-9) ** 2))
-        return w / w.mean()
+        def excess(width: float) -> float:
+            light = beam(width)
+            return float(light.std() / light.mean()) - self.unevenness
+
+        light = beam(brentq(excess, 0.2, 50.0, xtol=1e-9))
+        return np.asarray(light / light.mean())
 
 
 class MountedCamera:
@@ -99,29 +105,32 @@ class MountedCamera:
         inside = np.flatnonzero(camera.disc)
         self._inside = torch.from_numpy(inside).to(device)
         # Mean intensity of F[A·e^{iφ}] is the number of pupil pixels, a polarisation.
-        self._gain = torch.from_numpy(camera.illumination / camera.path_count).to(
-            device, torch.float32
-        )
+        gain = torch.from_numpy(camera.illumination / camera.path_count)
+        self._gain = gain.to(device, torch.float32)
 
     def intensity(self, phases: Tensor) -> Tensor:
         """I/⟨I⟩ float32 [n, crop, crop] from phases float64 [n, P] in rad."""
-        camera, n, side = self.camera, len(phases), self.camera.pupil
+        camera = self.camera
+        n, side = len(phases), camera.pupil
         phases = phases.reshape(n * camera.polarisations, -1)
-        field = torch.zeros(
-            len(phases), side * side, 2, dtype=torch.float32, device=phases.device
-        )
+        shape = len(phases), side * side, 2
+        field = torch.zeros(shape, dtype=torch.float32, device=phases.device)
         # In float64, as float32 resolves 0.01 rad at 1e5 rad; it takes no longer than reducing the
         # phases to one turn and going on in float32 (experiment=numerics).
         field[:, self._inside, 0] = phases.cos().to(torch.float32)
         field[:, self._inside, 1] = phases.sin().to(torch.float32)
         pupil = torch.view_as_complex(field).reshape(-1, side, side)
         # Most of the grid is dark and its rim is cropped: transform only the lit part.
-        rows = torch.fft.fft(pupil, n=camera.grid, dim=-1)[..., : camera.crop]
-        field = torch.fft.fft(rows, n=camera.grid, dim=-2)[:, : camera.crop]
+        rows = torch.fft.fft(pupil, n=camera.grid, dim=-1)
+        rows = rows[..., : camera.crop]
+        field = torch.fft.fft(rows, n=camera.grid, dim=-2)
+        field = field[:, : camera.crop]
         power = field.real * field.real
         power += field.imag * field.imag
-        power = power.reshape(n, camera.polarisations, camera.crop, camera.crop)
-        total = power[:, 0] + power[:, 1] if camera.polarisations == 2 else power[:, 0]
+        power = power.reshape(n, camera.polarisations, *power.shape[1:])
+        total = power[:, 0]
+        if camera.polarisations == 2:
+            total = total + power[:, 1]
         return total.mul_(self._gain)
 
     def expose(
@@ -131,11 +140,11 @@ class MountedCamera:
         camera = self.camera
         per_electron = camera.grey / camera.photons
         if camera.read_noise / per_electron < CONTINUOUS:
-            electrons = intensity.to("cpu", torch.float64).numpy() * camera.photons
-            counts = np.stack(
-                [s.poisson(n) for s, n in zip(streams, electrons, strict=True)]
-            )
-            grey = torch.from_numpy(counts * per_electron).to(intensity)
+            electrons = intensity.to("cpu", torch.float64) * camera.photons
+            counts = []
+            for stream, mean in zip(streams, electrons.numpy(), strict=True):
+                counts.append(stream.poisson(mean))
+            grey = torch.from_numpy(np.stack(counts) * per_electron).to(intensity)
             if camera.read_noise:
                 grey = grey + camera.read_noise * self._normal(intensity, streams)
             return _quantise(grey)

@@ -82,21 +82,21 @@ class Press:
 
         A depth may come out negative; a scene takes it for a touch that does not reach the layer.
         """
+        deeper, across, along = normals.T
+        x, y = self.position
         return {
-            "depth": self.depth * (1 + self.depth_spread * normals[:, 0]),
-            "x": self.position[0] + self.position_spread * normals[:, 1],
-            "y": self.position[1] + self.position_spread * normals[:, 2],
+            "depth": self.depth * (1 + self.depth_spread * deeper),
+            "x": x + self.position_spread * across,
+            "y": y + self.position_spread * along,
         }
 
     def bind(self, sensor: Sensor) -> BoundContact:
         """The phases that this contact causes on a sensor."""
         miss = 3 * self.position_spread / self.radius
         neglected = sensor.paths.wavenumber * self.depth * miss**3 / 6
-        return (
-            ExpandedPress(self, sensor)
-            if neglected < EXPANSION
-            else ExactPress(self, sensor)
-        )
+        if neglected < EXPANSION:
+            return ExpandedPress(self, sensor)
+        return ExactPress(self, sensor)
 
 
 class ExactPress:
@@ -108,8 +108,10 @@ class ExactPress:
 
     def __call__(self, touch: Touch) -> Tensor:
         sensor = self._sensor
-        lengthening = sensor.path_set.lengthening(self._table, (touch.x, touch.y))
-        return lengthening.to(torch.float64).mul_(sensor.paths.wavenumber * touch.depth)
+        centre = touch.x, touch.y
+        lengthening = sensor.path_set.lengthening(self._table, centre)
+        scale = sensor.paths.wavenumber * touch.depth
+        return lengthening.to(torch.float64).mul_(scale)
 
 
 class ExpandedPress:
@@ -119,30 +121,41 @@ class ExpandedPress:
     """
 
     def __init__(self, press: Press, sensor: Sensor) -> None:
-        self._press, self._wavenumber = press, sensor.paths.wavenumber
+        self._press = press
+        self._wavenumber = sensor.paths.wavenumber
         table = sensor.table(press.radius, torch.float64)
-        (x, y), e = press.position, 2 * press.position_spread
+        x, y = press.position
+        step = 2 * press.position_spread
 
         def at(i: int, j: int) -> Tensor:
-            return sensor.path_set.lengthening(table, (x + i * e, y + j * e))
+            point = x + i * step, y + j * step
+            return sensor.path_set.lengthening(table, point)
 
         centre = at(0, 0)
         terms = [centre]
-        if e > 0:
-            east, west, north, south = at(1, 0), at(-1, 0), at(0, 1), at(0, -1)
-            corners = at(1, 1) - at(1, -1) - at(-1, 1) + at(-1, -1)
-            terms += [(east - west) / (2 * e), (north - south) / (2 * e)]
-            terms += [(east - 2 * centre + west) / (2 * e * e), corners / (4 * e * e)]
-            terms += [(north - 2 * centre + south) / (2 * e * e)]
-        self._terms = [t.to(torch.float32) for t in terms]
+        if step > 0:
+            east, west = at(1, 0), at(-1, 0)
+            north, south = at(0, 1), at(0, -1)
+            corners = at(1, 1) - at(1, -1) - at(-1, 1)
+            corners = corners + at(-1, -1)
+            terms += [
+                (east - west) / (2 * step),
+                (north - south) / (2 * step),
+                (east - 2 * centre + west) / (2 * step * step),
+                corners / (4 * step * step),
+                (north - 2 * centre + south) / (2 * step * step),
+            ]
+        self._terms = [term.to(torch.float32) for term in terms]
 
     def __call__(self, touch: Touch) -> Tensor:
-        xi, eta = touch.x - self._press.position[0], touch.y - self._press.position[1]
-        factors = (1.0, xi, eta, xi * xi, xi * eta, eta * eta)
+        x, y = self._press.position
+        xi, eta = touch.x - x, touch.y - y
+        factors = (xi, eta, xi * xi, xi * eta, eta * eta)
         scale = self._wavenumber * touch.depth
-        total = self._terms[0].to(torch.float64) * scale
-        for term, factor in zip(self._terms[1:], factors[1:], strict=False):
-            total += term.to(torch.float64) * (scale * factor)
+        centre, *derivatives = self._terms
+        total = centre.to(torch.float64) * scale
+        for derivative, factor in zip(derivatives, factors, strict=False):
+            total += derivative.to(torch.float64) * (scale * factor)
         return total
 
 
@@ -150,7 +163,7 @@ def line(
     start: tuple[float, float], stop: tuple[float, float], number: int
 ) -> Mapping[str, Mapping[str, tuple[float, float]]]:
     """Classes "0", "1", … at ``number`` positions evenly spaced from start to stop (x, y) in m."""
-    points = np.linspace(start, stop, number)
-    return {
-        str(i): {"position": (float(x), float(y))} for i, (x, y) in enumerate(points)
-    }
+    classes = {}
+    for i, (x, y) in enumerate(np.linspace(start, stop, number)):
+        classes[str(i)] = {"position": (float(x), float(y))}
+    return classes

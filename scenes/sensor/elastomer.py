@@ -31,19 +31,22 @@ NODES_PER_PERIOD = 8  # Gauss-Legendre nodes a period of the fastest oscillation
 def hertz_transform(x: Array) -> Array:
     """Φ(x) = (sin x − x·cos x)/x³ = j1(x)/x, with Φ(0) = 1/3."""
     x = np.asarray(x, dtype=np.float64)
-    safe = np.where(x > 1e-6, x, 1.0)
-    return np.where(x > 1e-6, special.spherical_jn(1, safe) / safe, 1 / 3)
+    large = x > 1e-6
+    safe = np.where(large, x, 1.0)
+    return np.where(large, special.spherical_jn(1, safe) / safe, 1 / 3)
 
 
 def layer_response(k: Array, z: Array, thickness: float) -> tuple[Array, Array]:
     """(P, Q) at wavenumbers k [1/m] and heights z [m], broadcast; nothing overflows or cancels."""
     near, far = _excess(k, z, thickness)
     kd = k * (thickness - z)
-    p, q = near + (1 + kd) * np.exp(-kd), far + kd * np.exp(-kd)
+    p = near + (1 + kd) * np.exp(-kd)
+    q = far + kd * np.exp(-kd)
     # P and Q are of order H³ and H² for a small H, what they are differences of is of order one.
-    thin = _thin(np.minimum(k * thickness, 1), np.minimum(k * z, 1))
+    big_h, s = np.minimum(k * thickness, 1), np.minimum(k * z, 1)
+    thin_p, thin_q = _thin(big_h, s)
     small = k * thickness < 1
-    return np.where(small, thin[0], p), np.where(small, thin[1], q)
+    return np.where(small, thin_p, p), np.where(small, thin_q, q)
 
 
 def _thin(big_h: Array, s: Array) -> tuple[Array, Array]:
@@ -53,15 +56,12 @@ def _thin(big_h: Array, s: Array) -> tuple[Array, Array]:
     N(H) = (sinh 2H − 2H)/2 cancels against w̄: P = N(s)/C, Q = N′(s)/C, C = (cosh 2H + 1)/2 + H².
     s·cosh s − sinh s = s²·i1(s), the modified spherical Bessel function.
     """
-    cosh_h, sinh_h, cosh_s, sinh_s = (
-        np.cosh(big_h),
-        np.sinh(big_h),
-        np.cosh(s),
-        np.sinh(s),
-    )
+    cosh_h, sinh_h = np.cosh(big_h), np.sinh(big_h)
+    cosh_s, sinh_s = np.cosh(s), np.sinh(s)
     rest = cosh_h + big_h * sinh_h
     size = cosh_h**2 + big_h**2
-    p = big_h * cosh_h * s * sinh_s - rest * s**2 * special.spherical_in(1, s)
+    lower = rest * s**2 * special.spherical_in(1, s)
+    p = big_h * cosh_h * s * sinh_s - lower
     q = big_h * cosh_h * (sinh_s + s * cosh_s) - rest * s * sinh_s
     return p / size, q / size
 
@@ -77,12 +77,16 @@ def _excess(k: Array, z: Array, h: float) -> tuple[Array, Array]:
     In a half-space M is −(1 + kd), R is −kd and D is 1.
     """
     big_h, s, kd = k * h, k * z, k * (h - z)
-    es, eh = np.exp(-2 * s), np.exp(-2 * big_h)
+    es = np.exp(-2 * s)
+    eh = np.exp(-2 * big_h)
     rest = eh**2 + 2 * eh * (1 + 2 * big_h**2)  # D − 1
     scale = -np.exp(-kd) / (1 + rest)
-    p = (es - eh) * (1 + 2 * s * big_h) + es * eh * (1 - kd)
-    p = p + (s + big_h) * (es + eh) + (1 + kd) * rest
-    q = kd * (es - eh + es * eh + rest) - 2 * s * big_h * (es + eh)
+    p = (es - eh) * (1 + 2 * s * big_h)
+    p = p + es * eh * (1 - kd)
+    p = p + (s + big_h) * (es + eh)
+    p = p + (1 + kd) * rest
+    q = kd * (es - eh + es * eh + rest)
+    q = q - 2 * s * big_h * (es + eh)
     return scale * p, scale * q
 
 
@@ -94,23 +98,30 @@ def half_space(r: Array, d: Array, a: float) -> tuple[Array, Array]:
     """
     r = np.maximum(np.asarray(r, dtype=np.float64), 1e-9 * a)
     r, d = np.broadcast_arrays(r, np.asarray(d, dtype=np.float64))
-    c0, c1, c2 = 1 + (d / a) ** 2, -2 * d / a**2, 1 / a**2  # 1 − t² = c0 + c1·ζ + c2·ζ²
+    # 1 − t² = c0 + c1·ζ + c2·ζ²
+    c0 = 1 + (d / a) ** 2
+    c1 = -2 * d / a**2
+    c2 = 1 / a**2
 
     def primitives(zeta: NDArray[Any]) -> tuple[NDArray[Any], ...]:
         root = np.sqrt(r * r + zeta * zeta)
         log = np.log(zeta + root)
-        even = c0 * log + c1 * root + c2 * (zeta * root - r * r * log) / 2
-        root = np.where(
-            d > 0, root, 1.0
-        )  # only even counts on the surface, and R is 0 at r = a
-        slope = -c0 / root + c1 * (log - zeta / root) + c2 * (root + r * r / root)
-        radial = -c0 / (root * (zeta + root)) - c1 / root + c2 * (log - zeta / root)
+        even = c0 * log + c1 * root
+        even = even + c2 * (zeta * root - r * r * log) / 2
+        # Only even counts on the surface, and R is 0 at r = a.
+        root = np.where(d > 0, root, 1.0)
+        bent = log - zeta / root
+        slope = -c0 / root + c1 * bent
+        slope = slope + c2 * (root + r * r / root)
+        radial = -c0 / (root * (zeta + root))
+        radial = radial - c1 / root + c2 * bent
         return even, slope, radial
 
-    ends = zip(primitives(d + 1j * a), primitives(d + 0j), strict=True)
-    even, slope, radial = (
-        np.real((upper - lower) / (1j * a)) / 2 for upper, lower in ends
-    )
+    integrals = []
+    ends = primitives(d + 1j * a), primitives(d + 0j)
+    for upper, lower in zip(*ends, strict=True):
+        integrals.append(np.real((upper - lower) / (1j * a)) / 2)
+    even, slope, radial = integrals
     return even + d * slope, d * radial
 
 
@@ -128,7 +139,8 @@ class RadialTable:
 
     @property
     def step(self) -> float:
-        return self.reach / (self.reach + self.stretch) / self.coefficients.shape[1]
+        last = self.reach / (self.reach + self.stretch)
+        return last / self.coefficients.shape[1]
 
 
 @dataclass(frozen=True)
@@ -159,7 +171,8 @@ class Layer:
     @cached_property
     def weights(self) -> Array:
         """Probability of each inner level [levels]."""
-        return np.polynomial.legendre.leggauss(self.levels)[1] / 2
+        _, weights = np.polynomial.legendre.leggauss(self.levels)
+        return weights / 2
 
     def displacement(self, r: Array, z: Array, radius: float) -> tuple[Array, Array]:
         """(u_r, u_z) [len(r), len(z)] per metre of indentation by a contact of this radius."""
@@ -177,15 +190,15 @@ class Layer:
         self, radius: float, intervals: int = 400, extent: float = 0.12
     ) -> RadialTable:
         """Tabulated displacement at the levels; ``extent`` is the largest radius asked for."""
-        reach = min(
-            extent, radius + 30 * self.thickness
-        )  # e-folding length of the tail: 1.15 h
+        # The tail falls by e in 1.15 h.
+        reach = min(extent, radius + 30 * self.thickness)
         return _table(self, radius, intervals, reach)
 
     def compliance(self, radius: float) -> float:
         """w0 in 1/m: the dimensionless surface compliance ∫ Φ(ka) P(k, h) dk of a Hertz contact."""
-        surface = np.array([self.thickness])
-        return float(_unscaled(np.zeros(1), surface, radius, self.thickness)[1][0, 0])
+        axis, surface = np.zeros(1), np.array([self.thickness])
+        _, sunk = _unscaled(axis, surface, radius, self.thickness)
+        return float(sunk[0, 0])
 
 
 @lru_cache(maxsize=32)
@@ -193,27 +206,32 @@ def _table(layer: Layer, radius: float, intervals: int, reach: float) -> RadialT
     stretch = 4 * radius  # steps near the contact about a/60, at r = 100 mm about h/2
     t = np.linspace(0, reach / (reach + stretch), intervals + 1)
     r = stretch * t / (1 - t)
+    width = t[1] - t[0]
     pieces = []
     for values in layer._displacement(r, layer.heights, radius):
         # Both are even in r, so their slope at the axis is zero.
         flat = (1, np.zeros(values.shape[1]))
         spline = CubicSpline(t, values, axis=0, bc_type=(flat, "not-a-knot"))
-        pieces += [spline.c[3 - p] * (t[1] - t[0]) ** p for p in range(4)]
-    return RadialTable(np.stack(pieces, axis=-1).swapaxes(0, 1).copy(), stretch, reach)
+        pieces += [spline.c[3 - power] * width**power for power in range(4)]
+    coefficients = np.stack(pieces, axis=-1).swapaxes(0, 1)
+    return RadialTable(coefficients.copy(), stretch, reach)
 
 
 def _unscaled(r: Array, z: Array, radius: float, h: float) -> tuple[Array, Array]:
+    """u_r/r and u_z before the division by w0, [len(r), len(z)]."""
     k, weight = _nodes(TAIL / h, float(r.max()) + radius)
     p, q = _excess(k[:, None], z, h)
     weight = weight * hertz_transform(k * radius)
-    kr = r[:, None] * k
-    # J1(x)/x → 1/2 on the axis.
-    j1_over_r = np.where(
-        kr > 1e-8, special.j1(kr) / np.maximum(r[:, None], 1e-300), k / 2
-    )
-    space_z, space_r = half_space(r[:, None], h - z, radius)
     weight = weight[:, None]
-    return space_r + j1_over_r @ (weight * q), space_z + special.j0(kr) @ (weight * p)
+    r = r[:, None]
+    kr = r * k
+    # J1(x)/x → 1/2 on the axis.
+    off_axis = special.j1(kr) / np.maximum(r, 1e-300)
+    j1_over_r = np.where(kr > 1e-8, off_axis, k / 2)
+    space_z, space_r = half_space(r, h - z, radius)
+    u_r_over_r = space_r + j1_over_r @ (weight * q)
+    sunk = space_z + special.j0(kr) @ (weight * p)
+    return u_r_over_r, sunk
 
 
 def _nodes(k_max: float, length: float) -> tuple[Array, Array]:
@@ -223,4 +241,5 @@ def _nodes(k_max: float, length: float) -> tuple[Array, Array]:
     x, w = np.polynomial.legendre.leggauss(16)
     edges = np.linspace(0, k_max, panels + 1)
     half = (edges[1] - edges[0]) / 2
-    return (edges[:-1, None] + half * (1 + x)).ravel(), np.tile(half * w, panels)
+    nodes = edges[:-1, None] + half * (1 + x)
+    return nodes.ravel(), np.tile(half * w, panels)

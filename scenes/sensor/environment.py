@@ -44,8 +44,10 @@ class Thermal:
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """S [count] in rad/K."""
         g = rng.standard_normal(count)
-        s = self.scale * g * np.exp(self.spread * rng.standard_normal(count))
-        replacement = np.sign(g) * self.limit * rng.uniform(0.3, 1.0, count)
+        logarithm = self.spread * rng.standard_normal(count)
+        s = self.scale * g * np.exp(logarithm)
+        share = rng.uniform(0.3, 1.0, count)
+        replacement = np.sign(g) * self.limit * share
         return np.where(np.abs(s) > self.limit, replacement, s)
 
 
@@ -76,8 +78,10 @@ class Room:
     def temperatures(self, count: int, rng: np.random.Generator) -> Array:
         """T [count] in K at consecutive samples; the first m do not depend on ``count``."""
         x, y = rng.standard_normal((count, 2)).T
-        slow = self.slow * (2 * ndtr(_ornstein_uhlenbeck(x, self.slow_time)) - 1)
-        return self.offset + slow + self.fast * _ornstein_uhlenbeck(y, self.fast_time)
+        uniform = ndtr(_ornstein_uhlenbeck(x, self.slow_time))
+        slow = self.slow * (2 * uniform - 1)
+        fast = self.fast * _ornstein_uhlenbeck(y, self.fast_time)
+        return self.offset + slow + fast
 
 
 def _ornstein_uhlenbeck(noise: Array, time: float) -> Array:
@@ -86,9 +90,8 @@ def _ornstein_uhlenbeck(noise: Array, time: float) -> Array:
     drive = noise * np.sqrt(1 - rho * rho)
     drive[:1] = noise[:1]
     series, x = np.empty_like(drive), 0.0
-    for m, step in enumerate(
-        drive
-    ):  # scipy.signal.lfilter would cost 0.3 s and 40 MB to import
+    # scipy.signal.lfilter would cost 0.3 s and 40 MB to import.
+    for m, step in enumerate(drive):
         x = rho * x + step
         series[m] = x
     return series

@@ -80,34 +80,36 @@ class Paths:
         self, count: int, layer: Layer, rng: np.random.Generator, device: torch.device
     ) -> PathSet:
         """``count`` independent paths."""
-        v, p = self.vertices, count
-        t = (np.arange(1, v + 1) / (v + 1))[:, None]
-        outermost = np.minimum(rng.exponential(self.reach, p), self.length)
-        scatter = 1 + 0.15 * rng.standard_normal((v, p))
-        x = np.clip(outermost * np.sin(np.pi * t) ** 0.7 * scatter, 0, self.length)
-        line = self.fibre[1] + t * (self.camera[1] - self.fibre[1])
-        y = line + self.spread * rng.standard_normal((v, p))
+        v, shape = self.vertices, (self.vertices, count)
+        t = np.arange(1, v + 1)[:, None] / (v + 1)  # share of the way
+        outermost = rng.exponential(self.reach, count)
+        outermost = np.minimum(outermost, self.length)
+        scatter = 1 + 0.15 * rng.standard_normal(shape)
+        x = outermost * np.sin(np.pi * t) ** 0.7 * scatter
+        x = np.clip(x, 0, self.length)
+        start_y, end_y = self.fibre[1], self.camera[1]
+        line = start_y + t * (end_y - start_y)
+        y = line + self.spread * rng.standard_normal(shape)
         y = np.clip(y, -self.width / 2, self.width / 2)
-        inner = np.cumsum(layer.weights).searchsorted(rng.random((v, p)))
+        inner = np.cumsum(layer.weights).searchsorted(rng.random(shape))
         inner = np.minimum(inner, layer.levels - 1)
-        level = np.where(rng.random((v, p)) < self.surface, layer.levels, inner)
+        on_surface = rng.random(shape) < self.surface
+        level = np.where(on_surface, layer.levels, inner)
 
         def point(vertex: int) -> np.ndarray:
-            return np.stack(
-                [x[vertex], y[vertex], layer.heights[level[vertex]]], axis=-1
-            )
+            z = layer.heights[level[vertex]]
+            return np.stack([x[vertex], y[vertex], z], axis=-1)
 
         # Leg by leg, so that little more than the result is in memory.
-        start, end = (
-            np.array([*place, layer.thickness / 2])
-            for place in (self.fibre, self.camera)
-        )
-        bend = np.empty((3, v, p), dtype=np.float32)
-        here, before = point(0), _direction(start, point(0))
+        start = np.array([*self.fibre, layer.thickness / 2])
+        end = np.array([*self.camera, layer.thickness / 2])
+        bend = np.empty((3, *shape), dtype=np.float32)
+        here = point(0)
+        before = _direction(start, here)
         for vertex in range(v):
-            following = (
-                point(vertex + 1) if vertex + 1 < v else np.broadcast_to(end, (p, 3))
-            )
+            following = np.broadcast_to(end, (count, 3))
+            if vertex + 1 < v:
+                following = point(vertex + 1)
             after = _direction(here, following)
             bend[:, vertex] = (before - after).T
             here, before = following, after
@@ -115,15 +117,15 @@ class Paths:
         def tensor(array: np.ndarray) -> Tensor:
             return torch.from_numpy(array).to(device, torch.float32)
 
-        return PathSet(
-            tensor(x), tensor(y), tensor(bend), torch.from_numpy(level).to(device)
-        )
+        levels = torch.from_numpy(level).to(device)
+        return PathSet(tensor(x), tensor(y), tensor(bend), levels)
 
 
 def _direction(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
     """Unit vectors [P, 3]; zero where the points coincide."""
     leg = stop - start
-    return leg / np.maximum(np.linalg.norm(leg, axis=-1, keepdims=True), 1e-12)
+    length = np.linalg.norm(leg, axis=-1, keepdims=True)
+    return leg / np.maximum(length, 1e-12)
 
 
 @dataclass(frozen=True)
@@ -147,16 +149,18 @@ class PathSet:
     def lengthening(self, table: Table, centre: tuple[float, float]) -> Tensor:
         """Σ_v (ŝ_in − ŝ_out)·u [P] per metre of indentation at ``centre`` (x, y) in m, in the
         precision of the table."""
-        total = torch.zeros(len(self), dtype=table.rows.dtype, device=self.x.device)
-        for v in range(
-            self.x.shape[0]
-        ):  # one by one: the temporaries stay in the cache
-            dx = (self.x[v] - centre[0]).to(total.dtype)
-            dy = (self.y[v] - centre[1]).to(total.dtype)
-            outward, down = table.look_up((dx * dx + dy * dy).sqrt_(), self.level[v])
-            along = self.bend[0, v] * dx + self.bend[1, v] * dy
+        dtype = table.rows.dtype
+        total = torch.zeros(len(self), dtype=dtype, device=self.x.device)
+        # One vertex of all paths at a time: the temporaries stay in the cache.
+        for v in range(self.x.shape[0]):
+            dx = (self.x[v] - centre[0]).to(dtype)
+            dy = (self.y[v] - centre[1]).to(dtype)
+            radius = (dx * dx + dy * dy).sqrt_()
+            outward, down = table.look_up(radius, self.level[v])
+            bend_x, bend_y, bend_z = self.bend[:, v]
+            along = bend_x * dx + bend_y * dy
             total += along * outward
-            total += self.bend[2, v] * down
+            total += bend_z * down
         return total
 
 
@@ -166,9 +170,8 @@ class Table:
     def __init__(
         self, table: RadialTable, dtype: torch.dtype, device: torch.device
     ) -> None:
-        self.rows = (
-            torch.from_numpy(table.coefficients).to(device, dtype).reshape(-1, 8)
-        )
+        rows = torch.from_numpy(table.coefficients).to(device, dtype)
+        self.rows = rows.reshape(-1, 8)
         self._table = table
 
     def look_up(self, r: Tensor, level: Tensor) -> tuple[Tensor, Tensor]:
@@ -178,12 +181,15 @@ class Table:
         position *= 1 / self._table.step
         interval = position.to(torch.int64).clamp_(max=n - 1)
         fraction = (position - interval).clamp_(max=1.0)
-        c = self.rows.index_select(0, level * n + interval)
-        outward = ((c[:, 3] * fraction + c[:, 2]) * fraction + c[:, 1]) * fraction + c[
-            :, 0
-        ]
-        down = ((c[:, 7] * fraction + c[:, 6]) * fraction + c[:, 5]) * fraction + c[
-            :, 4
-        ]
+        rows = self.rows.index_select(0, level * n + interval)
+        outward = _cubic(rows[:, :4], fraction)
+        down = _cubic(rows[:, 4:], fraction)
         inside = r <= self._table.reach
         return outward * inside, down * inside
+
+
+def _cubic(coefficients: Tensor, x: Tensor) -> Tensor:
+    """Σ c_k·x^k [P] by Horner's rule, from coefficients [P, 4], lowest power first."""
+    value = coefficients[:, 3] * x + coefficients[:, 2]
+    value = value * x + coefficients[:, 1]
+    return value * x + coefficients[:, 0]

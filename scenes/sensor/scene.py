@@ -6,23 +6,21 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from scenes.frames import row_numbers
+from scenes.frames import Indices, row_numbers
 from scenes.sensor.contact import BoundContact, Press, Touch
 from scenes.sensor.environment import Room
 from scenes.sensor.seeds import stream
 from scenes.sensor.sensor import Sensor
 from scenes.validate import require, require_integer
 
-CPU_BATCH, DEVICE_BATCH = (
-    1,
-    64,
-)  # a frame's arrays fill a core's cache; a GPU wants many
+CPU_BATCH = 1  # a frame's arrays fill a core's cache
+DEVICE_BATCH = 64  # a GPU wants many
 
 
 class SpeckleScene:
@@ -43,6 +41,8 @@ class SpeckleScene:
     """
 
     origin = "simulated"
+    revision: ClassVar[int] = 1
+    """Raised by hand in the commit that changes the frames it makes."""
 
     def __init__(
         self,
@@ -62,18 +62,15 @@ class SpeckleScene:
         self._counts = [samples_per_class] * len(self.classes)
         self.contacts: list[Press | None] = []
         for name, difference in classes.items():
-            made = None
-            if difference is not None:
-                require(
-                    contact is not None,
-                    "scene.contact",
-                    contact,
-                    f"one for class {name!r}",
+            if difference is None:
+                self.contacts.append(None)
+                continue
+            if contact is None:
+                raise ValueError(
+                    f"scene.contact: expected one for class {name!r}, found None"
                 )
-                made = contact(**difference)  # type: ignore[misc]
-                sensor.paths.require_inside(
-                    f"scene.classes.{name}.position", made.position
-                )
+            made = contact(**difference)
+            sensor.paths.require_inside(f"scene.classes.{name}.position", made.position)
             self.contacts.append(made)
         self.shape = (sensor.camera.crop, sensor.camera.crop)
         self.labels, self.samples = self._plan()
@@ -82,92 +79,100 @@ class SpeckleScene:
     def __len__(self) -> int:
         return len(self.labels)
 
-    def frames(self, indices: Sequence[int] | np.ndarray | Tensor) -> Tensor:
+    def frames(self, indices: Indices) -> Tensor:
         """uint8 [n, H, W] on the CPU; each sample is the same in any batch."""
         wanted = row_numbers(indices, len(self))
         frames = torch.empty((len(wanted), *self.shape), dtype=torch.uint8)
         batch = CPU_BATCH if self.sensor.place.type == "cpu" else DEVICE_BATCH
         camera = self.sensor.mounted
         for start in range(0, len(wanted), batch):
-            part = wanted[start : start + batch]
-            intensity = camera.intensity(
-                torch.stack([self.phases(int(i)) for i in part])
-            )
-            noise = [self._stream("noise", int(i)) for i in part]
-            frames[start : start + batch] = camera.expose(intensity, noise).cpu()
+            part = wanted[start : start + batch].tolist()
+            phases = torch.stack([self.phases(index) for index in part])
+            noise = [self._stream("noise", index) for index in part]
+            exposed = camera.expose(camera.intensity(phases), noise)
+            frames[start : start + batch] = exposed.cpu()
         return frames
 
     def phases(self, index: int) -> Tensor:
         """φ float64 [P] in rad of one sample, not reduced."""
-        sensor, label = self.sensor, int(self.labels[index])
-        phases = sensor.phase + sensor.sensitivity * float(
-            self.samples["temperature"][index]
-        )
+        sensor = self.sensor
+        temperature = float(self.samples["temperature"][index])
+        phases = sensor.phase + sensor.sensitivity * temperature
+        label = int(self.labels[index])
         contact = self.contacts[label]
-        if contact is not None:
-            if label not in self._bound:
-                self._bound[label] = contact.bind(sensor)
-            depth, x, y = (
-                float(self.samples[key][index]) for key in ("depth", "x", "y")
-            )
-            touched = stream(self.seed, "object", label)
-            touch = Touch(depth, x, y, self._stream("texture", index), touched)
-            phases += self._bound[label](touch)
+        if contact is None:
+            return phases
+        if label not in self._bound:
+            self._bound[label] = contact.bind(sensor)
+        touch = Touch(
+            depth=float(self.samples["depth"][index]),
+            x=float(self.samples["x"][index]),
+            y=float(self.samples["y"][index]),
+            sample=self._stream("texture", index),
+            object=stream(self.seed, "object", label),
+        )
+        phases += self._bound[label](touch)
         return phases
 
     def fingerprint(self) -> str:
         """SHA-256 over parameters and seeds; not over the code that draws from them."""
+        contacts = []
+        for contact in self.contacts:
+            described = contact and [type(contact).__name__, asdict(contact)]
+            contacts.append(described)
         parts = {
             "sensor": asdict(self.sensor),
-            "contacts": [c and [type(c).__name__, asdict(c)] for c in self.contacts],
+            "contacts": contacts,
             "classes": self.classes,
             "counts": self._counts,
-            # "creep" was a setting once; without it the digests of all scenes would change.
+            # A key without a meaning, on which the digests of all records stand.
             "sessions": [asdict(room) | {"creep": None} for room in self.sessions],
             "seed": self.seed,
         }
-        return hashlib.sha256(
-            json.dumps(parts, sort_keys=True, default=repr).encode()
-        ).hexdigest()
+        text = json.dumps(parts, sort_keys=True, default=repr)
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def _plan(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Labels in random order within each session, and what each sample will be."""
-        per_session = int(sum(self._counts))
-        sessions, labels = [], []
+        plans = []
         for session, room in enumerate(self.sessions):
-            ordered = np.repeat(np.arange(len(self.classes)), self._counts)
-            label = stream(self.seed, "labels", session).permutation(ordered)
-            normals = stream(self.seed, "touches", session).standard_normal(
-                (per_session, 3)
-            )
-            temperature = room.temperatures(
-                per_session, stream(self.seed, "room", session)
-            )
-            sample = {
-                "order": np.arange(per_session),
-                "session": np.full(per_session, session),
-                "temperature": temperature,
-                "depth": np.zeros(per_session),
-                **{axis: np.full(per_session, np.nan) for axis in "xy"},
-            }
-            for c, contact in enumerate(self.contacts):
-                if contact is not None:
-                    mine = np.flatnonzero(label == c)
-                    for name, values in contact.draw(normals[mine]).items():
-                        sample[name][mine] = values
-            # A contact that is not glued to the layer presses it and never pulls.
-            np.maximum(sample["depth"], 0, out=sample["depth"])
-            labels.append(label)
-            sessions.append(sample)
-        samples = {
-            name: np.concatenate([part[name] for part in sessions])
-            for name in sessions[0]
-        }
+            plans.append(self._plan_session(session, room))
+        labels = np.concatenate([label for label, _ in plans])
+        samples = {}
+        for name in plans[0][1]:
+            samples[name] = np.concatenate([sample[name] for _, sample in plans])
         deepest = float(samples["depth"].max(initial=0.0))
         thickness = self.sensor.layer.thickness
         limit = f"less than the layer's thickness, {thickness:g} m, in every touch"
         require(deepest < thickness, "scene.contact.depth", deepest, limit)
-        return np.concatenate(labels).astype(np.int64), samples
+        return labels.astype(np.int64), samples
+
+    def _plan_session(
+        self, session: int, room: Room
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Labels and properties of the samples of one session."""
+        n = int(sum(self._counts))
+        ordered = np.repeat(np.arange(len(self.classes)), self._counts)
+        labels = stream(self.seed, "labels", session).permutation(ordered)
+        normals = stream(self.seed, "touches", session).standard_normal((n, 3))
+        temperature = room.temperatures(n, stream(self.seed, "room", session))
+        sample = {
+            "order": np.arange(n),
+            "session": np.full(n, session),
+            "temperature": temperature,
+            "depth": np.zeros(n),
+            "x": np.full(n, np.nan),
+            "y": np.full(n, np.nan),
+        }
+        for label, contact in enumerate(self.contacts):
+            if contact is None:
+                continue
+            mine = np.flatnonzero(labels == label)
+            for name, values in contact.draw(normals[mine]).items():
+                sample[name][mine] = values
+        # A contact that is not glued to the layer presses it and never pulls.
+        np.maximum(sample["depth"], 0, out=sample["depth"])
+        return labels, sample
 
     def _stream(self, purpose: str, index: int) -> np.random.Generator:
         place = self.samples["session"][index], self.samples["order"][index]

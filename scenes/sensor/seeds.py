@@ -16,7 +16,7 @@ import numpy as np
 
 def stream(seed: int, purpose: str, *counters: int) -> np.random.Generator:
     """The generator at the address (seed, purpose, counters)."""
-    key = (zlib.crc32(purpose.encode()), *(int(c) for c in counters))
-    return np.random.Generator(
-        np.random.SFC64(np.random.SeedSequence(seed, spawn_key=key))
-    )
+    key = [zlib.crc32(purpose.encode())]
+    key += [int(counter) for counter in counters]
+    address = np.random.SeedSequence(seed, spawn_key=tuple(key))
+    return np.random.Generator(np.random.SFC64(address))

@@ -91,9 +91,8 @@ class GrainyPress:
         self, press: TexturedPress, sensor: Sensor, smooth: BoundContact
     ) -> None:
         self._press, self._smooth = press, smooth
-        self._patch = _patch(
-            sensor, press.position, press.radius, press.cell, press.side
-        )
+        shape = press.radius, press.cell, press.side
+        self._patch = _patch(sensor, press.position, *shape)
 
     def __call__(self, touch: Touch) -> Tensor:
         rng = touch.sample if self._press.fresh else touch.object
@@ -109,13 +108,15 @@ class GrainyPress:
         assert press.spacing is not None
         n = math.ceil(press.radius / press.spacing) + 1
         lattice = np.arange(-n, n + 1)
-        origin = rng.uniform(-0.5, 0.5, 2)
-        jitter = rng.uniform(-0.25, 0.25, (2, lattice.size, lattice.size))
-        across = press.spacing * (lattice + origin[0] + jitter[0])
-        along = press.spacing * (lattice[:, None] + origin[1] + jitter[1])
+        origin_x, origin_y = rng.uniform(-0.5, 0.5, 2)
+        shape = (2, lattice.size, lattice.size)
+        jitter_x, jitter_y = rng.uniform(-0.25, 0.25, shape)
+        across = press.spacing * (lattice + origin_x + jitter_x)
+        along = press.spacing * (lattice[:, None] + origin_y + jitter_y)
         inside = across**2 + along**2 < press.radius**2
         across, along = across[inside], along[inside]
-        force = np.sqrt(1 - (across**2 + along**2) / press.radius**2)
+        square = across**2 + along**2
+        force = np.sqrt(1 - square / press.radius**2)
         if press.variance > 0:
             force *= rng.gamma(1 / press.variance, press.variance, force.size)
         x = across + touch.x - press.position[0]
@@ -139,81 +140,100 @@ class Patch:
         side: int,
         finest: float = 1 / 5,
     ) -> None:
-        self._sensor, self._position, self._cell, self._side = (
-            sensor,
-            position,
-            cell,
-            side,
-        )
+        self._sensor = sensor
+        self._position = position
+        self._cell = cell
+        self._side = side
         self._half = side * cell / 2
-        layer, place = sensor.layer, sensor.place
-        kx = 2 * np.pi * np.fft.rfftfreq(side, cell)
-        ky = 2 * np.pi * np.fft.fftfreq(side, cell)[:, None]
-        k = np.hypot(kx, ky)
-        self._kx, self._ky, self._hertz = kx, ky, 3 * hertz_transform(k * radius)
-        grids: dict[int, list[int]] = {}
-        for level, z in enumerate(layer.heights):
-            coarser = finest * (layer.thickness - z) / cell
-            doublings = int(math.log2(coarser)) if coarser > 2 else 0
-            grids.setdefault(max(side >> doublings, 8), []).append(level)
-        safe = np.where(k > 0, k, 1.0)
-        strength = 2 * np.pi / 3 / layer.compliance(radius) / safe * (k > 0)
+        self._kx = 2 * np.pi * np.fft.rfftfreq(side, cell)
+        along = np.fft.fftfreq(side, cell)
+        self._ky = 2 * np.pi * along[:, None]
+        self._k = np.hypot(self._kx, self._ky)
+        self._hertz = 3 * hertz_transform(self._k * radius)
         self._groups = []
         offset, columns, rows, weights = 0, [], [], []
-        for n, levels in grids.items():
-            p, q = layer_response(
-                k, layer.heights[levels][:, None, None], layer.thickness
-            )
-            horizontal = -1j * strength * q / safe
-            response = np.stack(
-                [horizontal * kx, horizontal * ky, -strength * p], axis=1
-            )
-            whole = response.reshape(-1, side, side // 2 + 1)
-            cropped = _coarsen(whole, n) / (side * cell / n) ** 2
-            self._groups.append(
-                (n, torch.from_numpy(cropped.astype(np.complex64)).to(place))
-            )
+        for n, levels in self._grids(finest).items():
+            response = self._response(levels, n, radius)
+            self._groups.append((n, torch.from_numpy(response).to(sensor.place)))
             for level in levels:
                 column, row, weight = self._readings(level, n)
                 columns.append(column + offset)
                 rows.append(row)
                 weights.append(weight)
                 offset += 3 * n * n
-        shape = (len(sensor.path_set), offset)
         coordinates = (np.concatenate(rows), np.concatenate(columns))
-        read = sparse.csr_matrix((np.concatenate(weights), coordinates), shape=shape)
-        starts, indices, values = map(
-            torch.from_numpy, (read.indptr, read.indices, read.data)
-        )
-        with warnings.catch_warnings(
-            action="ignore"
-        ):  # support of sparse tensors is in beta
-            self._read = torch.sparse_csr_tensor(starts, indices, values, shape).to(
-                place
-            )
+        self._read = self._sparse(np.concatenate(weights), coordinates, offset)
+
+    def _grids(self, finest: float) -> dict[int, list[int]]:
+        """Levels by the grid that they need, in points a side."""
+        layer = self._sensor.layer
+        grids: dict[int, list[int]] = {}
+        for level, z in enumerate(layer.heights):
+            coarser = finest * (layer.thickness - z) / self._cell
+            doublings = 0
+            if coarser > 2:
+                doublings = int(math.log2(coarser))
+            points = max(self._side >> doublings, 8)
+            grids.setdefault(points, []).append(level)
+        return grids
+
+    def _response(self, levels: list[int], n: int, radius: float) -> np.ndarray:
+        """Displacement (x, y, z) by a force, complex64 [levels·3, n, n/2 + 1]."""
+        layer, k = self._sensor.layer, self._k
+        heights = layer.heights[levels][:, None, None]
+        p, q = layer_response(k, heights, layer.thickness)
+        safe = np.where(k > 0, k, 1.0)
+        strength = 2 * np.pi / 3 / layer.compliance(radius)
+        strength = strength / safe * (k > 0)
+        horizontal = -1j * strength * q / safe
+        components = [horizontal * self._kx, horizontal * self._ky, -strength * p]
+        response = np.stack(components, axis=1)
+        whole = response.reshape(-1, self._side, self._side // 2 + 1)
+        area = (self._side * self._cell / n) ** 2
+        return (_coarsen(whole, n) / area).astype(np.complex64)
+
+    def _sparse(
+        self,
+        weights: np.ndarray,
+        coordinates: tuple[np.ndarray, np.ndarray],
+        n_columns: int,
+    ) -> Tensor:
+        """Matrix float32 [P, n_columns] on the device, from (rows, columns) of its weights."""
+        shape = (len(self._sensor.path_set), n_columns)
+        read = sparse.csr_matrix((weights, coordinates), shape=shape)
+        starts = torch.from_numpy(read.indptr)
+        indices = torch.from_numpy(read.indices)
+        values = torch.from_numpy(read.data)
+        # Support of sparse tensors is in beta.
+        with warnings.catch_warnings(action="ignore"):
+            matrix = torch.sparse_csr_tensor(starts, indices, values, shape)
+            return matrix.to(self._sensor.place)
 
     def _readings(
         self, level: int, n: int
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(grid index, path, weight) of the vertices at one level inside the grid; 12 a vertex."""
-        paths, position, cell = (
-            self._sensor.path_set,
-            self._position,
-            self._half * 2 / n,
-        )
+        paths, cell = self._sensor.path_set, self._half * 2 / n
+        x, y = self._position
         chosen = (paths.level == level).cpu().numpy()
-        across = ((paths.x.cpu().numpy()[chosen] - position[0]) + self._half) / cell
-        along = ((paths.y.cpu().numpy()[chosen] - position[1]) + self._half) / cell
-        inside = (across >= 0) & (across < n - 1) & (along >= 0) & (along < n - 1)
-        path = np.broadcast_to(np.arange(len(paths)), chosen.shape)[chosen][inside]
+        across = paths.x.cpu().numpy()[chosen] - x
+        across = (across + self._half) / cell
+        along = paths.y.cpu().numpy()[chosen] - y
+        along = (along + self._half) / cell
+        inside = (across >= 0) & (across < n - 1)
+        inside &= (along >= 0) & (along < n - 1)
+        numbers = np.broadcast_to(np.arange(len(paths)), chosen.shape)
+        path = numbers[chosen][inside]
         bend = paths.bend.cpu().numpy()[:, chosen][:, inside]
-        i, j = along[inside].astype(np.int64), across[inside].astype(np.int64)
-        v, u = along[inside] - i, across[inside] - j
+        along, across = along[inside], across[inside]
+        i, j = along.astype(np.int64), across.astype(np.int64)
+        v, u = along - i, across - j
         index, weight = [], []
         for component in range(3):
-            for down, right, w in _corners(u, v):
-                index.append(component * n * n + (i + down) * n + j + right)
-                weight.append(w * bend[component])
+            first = component * n * n
+            for down, right, share in _corners(u, v):
+                index.append(first + (i + down) * n + j + right)
+                weight.append(share * bend[component])
         weights = np.concatenate(weight).astype(np.float32)
         return np.concatenate(index), np.tile(path, 12), weights
 
@@ -226,38 +246,48 @@ class Patch:
     ) -> np.ndarray:
         """δF complex [side, side/2 + 1]; each grain shared by its four nearest grid points."""
         n = self._side
-        across, along = (x + self._half) / self._cell, (y + self._half) / self._cell
+        across = (x + self._half) / self._cell
+        along = (y + self._half) / self._cell
         j, i = across.astype(np.int64), along.astype(np.int64)
         u, v = across - j, along - i
         grid = np.zeros(n * n)
         for down, right, share in _corners(u, v):
-            grid += np.bincount(
-                (i + down) * n + j + right, force * share, minlength=n * n
-            )
-        cx, cy = centre[0] + self._half, centre[1] + self._half
-        phase = np.exp(-1j * self._kx * cx) * np.exp(-1j * self._ky * cy)
-        return np.fft.rfft2(grid.reshape(n, n)) - self._hertz * phase
+            point = (i + down) * n + j + right
+            grid += np.bincount(point, force * share, minlength=n * n)
+        centre_x, centre_y = centre
+        phase_x = np.exp(-1j * self._kx * (centre_x + self._half))
+        phase_y = np.exp(-1j * self._ky * (centre_y + self._half))
+        smooth = self._hertz * (phase_x * phase_y)
+        return np.fft.rfft2(grid.reshape(n, n)) - smooth
 
     def phases(
         self, x: np.ndarray, y: np.ndarray, force: np.ndarray, touch: Touch
     ) -> Tensor:
         """Change of phase float64 [P] in rad by grains at (x, y) about the target."""
-        centre = touch.x - self._position[0], touch.y - self._position[1]
-        delta = self.spectrum(x, y, force, centre)
+        target_x, target_y = self._position
+        centre = touch.x - target_x, touch.y - target_y
+        delta = self.spectrum(x, y, force, centre)[None]
         fields = []
         for n, response in self._groups:
-            part = torch.from_numpy(_coarsen(delta[None], n).astype(np.complex64))
-            spectra = response * part.to(response.device)
+            part = _coarsen(delta, n).astype(np.complex64)
+            spectra = response * torch.from_numpy(part).to(response.device)
             # One by one: with several threads a batch of small transforms has other last digits.
-            fields += [torch.fft.irfft2(one, s=(n, n)).flatten() for one in spectra]
+            for spectrum in spectra:
+                field = torch.fft.irfft2(spectrum, s=(n, n))
+                fields.append(field.flatten())
+        lengthening = self._read @ torch.cat(fields)
         scale = self._sensor.paths.wavenumber * touch.depth
-        return (self._read @ torch.cat(fields)).to(torch.float64).mul_(scale)
+        return lengthening.to(torch.float64).mul_(scale)
 
 
 def _corners(u: np.ndarray, v: np.ndarray) -> list[tuple[int, int, np.ndarray]]:
     """Bilinear weights of the four grid points (down, right) around a point at fraction (u, v)."""
-    shares = (1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u
-    return [(k // 2, k % 2, share) for k, share in enumerate(shares)]
+    return [
+        (0, 0, (1 - v) * (1 - u)),
+        (0, 1, (1 - v) * u),
+        (1, 0, v * (1 - u)),
+        (1, 1, v * u),
+    ]
 
 
 def _coarsen(spectrum: np.ndarray, n: int) -> np.ndarray:
@@ -265,10 +295,10 @@ def _coarsen(spectrum: np.ndarray, n: int) -> np.ndarray:
     if spectrum.shape[-2] == n:
         return spectrum
     half = n // 2
-    cut = np.concatenate([spectrum[:, :half], spectrum[:, -half:]], axis=1)[
-        ..., : half + 1
-    ].copy()
-    cut[:, half], cut[..., half] = 0, 0
+    rows = [spectrum[:, :half], spectrum[:, -half:]]
+    cut = np.concatenate(rows, axis=1)[..., : half + 1].copy()
+    cut[:, half] = 0
+    cut[..., half] = 0
     return cut
 
 

@@ -69,12 +69,10 @@ def test_table_1_of_a_small_scene_is_the_committed_one(
     assert text.getvalue() == GOLDEN.read_text()
 
 
-def test_a_committed_number_is_made_again(request, one_thread, monkeypatch):
+def test_a_committed_number_is_made_again(request, one_thread):
     place = "fibre"
     try:
-        monkeypatch.setenv(
-            "FIBRE_DATA", str(request.getfixturevalue("shared_data") / "mmf_disorder")
-        )
+        request.getfixturevalue("measured_data")
     except pytest.skip.Exception:
         place = "touch"  # half a minute of simulated frames
     known = min(

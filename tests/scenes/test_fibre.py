@@ -152,9 +152,7 @@ def test_matrices_of_another_fibre(tmp_path, monkeypatch):
     ):
         excerpt(**{**settings, "step": None})
     monkeypatch.delenv("MEASURED_DATA")
-    with pytest.raises(
-        FileNotFoundError, match=r"found none in MEASURED_DATA=; get it by: git clone"
-    ):
+    with pytest.raises(FileNotFoundError, match=r"^MEASURED_DATA: .* not set; export"):
         excerpt(**settings)
 
 
@@ -174,13 +172,17 @@ def test_settings_out_of_range_are_named():
 def test_a_missing_repository_is_named(tmp_path, monkeypatch):
     with pytest.raises(FileNotFoundError, match=r"scene.path: .*article_MMF_disorder"):
         FibreScene(tmp_path)
-    monkeypatch.delenv("FIBRE_DATA", raising=False)
-    monkeypatch.delenv("MEASURED_DATA", raising=False)
-    monkeypatch.setattr(fibre, "BESIDE", tmp_path / "a")
     with pytest.raises(
-        FileNotFoundError, match=r"found no folder .*a/Data; get it by: git clone"
+        FileNotFoundError, match=r"found no folder .*/Data; get it by: git clone"
     ):
+        FibreScene(tmp_path)
+    monkeypatch.delenv("MEASURED_DATA", raising=False)
+    with pytest.raises(FileNotFoundError) as unset:
         FibreScene()
+    message = str(unset.value)
+    assert message.startswith("MEASURED_DATA: expected a folder with a checkout of git")
+    assert "found the variable not set; export MEASURED_DATA=FOLDER, then:" in message
+    assert "\n" not in message
     shutil.copytree(EXCERPT, tmp_path / "article_MMF_disorder")
     monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
     assert excerpt(path=None).fingerprint() == excerpt().fingerprint()

@@ -154,6 +154,22 @@ def test_unknown_frames_are_a_scene_of_their_own(root):
     assert "copies" in scene.saturated
 
 
+def test_labels_of_other_names_are_one_class_and_groups_stay_whole(root):
+    names = ["Shear_Test1_5", "Torsion_Test2_7", "Toshion_Test4_1", "Both_Shear_T_2"]
+    for k, name in enumerate(names):
+        write(root / "data" / f"{name}.png", np.full((3, 3), k, np.uint8))
+    scene = touches(
+        template="{label}_{group}_{order}.png",
+        folders=["data"],
+        rename={"Toshion": "Torsion"},
+        unknown=["Both"],
+    )
+    assert scene.classes == ("Shear", "Torsion")
+    assert scene.labels.tolist() == [0, 1, 1]
+    assert scene.samples["group_name"].tolist() == ["Test1", "Test2", "Test4"]
+    assert scene.unknown.frames([0])[0, 0, 0] == 3
+
+
 def test_what_is_missing_is_listed_with_the_commands_that_get_it(
     tmp_path, monkeypatch, capsys
 ):
@@ -174,6 +190,8 @@ def test_what_is_missing_is_listed_with_the_commands_that_get_it(
         ("tactip", [650, 681, 729, 706, 707, 690, 695, 749, 660, 733], (128, 128)),
         ("tactip_edge", [658, 657, 726, 669, 780, 672, 716, 703, 698, 721], (128, 128)),
         ("spr", [100] * 3, (640, 640)),
+        ("gelsight_billets", [80, 114], (240, 320)),
+        ("rgb_fibres", [417, 205, 202], (480, 640)),
         ("fibre_2", [100] * 5, (41, 82)),
         ("fibre_3", [100] * 5, (41, 82)),
     ],

@@ -42,3 +42,10 @@ def test_a_setting_is_named_as_in_the_configuration(archive):
         ValueError, match=r"^scene\.crop: expected a window inside frames 4 px wid"
     ):
         open_recording(archive[0], crop=[0, 0, 9, 9])
+
+
+def test_a_negative_memory_is_refused(archive):
+    with pytest.raises(
+        ValueError, match=r"^scene\.memory_bytes: expected an integer ≥ 0, found -1"
+    ):
+        open_recording(archive[0], memory_bytes=-1)
