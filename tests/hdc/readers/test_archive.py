@@ -98,16 +98,16 @@ def test_nothing_is_unpickled(save, tmp_path):
         ({"frames": None}, "expected arrays frames and labels, found no frames"),
         ({"labels": None}, "expected arrays frames and labels, found no labels"),
         (
-            {"frames": np.zeros((12, 5), np.uint8)},
-            r"\[frames\]: expected shape \[N, H, W\]",
+            {"frames": np.zeros((12, 5, 2, 2), np.uint8)},
+            r"\[frames\]: expected shape \[N, H, W\] or \[N, D\]",
         ),
         (
             {"frames": np.zeros((0, 5, 5), np.uint8)},
             r"\[frames\]: expected shape \[N, H, W\]",
         ),
         (
-            {"frames": np.zeros((12, 5, 5))},
-            r"\[frames\]: expected uint8 or uint16, found float64",
+            {"frames": np.zeros((12, 5, 5), bool)},
+            r"\[frames\]: expected integers or floats, found bool",
         ),
         (
             {"labels": LABELS[:5]},

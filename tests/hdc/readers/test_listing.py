@@ -108,7 +108,7 @@ def test_a_table_gives_values(folder, pixels):
     with pytest.raises(ValueError, match="expected a recording with labels"):
         _ = recording.names
     with pytest.raises(
-        ValueError, match=r"t.csv: expected numbers in note, found .*'u'"
+        ValueError, match=r"t.csv, line 2: expected a number in note, found 'u'"
     ):
         open_recording(folder, table="t.csv", value_columns=["note"])
     with pytest.raises(
@@ -173,7 +173,7 @@ def test_a_broken_manifest_is_named(folder, text, message):
 
 def test_folders_without_a_recording_are_named(tmp_path, pixels, folder):
     write(tmp_path / "x" / "1.png", pixels[0])
-    with pytest.raises(ValueError, match=r"x: expected .*, found 1 other files"):
+    with pytest.raises(ValueError, match=r"x: expected .*, found 1 image and no sub-folder"):
         open_recording(tmp_path / "x")
     (tmp_path / "y").mkdir()
     with pytest.raises(
