@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from datetime import UTC, datetime
-from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ import click
 import numpy as np
 
 import hdc
-from hdc.command import work
+from hdc.command import answers, work
 from hdc.io import check_replaceable
 from hdc.readers import Window
 from hdc.readers.batches import Batches
@@ -30,9 +29,13 @@ _SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
 
 def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
     """One decorator of several, in the order of the help."""
-    return lambda command: reduce(
-        lambda inner, option: option(inner), reversed(options), command
-    )
+
+    def decorate(command: Any) -> Any:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
 
 
 _recording = _options(
@@ -40,7 +43,7 @@ _recording = _options(
     click.option("--template", metavar="PATTERN",
                  help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'."),
     click.option("--values", "table", type=_FILE, metavar="CSV",
-                 help="Table of numbers to learn or compare with, a row per image."),
+                 help="Table of numbers to learn or compare with, a row per image or frame."),
     click.option("--column", "value_columns", multiple=True, metavar="NAME",
                  help="Column of numbers; may be repeated. [default: all numeric ones]"),
     click.option("--image-column", default="image", metavar="NAME",
@@ -73,8 +76,9 @@ def cli() -> None:
     """Train a hyperdimensional classifier of images, and use it.
 
     A RECORDING is a folder of images with one sub-folder per class, a manifest.csv (columns file,
-    label), a --template or a table of --values; an .npz with frames [N, H, W] and labels [N]; or a
-    video with a CSV table of intervals (columns start_s, end_s, label) beside it.
+    label), a --template or a table of --values; an .npz with frames [N, H, W] or [N, D] and labels
+    or values [N]; a .csv with a row of numbers and a label per frame; or a video with a CSV table
+    of intervals (columns start_s, end_s, label) beside it, or with a table of --values.
     """
 
 
@@ -101,25 +105,30 @@ def train(
     check_replaceable(output)
     training, test, how = work.hold_out(frames, test_fraction)
     batches = Batches(frames, training)
+    metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
     if frames.values is not None:
         model: Any = hdc.HDCRegressor(readout=readout or "ridge")
         model.fit(batches, frames.values[training])
-        learnt = f"values of {', '.join(frames.value_names)}"
+        metadata["values"] = list(frames.value_names)
+        if any(frames.value_units):
+            metadata["units"] = list(frames.value_units)
+        named = work.with_units(frames.value_names, frames.value_units)
+        learnt = f"values of {', '.join(named)}"
     else:
         model = hdc.HDCClassifier(readout=readout or "prototype")
         model.fit(batches, np.array(frames.names)[training])
         learnt = f"{len(frames.classes)} classes"
-    metadata = {
-        "crop": window.crop,
-        "subsample": window.subsample,
-        **({"values": list(frames.value_names)} if frames.value_names else {}),
-        "trained": datetime.now(UTC).isoformat(timespec="seconds"),
-        "version": hdc.__version__,
-    }
+    metadata["trained"] = datetime.now(UTC).isoformat(timespec="seconds")
+    metadata["version"] = hdc.__version__
     model.save(output, metadata=metadata)
     click.echo(f"{output}: {len(training)} frames, {learnt}, {work.size(frames.shape)}")
+    if frames.values is None:
+        click.echo(work.class_line(frames, training))
+    click.echo(work.session_line(frames))
     if len(test):
-        click.echo(f"held out {how}: {work.score(model, frames, test)['text'][0]}")
+        click.echo(f"held out {how}: {answers.score(model, frames, test)['text'][0]}")
+    if how == "at random":
+        click.echo(f"held out at random because {work.why_random(frames)}")
 
 
 @cli.command()
@@ -132,29 +141,22 @@ def predict(
 ) -> None:
     """Classify images.
 
-    IMAGES are image files, videos, or folders, whose images and those of their sub-folders are
-    taken. For each: file, label, margin (how much farther the second nearest class is) and the
-    distance of each class, as shares of the pixels; 0.5 is the distance of noise.
+    IMAGES are image files, videos, arrays or tables of frames, or folders, whose images and those
+    of their sub-folders are taken. For each: file, label, margin (how much farther the second
+    nearest class is) and the distance of each class, as shares of the pixels; 0.5 is the distance
+    of noise.
     """
     found, window = work.load(model)
-    files = [
-        file
-        for path in images
-        for file in (image_files(path) if path.is_dir() else [path])
-    ]
-    for number, answer in enumerate(work.ask(found, window, files, reject)):
+    files: list[Path] = []
+    for path in images:
+        files += image_files(path) if path.is_dir() else [path]
+    for number, answer in enumerate(answers.ask(found, window, files, reject)):
         if as_json:
             click.echo(json.dumps(answer, ensure_ascii=False))
             continue
-        if answer.get("label", "") is None:
-            answer["label"] = "(none of these)"
-        answer |= answer.pop("distances", {})
         if number == 0:
-            click.echo("\t".join(answer))
-        cells = (
-            f"{x:.4f}" if isinstance(x, float) else str(x) for x in answer.values()
-        )
-        click.echo("\t".join(cells))
+            click.echo("\t".join(answers.heads(found, answer)))
+        click.echo("\t".join(answers.cells(answer)))
 
 
 @cli.command()
@@ -171,9 +173,12 @@ def evaluate(
     """
     found, window = work.load(model)
     frames = work.frames_for(found, window, recording, source)
-    result = work.score(found, frames, np.arange(len(frames)), reject)
-    text = result.pop("text")
-    click.echo(json.dumps(result, ensure_ascii=False) if as_json else "\n".join(text))
+    result = answers.score(found, frames, np.arange(len(frames)), reject)
+    lines = result.pop("text")
+    if as_json:
+        click.echo(json.dumps(result, ensure_ascii=False))
+    else:
+        click.echo("\n".join(lines))
 
 
 @cli.command()
@@ -209,10 +214,9 @@ def recalibrate(
         )
     frames = work.frames_for(found, window, recording, source)
     by_name = {str(c): c for c in found.classes_.tolist()}
+    labels = [by_name[name] for name in frames.names]
     batches = Batches(frames, np.arange(len(frames)))
-    found.recalibrate(
-        batches, [by_name[name] for name in frames.names], p, seed, method
-    )
+    found.recalibrate(batches, labels, p, seed, method)
     found.save(output)
     names, counts = np.unique(frames.names, return_counts=True)
     new = f"{len(frames)} new frames of {len(names)} classes, at least {counts.min()} of each"

@@ -111,10 +111,15 @@ class Recorded:
             "crop": window.crop,
             "subsample": window.subsample,
         }
-        self.shape, self.classes = recording.shape, recording.classes
+        if len(recording.shape) != 2 or recording.labels is None:
+            found = f"frames {recording.shape}, classes {recording.classes}"
+            raise ValueError(f"{path}: expected images with labels, found {found}")
+        self.shape = recording.shape[0], recording.shape[1]
+        self.classes = recording.classes
         self._order = np.argsort(recording.samples["order"], kind="stable")
-        self._labels = np.asarray(recording.labels)[self._order]
-        self._place, self.playing = -1, True
+        self._labels = recording.labels[self._order]
+        self._place = -1
+        self.playing = True
 
     @property
     def label(self) -> str:

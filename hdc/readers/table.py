@@ -26,7 +26,8 @@ def open_table(
         ValueError: the table is not as described; a cell that is no number is named.
     """
     places, rows = [], []
-    for place, row in read_csv(path, value_columns):
+    needed = value_columns if fewest_classes > 0 else ()
+    for place, row in read_csv(path, needed):
         places.append(place)
         rows.append(row)
     if not rows:
@@ -37,7 +38,8 @@ def open_table(
         raise ValueError(
             f"{path}: expected a column label, or a chosen column of values, found neither"
         )
-    about = {n: t for n, t in columns.texts.items() if n in KNOWN or n in value_columns}
+    chosen = tuple(name for name in value_columns if name in columns.texts)
+    about = {n: t for n, t in columns.texts.items() if n in KNOWN or n in chosen}
     numbers = [name for name in columns.texts if name not in about]
     if not numbers:
         raise ValueError(f"{path}: expected columns of numbers, found {[*about]}")
@@ -63,6 +65,6 @@ def open_table(
         place=lambda i: places[i],
         digest=cache(lambda: file_digest(path)),
         window=window,
-        values=columns.values(value_columns),
-        value_names=tuple(value_columns),
+        values=columns.values(chosen),
+        value_names=chosen,
     )
