@@ -40,32 +40,63 @@ def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
 
 _recording = _options(
     click.argument("recording", type=_FILE),
-    click.option("--template", metavar="PATTERN",
-                 help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'."),
-    click.option("--values", "table", type=_FILE, metavar="CSV",
-                 help="Table of numbers to learn or compare with, a row per image or frame."),
-    click.option("--column", "value_columns", multiple=True, metavar="NAME",
-                 help="Column of numbers; may be repeated. [default: all numeric ones]"),
-    click.option("--image-column", default="image", metavar="NAME",
-                 help="Column of the table that names the image."),
-)  # fmt: skip
+    click.option(
+        "--template",
+        metavar="PATTERN",
+        help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'.",
+    ),
+    click.option(
+        "--values",
+        "table",
+        type=_FILE,
+        metavar="CSV",
+        help="Table of numbers to learn or compare with, a row per image or frame.",
+    ),
+    click.option(
+        "--column",
+        "value_columns",
+        multiple=True,
+        metavar="NAME",
+        help="Column of numbers; may be repeated. [default: all numeric ones]",
+    ),
+    click.option(
+        "--image-column",
+        default="image",
+        metavar="NAME",
+        help="Column of the table that names the image.",
+    ),
+)
 _pixels = _options(
-    click.option("--crop", type=click.IntRange(0), nargs=4, metavar="X Y WIDTH HEIGHT",
-                 help="Pixels to keep, from the top left corner. [default: all]"),
-    click.option("--subsample", type=click.IntRange(1), default=1, metavar="N",
-                 help="Keep every N-th pixel on both axes."),
-)  # fmt: skip
+    click.option(
+        "--crop",
+        type=click.IntRange(0),
+        nargs=4,
+        metavar="X Y WIDTH HEIGHT",
+        help="Pixels to keep, from the top left corner. [default: all]",
+    ),
+    click.option(
+        "--subsample",
+        type=click.IntRange(1),
+        default=1,
+        metavar="N",
+        help="Keep every N-th pixel on both axes.",
+    ),
+)
 _output = click.option(
     "-o", "--output", type=_FILE, required=True, help="File to write the model to."
 )
 _model = click.argument("model", type=_FILE)
 _json = click.option("--json", "as_json", is_flag=True, help="Write JSON.")
 _reject = click.option(
-    "--reject", type=click.FloatRange(0, 0.5, min_open=True), is_flag=False, flag_value=RATE,
-    default=None, metavar="[RATE]",
+    "--reject",
+    type=click.FloatRange(0, 0.5, min_open=True),
+    is_flag=False,
+    flag_value=RATE,
+    default=None,
+    metavar="[RATE]",
     help="Refuse frames unlike every class; about this share of frames like those trained on is "
     f"refused, too ({RATE} if no number follows).",
-)  # fmt: skip
+)
 
 
 @click.group(
@@ -86,10 +117,16 @@ def cli() -> None:
 @_recording
 @_output
 @_pixels
-@click.option("--test-fraction", type=_SHARE,
-              help="Hold out this share: the last sessions if known, else at random.")  # fmt: skip
-@click.option("--readout", type=click.Choice(["prototype", "ridge", "neighbours"]),
-              help="How bits are read. [default: prototype; for numbers ridge]")  # fmt: skip
+@click.option(
+    "--test-fraction",
+    type=_SHARE,
+    help="Hold out this share: the last sessions if known, else at random.",
+)
+@click.option(
+    "--readout",
+    type=click.Choice(["prototype", "ridge", "neighbours"]),
+    help="How bits are read. [default: prototype; for numbers ridge]",
+)
 def train(
     recording: Path,
     output: Path,
@@ -149,7 +186,10 @@ def predict(
     found, window = work.load(model)
     files: list[Path] = []
     for path in images:
-        files += image_files(path) if path.is_dir() else [path]
+        if path.is_dir():
+            files += image_files(path)
+        else:
+            files.append(path)
     for number, answer in enumerate(answers.ask(found, window, files, reject)):
         if as_json:
             click.echo(json.dumps(answer, ensure_ascii=False))
@@ -188,8 +228,12 @@ def evaluate(
 @click.option(
     "--p", type=click.FloatRange(0, 1), default=0.5, help="Share of the new frames."
 )
-@click.option("--method", type=click.Choice(["replace", "merge"]), default="replace",
-              help="Replace bits with probability p, as published, or merge votes.")  # fmt: skip
+@click.option(
+    "--method",
+    type=click.Choice(["replace", "merge"]),
+    default="replace",
+    help="Replace bits with probability p, as published, or merge votes.",
+)
 @click.option(
     "--seed", type=click.IntRange(0), default=0, help="Choice of the bits replaced."
 )
@@ -227,14 +271,24 @@ def recalibrate(
 
 @cli.command()
 @_recording
-@click.option("--test", "other", type=_FILE, metavar="RECORDING",
-              help="Test on this recording, of another day.")  # fmt: skip
+@click.option(
+    "--test",
+    "other",
+    type=_FILE,
+    metavar="RECORDING",
+    help="Test on this recording, of another day.",
+)
 @_pixels
 @click.option(
     "--test-fraction", type=_SHARE, default=0.2, help="Share of frames to hold out."
 )
-@click.option("--draws", type=click.IntRange(1, 100), default=5, metavar="N",
-              help="Random choices of frames at each number per class.")  # fmt: skip
+@click.option(
+    "--draws",
+    type=click.IntRange(1, 100),
+    default=5,
+    metavar="N",
+    help="Random choices of frames at each number per class.",
+)
 @_json
 def compare(
     recording: Path,
@@ -255,11 +309,14 @@ def compare(
 
     window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
-    tests = work.open_frames(other, window, **source) if other else None
+    tests = None
+    if other is not None:
+        tests = work.open_frames(other, window, **source)
     result = comparison.compare(frames, tests, recording, test_fraction, draws)
-    click.echo(
-        json.dumps(result, ensure_ascii=False) if as_json else comparison.text(result)
-    )
+    if as_json:
+        click.echo(json.dumps(result, ensure_ascii=False))
+    else:
+        click.echo(comparison.text(result))
 
 
 @cli.command()

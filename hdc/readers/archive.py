@@ -53,45 +53,47 @@ def open_array(
         frames = frames.reshape(-1, *frames.shape[-2:])
     _check_frames(path, frames)
     n = len(frames)
-    labels = arrays.pop("labels", None)
-    names = arrays.pop("classes", None)
+    classes, labels = _labels(path, arrays, n, fewest_classes)
     named, units = _named_values(path, arrays, n)
     if labels is None and not value_columns:
         value_columns = tuple(named)
-    known = arrays | named
-    values = _values(path, known, value_columns, n)
-    classes: tuple[str, ...] = ()
-    indices = None
-    if labels is not None:
-        classes, indices = _labels(path, labels, names, n, fewest_classes)
-    elif not value_columns and fewest_classes > 0:
+    if labels is None and not value_columns and fewest_classes > 0:
         raise ValueError(f"{path}: expected arrays frames and labels, found no labels")
+    known = arrays | named
     samples = {"order": np.arange(n), **_samples(known, n)}
     check_times(path, samples, n)
-    native = frames.dtype.newbyteorder("=")
-
-    def place(i: int) -> str:
-        return f"{path}, frame {i}"
-
-    def each(index: np.ndarray) -> Iterator[np.ndarray]:
-        for i in index:
-            frame = np.ascontiguousarray(window.of(frames[i]), dtype=native)
-            yield check_finite(place(i), frame)
-
+    stored = _Stored(path, frames, window)
     return Recording(
         classes=classes,
-        labels=indices,
+        labels=labels,
         shape=window.shape(*frames.shape[1:]),
-        dtype=native,
+        dtype=stored.dtype,
         samples=samples,
-        each=each,
-        place=place,
+        each=stored.each,
+        place=stored.place,
         digest=cache(lambda: file_digest(path)),
         window=window,
-        values=values,
+        values=_values(path, known, value_columns, n),
         value_names=tuple(value_columns),
         value_units=tuple(units.get(name, "") for name in value_columns),
     )
+
+
+class _Stored:
+    """Frames of an array, as the machine's own kind of numbers."""
+
+    def __init__(self, path: Path, frames: np.ndarray, window: Window) -> None:
+        self._path, self._frames, self._window = path, frames, window
+        self.dtype = frames.dtype.newbyteorder("=")
+
+    def place(self, i: int) -> str:
+        return f"{self._path}, frame {i}"
+
+    def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
+        for i in index:
+            kept = self._window.of(self._frames[i])
+            frame = np.ascontiguousarray(kept, dtype=self.dtype)
+            yield check_finite(self.place(i), frame)
 
 
 def _load(path: Path) -> dict[str, np.ndarray]:
@@ -207,13 +209,16 @@ def _samples(arrays: dict[str, np.ndarray], n: int) -> dict[str, np.ndarray]:
 
 
 def _labels(
-    path: Path,
-    labels: np.ndarray,
-    names: np.ndarray | None,
-    n: int,
-    fewest_classes: int,
-) -> tuple[tuple[str, ...], np.ndarray]:
-    """Class names, and the index of each frame's [N]; integer labels count the ``names`` [L]."""
+    path: Path, arrays: dict[str, np.ndarray], n: int, fewest_classes: int
+) -> tuple[tuple[str, ...], np.ndarray | None]:
+    """Class names, and the index of each frame's [N], taken out of the arrays; None of no labels.
+
+    Integer labels count the names in ``classes`` [L].
+    """
+    labels = arrays.pop("labels", None)
+    names = arrays.pop("classes", None)
+    if labels is None:
+        return (), None
     if labels.shape != (n,) or labels.dtype.kind not in "iuU":
         found = f"{labels.dtype} {labels.shape}"
         raise ValueError(

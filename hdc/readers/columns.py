@@ -29,8 +29,16 @@ class Columns:
     @classmethod
     def of(cls, places: Sequence[str], rows: Sequence[dict[str, str]]) -> Columns:
         """The columns of rows that all have the same names."""
-        names = rows[0]
-        return cls(places, {name: [row[name] for row in rows] for name in names})
+        texts: dict[str, list[str]] = {name: [] for name in rows[0]}
+        for row in rows:
+            for name, text in row.items():
+                texts[name].append(text)
+        return cls(places, texts)
+
+    def only(self, names: Sequence[str]) -> Columns:
+        """Those of these columns that are there."""
+        texts = {name: self.texts[name] for name in names if name in self.texts}
+        return Columns(self.places, texts)
 
     def pop_labels(self) -> list[str] | None:
         """Labels [N], removed from the columns; None where there are none."""
@@ -126,4 +134,6 @@ def _numbers_or_text(texts: list[str]) -> np.ndarray:
         with suppress(OverflowError):
             return np.array([int(text) for text in texts], dtype=np.int64)
     numbers = [parse_number(text) for text in texts]
-    return np.array(texts if None in numbers else numbers)
+    if None in numbers:
+        return np.array(texts)
+    return np.array(numbers)

@@ -25,32 +25,21 @@ def open_table(
     Raises:
         ValueError: the table is not as described; a cell that is no number is named.
     """
-    places, rows = [], []
     needed = value_columns if fewest_classes > 0 else ()
-    for place, row in read_csv(path, needed):
-        places.append(place)
-        rows.append(row)
-    if not rows:
-        raise ValueError(f"{path}: expected a row of numbers per frame, found none")
-    columns = Columns.of(places, rows)
+    columns = _columns(path, needed)
     labels = columns.pop_labels()
     if labels is None and not value_columns and fewest_classes > 0:
         raise ValueError(
             f"{path}: expected a column label, or a chosen column of values, found neither"
         )
-    chosen = tuple(name for name in value_columns if name in columns.texts)
-    about = {n: t for n, t in columns.texts.items() if n in KNOWN or n in chosen}
-    numbers = [name for name in columns.texts if name not in about]
-    if not numbers:
-        raise ValueError(f"{path}: expected columns of numbers, found {[*about]}")
-    frames = columns.values(numbers)
-    assert frames is not None
-    samples = Columns(places, about).samples()
-    check_times(path, samples, len(rows))
     classes: tuple[str, ...] = ()
     indices = None
     if labels is not None:
         classes, indices = class_indices(labels, path, fewest_classes)
+    chosen = tuple(name for name in value_columns if name in columns.texts)
+    frames = _frames(path, columns, (*KNOWN, *chosen))
+    samples = columns.only((*KNOWN, *chosen)).samples()
+    check_times(path, samples, len(frames))
 
     def each(index: np.ndarray) -> Iterator[np.ndarray]:
         return (np.ascontiguousarray(window.of(frames[i])) for i in index)
@@ -60,11 +49,33 @@ def open_table(
         labels=indices,
         shape=window.shape(frames.shape[1]),
         dtype=frames.dtype,
-        samples={"order": np.arange(len(rows)), **samples},
+        samples={"order": np.arange(len(frames)), **samples},
         each=each,
-        place=lambda i: places[i],
+        place=lambda i: columns.places[i],
         digest=cache(lambda: file_digest(path)),
         window=window,
         values=columns.values(chosen),
         value_names=chosen,
     )
+
+
+def _columns(path: Path, required: Sequence[str]) -> Columns:
+    places = []
+    rows = []
+    for place, row in read_csv(path, required):
+        places.append(place)
+        rows.append(row)
+    if not rows:
+        raise ValueError(f"{path}: expected a row of numbers per frame, found none")
+    return Columns.of(places, rows)
+
+
+def _frames(path: Path, columns: Columns, known: Sequence[str]) -> np.ndarray:
+    """Vectors float64 [N, D] of all columns but those that are known."""
+    numbers = [name for name in columns.texts if name not in known]
+    frames = columns.values(numbers)
+    if frames is None:
+        raise ValueError(
+            f"{path}: expected columns of numbers, found {[*columns.texts]}"
+        )
+    return frames
