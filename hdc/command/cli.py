@@ -320,37 +320,55 @@ def compare(
 
 
 @cli.command()
+@click.argument("model", type=_FILE, required=False)
 @click.option(
     "--camera", type=click.IntRange(0), metavar="N", help="Number of the camera."
 )
 @click.option(
     "--folder", type=_FILE, metavar="RECORDING", help="Play this back instead."
 )
+@click.option("--video", type=_FILE, metavar="FILE", help="Play this, without labels.")
 @_pixels
 @click.option(
     "--host", metavar="ADDRESS", help="Listen there. [default: this computer alone]"
 )
 @click.option("--port", type=click.IntRange(1, 65535), default=8080)
 def live(
+    model: Path | None,
     camera: int | None,
     folder: Path | None,
+    video: Path | None,
     crop: tuple[int, ...] | None,
     subsample: int,
     host: str | None,
     port: int,
 ) -> None:
-    """Teach a model in the browser.
+    """Teach a model in the browser, or watch a MODEL that was trained.
 
-    A page shows the frames of a camera, or of a RECORDING played back, and what the model says.
+    A page shows the frames of a camera, or of a RECORDING or a video played back, and what the
+    model says. A MODEL has its own crop and subsampling.
     """
-    if (camera is None) == (folder is None):
-        raise click.UsageError("expected one of --camera and --folder")
-    from hdc.live import Camera, Recorded, Source
+    if sum(given is not None for given in (camera, folder, video)) != 1:
+        raise click.UsageError("expected one of --camera, --folder and --video")
+    if model is not None and (crop is not None or subsample != 1):
+        raise click.UsageError("expected no --crop or --subsample with a MODEL")
+    from hdc.live import Camera, Film, Recorded, Source
     from hdc.live.page import serve
 
+    trained = None
     window = Window(crop, subsample)
-    source: Source = Recorded(folder, window) if folder else Camera(camera or 0, window)
-    serve(source, host, port)
+    if model is not None:
+        trained, window = work.load(model)
+    source: Source
+    if folder is not None:
+        source = Recorded(folder, window)
+    elif video is not None:
+        source = Film(video, window)
+    else:
+        source = Camera(camera or 0, window)
+    if trained is not None:
+        work.check_size(trained, source.shape, source.title)
+    serve(source, host, port, trained)
 
 
 @cli.command()

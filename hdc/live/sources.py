@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -26,9 +26,7 @@ class Source(Protocol):
 
     title: str
     shape: tuple[int, int]  # (H, W) of a frame
-    metadata: dict[
-        str, Any
-    ]  # kept with a saved model: crop and subsample, for the command ``hdc``
+    metadata: dict[str, Any]  # kept with a saved model: crop and subsample
 
     @property
     def label(self) -> str | None:
@@ -141,7 +139,46 @@ class Recorded:
 
     def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
         """The next n frames of the class that is shown, or all of them where there are fewer."""
-        ahead = np.roll(np.arange(len(self._order)), -max(0, self._place) - 1)
-        places = ahead[self._labels[ahead] == self._labels[max(0, self._place)]][:n]
+        shown = max(0, self._place)
+        ahead = np.roll(np.arange(len(self._order)), -shown - 1)
+        same = self._labels[ahead] == self._labels[shown]
+        places = ahead[same][:n]
         self._place = int(places[-1])
         return list(self._recording.frames(self._order[places]))
+
+
+class Film:
+    """A video without labels, over and over; its samples are the next frames.
+
+    Raises:
+        ValueError: it is no video that is read here, or the crop does not fit its frames.
+    """
+
+    label = None
+
+    def __init__(self, path: Path, window: readers.Window) -> None:
+        self._path, self._window = path, window
+        self._frames = self._start()
+        self.title = f"Video {path.name}"
+        self.metadata: dict[str, Any] = {
+            "crop": window.crop,
+            "subsample": window.subsample,
+        }
+        height, width = self.frame().shape
+        self.shape = (height, width)
+
+    def _start(self) -> Iterator[tuple[float, np.ndarray]]:
+        from hdc.readers.video import stream_video
+
+        return stream_video(self._path, self._window)
+
+    def frame(self) -> np.ndarray:
+        found = next(self._frames, None)
+        if found is None:
+            self._frames = self._start()
+            found = next(self._frames)
+        _, frame = found
+        return frame
+
+    def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
+        return [self.frame() for _ in range(n)]

@@ -272,7 +272,7 @@ def test_the_token_redirects_to_this_page_alone():
             1,
             "expected a camera that can be opened at index 97, found none",
         ),
-        ([], 2, "expected one of --camera and --folder"),
+        ([], 2, "expected one of --camera, --folder and --video"),
         (["--folder", "nowhere"], 1, "found nothing: nowhere"),
     ],
 )
