@@ -23,13 +23,15 @@ class RecordedScene:
             raise readers.SettingError(
                 "path: expected a recording with labels, found values only"
             )
+        if len(recording.shape) != 2 or recording.dtype not in (np.uint8, np.uint16):
+            found = f"{recording.dtype} {recording.shape}"
+            raise readers.SettingError(
+                f"path: expected images uint8 or uint16 [H, W], found {found}"
+            )
         self.recording = recording
         self.classes, self.labels = recording.classes, recording.labels
-        self.shape, self.samples, self.values = (
-            recording.shape,
-            recording.samples,
-            recording.values,
-        )
+        self.shape = recording.shape
+        self.samples, self.values = recording.samples, recording.values
 
     def __len__(self) -> int:
         return len(self.recording)
