@@ -352,20 +352,14 @@ def live(
         raise click.UsageError("expected one of --camera, --folder and --video")
     if model is not None and (crop is not None or subsample != 1):
         raise click.UsageError("expected no --crop or --subsample with a MODEL")
-    from hdc.live import Camera, Film, Recorded, Source
+    from hdc.live import open_source
     from hdc.live.page import serve
 
     trained = None
     window = Window(crop, subsample)
     if model is not None:
         trained, window = work.load(model)
-    source: Source
-    if folder is not None:
-        source = Recorded(folder, window)
-    elif video is not None:
-        source = Film(video, window)
-    else:
-        source = Camera(camera or 0, window)
+    source = open_source(window, folder, video, camera or 0)
     if trained is not None:
         work.check_size(trained, source.shape, source.title)
     serve(source, host, port, trained)

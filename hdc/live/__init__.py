@@ -12,6 +12,14 @@ Nothing is written to disk: a model is saved by download.
 
 from __future__ import annotations
 
-from hdc.live.sources import Camera, Film, Pressable, Recorded, Source, Touch
+from hdc.live.sources import (
+    Camera,
+    Film,
+    Pressable,
+    Recorded,
+    Source,
+    Touch,
+    open_source,
+)
 
-__all__ = ["Camera", "Film", "Pressable", "Recorded", "Source", "Touch"]
+__all__ = ["Camera", "Film", "Pressable", "Recorded", "Source", "Touch", "open_source"]

@@ -58,6 +58,21 @@ class Pressable(Source, Protocol):
         ...
 
 
+def open_source(
+    window: readers.Window, folder: Path | None, video: Path | None, camera: int
+) -> Source:
+    """A recording played back, else a video without labels, else a camera.
+
+    Raises:
+        ValueError: see :class:`Recorded`, :class:`Film` and :class:`Camera`.
+    """
+    if folder is not None:
+        return Recorded(folder, window)
+    if video is not None:
+        return Film(video, window)
+    return Camera(camera, window)
+
+
 class Camera:
     """A connected camera; its samples are the next frames.
 

@@ -55,10 +55,9 @@ def open_array(
     n = len(frames)
     classes, labels = _labels(path, arrays, n, fewest_classes)
     named, units = _named_values(path, arrays, n)
-    if labels is None and not value_columns:
-        value_columns = tuple(named)
-    if labels is None and not value_columns and fewest_classes > 0:
-        raise ValueError(f"{path}: expected arrays frames and labels, found no labels")
+    if labels is None:
+        value_columns = value_columns or tuple(named)
+        _check_learnt(path, value_columns, fewest_classes)
     known = arrays | named
     samples = {"order": np.arange(n), **_samples(known, n)}
     check_times(path, samples, n)
@@ -77,6 +76,14 @@ def open_array(
         value_names=tuple(value_columns),
         value_units=tuple(units.get(name, "") for name in value_columns),
     )
+
+
+def _check_learnt(
+    path: Path, value_columns: Sequence[str], fewest_classes: int
+) -> None:
+    """Raise a ValueError where there is nothing to learn, and something is needed."""
+    if fewest_classes > 0 and not value_columns:
+        raise ValueError(f"{path}: expected arrays frames and labels, found no labels")
 
 
 class _Stored:
