@@ -87,25 +87,32 @@ def split(
 
 
 def neighbours_leak(
-    labels: np.ndarray, order: np.ndarray, train: np.ndarray, test: np.ndarray
+    labels: np.ndarray,
+    order: np.ndarray,
+    train: np.ndarray,
+    test: np.ndarray,
+    session: np.ndarray | None = None,
 ) -> float:
     """Share of the test samples that have a training sample of their class beside them in time.
 
     Neighbouring frames of one touch are nearly copies: near 1, a test measures memory. Independent
     samples of L classes come to 2/L or less.
 
-    Labels int64 [N], place in time of each sample [N], and indices from :func:`split`.
+    Labels int64 [N], place in time of each sample [N], and indices from :func:`split`. Neighbours
+    are of one session, where the ``session`` of each [N] is known: each may count its times from 0.
     """
     _, class_of, _ = _classes(labels)
-    in_time = np.argsort(order, kind="stable")
-    place = np.empty_like(in_time)
-    place[in_time] = np.arange(1, len(in_time) + 1)
-    # By place: class of a training sample, else −1.
-    trained = np.full(len(in_time) + 2, -1)
-    trained[place[train]] = class_of[train]
-    at, own = place[test], class_of[test]
-    beside = (trained[at - 1] == own) | (trained[at + 1] == own)
-    return float(beside.mean())
+    sessions = np.zeros(len(class_of)) if session is None else np.asarray(session)
+    trained = np.full(len(class_of), -1)  # class of a training sample, else −1
+    trained[train] = class_of[train]
+    in_time = np.lexsort((order, sessions))
+    same_session = sessions[in_time][1:] == sessions[in_time][:-1]
+    same_class = trained[in_time][:-1] == class_of[in_time][1:]
+    leaks = np.zeros(len(class_of), bool)
+    leaks[in_time[1:]] |= same_session & same_class  # from the one before
+    same_class = trained[in_time][1:] == class_of[in_time][:-1]
+    leaks[in_time[:-1]] |= same_session & same_class  # from the one after
+    return float(leaks[test].mean())
 
 
 def learning_curve_subsets(

@@ -244,7 +244,8 @@ def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
         )
         train, test = (first[part] for part in parts)
     if scene.origin == "recorded" and kind == "random":
-        leak = neighbours_leak(scene.labels, scene.samples["order"], train, test)
+        order = scene.samples["order"]
+        leak = neighbours_leak(scene.labels, order, train, test, session)
         if leak > _LEAK:
             warnings.warn(
                 f"split.kind=random: {leak:.0%} of the test frames stand next to a training frame "

@@ -30,22 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _status(arguments: Sequence[str] | None) -> int:
     try:
-        import click
-
-        from hdc.command.cli import cli
-
-        try:
-            status = cli.main(arguments, prog_name="hdc", standalone_mode=False) or 0
-            if sys.stdout:  # closed by the caller: none
-                sys.stdout.flush()
-            return status
-        except click.exceptions.NoArgsIsHelpError as error:
-            error.show()
-            return error.exit_code
-        except click.Abort:
-            return _say("interrupted", 130)
-        except click.ClickException as error:
-            return _say(f"error: {error.format_message()}", error.exit_code)
+        return _run(arguments)
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
         if package == "hdc":
@@ -53,10 +38,30 @@ def _status(arguments: Sequence[str] | None) -> int:
         install = f"pip install 'speckle-hdc[{EXTRAS.get(package, 'command')}]'"
         return _say(f"error: expected the package {package}, found none; {install}", 1)
     except BrokenPipeError:  # the reader of the output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
         return 1
     except (ValueError, OSError) as error:
         return _say(f"error: {error}", 1)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    import click
+
+    from hdc.command.cli import cli
+
+    try:
+        status = cli.main(arguments, prog_name="hdc", standalone_mode=False) or 0
+        if sys.stdout:  # closed by the caller: none
+            sys.stdout.flush()
+        return status
+    except click.exceptions.NoArgsIsHelpError as error:
+        error.show()
+        return error.exit_code
+    except click.Abort:
+        return _say("interrupted", 130)
+    except click.ClickException as error:
+        return _say(f"error: {error.format_message()}", error.exit_code)
 
 
 def _say(text: str, status: int) -> int:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from datetime import UTC, datetime
-from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ import click
 import numpy as np
 
 import hdc
-from hdc.command import work
+from hdc.command import answers, work
 from hdc.io import check_replaceable
 from hdc.readers import Window
 from hdc.readers.batches import Batches
@@ -30,39 +29,74 @@ _SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
 
 def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
     """One decorator of several, in the order of the help."""
-    return lambda command: reduce(
-        lambda inner, option: option(inner), reversed(options), command
-    )
+
+    def decorate(command: Any) -> Any:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
 
 
 _recording = _options(
     click.argument("recording", type=_FILE),
-    click.option("--template", metavar="PATTERN",
-                 help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'."),
-    click.option("--values", "table", type=_FILE, metavar="CSV",
-                 help="Table of numbers to learn or compare with, a row per image."),
-    click.option("--column", "value_columns", multiple=True, metavar="NAME",
-                 help="Column of numbers; may be repeated. [default: all numeric ones]"),
-    click.option("--image-column", default="image", metavar="NAME",
-                 help="Column of the table that names the image."),
-)  # fmt: skip
+    click.option(
+        "--template",
+        metavar="PATTERN",
+        help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'.",
+    ),
+    click.option(
+        "--values",
+        "table",
+        type=_FILE,
+        metavar="CSV",
+        help="Table of numbers to learn or compare with, a row per image or frame.",
+    ),
+    click.option(
+        "--column",
+        "value_columns",
+        multiple=True,
+        metavar="NAME",
+        help="Column of numbers; may be repeated. [default: all numeric ones]",
+    ),
+    click.option(
+        "--image-column",
+        default="image",
+        metavar="NAME",
+        help="Column of the table that names the image.",
+    ),
+)
 _pixels = _options(
-    click.option("--crop", type=click.IntRange(0), nargs=4, metavar="X Y WIDTH HEIGHT",
-                 help="Pixels to keep, from the top left corner. [default: all]"),
-    click.option("--subsample", type=click.IntRange(1), default=1, metavar="N",
-                 help="Keep every N-th pixel on both axes."),
-)  # fmt: skip
+    click.option(
+        "--crop",
+        type=click.IntRange(0),
+        nargs=4,
+        metavar="X Y WIDTH HEIGHT",
+        help="Pixels to keep, from the top left corner. [default: all]",
+    ),
+    click.option(
+        "--subsample",
+        type=click.IntRange(1),
+        default=1,
+        metavar="N",
+        help="Keep every N-th pixel on both axes.",
+    ),
+)
 _output = click.option(
     "-o", "--output", type=_FILE, required=True, help="File to write the model to."
 )
 _model = click.argument("model", type=_FILE)
 _json = click.option("--json", "as_json", is_flag=True, help="Write JSON.")
 _reject = click.option(
-    "--reject", type=click.FloatRange(0, 0.5, min_open=True), is_flag=False, flag_value=RATE,
-    default=None, metavar="[RATE]",
+    "--reject",
+    type=click.FloatRange(0, 0.5, min_open=True),
+    is_flag=False,
+    flag_value=RATE,
+    default=None,
+    metavar="[RATE]",
     help="Refuse frames unlike every class; about this share of frames like those trained on is "
     f"refused, too ({RATE} if no number follows).",
-)  # fmt: skip
+)
 
 
 @click.group(
@@ -73,8 +107,9 @@ def cli() -> None:
     """Train a hyperdimensional classifier of images, and use it.
 
     A RECORDING is a folder of images with one sub-folder per class, a manifest.csv (columns file,
-    label), a --template or a table of --values; an .npz with frames [N, H, W] and labels [N]; or a
-    video with a CSV table of intervals (columns start_s, end_s, label) beside it.
+    label), a --template or a table of --values; an .npz with frames [N, H, W] or [N, D] and labels
+    or values [N]; a .csv with a row of numbers and a label per frame; or a video with a CSV table
+    of intervals (columns start_s, end_s, label) beside it, or with a table of --values.
     """
 
 
@@ -82,10 +117,16 @@ def cli() -> None:
 @_recording
 @_output
 @_pixels
-@click.option("--test-fraction", type=_SHARE,
-              help="Hold out this share: the last sessions if known, else at random.")  # fmt: skip
-@click.option("--readout", type=click.Choice(["prototype", "ridge", "neighbours"]),
-              help="How bits are read. [default: prototype; for numbers ridge]")  # fmt: skip
+@click.option(
+    "--test-fraction",
+    type=_SHARE,
+    help="Hold out this share: the last sessions if known, else at random.",
+)
+@click.option(
+    "--readout",
+    type=click.Choice(["prototype", "ridge", "neighbours"]),
+    help="How bits are read. [default: prototype; for numbers ridge]",
+)
 def train(
     recording: Path,
     output: Path,
@@ -101,25 +142,30 @@ def train(
     check_replaceable(output)
     training, test, how = work.hold_out(frames, test_fraction)
     batches = Batches(frames, training)
+    metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
     if frames.values is not None:
         model: Any = hdc.HDCRegressor(readout=readout or "ridge")
         model.fit(batches, frames.values[training])
-        learnt = f"values of {', '.join(frames.value_names)}"
+        metadata["values"] = list(frames.value_names)
+        if any(frames.value_units):
+            metadata["units"] = list(frames.value_units)
+        named = work.with_units(frames.value_names, frames.value_units)
+        learnt = f"values of {', '.join(named)}"
     else:
         model = hdc.HDCClassifier(readout=readout or "prototype")
         model.fit(batches, np.array(frames.names)[training])
         learnt = f"{len(frames.classes)} classes"
-    metadata = {
-        "crop": window.crop,
-        "subsample": window.subsample,
-        **({"values": list(frames.value_names)} if frames.value_names else {}),
-        "trained": datetime.now(UTC).isoformat(timespec="seconds"),
-        "version": hdc.__version__,
-    }
+    metadata["trained"] = datetime.now(UTC).isoformat(timespec="seconds")
+    metadata["version"] = hdc.__version__
     model.save(output, metadata=metadata)
     click.echo(f"{output}: {len(training)} frames, {learnt}, {work.size(frames.shape)}")
+    if frames.values is None:
+        click.echo(work.class_line(frames, training))
+    click.echo(work.session_line(frames))
     if len(test):
-        click.echo(f"held out {how}: {work.score(model, frames, test)['text'][0]}")
+        click.echo(f"held out {how}: {answers.score(model, frames, test)['text'][0]}")
+    if how == "at random":
+        click.echo(f"held out at random because {work.why_random(frames)}")
 
 
 @cli.command()
@@ -132,29 +178,25 @@ def predict(
 ) -> None:
     """Classify images.
 
-    IMAGES are image files, videos, or folders, whose images and those of their sub-folders are
-    taken. For each: file, label, margin (how much farther the second nearest class is) and the
-    distance of each class, as shares of the pixels; 0.5 is the distance of noise.
+    IMAGES are image files, videos, arrays or tables of frames, or folders, whose images and those
+    of their sub-folders are taken. For each: file, label, margin (how much farther the second
+    nearest class is) and the distance of each class, as shares of the pixels; 0.5 is the distance
+    of noise.
     """
     found, window = work.load(model)
-    files = [
-        file
-        for path in images
-        for file in (image_files(path) if path.is_dir() else [path])
-    ]
-    for number, answer in enumerate(work.ask(found, window, files, reject)):
+    files: list[Path] = []
+    for path in images:
+        if path.is_dir():
+            files += image_files(path)
+        else:
+            files.append(path)
+    for number, answer in enumerate(answers.ask(found, window, files, reject)):
         if as_json:
             click.echo(json.dumps(answer, ensure_ascii=False))
             continue
-        if answer.get("label", "") is None:
-            answer["label"] = "(none of these)"
-        answer |= answer.pop("distances", {})
         if number == 0:
-            click.echo("\t".join(answer))
-        cells = (
-            f"{x:.4f}" if isinstance(x, float) else str(x) for x in answer.values()
-        )
-        click.echo("\t".join(cells))
+            click.echo("\t".join(answers.heads(found, answer)))
+        click.echo("\t".join(answers.cells(answer)))
 
 
 @cli.command()
@@ -171,9 +213,12 @@ def evaluate(
     """
     found, window = work.load(model)
     frames = work.frames_for(found, window, recording, source)
-    result = work.score(found, frames, np.arange(len(frames)), reject)
-    text = result.pop("text")
-    click.echo(json.dumps(result, ensure_ascii=False) if as_json else "\n".join(text))
+    result = answers.score(found, frames, np.arange(len(frames)), reject)
+    lines = result.pop("text")
+    if as_json:
+        click.echo(json.dumps(result, ensure_ascii=False))
+    else:
+        click.echo("\n".join(lines))
 
 
 @cli.command()
@@ -183,8 +228,12 @@ def evaluate(
 @click.option(
     "--p", type=click.FloatRange(0, 1), default=0.5, help="Share of the new frames."
 )
-@click.option("--method", type=click.Choice(["replace", "merge"]), default="replace",
-              help="Replace bits with probability p, as published, or merge votes.")  # fmt: skip
+@click.option(
+    "--method",
+    type=click.Choice(["replace", "merge"]),
+    default="replace",
+    help="Replace bits with probability p, as published, or merge votes.",
+)
 @click.option(
     "--seed", type=click.IntRange(0), default=0, help="Choice of the bits replaced."
 )
@@ -209,10 +258,9 @@ def recalibrate(
         )
     frames = work.frames_for(found, window, recording, source)
     by_name = {str(c): c for c in found.classes_.tolist()}
+    labels = [by_name[name] for name in frames.names]
     batches = Batches(frames, np.arange(len(frames)))
-    found.recalibrate(
-        batches, [by_name[name] for name in frames.names], p, seed, method
-    )
+    found.recalibrate(batches, labels, p, seed, method)
     found.save(output)
     names, counts = np.unique(frames.names, return_counts=True)
     new = f"{len(frames)} new frames of {len(names)} classes, at least {counts.min()} of each"
@@ -223,14 +271,24 @@ def recalibrate(
 
 @cli.command()
 @_recording
-@click.option("--test", "other", type=_FILE, metavar="RECORDING",
-              help="Test on this recording, of another day.")  # fmt: skip
+@click.option(
+    "--test",
+    "other",
+    type=_FILE,
+    metavar="RECORDING",
+    help="Test on this recording, of another day.",
+)
 @_pixels
 @click.option(
     "--test-fraction", type=_SHARE, default=0.2, help="Share of frames to hold out."
 )
-@click.option("--draws", type=click.IntRange(1, 100), default=5, metavar="N",
-              help="Random choices of frames at each number per class.")  # fmt: skip
+@click.option(
+    "--draws",
+    type=click.IntRange(1, 100),
+    default=5,
+    metavar="N",
+    help="Random choices of frames at each number per class.",
+)
 @_json
 def compare(
     recording: Path,
@@ -251,45 +309,60 @@ def compare(
 
     window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
-    tests = work.open_frames(other, window, **source) if other else None
+    tests = None
+    if other is not None:
+        tests = work.open_frames(other, window, **source)
     result = comparison.compare(frames, tests, recording, test_fraction, draws)
-    click.echo(
-        json.dumps(result, ensure_ascii=False) if as_json else comparison.text(result)
-    )
+    if as_json:
+        click.echo(json.dumps(result, ensure_ascii=False))
+    else:
+        click.echo(comparison.text(result))
 
 
 @cli.command()
+@click.argument("model", type=_FILE, required=False)
 @click.option(
     "--camera", type=click.IntRange(0), metavar="N", help="Number of the camera."
 )
 @click.option(
     "--folder", type=_FILE, metavar="RECORDING", help="Play this back instead."
 )
+@click.option("--video", type=_FILE, metavar="FILE", help="Play this, without labels.")
 @_pixels
 @click.option(
     "--host", metavar="ADDRESS", help="Listen there. [default: this computer alone]"
 )
 @click.option("--port", type=click.IntRange(1, 65535), default=8080)
 def live(
+    model: Path | None,
     camera: int | None,
     folder: Path | None,
+    video: Path | None,
     crop: tuple[int, ...] | None,
     subsample: int,
     host: str | None,
     port: int,
 ) -> None:
-    """Teach a model in the browser.
+    """Teach a model in the browser, or watch a MODEL that was trained.
 
-    A page shows the frames of a camera, or of a RECORDING played back, and what the model says.
+    A page shows the frames of a camera, or of a RECORDING or a video played back, and what the
+    model says. A MODEL has its own crop and subsampling.
     """
-    if (camera is None) == (folder is None):
-        raise click.UsageError("expected one of --camera and --folder")
-    from hdc.live import Camera, Recorded, Source
+    if sum(given is not None for given in (camera, folder, video)) != 1:
+        raise click.UsageError("expected one of --camera, --folder and --video")
+    if model is not None and (crop is not None or subsample != 1):
+        raise click.UsageError("expected no --crop or --subsample with a MODEL")
+    from hdc.live import open_source
     from hdc.live.page import serve
 
+    trained = None
     window = Window(crop, subsample)
-    source: Source = Recorded(folder, window) if folder else Camera(camera or 0, window)
-    serve(source, host, port)
+    if model is not None:
+        trained, window = work.load(model)
+    source = open_source(window, folder, video, camera or 0)
+    if trained is not None:
+        work.check_size(trained, source.shape, source.title)
+    serve(source, host, port, trained)
 
 
 @cli.command()

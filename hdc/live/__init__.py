@@ -1,7 +1,9 @@
 """A page in the browser that teaches a sensor, lets it drift and recalibrates it.
 
 ``hdc live --camera 0`` and ``hdc live --folder DIR`` open it for a camera or a recording,
-``python -m scenes.live`` for the simulated sensor. It needs ``pip install 'speckle-hdc[live]'``.
+``hdc live MODEL --camera 0`` (or ``--video FILE``) shows a model that was trained before, and
+``python -m scenes.live`` opens the page of the simulated sensor. It needs
+``pip install 'speckle-hdc[live]'``.
 
 There is one sensor and one model, shared by all who open the page. One thread takes frames and
 predicts (:mod:`hdc.live.worker`); :mod:`hdc.live.session` holds the model and the taught frames.
@@ -10,6 +12,14 @@ Nothing is written to disk: a model is saved by download.
 
 from __future__ import annotations
 
-from hdc.live.sources import Camera, Pressable, Recorded, Source, Touch
+from hdc.live.sources import (
+    Camera,
+    Film,
+    Pressable,
+    Recorded,
+    Source,
+    Touch,
+    open_source,
+)
 
-__all__ = ["Camera", "Pressable", "Recorded", "Source", "Touch"]
+__all__ = ["Camera", "Film", "Pressable", "Recorded", "Source", "Touch", "open_source"]

@@ -16,8 +16,15 @@ NEAR = 2e-3
 """m; a press so near a taught place goes to it."""
 # Okabe and Ito's colours, which the colour-blind tell apart, darkened for text.
 _COLOURS = (
-    "#0060a0", "#a83c00", "#007a56", "#9a4f7e", "#7a6a00", "#2f7fa8", "#555555", "#5b3fa0"
-)  # fmt: skip
+    "#0060a0",
+    "#a83c00",
+    "#007a56",
+    "#9a4f7e",
+    "#7a6a00",
+    "#2f7fa8",
+    "#555555",
+    "#5b3fa0",
+)
 _PLACE = """<g transform="translate({:.2f} {:.2f})" stroke="{c}" fill="{c}">
 <circle r="2" fill="none" stroke-width=".6"/>
 <text y="-2.8" text-anchor="middle" font-size="3" stroke="none">{name}</text></g>"""
@@ -28,16 +35,15 @@ _CROSS = """<path transform="translate({:.2f} {:.2f})" stroke="#000" stroke-widt
 
 def colour(names: Sequence[str], name: str | None) -> str:
     """The colour of a class among others."""
-    return _COLOURS[names.index(name) % len(_COLOURS)] if name in names else "#222222"
+    if name not in names:
+        return "#222222"
+    return _COLOURS[names.index(name) % len(_COLOURS)]
 
 
 def slider(name: str, low: float, high: float, step: float, value: float) -> ui.slider:
     """A slider that shows its value, beside its name."""
-    with (
-        ui.element("div")
-        .classes("row w-full pt-6")
-        .style("flex-wrap: nowrap; gap: 16px")
-    ):
+    row = ui.element("div").classes("row w-full pt-6")
+    with row.style("flex-wrap: nowrap; gap: 16px"):
         ui.label(name).classes("small").style("white-space: nowrap")
         made = ui.slider(min=low, max=high, step=step, value=value)
     return made.props(f'label-always aria-label="{name}"')
@@ -71,15 +77,16 @@ class Pad:
 
     def show(self, values: Sequence[tuple[float, float, float]]) -> None:
         """Draw taught places, touches, and the predicted place: x and y, value first, in mm."""
-        source, names, drawn = self._source, list(self._session.counts), []
+        names = list(self._session.counts)
+        drawn = []
         for name, touches in self._session.places.items():
-            for t in touches:
-                look = {"c": colour(names, name), "name": html.escape(name)}
-                drawn.append(_PLACE.format(*self._at(t.x, t.y), **look))
-        drawn += [
-            _TOUCH.format(*self._at(t.x, t.y), 1 + 900 * t.depth)
-            for t in source.touches
-        ]
+            title, look = html.escape(name), colour(names, name)
+            for touch in touches:
+                x, y = self._at(touch.x, touch.y)
+                drawn.append(_PLACE.format(x, y, c=look, name=title))
+        for touch in self._source.touches:
+            x, y = self._at(touch.x, touch.y)
+            drawn.append(_TOUCH.format(x, y, 1 + 900 * touch.depth))
         if len(values) == 2:
             (x, *_), (y, *_) = values
             drawn.append(_CROSS.format(*self._at(x * 1e-3, y * 1e-3)))
@@ -90,13 +97,14 @@ class Pad:
         return x * 1e3, (self._source.width / 2 - y) * 1e3
 
     async def _pressed(self, event: events.MouseEventArguments) -> None:
-        x, y = event.image_x * 1e-3, self._source.width / 2 - event.image_y * 1e-3
-        near = [
-            (apart, t.x, t.y)
-            for place in self._session.places.values()
-            for t in place
-            if (apart := math.hypot(t.x - x, t.y - y)) < NEAR
-        ]
+        x = event.image_x * 1e-3
+        y = self._source.width / 2 - event.image_y * 1e-3
+        near = []
+        for place in self._session.places.values():
+            for touch in place:
+                apart = math.hypot(touch.x - x, touch.y - y)
+                if apart < NEAR:
+                    near.append((apart, touch.x, touch.y))
         _, x, y = min(near, default=(0.0, x, y))
         await self._press(Touch(x, y, self._depth.value * 1e-3))
 

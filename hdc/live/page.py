@@ -5,20 +5,22 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from nicegui import app, ui
 from nicegui.server import Server
 from starlette.requests import HTTPConnection
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
+from hdc import HDCClassifier, HDCRegressor
 from hdc.live.pad import Pad, colour, slider
 from hdc.live.session import ALPHA, READOUTS, RECENT, Answer, Session
 from hdc.live.sources import Pressable, Recorded, Source
-from hdc.live.worker import FASTEST, Worker
+from hdc.live.worker import FASTEST, View, Worker
 
 REFRESH = 0.2
 """Seconds between updates of words and bars."""
@@ -26,13 +28,20 @@ SAMPLES = 10
 """Learned at a press of a button."""
 
 
-def serve(source: Source, host: str | None = None, port: int = 8080) -> None:
+def serve(
+    source: Source,
+    host: str | None = None,
+    port: int = 8080,
+    trained: HDCClassifier | HDCRegressor | None = None,
+) -> None:
     """Show the page until it is interrupted; its address, with a token, is printed.
 
-    Without a host it listens to this computer alone.
+    Without a host it listens to this computer alone. A model that was trained before is shown as it
+    is; without one, the page teaches its own.
     """
     host = host or "127.0.0.1"
-    worker, token = Worker(Session(source)), secrets.token_urlsafe(16)
+    worker = Worker(Session(source, trained))
+    token = secrets.token_urlsafe(16)
     app.add_middleware(Guard, token=token, cookie=f"hdc_live_{port}")
     app.on_startup(worker.start)
     app.on_startup(lambda: _announce(f"http://{host}:{port}/?token={token}"))
@@ -40,9 +49,15 @@ def serve(source: Source, host: str | None = None, port: int = 8080) -> None:
     app.get("/frame")(lambda: Response(worker.picture(), media_type="image/jpeg"))
     with contextlib.suppress(KeyboardInterrupt):
         ui.run(
-            lambda: Page(worker), host=host, port=port, title=source.title, reload=False,
-            show=False, show_welcome_message=False, timeout_graceful_shutdown=1,
-        )  # fmt: skip
+            lambda: Page(worker),
+            host=host,
+            port=port,
+            title=source.title,
+            reload=False,
+            show=False,
+            show_welcome_message=False,
+            timeout_graceful_shutdown=1,
+        )
 
 
 async def _announce(address: str) -> None:
@@ -56,7 +71,8 @@ class Guard:
 
     The token comes in the address once, ``/?token=…``, and in a cookie from then on. Neither a page
     of another site nor another user of this computer has it. The cookie has the port in its name,
-    as browsers share cookies between the ports of a host.
+    as browsers share cookies between the ports of a host; and what a page of another address asks
+    for, be it of another port of this host, is refused by its ``Origin``.
     """
 
     def __init__(self, app: Any, token: str, cookie: str) -> None:
@@ -65,34 +81,43 @@ class Guard:
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         answer: Any = self._app
         if scope["type"] in ("http", "websocket"):
-            request = HTTPConnection(scope)
-            if (
-                self._is_token(request.query_params.get("token"))
-                and scope["type"] == "http"
-            ):
-                answer = RedirectResponse(request.url.path)
-                answer.set_cookie(
-                    self._cookie, self._token, httponly=True, samesite="lax"
-                )
-            elif not self._is_token(request.cookies.get(self._cookie)):
-                answer = PlainTextResponse(
-                    "Open this page with the address that was printed.", 403
-                )
+            answer = self._checked(scope)
         await answer(scope, receive, send)
+
+    def _checked(self, scope: Any) -> Any:
+        """The application, or the answer instead of it."""
+        request = HTTPConnection(scope)
+        if not _is_of_this_page(request):
+            return PlainTextResponse("This is not for pages of another address.", 403)
+        if scope["type"] == "http" and self._is_token(
+            request.query_params.get("token")
+        ):
+            # Not to the path that was asked for: //elsewhere is the address of another host.
+            answer = RedirectResponse("/")
+            answer.set_cookie(self._cookie, self._token, httponly=True, samesite="lax")
+            return answer
+        if self._is_token(request.cookies.get(self._cookie)):
+            return self._app
+        text = "Open this page with the address that was printed."
+        return PlainTextResponse(text, 403)
 
     def _is_token(self, text: str | None) -> bool:
         return secrets.compare_digest((text or "").encode(), self._token.encode())
+
+
+def _is_of_this_page(request: HTTPConnection) -> bool:
+    """Whether no page asks, or one that came from the address that is asked."""
+    origin = request.headers.get("origin")
+    return origin is None or urlsplit(origin).netloc == request.headers.get("host")
 
 
 class Page:
     """The page in one browser."""
 
     def __init__(self, worker: Worker) -> None:
-        self._worker, self._session, self._source = (
-            worker,
-            worker.session,
-            worker.session.source,
-        )
+        self._worker = worker
+        self._session = worker.session
+        self._source = worker.session.source
         self._rows: dict[str, tuple[ui.label, ui.linear_progress]] = {}
         self._shown: dict[str, int] = {}
         self._pressable = isinstance(self._source, Pressable)
@@ -101,14 +126,18 @@ class Page:
         with _div("live"):
             with _div("row col-span-full"):
                 ui.label("Teach a sensor to feel").classes("text-2xl font-bold")
-                ui.badge(self._source.title, color="#b35900").classes(
-                    "text-sm font-bold"
-                )
+                badge = ui.badge(self._source.title, color="#b35900")
+                badge.classes("text-sm font-bold")
                 ui.label("All who open this page share this sensor and its model.")
-            for fill in (self._see, self._teach, self._adapt):
+            for fill in self._cards():
                 with _div("card"):
                     fill()
         ui.timer(REFRESH, self._refresh)
+
+    def _cards(self) -> list[Callable[[], None]]:
+        if self._session.is_taught:
+            return [self._see, self._teach, self._adapt]
+        return [self._see, self._trained]
 
     # Layout --------------------------------------------------------------------------------------
 
@@ -125,42 +154,50 @@ class Page:
         if isinstance(source, Pressable):
             self._pad = Pad(self._do, self._session, source)
         if isinstance(source, Recorded):
-            with _div("row"):
-                _icon(
-                    "skip_previous",
-                    "one frame back",
-                    self._doing(lambda s: source.step(-1)),
-                )
-                _icon(
-                    "play_arrow", "play or pause", self._doing(lambda s: source.play())
-                )
-                _icon(
-                    "skip_next",
-                    "one frame ahead",
-                    self._doing(lambda s: source.step(+1)),
-                )
+            self._play(source)
         self._label = _small()
         ui.label("The model says").classes("heading")
-        self._answer, self._beside = ui.label().classes("answer"), _small()
+        self._answer = ui.label().classes("answer")
+        self._beside = _small()
+        self._numbers = _small()
         self._accuracy = ui.label()
-        tested = (
-            "new touches"
-            if self._pressable
-            else "samples, each predicted before it is learnt"
-        )
-        _small(
-            f"Accuracy on the latest {RECENT} {tested}; “none of these” counts as wrong."
-        )
+        if self._session.is_taught:
+            tested = "samples, each predicted before it is learnt"
+            if self._pressable:
+                tested = "new touches"
+            counted = f"Accuracy on the latest {RECENT} {tested}"
+            _small(f"{counted}; “none of these” counts as wrong.")
+
+    def _play(self, source: Recorded) -> None:
+        """Buttons that step through a recording."""
+        back = self._doing(lambda s: source.step(-1))
+        play = self._doing(lambda s: source.play())
+        ahead = self._doing(lambda s: source.step(+1))
+        with _div("row"):
+            _icon("skip_previous", "one frame back", back)
+            _icon("play_arrow", "play or pause", play)
+            _icon("skip_next", "one frame ahead", ahead)
+
+    def _trained(self) -> None:
+        """A model that was trained before: its classes, which are not taught here."""
+        ui.label("2. What it was trained on").classes("heading")
+        self._classes = _div("flex flex-col gap-3")
+        if self._session.counts:
+            _small("Bars: 1 − 2 × Hamming distance to each prototype; 0 is chance.")
+        else:
+            _small("Numbers; each is shown with the interval it is expected in.")
 
     def _teach(self) -> None:
         ui.label("2. Teach it").classes("heading")
-        act = "Press somewhere" if self._pressable else "Show it something"
+        act = "Show it something"
+        if self._pressable:
+            act = "Press somewhere"
         _small(f"{act}, name it and learn {SAMPLES} samples; then the next.")
+        hint = "name of a new class"
+        if isinstance(self._source, Recorded):
+            hint += " (empty: as recorded)"
         with _div("row"):
-            empty = (
-                " (empty: as recorded)" if isinstance(self._source, Recorded) else ""
-            )
-            self._name = ui.input(f"name of a new class{empty}").classes("grow")
+            self._name = ui.input(hint).classes("grow")
             self._name.props("dense outlined maxlength=24")
             self._name.on("keydown.enter", self._new_class)
             ui.button("New class", on_click=self._new_class).props("no-caps")
@@ -180,10 +217,8 @@ class Page:
 
     def _adapt(self) -> None:
         source = self._source
-        ui.label(
-            "3. Let it drift, and recalibrate" if self._pressable else "3. Recalibrate"
-        ).classes("heading")
         if isinstance(source, Pressable):
+            ui.label("3. Let it drift, and recalibrate").classes("heading")
             _small(
                 "Silicone ages; simulated as a change of temperature, which changes speckle."
             )
@@ -192,6 +227,8 @@ class Page:
                     "Let 16 days pass", self._doing(Session.drift, source.sixteen_days)
                 )
                 _button("Back to the first day", self._doing(Session.drift, 0.0))
+        else:
+            ui.label("3. Recalibrate").classes("heading")
         _small(
             f"Recalibrating takes {SAMPLES} new samples of a class, and each bit of the new "
             "prototype with probability p."
@@ -233,40 +270,45 @@ class Page:
     # Updates -------------------------------------------------------------------------------------
 
     def _refresh(self) -> None:
-        view, session, source = self._worker.view, self._session, self._source
-        answer, names = view.answer, list(session.counts)
+        view, session = self._worker.view, self._session
         if session.counts != self._shown:
             self._shown = session.counts
             self._show_classes()
-        self._readout.set_value(session.readout)
-        text, beside = "nothing yet: teach it two classes", ""
-        if answer:
-            text, beside = _in_words(answer, " mm" if self._pressable else "")
+        if session.is_taught:
+            self._readout.set_value(session.readout)
+            self._accuracy.set_text(_accuracy(list(session.tests)))
+        self._show_answer(view)
+        if isinstance(self._source, Pressable):
+            self._pad.show(view.answer.values if view.answer else ())
+        elif view.label:
+            self._label.set_text(self._recorded_as(view.label))
+
+    def _recorded_as(self, label: str) -> str:
+        text = f"recorded as “{label}”"
+        if isinstance(self._source, Recorded) and not self._source.playing:
+            text += ", paused"
+        return text
+
+    def _show_answer(self, view: View) -> None:
+        answer = view.answer
+        if answer is None:
+            self._answer.set_text(view.error or "nothing yet: teach it two classes")
+            self._answer.style("color: #777")
+            self._beside.set_text("")
+            self._numbers.set_text("")
+            return
+        unit = " mm" if self._pressable else ""
+        text, beside = _in_words(answer, unit)
+        look = colour(list(self._session.counts), answer.label)
         self._answer.set_text(view.error or text)
-        self._answer.style(
-            f"color: {colour(names, answer.label) if answer else '#777'}"
-        )
+        self._answer.style(f"color: {look}")
         self._beside.set_text(beside)
-        for name, distance in answer.distances.items() if answer else ():
+        self._numbers.set_text(_in_numbers(answer, view.seconds))
+        for name, distance in answer.distances.items():
             if name in self._rows:
                 label, bar = self._rows[name]
                 label.set_text(f"· distance {min(distance, 1):.3f}")
                 bar.set_value(max(0.0, 1 - 2 * distance))
-        tests = list(session.tests)
-        right, n = sum(tests), len(tests)
-        accuracy = (
-            f"{right} of the latest {n} right ({right / n:.0%})"
-            if n
-            else "not tested yet"
-        )
-        self._accuracy.set_text(accuracy)
-        if isinstance(source, Pressable):
-            self._pad.show(answer.values if answer else ())
-        elif view.label:
-            paused = isinstance(source, Recorded) and not source.playing
-            self._label.set_text(
-                f"recorded as “{view.label}”{', paused' if paused else ''}"
-            )
 
     def _show_classes(self) -> None:
         """A row for each class: samples, distance, buttons and a bar."""
@@ -276,31 +318,54 @@ class Page:
             look = colour(list(self._shown), name)
             with self._classes, _div("class"):
                 with _div("row").style("min-width: 0"):
-                    ui.label(name).classes("name font-bold truncate").style(
-                        f"color: {look}"
-                    )
+                    title = ui.label(name).classes("name font-bold truncate")
+                    title.style(f"color: {look}")
                     _small(f"{count} samples")
                     distance = _small()
                 with _div("row").style("gap: 2px; flex-wrap: nowrap"):
-                    more = self._doing(Session.learn, name, SAMPLES)
-                    _icon("add", f"learn {SAMPLES} more samples", more)
-                    _icon("sync", "recalibrate", partial(self._recalibrate, name))
-                    _icon("delete_outline", "forget", self._doing(Session.forget, name))
+                    if self._session.is_taught:
+                        self._show_buttons(name)
                 bar = ui.linear_progress(0, show_value=False, size="14px", color=look)
                 bar.style("grid-column: 1 / 3")
             self._rows[name] = distance, bar
 
+    def _show_buttons(self, name: str) -> None:
+        more = self._doing(Session.learn, name, SAMPLES)
+        _icon("add", f"learn {SAMPLES} more samples", more)
+        _icon("sync", "recalibrate", partial(self._recalibrate, name))
+        _icon("delete_outline", "forget", self._doing(Session.forget, name))
+
+
+def _accuracy(tests: Sequence[bool]) -> str:
+    if not tests:
+        return "not tested yet"
+    right, n = sum(tests), len(tests)
+    return f"{right} of the latest {n} right ({right / n:.0%})"
+
 
 def _in_words(answer: Answer, unit: str) -> tuple[str, str]:
-    """The predicted class, and the rest of the answer."""
+    """The predicted class, or the values, and the rest of the answer."""
+    values = []
+    for value, low, high in answer.values:
+        values.append(f"{value:.1f}{unit} [{low:.1f}, {high:.1f}]")
+    if not answer.distances:
+        return ", ".join(values), ""
     lines = [f"{1 - ALPHA:.0%} prediction set: {', '.join(answer.likely) or 'none'}."]
-    if answer.values:
-        each = (
-            f"{value:.1f}{unit} [{low:.1f}, {high:.1f}]"
-            for value, low, high in answer.values
-        )
-        lines.append(f"Value: {', '.join(each)}.")
-    return "none of these" if answer.label is None else answer.label, " ".join(lines)
+    if values:
+        lines.append(f"Value: {', '.join(values)}.")
+    text = "none of these" if answer.label is None else answer.label
+    return text, " ".join(lines)
+
+
+def _in_numbers(answer: Answer, seconds: float) -> str:
+    """The nearest distance, the margin to the next, and the time that the answer took."""
+    parts = []
+    if answer.distances:
+        parts.append(f"distance {min(answer.distances.values()):.3f}")
+    if answer.margin is not None:
+        parts.append(f"margin {answer.margin:.3f}")
+    parts.append(f"{1e3 * seconds:.1f} ms")
+    return " · ".join(parts)
 
 
 def _div(classes: str) -> ui.element:

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import re
 import tempfile
+import time
 from collections import Counter, deque
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -33,12 +35,21 @@ _NUMBER = re.compile(r"([-+]?\d+(?:\.\d+)?)\s*[^\d\s]*")  # "1.5" or "1.5 mm"
 class Answer:
     """The model's prediction for a frame."""
 
-    label: str | None  # None: none of these
-    likely: tuple[str, ...]  # prediction set
-    distances: dict[str, float]  # Hamming, to each prototype, as a share of the bits
+    label: str | None = None  # None: none of these, or values only
+    likely: tuple[str, ...] = ()  # prediction set
+    distances: Mapping[str, float] = field(default_factory=dict)
+    """Hamming, to each prototype, as a share of the bits."""
     values: tuple[
         tuple[float, float, float], ...
     ] = ()  # value, low, high, where taught
+
+    @property
+    def margin(self) -> float | None:
+        """How much farther the second nearest class is; None with fewer than two."""
+        nearest = sorted(self.distances.values())[:2]
+        if len(nearest) < 2:
+            return None
+        return nearest[1] - nearest[0]
 
 
 class Lesson(NamedTuple):
@@ -58,61 +69,95 @@ class Sample(NamedTuple):
 
 
 class Session:
-    """One model, taught by frames of one source.
+    """One model and frames of one source, which teach it unless it was trained before.
+
+    Args:
+        source: of the frames.
+        trained: a model to show as it is; without one, the page teaches its own.
 
     Attributes:
         source: of the frames.
+        is_taught: whether the page teaches the model.
         model: None until two classes are taught.
+        regressor: of the values that samples have; None until there are two.
         readout: of the model.
         counts: samples of each class, in the order they were taught; replaced, never changed.
         places: touches of each class, for a source that can be pressed.
         tests: whether the latest tests were right.
     """
 
-    def __init__(self, source: Source) -> None:
-        self.source, self.readout = source, READOUTS[0]
+    def __init__(
+        self, source: Source, trained: HDCClassifier | HDCRegressor | None = None
+    ) -> None:
+        self.source = source
+        self.is_taught = trained is None
+        self.readout = READOUTS[0]
         self.model: HDCClassifier | None = None
+        self.regressor: HDCRegressor | None = None
         self.counts: dict[str, int] = {}
         self.places: dict[str, tuple[Touch, ...]] = {}
         self.tests: deque[bool] = deque(maxlen=RECENT)
         self._samples: list[Sample] = []
-        self._regressor: HDCRegressor | None = None
         self._tested = 0
+        if isinstance(trained, HDCRegressor):
+            self.regressor = trained
+        elif trained is not None:
+            self.model = trained
+            names = map(str, trained.classes_.tolist())
+            self.counts = dict(zip(names, trained.counts_.tolist(), strict=True))
 
     # Prediction ----------------------------------------------------------------------------------
 
-    def look(self) -> tuple[np.ndarray, np.ndarray, Answer | None]:
-        """The next frame [H, W], its hypervector as bool [H, W], and the model's answer."""
+    def look(self) -> tuple[np.ndarray, np.ndarray, Answer | None, float]:
+        """The next frame [H, W], its hypervector as bool [H, W], and the model's answer.
+
+        Last are the seconds that the answer took, from frame to label and values.
+        """
         frame = self.source.frame()
-        hypervector = bits.unpack(encode(tensor(frame[None])), frame.size)[0].numpy()
-        return frame, hypervector.reshape(frame.shape), self.ask(frame)
+        words = encode(tensor(frame[None]))
+        hypervector = bits.unpack(words, frame.size)[0].numpy()
+        begin = time.perf_counter()
+        answer = self.ask(frame)
+        seconds = time.perf_counter() - begin
+        return frame, hypervector.reshape(frame.shape), answer, seconds
 
     def ask(self, frame: np.ndarray) -> Answer | None:
-        """The model's answer for a frame [H, W]; None with fewer than two classes."""
+        """The model's answer for a frame [H, W]; None while it can give none."""
+        values = self._values(frame)
         if self.model is None:
-            return None
-        frames, values = frame[None], []
-        distances = (self.model.distances(frames)[0] / self.model.dimension_).tolist()
-        if self._regressor is not None:
-            each = self._regressor.predict(frames, return_interval=True)
-            values = list(zip(*(np.ravel(x).tolist() for x in each), strict=True))
+            return None if self.is_taught else Answer(values=values)
+        frames = frame[None]
+        shares = self.model.distances(frames)[0] / self.model.dimension_
+        names = [str(c) for c in self.model.classes_]
+        (label,) = self.model.predict(frames, reject=True).tolist()
+        (likely,) = self.model.predict_set(frames, ALPHA)
         return Answer(
-            label=self.model.predict(frames, reject=True)[0],
-            likely=tuple(map(str, self.model.predict_set(frames, ALPHA)[0])),
-            distances=dict(zip(self.model.classes_.tolist(), distances, strict=True)),
-            values=tuple(values),
+            label=None if label is None else str(label),
+            likely=tuple(str(c) for c in likely),
+            distances=dict(zip(names, shares.tolist(), strict=True)),
+            values=values,
         )
+
+    def _values(self, frame: np.ndarray) -> tuple[tuple[float, float, float], ...]:
+        """Each value of a frame with its interval; none where none was taught."""
+        if self.regressor is None:
+            return ()
+        found = self.regressor.predict(frame[None], return_interval=True)
+        value, low, high = (np.ravel(part).tolist() for part in found)
+        return tuple(zip(value, low, high, strict=True))
 
     def test(self) -> None:
         """Test the model on one new touch of a taught class, if the source can be pressed."""
         taught = [name for name in self.counts if name in self.places]
         if isinstance(self.source, Pressable) and len(taught) > 1:
             name = taught[self._tested % len(taught)]
-            self._count(self._take(name, 1, self.places[name], Lesson()))
+            samples = self._take(name, 1, self.places[name], Lesson())
+            self._count(samples)
 
     def _count(self, samples: list[Sample]) -> None:
         for sample in samples:
-            if answer := self.ask(sample.frame):
+            answer = self.ask(sample.frame)
+            if answer:
                 self._tested += 1
                 self.tests.append(answer.label == sample.label)
 
@@ -120,16 +165,13 @@ class Session:
 
     def learn(self, name: str, n: int, new: bool = False) -> None:
         """Learn up to n samples of the present touch or scene, as a new class or as a known one."""
-        if not new:
+        if new:
+            name = self._new_name(name)
+        else:
             self._check_known(name)
-        elif not (name := name.strip()):
-            raise ValueError("A class needs a name.")
-        elif name in self.counts:
-            raise ValueError(f"There is a class “{name}” already: choose another name.")
         # Samples join the latest recalibration of their class: they are of today, too.
-        lesson = max(
-            (s.lesson for s in self._samples if s.label == name), default=Lesson()
-        )
+        lessons = [s.lesson for s in self._samples if s.label == name]
+        lesson = max(lessons, default=Lesson())
         samples = self._take(name, n, self._touches, lesson)
         pressed = isinstance(self.source, Pressable)
         if not new and not pressed:
@@ -140,6 +182,14 @@ class Session:
         if new and pressed:
             self.tests.clear()
 
+    def _new_name(self, name: str) -> str:
+        name = name.strip()
+        if not name:
+            raise ValueError("A class needs a name.")
+        if name in self.counts:
+            raise ValueError(f"There is a class “{name}” already: choose another name.")
+        return name
+
     def recalibrate(self, name: str | None, n: int, p: float) -> None:
         """Recalibrate a class by n samples of the present touch or scene.
 
@@ -149,21 +199,27 @@ class Session:
             raise ValueError(
                 "There is nothing to recalibrate yet: teach two classes first."
             )
+        latest = max((s.lesson.number for s in self._samples), default=0)
+        lesson = Lesson(latest + 1, p)
         samples: list[Sample] = []
-        lesson = Lesson(max((s.lesson.number for s in self._samples), default=0) + 1, p)
-        for label in self.counts if name is None else [name]:
-            self._check_known(label)
-            place = self.places[label] if name is None else self._touches
-            samples += self._take(label, n, place, lesson)
+        if name is None:
+            for label in self.counts:
+                samples += self._take(label, n, self.places[label], lesson)
+        else:
+            self._check_known(name)
+            samples = self._take(name, n, self._touches, lesson)
         self._train(self._samples + samples)
         self.tests.clear()
 
     def forget(self, name: str | None) -> None:
         """Forget a class, or (None) all of them."""
+        kept: list[Sample] = []
         if name is not None:
             self._check_known(name)
-        self._train([s for s in self._samples if name is not None and s.label != name])
-        self.places = {n: place for n, place in self.places.items() if n in self.counts}
+            kept = [sample for sample in self._samples if sample.label != name]
+        self._train(kept)
+        known = self.counts
+        self.places = {name: p for name, p in self.places.items() if name in known}
         self.tests.clear()
 
     def use(self, readout: str) -> None:
@@ -185,17 +241,18 @@ class Session:
     def _take(
         self, name: str, n: int, touches: tuple[Touch, ...], lesson: Lesson
     ) -> list[Sample]:
-        value: tuple[float, ...] | None = None
+        value = self._value(name, touches)
+        frames = self.source.samples(n, touches)
+        return [Sample(frame, name, value, lesson) for frame in frames]
+
+    def _value(self, name: str, touches: tuple[Touch, ...]) -> tuple[float, ...] | None:
+        """The place of a touch in mm, or the number in a name; None where there is neither."""
         if len(touches) == 1:
-            value = 1e3 * touches[0].x, 1e3 * touches[0].y
-        elif not isinstance(self.source, Pressable) and (
-            number := _NUMBER.fullmatch(name)
-        ):
-            value = (float(number[1]),)
-        return [
-            Sample(frame, name, value, lesson)
-            for frame in self.source.samples(n, touches)
-        ]
+            return 1e3 * touches[0].x, 1e3 * touches[0].y
+        number = _NUMBER.fullmatch(name)
+        if number is None or isinstance(self.source, Pressable):
+            return None
+        return (float(number[1]),)
 
     def _check_known(self, name: str) -> None:
         if name not in self.counts:
@@ -203,21 +260,14 @@ class Session:
 
     def _train(self, samples: list[Sample], readout: str | None = None) -> None:
         """Train on these samples and keep them; where that raises, nothing changes."""
+        if not self.is_taught:
+            raise ValueError("This model was trained before and is shown as it is.")
         readout = readout or self.readout
-        counts, model = Counter(sample.label for sample in samples), None
-        for lesson in sorted({s.lesson for s in samples}) if len(counts) > 1 else ():
-            chosen = [sample for sample in samples if sample.lesson == lesson]
-            frames, labels = (
-                np.stack([s.frame for s in chosen]),
-                [s.label for s in chosen],
-            )
-            if model is None:
-                model = HDCClassifier(readout=readout).fit(frames, labels)
-            else:
-                model.recalibrate(frames, labels, lesson.p, lesson.number)
-        self._regressor = _regressor(samples, readout)
-        self._samples, self.model, self.readout = samples, model, readout
-        self.counts = dict(counts)
+        model = _classifier(samples, readout)
+        regressor = _regressor(samples, readout)
+        self._samples = samples
+        self.model, self.regressor, self.readout = model, regressor, readout
+        self.counts = dict(Counter(sample.label for sample in samples))
 
     def saved(self) -> bytes:
         """The model as a file of :meth:`hdc.HDCClassifier.save`."""
@@ -229,15 +279,29 @@ class Session:
             return path.read_bytes()
 
 
-def _regressor(samples: list[Sample], readout: str) -> HDCRegressor | None:
+def _classifier(samples: Sequence[Sample], readout: str) -> HDCClassifier | None:
+    """A classifier taught and recalibrated lesson by lesson; None with fewer than two classes."""
+    if len({sample.label for sample in samples}) < 2:
+        return None
+    model = None
+    for lesson in sorted({sample.lesson for sample in samples}):
+        chosen = [sample for sample in samples if sample.lesson == lesson]
+        frames = np.stack([sample.frame for sample in chosen])
+        labels = [sample.label for sample in chosen]
+        if model is None:
+            model = HDCClassifier(readout=readout).fit(frames, labels)
+        else:
+            model.recalibrate(frames, labels, lesson.p, lesson.number)
+    return model
+
+
+def _regressor(samples: Sequence[Sample], readout: str) -> HDCRegressor | None:
     """A regressor of the values of samples that have one; None with fewer than two values."""
     known = [sample for sample in samples if sample.value]
     if len({sample.value for sample in known}) < 2:
         return None
-    frames, values = (
-        np.stack([s.frame for s in known]),
-        np.array([s.value for s in known]),
-    )
+    frames = np.stack([sample.frame for sample in known])
+    values = np.array([sample.value for sample in known])
     # Few places are far apart: the nearest frame tells them, where a line between them does not.
-    regressor = HDCRegressor(readout="ridge" if readout == "ridge" else "neighbours")
-    return regressor.fit(frames, values)
+    chosen = "ridge" if readout == "ridge" else "neighbours"
+    return HDCRegressor(readout=chosen).fit(frames, values)

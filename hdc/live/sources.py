@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -26,9 +26,7 @@ class Source(Protocol):
 
     title: str
     shape: tuple[int, int]  # (H, W) of a frame
-    metadata: dict[
-        str, Any
-    ]  # kept with a saved model: crop and subsample, for the command ``hdc``
+    metadata: dict[str, Any]  # kept with a saved model: crop and subsample
 
     @property
     def label(self) -> str | None:
@@ -58,6 +56,21 @@ class Pressable(Source, Protocol):
     def press(self, touches: Sequence[Touch]) -> None:
         """Press here until the next call (no touches: lift off)."""
         ...
+
+
+def open_source(
+    window: readers.Window, folder: Path | None, video: Path | None, camera: int
+) -> Source:
+    """A recording played back, else a video without labels, else a camera.
+
+    Raises:
+        ValueError: see :class:`Recorded`, :class:`Film` and :class:`Camera`.
+    """
+    if folder is not None:
+        return Recorded(folder, window)
+    if video is not None:
+        return Film(video, window)
+    return Camera(camera, window)
 
 
 class Camera:
@@ -111,10 +124,15 @@ class Recorded:
             "crop": window.crop,
             "subsample": window.subsample,
         }
-        self.shape, self.classes = recording.shape, recording.classes
+        if len(recording.shape) != 2 or recording.labels is None:
+            found = f"frames {recording.shape}, classes {recording.classes}"
+            raise ValueError(f"{path}: expected images with labels, found {found}")
+        self.shape = recording.shape[0], recording.shape[1]
+        self.classes = recording.classes
         self._order = np.argsort(recording.samples["order"], kind="stable")
-        self._labels = np.asarray(recording.labels)[self._order]
-        self._place, self.playing = -1, True
+        self._labels = recording.labels[self._order]
+        self._place = -1
+        self.playing = True
 
     @property
     def label(self) -> str:
@@ -136,7 +154,46 @@ class Recorded:
 
     def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
         """The next n frames of the class that is shown, or all of them where there are fewer."""
-        ahead = np.roll(np.arange(len(self._order)), -max(0, self._place) - 1)
-        places = ahead[self._labels[ahead] == self._labels[max(0, self._place)]][:n]
+        shown = max(0, self._place)
+        ahead = np.roll(np.arange(len(self._order)), -shown - 1)
+        same = self._labels[ahead] == self._labels[shown]
+        places = ahead[same][:n]
         self._place = int(places[-1])
         return list(self._recording.frames(self._order[places]))
+
+
+class Film:
+    """A video without labels, over and over; its samples are the next frames.
+
+    Raises:
+        ValueError: it is no video that is read here, or the crop does not fit its frames.
+    """
+
+    label = None
+
+    def __init__(self, path: Path, window: readers.Window) -> None:
+        self._path, self._window = path, window
+        self._frames = self._start()
+        self.title = f"Video {path.name}"
+        self.metadata: dict[str, Any] = {
+            "crop": window.crop,
+            "subsample": window.subsample,
+        }
+        height, width = self.frame().shape
+        self.shape = (height, width)
+
+    def _start(self) -> Iterator[tuple[float, np.ndarray]]:
+        from hdc.readers.video import stream_video
+
+        return stream_video(self._path, self._window)
+
+    def frame(self) -> np.ndarray:
+        found = next(self._frames, None)
+        if found is None:
+            self._frames = self._start()
+            found = next(self._frames)
+        _, frame = found
+        return frame
+
+    def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
+        return [self.frame() for _ in range(n)]

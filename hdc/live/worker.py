@@ -28,6 +28,7 @@ class View:
     picture: bytes = b""  # JPEG of the frame and, on its right, its hypervector
     answer: Answer | None = None  # None where the model cannot predict yet
     label: str | None = None  # class of the frame, if the source knows it
+    seconds: float = 0.0  # from the frame to the answer
     error: str = ""  # why there is no newer frame
 
 
@@ -66,18 +67,19 @@ class Worker:
                         self._look()
                 except Exception as error:  # no frame may end the page for everybody
                     self.view = replace(self.view, error=str(error) or repr(error))
-            # At least a moment in which a job may begin.
-            self._stopped.wait(max(0.002, 1 / FASTEST - (time.monotonic() - begin)))
+            left = 1 / FASTEST - (time.monotonic() - begin)
+            self._stopped.wait(max(0.002, left))  # a moment in which a job may begin
 
     def _look(self) -> None:
         session = self.session
         if time.monotonic() - self._tested > TEST_EVERY:
             self._tested = time.monotonic()
             session.test()
-        frame, hypervector, answer = session.look()
-        grey = frame if frame.dtype == np.uint8 else (frame >> 8).astype(np.uint8)
+        frame, hypervector, answer, seconds = session.look()
+        grey = frame
+        if frame.dtype != np.uint8:
+            grey = (frame >> 8).astype(np.uint8)
         drawn = np.hstack([grey, hypervector * np.uint8(255)])
-        picture = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, 70])[
-            1
-        ].tobytes()
-        self.view = View(picture, answer, session.source.label)
+        quality = [cv2.IMWRITE_JPEG_QUALITY, 70]
+        picture = cv2.imencode(".jpg", drawn, quality)[1].tobytes()
+        self.view = View(picture, answer, session.source.label, seconds=seconds)

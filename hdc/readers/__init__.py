@@ -26,6 +26,7 @@ __all__ = [
 ]
 
 ARRAYS = (".npz", ".npy")
+TABLE = ".csv"
 VIDEO_SUFFIXES = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
 
 
@@ -48,7 +49,8 @@ def open_recording(
     """Open recorded frames with their labels, values and order.
 
     Args:
-        path: a folder of images, an .npz or .npy, or a video; ``~`` is the home folder.
+        path: a folder of images, an .npz or .npy, a .csv of vectors, or a video; ``~`` is the home
+            folder.
         intervals: table of a video; default: beside the video, its suffix replaced by .csv.
         crop: (x, y, width, height) in pixels, x to the right and y down from the top left corner.
         subsample: every subsample-th pixel of the crop on both axes is kept (not averaged, which
@@ -56,13 +58,14 @@ def open_recording(
         memory_bytes: images are kept in memory up to this size, else decoded again when asked for.
         axes: of an .npy, such as ``("label", "order", "height", "width")``.
         template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``.
-        table: CSV with a row per image, in or relative to the folder; other columns are values.
+        table: CSV with a row per image, in or relative to the folder, or of a video with a row per
+            frame; its columns of numbers are values.
         image_column: column of the table that names the image.
-        value_columns: columns that are values; default: all numeric ones but order, session and
-            group (none of a manifest.csv).
+        value_columns: columns, or arrays of an .npz, that are values; default: all numeric ones
+            but order, session and group (none of a manifest.csv or of a .csv of vectors).
         window: crop and subsample in one.
         check: decode every image at once; otherwise each when it is asked for.
-        fewest_classes: a recording of fewer is refused.
+        fewest_classes: a recording of fewer is refused; with 0 it needs neither labels nor values.
 
     Raises:
         SettingError: a setting is out of range, or the path leads to no recording.
@@ -71,44 +74,71 @@ def open_recording(
     """
     window = window or Window(crop, subsample)
     path = Path(path).expanduser()
-    folder, suffix = path.is_dir(), path.suffix.lower()
-    is_video = suffix in VIDEO_SUFFIXES and not folder
-    for name, setting, fits, kind in (
-        ("template", template, folder, "a folder"),
-        ("table", table, folder, "a folder"),
-        ("intervals", intervals, is_video, "a video"),
-        ("axes", axes, suffix == ".npy" and not folder, "an .npy"),
-    ):
-        require(
-            setting is None or fits,
-            name,
-            setting,
-            f"null unless path is {kind} ({path})",
-        )
+    kind = _kind(path)
+    _check_settings(path, kind, template, table, intervals, axes)
     if not path.exists():
         raise SettingError(
             f"path: expected a folder, an .npz or a video, found nothing: {path}"
         )
-    if (
-        folder
-    ):  # OpenCV is imported where images or videos are read, and not for an array
+    # OpenCV is imported where images or videos are read, and not for an array.
+    if kind == "a folder":
         from hdc.readers.images import open_listing
         from hdc.readers.listing import list_folder
 
         listing = list_folder(path, template, table, image_column, value_columns)
         return open_listing(path, listing, window, check, fewest_classes, memory_bytes)
     check_file(path)
-    if suffix in ARRAYS:
+    if kind in ("an .npy", "an .npz"):
         from hdc.readers.archive import open_array
 
         return open_array(path, window, axes, value_columns, fewest_classes)
-    if not is_video:
-        kinds = ", ".join((*ARRAYS, *VIDEO_SUFFIXES))
-        raise SettingError(f"path: expected a folder or a file ({kinds}), found {path}")
-    from hdc.readers.video import open_video
+    if kind == "a table":
+        from hdc.readers.table import open_table
 
+        return open_table(path, window, value_columns, fewest_classes)
+    from hdc.readers.video import open_video, open_video_of_values
+
+    if table is not None:
+        rows = Path(table).expanduser()
+        return open_video_of_values(path, rows, window, value_columns, fewest_classes)
     where = Path(intervals).expanduser() if intervals else path.with_suffix(".csv")
     return open_video(path, where, window, fewest_classes)
+
+
+def _kind(path: Path) -> str:
+    """What a path leads to, in words."""
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        return "a folder"
+    if suffix in ARRAYS:
+        return f"an {suffix}"
+    if suffix == TABLE:
+        return "a table"
+    return "a video" if suffix in VIDEO_SUFFIXES else "another file"
+
+
+def _check_settings(
+    path: Path,
+    kind: str,
+    template: str | None,
+    table: str | Path | None,
+    intervals: str | Path | None,
+    axes: Sequence[str] | None,
+) -> None:
+    """Raise a SettingError for a setting that the kind of recording does not have."""
+    for name, setting, kinds in (
+        ("template", template, ("a folder",)),
+        ("table", table, ("a folder", "a video")),
+        ("intervals", intervals, ("a video",)),
+        ("axes", axes, ("an .npy",)),
+    ):
+        expected = f"null unless path is {' or '.join(kinds)} ({path})"
+        require(setting is None or kind in kinds, name, setting, expected)
+    if kind == "another file" and path.exists():
+        suffixes = ", ".join((*ARRAYS, TABLE, *VIDEO_SUFFIXES))
+        raise SettingError(
+            f"path: expected a folder or a file ({suffixes}), found {path}"
+        )
 
 
 def camera(

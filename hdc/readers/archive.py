@@ -12,15 +12,17 @@ from pathlib import Path
 import numpy as np
 
 from hdc.readers.files import SettingError, file_digest
-from hdc.readers.recording import Recording, Window, check_times, class_indices
+from hdc.readers.recording import (
+    Recording,
+    Window,
+    check_finite,
+    check_times,
+    class_indices,
+)
 
-AXES = (
-    "label",
-    "order",
-    "session",
-    "group",
-    "value",
-)  # an array may have, before its images
+AXES = ("label", "order", "session", "group", "value")
+"""Axes that an array may have, before those of its images."""
+_ABOUT_VALUES = ("values", "value_names", "value_units")
 
 
 def open_array(
@@ -30,9 +32,12 @@ def open_array(
     value_columns: Sequence[str],
     fewest_classes: int,
 ) -> Recording:
-    """Open an .npz with ``frames`` [N, H, W] and ``labels`` [N], or ``value_columns`` [N], or an
-    .npy of frames whose axes are named: some of :data:`AXES`, whose numbers are places along the
-    axis, then ``height`` and ``width``.
+    """Open an .npz with ``frames`` [N, H, W] or [N, D], and ``labels`` [N] or values.
+
+    Values are an array ``values`` [N] or [N, k], whose columns ``value_names`` [k] names and
+    ``value_units`` [k] gives the units of, or arrays [N] that ``value_columns`` names. Of an .npy
+    the axes are named: some of :data:`AXES`, whose numbers are places along the axis, then
+    ``height`` and ``width``.
 
     Raises:
         ValueError: the file or one of its arrays is not as described.
@@ -43,70 +48,59 @@ def open_array(
     frames = arrays.pop("frames")
     if axes is not None:
         arrays = _places(axes, frames.shape)
-        value_columns = value_columns or [name for name in ("value",) if name in axes]
+        if "value" in axes and not value_columns:
+            value_columns = ("value",)
         frames = frames.reshape(-1, *frames.shape[-2:])
-    if frames.ndim != 3 or 0 in frames.shape:
-        raise ValueError(
-            f"{path}[frames]: expected shape [N, H, W], found {frames.shape}"
-        )
-    if frames.dtype.kind != "u" or frames.dtype.itemsize > 2:
-        raise ValueError(
-            f"{path}[frames]: expected uint8 or uint16, found {frames.dtype}"
-        )
-    n, columns = len(frames), tuple(value_columns)
-    if wrong := [c for c in columns if c not in arrays or arrays[c].shape != (n,)]:
-        raise SettingError(
-            f"value_columns: expected arrays [{n}], found no {', '.join(wrong)}"
-        )
-    labels = arrays.pop("labels", None)
-    if labels is None and not columns:
-        raise ValueError(f"{path}: expected arrays frames and labels, found no labels")
-    classes: tuple[str, ...] = ()
-    indices = None
-    if labels is not None:
-        classes, indices = _labels(
-            path, labels, arrays.pop("classes", None), n, fewest_classes
-        )
-    samples = {
-        key: array
-        for key, array in arrays.items()
-        if key in ("order", "session")
-        or (array.shape == (n,) and array.dtype.kind in "iufU")
-    }
+    _check_frames(path, frames)
+    n = len(frames)
+    classes, labels = _labels(path, arrays, n, fewest_classes)
+    named, units = _named_values(path, arrays, n)
+    if labels is None:
+        value_columns = value_columns or tuple(named)
+        _check_learnt(path, value_columns, fewest_classes)
+    known = arrays | named
+    samples = {"order": np.arange(n), **_samples(known, n)}
     check_times(path, samples, n)
-    native = frames.dtype.newbyteorder("=")
-
-    def each(index: np.ndarray) -> Iterator[np.ndarray]:
-        for i in index:
-            yield np.ascontiguousarray(window.of(frames[i]), dtype=native)
-
+    stored = _Stored(path, frames, window)
     return Recording(
         classes=classes,
-        labels=indices,
+        labels=labels,
         shape=window.shape(*frames.shape[1:]),
-        samples={"order": np.arange(n), **samples},
-        each=each,
-        place=lambda i: f"{path}, frame {i}",
+        dtype=stored.dtype,
+        samples=samples,
+        each=stored.each,
+        place=stored.place,
         digest=cache(lambda: file_digest(path)),
         window=window,
-        values=np.stack([arrays[c].astype(float) for c in columns], 1)
-        if columns
-        else None,
-        value_names=columns,
+        values=_values(path, known, value_columns, n),
+        value_names=tuple(value_columns),
+        value_units=tuple(units.get(name, "") for name in value_columns),
     )
 
 
-def _places(axes: Sequence[str], shape: Sequence[int]) -> dict[str, np.ndarray]:
-    """Place along each axis but height and width, of every frame [N]; that along label: labels."""
-    *names, height, width = axes if len(axes) > 2 else ("", "", "")
-    fits = (height, width) == ("height", "width") and len(set(names)) == len(names)
-    if not fits or not set(names) <= set(AXES) or len(axes) != len(shape):
-        wanted = f"{len(shape)} different names among {', '.join(AXES)}, then height and width"
-        raise SettingError(f"axes: expected {wanted}, found {list(axes)}")
-    places = np.indices(shape[:-2]).reshape(len(names), -1)
-    return {
-        "labels" if k == "label" else k: p for k, p in zip(names, places, strict=True)
-    }
+def _check_learnt(
+    path: Path, value_columns: Sequence[str], fewest_classes: int
+) -> None:
+    """Raise a ValueError where there is nothing to learn, and something is needed."""
+    if fewest_classes > 0 and not value_columns:
+        raise ValueError(f"{path}: expected arrays frames and labels, found no labels")
+
+
+class _Stored:
+    """Frames of an array, as the machine's own kind of numbers."""
+
+    def __init__(self, path: Path, frames: np.ndarray, window: Window) -> None:
+        self._path, self._frames, self._window = path, frames, window
+        self.dtype = frames.dtype.newbyteorder("=")
+
+    def place(self, i: int) -> str:
+        return f"{self._path}, frame {i}"
+
+    def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
+        for i in index:
+            kept = self._window.of(self._frames[i])
+            frame = np.ascontiguousarray(kept, dtype=self.dtype)
+            yield check_finite(self.place(i), frame)
 
 
 def _load(path: Path) -> dict[str, np.ndarray]:
@@ -115,29 +109,129 @@ def _load(path: Path) -> dict[str, np.ndarray]:
             return {"frames": np.load(path, mmap_mode="r", allow_pickle=False)}
         with np.load(path, allow_pickle=False) as archive:
             return dict(archive)
-    except (
-        Exception
-    ) as error:  # a damaged archive makes zipfile and numpy raise a dozen types
+    except Exception as error:  # a damaged one makes zipfile and numpy raise many types
         found = str(error) or type(error).__name__
         raise ValueError(
             f"{path}: expected an intact {path.suffix}, found: {found}"
         ) from error
 
 
+def _places(axes: Sequence[str], shape: Sequence[int]) -> dict[str, np.ndarray]:
+    """Place along each axis but height and width, of every frame [N]; that along label: labels."""
+    names = list(axes[:-2])
+    fits = (
+        tuple(axes[-2:]) == ("height", "width")
+        and len(axes) == len(shape)
+        and len(set(names)) == len(names) > 0
+        and set(names) <= set(AXES)
+    )
+    if not fits:
+        wanted = f"{len(shape)} different names among {', '.join(AXES)}, then height and width"
+        raise SettingError(f"axes: expected {wanted}, found {list(axes)}")
+    places = np.indices(shape[:-2]).reshape(len(names), -1)
+    by_axis = dict(zip(names, places, strict=True))
+    if "label" in by_axis:
+        by_axis["labels"] = by_axis.pop("label")
+    return by_axis
+
+
+def _check_frames(path: Path, frames: np.ndarray) -> None:
+    if frames.ndim not in (2, 3) or 0 in frames.shape:
+        raise ValueError(
+            f"{path}[frames]: expected shape [N, H, W] or [N, D], found {frames.shape}"
+        )
+    if frames.dtype.kind not in "uif" or frames.dtype.itemsize > 8:
+        raise ValueError(
+            f"{path}[frames]: expected integers or floats, found {frames.dtype}"
+        )
+
+
+def _named_values(
+    path: Path, arrays: dict[str, np.ndarray], n: int
+) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Columns [N] of the array ``values`` and their units, by name; taken out of the arrays."""
+    values = arrays.pop("values", None)
+    names = arrays.pop("value_names", None)
+    units = arrays.pop("value_units", None)
+    if values is None:
+        return {}, {}
+    if values.ndim not in (1, 2) or len(values) != n:
+        found = f"{values.dtype} {values.shape}"
+        raise ValueError(f"{path}[values]: expected shape ({n}, k), found {found}")
+    columns = values.reshape(n, -1).T
+    titles = _numbered(len(columns)) if names is None else _texts(names)
+    if len(titles) != len(columns) or len(set(titles)) < len(titles):
+        wanted = f"{len(columns)} different names, one a column of values"
+        raise ValueError(f"{path}[value_names]: expected {wanted}, found {titles}")
+    by_name = dict(zip(titles, columns, strict=True))
+    if units is None:
+        return by_name, {}
+    symbols = _texts(units)
+    if len(symbols) != len(columns):
+        wanted = f"{len(columns)} units, one a column of values"
+        raise ValueError(f"{path}[value_units]: expected {wanted}, found {symbols}")
+    return by_name, dict(zip(titles, symbols, strict=True))
+
+
+def _texts(array: np.ndarray) -> list[str]:
+    return [str(text) for text in np.ravel(array).tolist()]
+
+
+def _numbered(n: int) -> list[str]:
+    """Names of columns that have none."""
+    return ["value"] if n == 1 else [f"value_{k}" for k in range(n)]
+
+
+def _values(
+    path: Path, arrays: dict[str, np.ndarray], columns: Sequence[str], n: int
+) -> np.ndarray | None:
+    """The chosen columns of numbers, float64 [N, k]; None of no columns."""
+    if not columns:
+        return None
+    wrong = [c for c in columns if c not in arrays or arrays[c].shape != (n,)]
+    if wrong:
+        raise SettingError(
+            f"value_columns: expected arrays [{n}], found no {', '.join(wrong)}"
+        )
+    for name in columns:
+        kind = arrays[name].dtype
+        if kind.kind not in "iuf":
+            raise ValueError(f"{path}[{name}]: expected numbers, found {kind}")
+        finite = np.isfinite(arrays[name])
+        if not finite.all():
+            first = int(finite.argmin())
+            found = f"{arrays[name][first]} for frame {first}"
+            raise ValueError(f"{path}[{name}]: expected finite numbers, found {found}")
+    return np.stack([arrays[name].astype(float) for name in columns], axis=1)
+
+
+def _samples(arrays: dict[str, np.ndarray], n: int) -> dict[str, np.ndarray]:
+    """What is kept of the frames: an order and a session in any case, and arrays [N]."""
+    samples = {}
+    for name, array in arrays.items():
+        fits = array.shape == (n,) and array.dtype.kind in "iufU"
+        if fits or name in ("order", "session"):
+            samples[name] = array
+    return samples
+
+
 def _labels(
-    path: Path,
-    labels: np.ndarray,
-    names: np.ndarray | None,
-    n: int,
-    fewest_classes: int,
-) -> tuple[tuple[str, ...], np.ndarray]:
-    """Class names, and the index of each frame's [N]; integer labels count the ``names`` [L]."""
+    path: Path, arrays: dict[str, np.ndarray], n: int, fewest_classes: int
+) -> tuple[tuple[str, ...], np.ndarray | None]:
+    """Class names, and the index of each frame's [N], taken out of the arrays; None of no labels.
+
+    Integer labels count the names in ``classes`` [L].
+    """
+    labels = arrays.pop("labels", None)
+    names = arrays.pop("classes", None)
+    if labels is None:
+        return (), None
     if labels.shape != (n,) or labels.dtype.kind not in "iuU":
         found = f"{labels.dtype} {labels.shape}"
         raise ValueError(
             f"{path}[labels]: expected integers or strings ({n},), found {found}"
         )
-    classes = None if names is None else names.astype(str).tolist()
+    classes = None if names is None else _texts(names)
     if classes is not None and len(set(classes)) < len(classes):
         raise ValueError(f"{path}[classes]: expected different names, found {classes}")
     by_number = dict(enumerate(classes or ()))

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import math
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 
 
 class BadFrame(ValueError):
@@ -25,11 +28,21 @@ def require(condition: bool, name: str, found: object, expected: str) -> None:
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     """Sort key that puts frame2 before frame10, whatever the locale."""
-    parts = re.split(r"([0-9]+)", name)
-    key = tuple(
-        (0, int(p), p) if p.isdecimal() else (1, 0, p.casefold()) for p in parts if p
-    )
+    key: list[tuple[int, int, str]] = []
+    for part in re.split(r"([0-9]+)", name):
+        if part.isdecimal():
+            key.append((0, int(part), part))
+        elif part:
+            key.append((1, 0, part.casefold()))
     return (*key, (2, 0, name))  # Frame1 and frame1 in a fixed order
+
+
+def parse_number(text: str) -> float | None:
+    """A finite number as tables write one; None for other text, such as ``nan`` or ``1_0``."""
+    if not _NUMBER.fullmatch(text):
+        return None
+    number = float(text)
+    return number if math.isfinite(number) else None
 
 
 def check_file(path: Path) -> None:
@@ -58,23 +71,33 @@ def read_csv(
         with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.reader(file, strict=True)
             header = [name.strip() for name in next(reader, [])]
-            if not set(required) <= set(header) or len(set(header)) < len(header):
-                columns = ", ".join(required)
-                raise ValueError(
-                    f"{path}: expected different columns, with {columns}, found {header}"
-                )
-            for cells in filter(None, reader):
-                where = f"{path}, line {reader.line_num}"
-                if len(cells) != len(header):
-                    raise ValueError(
-                        f"{where}: expected {len(header)} values, found {len(cells)}"
-                    )
-                row = dict(zip(header, (cell.strip() for cell in cells), strict=True))
-                for name in (*required, "label"):
-                    if row.get(name) == "":
-                        raise ValueError(f"{where}: expected a {name}, found none")
-                yield where, row
+            _check_header(path, header, required)
+            for cells in reader:
+                if cells:
+                    where = f"{path}, line {reader.line_num}"
+                    yield where, _row(where, header, cells, required)
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(
             f"{path}: expected a CSV table in UTF-8, found: {error}"
         ) from error
+
+
+def _check_header(path: Path, header: list[str], required: Sequence[str]) -> None:
+    if set(required) <= set(header) and len(set(header)) == len(header):
+        return
+    wanted = "different columns"
+    if required:
+        wanted += f", with {', '.join(required)}"
+    raise ValueError(f"{path}: expected {wanted}, found {header}")
+
+
+def _row(
+    where: str, header: list[str], cells: list[str], required: Sequence[str]
+) -> dict[str, str]:
+    if len(cells) != len(header):
+        raise ValueError(f"{where}: expected {len(header)} values, found {len(cells)}")
+    row = {name: cell.strip() for name, cell in zip(header, cells, strict=True)}
+    for name in (*required, "label"):
+        if row.get(name) == "":
+            raise ValueError(f"{where}: expected a {name}, found none")
+    return row

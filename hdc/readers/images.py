@@ -31,7 +31,7 @@ S = TypeVar("S")
 T = TypeVar("T")
 
 FORMATS = ("PNG", "JPEG", "BMP", "TIFF")
-TIFF_MODES = {
+_TIFF_MODES = {
     "1": "L",
     "L": "L",
     "P": "RGB",
@@ -40,6 +40,17 @@ TIFF_MODES = {
     "I;16B": "I;16B",
 }
 """Pillow's modes of a TIFF → what they are converted to."""
+_ORIENTATION = 274
+_STORED = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT,
+    3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_90,
+    7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_270,
+}
+"""A TIFF's orientation, which Pillow applies → what gives the pixels as they are stored."""
 AHEAD = 16
 """Images decoded ahead of the caller."""
 
@@ -52,14 +63,7 @@ def decode(file: Path) -> np.ndarray:
     """
     check_file(file)
     try:
-        data = file.read_bytes()
-        if not _is_plain_png(data):
-            with Image.open(io.BytesIO(data), formats=FORMATS) as header:
-                if header.format != "MPO" and (n := getattr(header, "n_frames", 1)) > 1:
-                    raise BadFrame(f"{file}: expected a single image, found {n}")
-                if header.format == "TIFF":
-                    return _tiff(file, header)
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        image = _decode(file, file.read_bytes())
     except UnidentifiedImageError as error:
         kinds = ", ".join(FORMATS)
         raise BadFrame(
@@ -78,6 +82,17 @@ def decode(file: Path) -> np.ndarray:
     return image
 
 
+def _decode(file: Path, data: bytes) -> np.ndarray | None:
+    if not _is_plain_png(data):
+        with Image.open(io.BytesIO(data), formats=FORMATS) as header:
+            pages = getattr(header, "n_frames", 1)
+            if pages > 1 and header.format != "MPO":
+                raise BadFrame(f"{file}: expected a single image, found {pages}")
+            if header.format == "TIFF":
+                return _tiff(file, header)
+    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+
+
 def _is_plain_png(data: bytes) -> bool:
     """Whether it is a PNG of one image, no bomb; Pillow takes 6 % of the decoding to say so."""
     pixels = int.from_bytes(data[16:20]) * int.from_bytes(data[20:24])
@@ -87,16 +102,18 @@ def _is_plain_png(data: bytes) -> bool:
 
 def _tiff(file: Path, image: Any) -> np.ndarray:
     bits = image.tag_v2.get(258, (8,))
-    if image.mode not in TIFF_MODES or bits[1:2] == (16,):
+    if image.mode not in _TIFF_MODES or bits[1:2] == (16,):
         raise BadFrame(
             f"{file}: expected a grey TIFF, or colour of 8 bits without alpha, found {image.mode}"
         )
-    pixels = np.asarray(image.convert(TIFF_MODES[image.mode]))
-    return (
-        pixels[..., ::-1]
-        if pixels.ndim == 3
-        else pixels.astype(pixels.dtype.newbyteorder("="))
-    )
+    orientation = image.tag_v2.get(_ORIENTATION, 1)
+    image = image.convert(_TIFF_MODES[image.mode])
+    if orientation in _STORED:
+        image = image.transpose(_STORED[orientation])
+    pixels = np.asarray(image)
+    if pixels.ndim == 3:
+        return pixels[..., ::-1]
+    return pixels.astype(pixels.dtype.newbyteorder("="))
 
 
 def grey(image: np.ndarray) -> np.ndarray:
@@ -113,10 +130,8 @@ def ahead(function: Callable[[S], T], items: Sequence[S]) -> Iterator[T]:
     with quiet(), ThreadPoolExecutor() as executor:
         waiting = executor.map(function, items[:AHEAD])
         for start in range(AHEAD, len(items) + AHEAD, AHEAD):
-            ready, waiting = (
-                waiting,
-                executor.map(function, items[start : start + AHEAD]),
-            )
+            ready = waiting
+            waiting = executor.map(function, items[start : start + AHEAD])
             yield from ready
 
 
@@ -163,55 +178,80 @@ def open_listing(
         BadFrame: a file is no usable image, or its size or depth is not that of the first.
         ValueError: there are fewer classes than are needed.
     """
-    files = listing.files
-    with quiet():
-        first = decode(files[0])
-    (height, width), dtype = first.shape[:2], first.dtype
-    shape = _frame(files[0], first, window).shape
-
-    def load(file: Path) -> np.ndarray:
-        image = decode(file)
-        if image.shape[:2] != (height, width) or image.dtype != dtype:
-            found = f"{image.shape[1]} × {image.shape[0]} {image.dtype}"
-            wanted = f"{width} × {height} pixels {dtype} as in the other frames"
-            raise BadFrame(f"{file}: expected {wanted}, found {found}")
-        return _frame(file, image, window)
-
-    kept: list[np.ndarray] = []
+    images = _Images(listing.files, window)
     if check:
-        in_memory = len(files) * math.prod(shape) * dtype.itemsize <= memory_bytes
-        frames = with_progress(ahead(load, files), len(files), "Reading images")
-        kept = [frame for frame in frames if in_memory]
+        images.check(memory_bytes)
     classes: tuple[str, ...] = ()
     labels = None
     if listing.labels is not None:
         classes, labels = class_indices(
             listing.labels, root, fewest_classes, listing.classes
         )
-
-    def digest() -> str:
-        contents = (hashlib.sha256(file.read_bytes()).digest() for file in files)
-        return hashlib.sha256(b"".join(contents)).hexdigest()
-
-    def each(index: np.ndarray) -> Iterator[np.ndarray]:
-        return (
-            (kept[i] for i in index) if kept else ahead(load, [files[i] for i in index])
-        )
-
+    names = [os.path.relpath(file, root) for file in listing.files]
     return Recording(
         classes=classes,
         labels=labels,
-        shape=(shape[0], shape[1]),
+        shape=images.shape,
+        dtype=images.dtype,
         samples={
-            "order": np.arange(len(files)),
+            "order": np.arange(len(names)),
             **listing.samples,
-            "file": np.array([os.path.relpath(file, root) for file in files]),
+            "file": np.array(names),
         },
-        each=each,
-        place=lambda i: str(files[i]),
-        digest=cache(digest),
+        each=images.each,
+        place=lambda i: str(listing.files[i]),
+        digest=cache(images.digest),
         window=window,
         values=listing.values,
         value_names=listing.value_names,
         other_files=tuple(listing.other_files),
     )
+
+
+class _Images:
+    """Image files of one size and depth, those of the first; decoded when asked for, or kept.
+
+    Raises:
+        BadFrame: the first is no usable image.
+    """
+
+    def __init__(self, files: Sequence[Path], window: Window) -> None:
+        self._files, self._window = files, window
+        self._kept: list[np.ndarray] = []
+        with quiet():
+            first = decode(files[0])
+        self._size = first.shape[:2]
+        self.dtype = first.dtype
+        self.shape = _frame(files[0], first, window).shape
+
+    def check(self, memory_bytes: int) -> None:
+        """Decode all of them, and keep them if they fit.
+
+        Raises:
+            BadFrame: one is no usable image, or its size or depth is not that of the first.
+        """
+        n = len(self._files)
+        in_memory = n * math.prod(self.shape) * self.dtype.itemsize <= memory_bytes
+        for frame in with_progress(ahead(self._load, self._files), n, "Reading images"):
+            if in_memory:
+                self._kept.append(frame)
+
+    def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
+        """Frames [H, W] of the indices, one after the other."""
+        if self._kept:
+            return (self._kept[i] for i in index)
+        return ahead(self._load, [self._files[i] for i in index])
+
+    def _load(self, file: Path) -> np.ndarray:
+        image = decode(file)
+        if image.shape[:2] != self._size or image.dtype != self.dtype:
+            height, width = self._size
+            found = f"{image.shape[1]} × {image.shape[0]} {image.dtype}"
+            wanted = f"{width} × {height} pixels {self.dtype} as in the other frames"
+            raise BadFrame(f"{file}: expected {wanted}, found {found}")
+        return _frame(file, image, self._window)
+
+    def digest(self) -> str:
+        """SHA-256 over those of the files."""
+        contents = (hashlib.sha256(file.read_bytes()).digest() for file in self._files)
+        return hashlib.sha256(b"".join(contents)).hexdigest()

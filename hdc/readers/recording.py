@@ -6,18 +6,22 @@ import hashlib
 import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from hdc.readers.files import SettingError, natural_key, require
+from hdc.readers.columns import normalised
+from hdc.readers.files import BadFrame, SettingError, natural_key, require
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Window:
-    """Pixels of an image that are kept: a crop (x, y, width, height), then every n-th of it."""
+    """Pixels of an image that are kept: a crop (x, y, width, height), then every n-th of it.
+
+    A frame that is a vector [D] has no crop; every n-th of its numbers is kept.
+    """
 
     crop: Sequence[int] | None = None
     subsample: int = 1
@@ -25,21 +29,23 @@ class Window:
     def __post_init__(self) -> None:
         if self.crop is not None:
             crop = tuple(self.crop)
-            fits = len(crop) == 4 and all(isinstance(n, int | np.integer) for n in crop)
             expected = "null or [x, y, width, height], integers ≥ 0 and sizes ≥ 1"
-            require(
-                fits and min(crop) >= 0 < min(crop[2:]), "crop", self.crop, expected
-            )
+            require(_is_crop(crop), "crop", self.crop, expected)
             object.__setattr__(self, "crop", crop)
         whole = isinstance(self.subsample, int | np.integer) and self.subsample >= 1
         require(whole, "subsample", self.subsample, "an integer ≥ 1")
 
-    def shape(self, height: int, width: int) -> tuple[int, int]:
-        """(H, W) that is kept of an image of that size.
+    def shape(self, *sides: int) -> tuple[int, ...]:
+        """(H, W) that is kept of an image [height, width], or (D,) of a vector.
 
         Raises:
             SettingError: the crop does not lie inside it.
         """
+        if len(sides) == 1:
+            expected = "null for frames that are vectors"
+            require(self.crop is None, "crop", self.crop, expected)
+            return (-(-sides[0] // self.subsample),)
+        height, width = sides
         x, y, w, h = self.crop or (0, 0, width, height)
         if x + w > width or y + h > height:
             wanted = f"a window inside frames {width} px wide and {height} px high"
@@ -49,10 +55,18 @@ class Window:
         return -(-h // self.subsample), -(-w // self.subsample)
 
     def of(self, image: np.ndarray) -> np.ndarray:
-        """A view [H, W] or [H, W, channels] of the pixels that are kept."""
+        """A view [H, W], [H, W, channels] or [D] of the pixels that are kept."""
         self.shape(*image.shape[:2])
+        if image.ndim == 1:
+            return image[:: self.subsample]
         x, y, w, h = self.crop or (0, 0, image.shape[1], image.shape[0])
         return image[y : y + h : self.subsample, x : x + w : self.subsample]
+
+
+def _is_crop(crop: tuple[int, ...]) -> bool:
+    if len(crop) != 4 or not all(isinstance(n, int | np.integer) for n in crop):
+        return False
+    return min(crop) >= 0 and min(crop[2:]) >= 1
 
 
 @dataclass(frozen=True)
@@ -62,11 +76,13 @@ class Recording:
     Attributes:
         classes: names of the L classes; label c means ``classes[c]``.
         labels: int64 [N]; None where there are only values.
-        shape: (H, W) of one frame in pixels.
+        shape: (H, W) of one frame in pixels, or (D,) of one vector.
+        dtype: of the frames' pixels.
         samples: what is known of the frames before they are decoded, [N] each: ``order``
             (place in time), ``session`` and ``group`` where known, other columns of a table.
         values: float64 [N, k], the numbers to learn; None where there are none.
         value_names: their k names.
+        value_units: their k units; empty where none are known.
         other_files: names of files that are no frames of the recording.
         each: frames [H, W] of indices [n], one after the other, decoded ahead of the caller.
         place: file of a frame, or its place in one, for messages.
@@ -76,7 +92,8 @@ class Recording:
 
     classes: tuple[str, ...]
     labels: np.ndarray | None
-    shape: tuple[int, int]
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
     samples: Mapping[str, np.ndarray]
     each: Callable[[np.ndarray], Iterator[np.ndarray]]
     place: Callable[[int], str]
@@ -84,6 +101,7 @@ class Recording:
     window: Window
     values: np.ndarray | None = None
     value_names: tuple[str, ...] = ()
+    value_units: tuple[str, ...] = ()
     other_files: tuple[str, ...] = ()
 
     def __len__(self) -> int:
@@ -120,14 +138,16 @@ class Recording:
         return self.samples.get("group")
 
     def frames(self, indices: Sequence[int] | np.ndarray) -> np.ndarray:
-        """Frames uint8 or uint16 [len(indices), H, W].
+        """Frames [len(indices), H, W] or [len(indices), D].
 
         Raises:
             IndexError: an index is outside [0, N).
             BadFrame: a frame cannot be used.
         """
         frames = list(self.stream(indices))
-        return np.stack(frames) if frames else np.empty((0, *self.shape), np.uint8)
+        if not frames:
+            return np.empty((0, *self.shape), self.dtype)
+        return np.stack(frames)
 
     def stream(
         self, indices: Sequence[int] | np.ndarray | None = None
@@ -143,10 +163,14 @@ class Recording:
 
     def left_out(self, most: int = 3) -> str:
         """One line on the files that are no frames, with the first names; or nothing."""
-        if not (files := self.other_files):
+        n = len(self.other_files)
+        if n == 0:
             return ""
-        names = ", ".join(files[:most]) + ", …" * (len(files) > most)
-        return f"left out {len(files)} other file{'s' * (len(files) > 1)}: {names}"
+        names = ", ".join(self.other_files[:most])
+        if n > most:
+            names += ", …"
+        files = "file" if n == 1 else "files"
+        return f"left out {n} other {files}: {names}"
 
     def fingerprint(self) -> str:
         """SHA-256 over the recorded bytes, the pixels kept of them, labels, values and order."""
@@ -171,7 +195,11 @@ def class_indices(
     Raises:
         ValueError: fewer classes than are needed, or a name that is none of those given.
     """
-    classes = tuple(sorted(set(names), key=natural_key) if order is None else order)
+    names = normalised(names)
+    if order is None:
+        classes = tuple(sorted(set(names), key=natural_key))
+    else:
+        classes = tuple(normalised(order))
     if len(classes) < fewest:
         found = f"only {classes[0]!r}" if classes else "none"
         raise ValueError(f"{where}: expected two classes or more, found {found}")
@@ -179,7 +207,8 @@ def class_indices(
         raise ValueError(
             f"{where}: expected one of the {len(classes)} classes, found {unknown}"
         )
-    return classes, np.array([classes.index(name) for name in names], dtype=np.int64)
+    rows = {name: row for row, name in enumerate(classes)}
+    return classes, np.array([rows[name] for name in names], dtype=np.int64)
 
 
 def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> None:
@@ -191,6 +220,24 @@ def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> Non
             raise ValueError(
                 f"{where}: expected {n} numbers in the column {key}, found {found}"
             )
+        finite = np.isfinite(values)
+        if not finite.all():
+            first = int(finite.argmin())
+            raise ValueError(
+                f"{where}: expected {n} finite numbers in the column {key}, found "
+                f"{values[first]} for frame {first}"
+            )
+
+
+def check_finite(place: str, frame: np.ndarray) -> np.ndarray:
+    """The frame.
+
+    Raises:
+        BadFrame: a pixel of it is not finite.
+    """
+    if frame.dtype.kind == "f" and not np.isfinite(frame).all():
+        raise BadFrame(f"{place}: expected finite numbers, found nan or infinity")
+    return frame
 
 
 def with_progress(items: Iterable[T], total: int, what: str) -> Generator[T]:

@@ -220,6 +220,50 @@ def test_a_socket_without_the_token_is_refused():
         assert messages[0]["status"] == 403
 
 
+def answered(kind, path="/", query=b"", **headers):
+    """The head of what a guard answers, or None where it lets the application."""
+    messages = []
+
+    async def send(message):
+        messages.append(message)
+
+    async def application(scope, receive, send):
+        return None
+
+    pairs = [(name.encode(), text.encode()) for name, text in headers.items()]
+    scope = {"type": kind, "method": "GET", "path": path, "query_string": query}
+    guard = Guard(application, token="secret", cookie="c")
+    with contextlib.suppress(StopIteration):
+        guard(scope | {"headers": pairs}, None, send).send(None)
+    return messages[0] if messages else None
+
+
+HOST = "127.0.0.1:8080"
+
+
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+def test_pages_of_another_address_are_refused(kind):
+    """cracks: another port of the same host has the cookie, and was let in."""
+    mine = {"host": HOST, "cookie": "c=secret"}
+    for origin in (
+        "http://127.0.0.1:9000",
+        "http://127.0.0.1",
+        "https://evil.example",
+        "null",
+        "",
+    ):
+        assert answered(kind, origin=origin, **mine)["status"] == 403
+    assert answered(kind, origin=f"http://{HOST}", **mine) is None
+    assert answered(kind, **mine) is None
+
+
+def test_the_token_redirects_to_this_page_alone():
+    """cracks: GET //evil.example/?token=… redirected there."""
+    for path in ("/", "//evil.example/", "/frame", "//evil.example/%2e"):
+        answer = answered("http", path, b"token=secret", host=HOST)
+        assert dict(answer["headers"])[b"location"] == b"/"
+
+
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
@@ -228,7 +272,7 @@ def test_a_socket_without_the_token_is_refused():
             1,
             "expected a camera that can be opened at index 97, found none",
         ),
-        ([], 2, "expected one of --camera and --folder"),
+        ([], 2, "expected one of --camera, --folder and --video"),
         (["--folder", "nowhere"], 1, "found nothing: nowhere"),
     ],
 )

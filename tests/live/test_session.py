@@ -63,6 +63,20 @@ def test_one_class_is_recalibrated_by_the_present_touch_and_learns_on(taught):
     assert taught.counts == {"left": 30, "middle": 25, "right": 20}
 
 
+def test_samples_that_are_added_later_move_the_place_that_is_returned_to(taught):
+    """Tests and recalibration touch a class where it was touched last, not where it was first."""
+    first = taught.places["left"]
+    elsewhere = (Touch(PLACES["left"] + 5e-3, 2e-3, 1.5e-3),)
+    taught.source.press(elsewhere)
+    taught.learn("left", 5)
+    assert taught.places["left"] == elsewhere != first
+    assert taught.places["right"] == (Touch(PLACES["right"], 0.0, 1.8e-3),)
+    asked = []
+    taught.source.samples = lambda n, touches: asked.append(touches) or []
+    taught.recalibrate(None, 1, 0.5)
+    assert asked == [taught.places[name] for name in taught.counts]
+
+
 def test_tests_touch_every_class_in_turn_and_start_anew_after_drift(taught):
     for _ in range(12):
         taught.test()

@@ -49,3 +49,14 @@ def test_a_negative_memory_is_refused(archive):
         ValueError, match=r"^scene\.memory_bytes: expected an integer ≥ 0, found -1"
     ):
         open_recording(archive[0], memory_bytes=-1)
+
+
+@pytest.mark.parametrize(
+    "frames", [np.zeros((4, 9), np.uint8), np.zeros((4, 3, 3), np.float32)]
+)
+def test_vectors_and_floats_are_no_scene(tmp_path, frames):
+    """The rivals learn from images of 8 or 16 bits."""
+    np.savez(tmp_path / "x.npz", frames=frames, labels=[0, 1, 0, 1])
+    message = r"scene.path: expected images uint8 or uint16 \[H, W\], found"
+    with pytest.raises(ValueError, match=message):
+        open_recording(tmp_path / "x.npz")

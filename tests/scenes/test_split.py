@@ -199,3 +199,21 @@ LABELS = np.arange(20) % 2
 def test_arguments_that_make_no_sense_are_named(settings, message):
     with pytest.raises(ValueError, match=message):
         split(**{"labels": LABELS, **settings})
+
+
+def test_neighbours_are_of_one_session():
+    """cracks: two sessions whose times both begin at 0 hid each other's neighbours."""
+    labels = np.repeat([0, 1, 1, 0], 100)  # two sessions of two touches each
+    order = np.tile(np.arange(200), 2)
+    session = np.repeat([0, 1], 200)
+    first = np.flatnonzero(session == 0)
+    train, test = (first[part] for part in split(labels[first]))
+    alone = neighbours_leak(labels[first], order[first], *split(labels[first]))
+    assert alone > 0.9
+    assert neighbours_leak(labels, order, train, test, session) == alone
+    last_and_first = np.array([199]), np.array([200])  # of one class, of two sessions
+    both = labels[last_and_first[0]], labels[last_and_first[1]]
+    assert both == (1, 1)
+    running = np.arange(400)
+    assert neighbours_leak(labels, running, *last_and_first, session) == 0
+    assert neighbours_leak(labels, running, *last_and_first) == 1

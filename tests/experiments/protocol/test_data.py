@@ -213,3 +213,23 @@ def test_two_sessions():
 def test_a_split_that_does_not_fit_names_its_key(cfg, message):
     with pytest.raises(ValueError, match=message):
         data.choose(make_scene(), cfg, 0)
+
+
+@pytest.mark.parametrize("sessions", [1, 3])
+def test_frames_beside_each_other_are_warned_of_whatever_the_sessions(sessions):
+    """cracks: no warning where each session counts its times from 0."""
+    n = 120
+    scene = Frames(
+        torch.from_numpy(np.random.default_rng(0).integers(0, 9, (n, 2, 2), np.uint8)),
+        np.concatenate(
+            [np.roll(np.repeat([0, 1], n // sessions // 2), s) for s in range(sessions)]
+        ),
+        ("a", "b"),
+        {
+            "session": np.repeat(np.arange(sessions), n // sessions),
+            "order": np.tile(np.arange(n // sessions), sessions),
+        },
+        origin="recorded",
+    )
+    with pytest.warns(UserWarning, match=r"\d\d% of the test frames stand next to"):
+        data.choose(scene, split("random"), 0)

@@ -98,16 +98,16 @@ def test_nothing_is_unpickled(save, tmp_path):
         ({"frames": None}, "expected arrays frames and labels, found no frames"),
         ({"labels": None}, "expected arrays frames and labels, found no labels"),
         (
-            {"frames": np.zeros((12, 5), np.uint8)},
-            r"\[frames\]: expected shape \[N, H, W\]",
+            {"frames": np.zeros((12, 5, 2, 2), np.uint8)},
+            r"\[frames\]: expected shape \[N, H, W\] or \[N, D\]",
         ),
         (
             {"frames": np.zeros((0, 5, 5), np.uint8)},
             r"\[frames\]: expected shape \[N, H, W\]",
         ),
         (
-            {"frames": np.zeros((12, 5, 5))},
-            r"\[frames\]: expected uint8 or uint16, found float64",
+            {"frames": np.zeros((12, 5, 5), bool)},
+            r"\[frames\]: expected integers or floats, found bool",
         ),
         (
             {"labels": LABELS[:5]},
@@ -136,3 +136,64 @@ def test_nothing_is_unpickled(save, tmp_path):
 def test_arrays_of_another_kind_are_named(save, changed, message):
     with pytest.raises(ValueError, match=rf"x.npz.*{message}"):
         open_recording(save(**changed))
+
+
+@pytest.mark.parametrize("dtype", ["<u2", ">u2", ">f4", "<f8", ">i8"])
+def test_each_frame_has_the_byte_order_of_this_machine(save, pixels, dtype):
+    recording = open_recording(save(frames=pixels.astype(dtype)))
+    (frame,) = recording.stream([5])
+    assert frame.dtype == recording.dtype == np.dtype(dtype).newbyteorder("=")
+    assert frame.dtype.isnative
+    assert np.array_equal(frame, pixels[5])
+    assert recording.frames([]).dtype == frame.dtype
+
+
+def test_vectors_have_no_crop(save, pixels):
+    recording = open_recording(save(frames=pixels.reshape(12, 600)), subsample=7)
+    assert recording.shape == (86,)
+    assert np.array_equal(recording.frames([3]), pixels.reshape(12, 600)[3:4, ::7])
+    with pytest.raises(ValueError, match="crop: expected null for frames that are vec"):
+        open_recording(save(frames=pixels.reshape(12, 600)), crop=[0, 0, 5, 1])
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_numbers_that_are_not_finite_are_named(save, pixels, bad):
+    """cracks: a nan in session held nothing out, without a word."""
+    for key in ("session", "order"):
+        numbers = np.arange(12.0)
+        numbers[4] = bad
+        message = (
+            rf"x.npz: expected 12 finite numbers in the column {key}, found .* frame 4"
+        )
+        with pytest.raises(ValueError, match=message):
+            open_recording(save(**{key: numbers}))
+    values = np.arange(12.0)
+    values[7] = bad
+    with pytest.raises(ValueError, match=r"x.npz\[value\]: expected finite .* frame 7"):
+        open_recording(save(labels=None, values=values))
+    frames = pixels.astype(float)
+    frames[3, 0, 0] = bad
+    recording = open_recording(save(frames=frames))
+    assert len(recording.frames([2, 4])) == 2
+    with pytest.raises(ValueError, match=r"x.npz, frame 3: expected finite numbers"):
+        recording.frames([2, 3])
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"values": np.zeros((11, 2))}, r"\[values\]: expected shape \(12, k\), found"),
+        ({"values": np.zeros((12, 2, 1))}, r"\[values\]: expected shape \(12, k\)"),
+        ({"value_names": ["x"]}, r"\[value_names\]: expected 2 different names, .*'x'"),
+        ({"value_names": ["x", "x"]}, r"\[value_names\]: expected 2 different names"),
+        ({"value_units": ["N"]}, r"\[value_units\]: expected 2 units, .*'N'"),
+        (
+            {"values": np.full((12, 2), "a")},
+            r"\[value_0\]: expected numbers, found <U1",
+        ),
+    ],
+)
+def test_values_that_do_not_fit_are_named(save, changed, message):
+    arrays = {"labels": None, "values": np.zeros((12, 2)), **changed}
+    with pytest.raises(ValueError, match=rf"x.npz{message}"):
+        open_recording(save(**arrays))

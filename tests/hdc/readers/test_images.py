@@ -185,3 +185,17 @@ def test_damaged_images_are_refused_or_have_their_size(tmp_path, suffix):
                 k % 2 or suffix == ".png"
             ):  # what was cut off, such as a last tag, is no pixel
                 assert np.array_equal(frames[1], reference[1])
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("colour", [False, True])
+def test_pixels_of_a_tiff_are_as_they_are_stored(tmp_path, orientation, colour):
+    """cracks: an orientation tag was applied."""
+    image = np.dstack([NOISE] * 3) if colour else NOISE
+    data = saved("TIFF", image, exif={274: orientation})
+    with Image.open(io.BytesIO(data)) as written:
+        assert written.tag_v2.get(274, 1) == orientation
+    for name in "ab":
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "1.tif").write_bytes(data)
+    assert np.array_equal(open_recording(tmp_path).frames([0])[0], NOISE)

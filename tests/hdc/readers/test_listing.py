@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hdc.readers import BadFrame, SettingError, camera, open_recording
+from hdc.readers.template import Template
 
 
 def write(path, image):
@@ -108,7 +109,7 @@ def test_a_table_gives_values(folder, pixels):
     with pytest.raises(ValueError, match="expected a recording with labels"):
         _ = recording.names
     with pytest.raises(
-        ValueError, match=r"t.csv: expected numbers in note, found .*'u'"
+        ValueError, match=r"t.csv, line 2: expected a number in note, found 'u'"
     ):
         open_recording(folder, table="t.csv", value_columns=["note"])
     with pytest.raises(
@@ -173,7 +174,9 @@ def test_a_broken_manifest_is_named(folder, text, message):
 
 def test_folders_without_a_recording_are_named(tmp_path, pixels, folder):
     write(tmp_path / "x" / "1.png", pixels[0])
-    with pytest.raises(ValueError, match=r"x: expected .*, found 1 other files"):
+    with pytest.raises(
+        ValueError, match=r"x: expected .*, found 1 image and no sub-folder"
+    ):
         open_recording(tmp_path / "x")
     (tmp_path / "y").mkdir()
     with pytest.raises(
@@ -248,3 +251,150 @@ def test_a_camera_gives_grey_frames_until_it_is_gone(monkeypatch):
         ValueError, match=r"camera: expected a camera .* index 5, found none"
     ):
         next(camera(5))
+
+
+# Templates ---------------------------------------------------------------------------------------
+
+
+def images(root, pixels, *names):
+    for name, image in zip(names, pixels, strict=False):
+        write(root / name, image)
+    return root
+
+
+def test_a_template_that_reads_a_name_in_two_ways_is_refused(tmp_path, pixels):
+    """users: foam_brick_1_000.png was foam in the session brick_1, and 95.8 % were shown."""
+    root = images(tmp_path, pixels, "foam_brick_1_000.png", "mug_1_000.png")
+    with pytest.raises(SettingError) as caught:
+        open_recording(root, template="{label}_{session}_{order}.png")
+    assert "found two of foam_brick_1_000.png: label 'foam', session 'brick_1'" in str(
+        caught.value
+    )
+    assert "or label 'foam_brick', session '1', order '000'" in str(caught.value)
+    recording = open_recording(root, template="{label}_{session:d}_{order}.png")
+    assert recording.names == ["foam_brick", "mug"]
+    assert recording.session.tolist() == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("template", "name", "expected"),
+    [
+        ("{label}{order}.png", "wood12.png", {"label": "wood", "order": "12"}),
+        ("{label}{order}.png", "wood1.5.png", {"label": "wood", "order": "1.5"}),
+        ("{label}{value}.png", "wood-0.5.png", {"label": "wood", "value": "-0.5"}),
+        ("{order}*.png", "12_x.png", {"order": "12"}),
+        ("*{order}.png", "a_3_12.png", {"order": "12"}),
+        ("{session}/*/{label}.png", "a/b_c/d.png", {"session": "a", "label": "d"}),
+        ("{label}_*.png", "foam_brick_1.png", None),
+        ("{label}*.png", "foam.png", None),
+        ("*_{order}_*.png", "a_1_2_b.png", None),
+        ("{label}{session}.png", "abc.png", None),
+        ("*_{label}_*.png", "a_x_y_x_b.png", None),
+        ("{label}-{value}.png", "a--5.png", None),
+    ],
+)
+def test_readings_of_a_name(template, name, expected):
+    pattern = Template(template)
+    if expected is None:
+        with pytest.raises(SettingError, match="template: expected one reading"):
+            pattern.read(name)
+    else:
+        assert pattern.read(name) == expected
+    assert pattern.read("other/" + name) is None
+
+
+def test_fields_that_a_template_cannot_have_are_named():
+    for template in ("{order:d}.png", "{label:s}.png", "{label:}.png", "{}.png"):
+        with pytest.raises(SettingError, match="template: expected fields among"):
+            Template(template)
+
+
+# Tables ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cell", ["", "nan", "NA", "inf", "1_0", "1,5", "?", "٣"])
+def test_a_gap_in_a_column_of_numbers_is_named(folder, cell):
+    """cracks: the column was left out, without a word."""
+    rows = ["image,x,z", "a/1.png,1,0.5", f'a/2.png,2,"{cell}"', "a/3.png,3,0.25"]
+    (folder / "t.csv").write_text("\n".join(rows), encoding="utf-8")
+    for columns in ([], ["z"], ["x", "z"]):
+        with pytest.raises(
+            ValueError, match=r"t.csv, line 3: expected a (number in )?z"
+        ):
+            open_recording(folder, table="t.csv", value_columns=columns)
+    assert open_recording(folder, table="t.csv", value_columns=["x"]).values.sum() == 6
+
+
+@pytest.mark.parametrize("column", ["order", "session", "group"])
+def test_a_gap_in_what_splits_go_by_is_named(folder, column):
+    rows = [f"file,label,{column}", "a/1.png,x,1", "a/2.png,x,", "b/1.png,y,3"]
+    (folder / "manifest.csv").write_text("\n".join(rows))
+    message = f"manifest.csv, line 3: expected the {column} of each row, found ''"
+    with pytest.raises(ValueError, match=message):
+        open_recording(folder)
+
+
+def test_sessions_are_the_numbers_that_are_written(folder):
+    """cracks: 1_0 was session 10."""
+    rows = ["file,label,session", "a/1.png,x,1_0", "a/2.png,x,2", "b/1.png,y,1"]
+    (folder / "manifest.csv").write_text("\n".join(rows))
+    recording = open_recording(folder)
+    assert recording.samples["session_name"].tolist() == ["1_0", "2", "1"]
+    assert recording.session.tolist() == [0, 2, 1]
+
+
+def test_a_file_is_taken_once_by_whatever_spelling(folder):
+    (folder / "z").symlink_to(folder / "a")
+    for other in ("a/../a/1.png", "b/../a/1.png", "z/1.png", "./a//1.png"):
+        text = f"file,label\na/1.png,x\n{other},y\n"
+        (folder / "manifest.csv").write_text(text)
+        with pytest.raises(ValueError, match=r"line 3: expected each file once, found"):
+            open_recording(folder)
+
+
+def test_names_are_the_same_in_either_form_of_unicode(tmp_path, pixels):
+    """cracks: é of one code point and é of two were two classes."""
+    composed, apart = "caf\u00e9", "cafe\u0301"
+    root = images(
+        tmp_path, pixels, f"{composed}/1.png", f"{apart}/2.png", "b/1.png", "b/2.png"
+    )
+    recording = open_recording(root)
+    assert recording.classes == ("b", composed)
+    assert recording.names == ["b", "b", composed, composed]
+    rows = ["file,label,session", f"{composed}/1.png,{composed},{composed}",
+            f"{apart}/2.png,{apart},{apart}", "b/1.png,b,b"]  # fmt: skip
+    (root / "manifest.csv").write_text("\n".join(rows), encoding="utf-8")
+    recording = open_recording(root)
+    assert recording.labels.tolist() == [1, 1, 0]
+    assert recording.session.tolist() == [1, 1, 0]
+    labels = np.array([composed, apart, "b"])
+    np.savez(tmp_path / "x.npz", frames=pixels[:3], labels=labels)
+    assert open_recording(tmp_path / "x.npz").labels.tolist() == [1, 1, 0]
+
+
+# Folders -----------------------------------------------------------------------------------------
+
+
+def test_a_folder_of_one_class_asks_for_the_folder_above(folder):
+    message = (
+        r"a: expected .*found 4 images and no sub-folder; did you mean .*recording\?$"
+    )
+    with pytest.raises(ValueError, match=message):
+        open_recording(folder / "a")
+
+
+def test_links_to_files_are_followed_and_broken_ones_named(folder, pixels):
+    (folder / "c" / "5.png").symlink_to(folder / "a" / "1.png")
+    assert np.array_equal(open_recording(folder).frames([12]), pixels[[0]])
+    (folder / "c" / "6.png").symlink_to("gone.png")
+    with pytest.raises(BadFrame, match=r"c/6.png: expected a readable file"):
+        open_recording(folder)
+
+
+def test_the_order_of_frames_is_part_of_the_fingerprint(folder):
+    prints = set()
+    for first, second in ((0, 1), (1, 0), (0, 2)):
+        rows = f"file,label,order\na/1.png,x,{first}\nb/1.png,y,{second}\n"
+        (folder / "manifest.csv").write_text(rows)
+        prints.add(open_recording(folder).fingerprint())
+    assert len(prints) == 3

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from hdc.readers import BadFrame, open_recording
+from hdc.readers import BadFrame, Window, open_recording
+from hdc.readers.video import stream_video
 
 RATE, N = 10, 60
 # What OpenCV cannot write: uniform frames of grey_of(k), 32 × 32 pixels, 25 Hz, written by FFmpeg
@@ -177,4 +178,79 @@ def test_what_is_no_video_is_named(film):
     with pytest.raises(
         ValueError, match=r"x.csv: expected a readable file, found none"
     ):
+        open_recording(film)
+
+
+class Shifted:
+    """What OpenCV reads of a video, its times later by three seconds."""
+
+    def __init__(self, *arguments):
+        self._capture = OPEN(*arguments)
+
+    def __getattr__(self, name):
+        return getattr(self._capture, name)
+
+    def get(self, what):
+        found = self._capture.get(what)
+        return found + 3000 if what == cv2.CAP_PROP_POS_MSEC else found
+
+
+OPEN = cv2.VideoCapture
+
+
+def test_times_count_from_the_first_frame(film, monkeypatch):
+    """A container may begin at another time than 0."""
+    before = open_recording(film)
+    monkeypatch.setattr(cv2, "VideoCapture", Shifted)
+    after = open_recording(film)
+    assert after.samples["frame"].tolist() == before.samples["frame"].tolist()
+    assert after.samples["time"] == pytest.approx(before.samples["time"], abs=1e-3)
+
+
+def test_frames_lost_in_the_middle_are_noticed(tmp_path):
+    """cracks: two frames fewer were learnt, without a word."""
+    path = tmp_path / "x.mkv"
+    code = cv2.VideoWriter_fourcc(*"MJPG")
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, RATE, (48, 32))
+    rng = np.random.default_rng(0)
+    for image in rng.integers(0, 256, (N, 32, 48, 3), dtype=np.uint8):
+        writer.write(image)
+    writer.release()
+    table = path.with_suffix(".csv")
+    table.write_text("start_s,end_s,label\n0,3,a\n3,6,b\n")
+    assert len(open_recording(path)) == N
+    damaged = bytearray(path.read_bytes())
+    at = len(damaged) * 3 // 10
+    damaged[at : at + 400] = bytes(400)
+    path.write_bytes(damaged)
+    times = [time for time, _ in decoded(path)]
+    assert len(times) < N
+    assert times[-1] == pytest.approx(5.9)  # they are missing from the middle
+    message = (
+        rf"x.mkv: expected 60 frames as its header says, found {len(times)} with gaps"
+    )
+    for rows in ("0,3,a\n3,6,b\n", "0,1,a\n1,4,b\n"):
+        table.write_text(f"start_s,end_s,label\n{rows}")
+        with pytest.raises(BadFrame, match=message):
+            open_recording(path)
+    with pytest.raises(BadFrame, match=message):
+        list(stream_video(path, Window()))
+
+
+def decoded(path):
+    """Time and image of every frame that OpenCV gives."""
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    while capture.grab():
+        yield capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3, capture.retrieve()[1]
+
+
+def test_a_video_of_varying_rate_is_whole(tmp_path):
+    path = tmp_path / "variable_rate.mp4"
+    shutil.copyfile(VIDEOS / path.name, path)
+    assert len(list(stream_video(path, Window()))) == 30
+
+
+def test_seconds_are_numbers_as_they_are_written(film):
+    film.with_suffix(".csv").write_text("start_s,end_s,label\n0,1_0,a\n")
+    with pytest.raises(ValueError, match="line 2: expected seconds, found '1_0'"):
         open_recording(film)

@@ -1,0 +1,236 @@
+"""A model's answers for frames, its score on a recording, and both as lines for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hdc import readers
+from hdc.accuracy import accuracy, confusion, wilson
+from hdc.command.work import check_size, printable, value_names, with_units
+from hdc.readers import ARRAYS, TABLE, VIDEO_SUFFIXES, Recording, Window
+from hdc.readers.images import stream_files
+from hdc.readers.recording import with_progress
+from hdc.readers.video import stream_video
+
+BATCH = 32
+"""Frames asked about at a time: meanwhile threads decode the next ones."""
+NONE = "(none of these)"
+Placed = tuple[object, np.ndarray]
+"""A frame, after where it is from."""
+
+
+def ask(
+    model: Any, window: Window, files: Sequence[Path], reject: float | None
+) -> Iterator[dict[str, Any]]:
+    """The model's answers for image files, then for each frame of arrays, tables and videos.
+
+    Each has ``file``, and of a regressor ``values`` by name, or else ``label`` (None: none of
+    these). Where classes have prototypes, ``margin`` and ``distances`` by class follow.
+    """
+    images = []
+    arrays = []
+    videos = []
+    for file in files:
+        suffix = file.suffix.lower()
+        if suffix in VIDEO_SUFFIXES:
+            videos.append(file)
+        elif suffix in (*ARRAYS, TABLE):
+            arrays.append(file)
+        else:
+            images.append(file)
+    stills = zip(images, stream_files(images, window), strict=True)
+    yield from _answers(model, stills, reject)
+    for array in arrays:
+        yield from _answers(model, _of_array(model, array, window), reject)
+    for video in videos:
+        # All before the first is given: at its end a video may turn out to be cut off.
+        yield from list(_answers(model, _of_video(video, window), reject))
+
+
+def _of_array(model: Any, path: Path, window: Window) -> Iterator[Placed]:
+    """Frames of an .npz, an .npy or a .csv, which may have labels and values or not."""
+    columns = value_names(model) if path.suffix.lower() == TABLE else ()
+    recording = readers.open_recording(
+        path, window=window, value_columns=columns, fewest_classes=0
+    )
+    for i, frame in enumerate(recording.stream()):
+        yield recording.place(i), frame
+
+
+def _of_video(path: Path, window: Window) -> Iterator[Placed]:
+    for time, frame in stream_video(path, window):
+        yield f"{path} at {time:.3f} s", frame
+
+
+def _answers(
+    model: Any, frames: Iterable[Placed], reject: float | None
+) -> Iterator[dict[str, Any]]:
+    for some in _batched(frames):
+        for place, frame in some:
+            check_size(model, frame.shape, place)
+        batch = np.stack([frame for _, frame in some])
+        answers = _of_batch(model, batch, reject)
+        for (place, _), answer in zip(some, answers, strict=True):
+            yield {"file": str(place)} | answer
+
+
+def _of_batch(
+    model: Any, batch: np.ndarray, reject: float | None
+) -> list[dict[str, Any]]:
+    """Values of each frame, or its label with margin and distances of prototypes."""
+    if not hasattr(model, "classes_"):
+        names = value_names(model)
+        rows = model.predict(batch).reshape(len(batch), -1).tolist()
+        return [{"values": dict(zip(names, row, strict=True))} for row in rows]
+    labels = model.predict(batch, reject=reject or False).tolist()
+    answers: list[dict[str, Any]] = [{"label": label} for label in labels]
+    if model.readout != "prototype":
+        return answers
+    classes = [str(c) for c in model.classes_]
+    shares = (model.distances(batch) / model.dimension_).tolist()
+    for answer, row in zip(answers, shares, strict=True):
+        answer["margin"] = _margin(row)
+        answer["distances"] = dict(zip(classes, row, strict=True))
+    return answers
+
+
+def _margin(distances: list[float]) -> float | None:
+    """How much farther the second nearest class is; None of one class."""
+    if len(distances) < 2:
+        return None
+    first, second = sorted(distances)[:2]
+    return second - first
+
+
+def heads(model: Any, answer: dict[str, Any]) -> list[str]:
+    """Names of the columns of a table of such answers."""
+    if "values" in answer:
+        names = value_names(model)
+        units = model.metadata_.get("units", ())
+        columns = ["file", *with_units(names, units)]
+    else:
+        columns = [name for name in answer if name != "distances"]
+        columns += [f"distance {name}" for name in answer.get("distances", ())]
+    return [printable(name) for name in columns]
+
+
+def cells(answer: dict[str, Any]) -> list[str]:
+    """One line of the table."""
+    items: list[Any] = []
+    for name, item in answer.items():
+        if name in ("values", "distances"):
+            items += item.values()
+        elif name == "label" and item is None:
+            items.append(NONE)
+        else:
+            items.append(item)
+    return [_cell(item) for item in items]
+
+
+def _cell(item: Any) -> str:
+    return f"{item:.4f}" if isinstance(item, float) else printable(str(item))
+
+
+# Scores ------------------------------------------------------------------------------------------
+
+
+def score(
+    model: Any, recording: Recording, index: np.ndarray, reject: float | None = None
+) -> dict[str, Any]:
+    """Accuracy, confusions and wrong frames (or mean absolute errors), with lines for people."""
+    frames = with_progress(recording.stream(index), len(index), "Evaluating")
+    predicted = []
+    known = []
+    for some in _batched(frames):
+        batch = np.stack(some)
+        predicted.append(model.predict(batch))
+        if reject:
+            known.append(model.is_known(batch, reject))
+    if not hasattr(model, "classes_"):
+        return _errors(recording, np.concatenate(predicted), index)
+    result = _accuracy(model, recording, np.concatenate(predicted), index)
+    if reject:
+        refused = int((~np.concatenate(known)).sum())
+        line = f"--reject {reject:g} refuses {refused} of them as none of the classes"
+        result["refused"] = refused
+        result["text"].insert(1, line)
+    return result
+
+
+def _accuracy(
+    model: Any, recording: Recording, predicted: np.ndarray, index: np.ndarray
+) -> dict[str, Any]:
+    """Accuracy with its interval, confusions, and the frames that are wrong."""
+    names = [str(c) for c in model.classes_]
+    row = {name: k for k, name in enumerate(names)}
+    truth = np.array(recording.names)[index].tolist()
+    found = [str(c) for c in predicted]
+    true = np.array([row[name] for name in truth])
+    read = np.array([row[name] for name in found])
+    counts = confusion(read, true, len(names))
+    right = int((read == true).sum())
+    share = accuracy(read, true)
+    low, high = wilson(right, len(index))
+    wrong = [
+        {"file": recording.place(i), "label": a, "predicted": b}
+        for i, a, b in zip(index, truth, found, strict=True)
+        if a != b
+    ]
+    interval = f"95 % interval {low:.1%} to {high:.1%}"
+    line = f"accuracy {share:.1%} ({interval}), {right} of {len(index)} frames"
+    return {
+        "frames": len(index),
+        "accuracy": share,
+        "interval": [low, high],
+        "classes": names,
+        "confusion": counts.tolist(),
+        "wrong": wrong,
+        "text": [line, *confusions(names, counts)],
+    }
+
+
+def _errors(
+    recording: Recording, predicted: np.ndarray, index: np.ndarray
+) -> dict[str, Any]:
+    """Absolute errors of each value."""
+    if recording.values is None:
+        raise ValueError(
+            "--values: expected a table of the numbers to compare with, found none"
+        )
+    errors = np.abs(predicted.reshape(len(index), -1) - recording.values[index])
+    means = errors.mean(axis=0).tolist()
+    units = recording.value_units or ("",) * len(means)
+    rows = {}
+    text = []
+    for name, unit, mean in zip(recording.value_names, units, means, strict=True):
+        rows[name] = {"mean_absolute_error": mean}
+        if unit:
+            rows[name]["unit"] = unit
+        amount = f"{mean:.4g} {unit}".rstrip()
+        text.append(f"{name}: mean absolute error {amount}, {len(index)} frames")
+    return {"frames": len(index), "errors": rows, "text": text}
+
+
+def confusions(names: Sequence[str], counts: np.ndarray) -> list[str]:
+    """Lines of a table of counts [L, L], a row a true class."""
+    names = [printable(name) for name in names]
+    heads = [name[:12] for name in names]
+    numbers = [str(n) for n in counts.ravel()]
+    width = max(len(name) for name in names)
+    cell = max(len(text) for text in [*heads, *numbers])
+    lines = ["rows are the true classes, columns the predicted ones"]
+    lines.append(" ".join([" " * width, *(f"{head:>{cell}}" for head in heads)]))
+    for name, row in zip(names, counts, strict=True):
+        lines.append(" ".join([f"{name:{width}}", *(f"{n:>{cell}}" for n in row)]))
+    return lines
+
+
+def _batched(items: Iterable[Any]) -> Iterator[list[Any]]:
+    waiting = iter(items)
+    while some := list(islice(waiting, BATCH)):
+        yield some

@@ -1,0 +1,139 @@
+"""Columns of a table as text, as people wrote them, and what they mean to a recording."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdc.readers.files import natural_key, parse_number
+
+KNOWN = ("order", "session", "group")
+"""Columns known by name, which are no numbers to learn."""
+_INTEGER = re.compile(r"[-+]?\d+", re.ASCII)
+_MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf"}
+"""What stands for a number that is not there, in any case."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Texts of N rows by column, and the place of each row for errors."""
+
+    places: Sequence[str]
+    texts: dict[str, list[str]]
+
+    @classmethod
+    def of(cls, places: Sequence[str], rows: Sequence[dict[str, str]]) -> Columns:
+        """The columns of rows that all have the same names."""
+        texts: dict[str, list[str]] = {name: [] for name in rows[0]}
+        for row in rows:
+            for name, text in row.items():
+                texts[name].append(text)
+        return cls(places, texts)
+
+    def only(self, names: Sequence[str]) -> Columns:
+        """Those of these columns that are there."""
+        texts = {name: self.texts[name] for name in names if name in self.texts}
+        return Columns(self.places, texts)
+
+    def pop_labels(self) -> list[str] | None:
+        """Labels [N], removed from the columns; None where there are none."""
+        texts = self.texts.pop("label", None)
+        return None if texts is None else normalised(texts)
+
+    def samples(self) -> dict[str, np.ndarray]:
+        """Columns as numbers where they are; sessions and groups of other names by natural rank.
+
+        Raises:
+            ValueError: an order, session or group is missing from some rows only.
+        """
+        samples = {}
+        for name, texts in self.texts.items():
+            if name in KNOWN:
+                self._check_complete(name)
+            samples[name] = _numbers_or_text(texts)
+            if name in ("session", "group") and samples[name].dtype.kind == "U":
+                names = normalised(texts)
+                samples[f"{name}_name"] = np.array(names)
+                samples[name] = natural_ranks(names)
+        return samples
+
+    def _check_complete(self, name: str) -> None:
+        missing = [_is_missing(text) for text in self.texts[name]]
+        if any(missing) and not all(missing):
+            first = missing.index(True)
+            found = self.texts[name][first]
+            raise ValueError(
+                f"{self.places[first]}: expected the {name} of each row, found {found!r}"
+            )
+
+    def numeric(self) -> list[str]:
+        """Names of the columns of numbers, but for those of :data:`KNOWN`.
+
+        Most cells of such a column are numbers, or are missing where there is a number.
+
+        Raises:
+            ValueError: a column of numbers has another cell.
+        """
+        names = []
+        for name, texts in self.texts.items():
+            numbers = sum(parse_number(text) is not None for text in texts)
+            missing = sum(_is_missing(text) for text in texts)
+            most = 2 * (numbers + missing) > len(texts)
+            if name not in KNOWN and numbers and most:
+                self.numbers(name)
+                names.append(name)
+        return names
+
+    def numbers(self, name: str) -> np.ndarray:
+        """One column, float64 [N].
+
+        Raises:
+            ValueError: naming the row of a cell that is no finite number.
+        """
+        numbers = []
+        for place, text in zip(self.places, self.texts[name], strict=True):
+            number = parse_number(text)
+            if number is None:
+                raise ValueError(
+                    f"{place}: expected a number in {name}, found {text!r}"
+                )
+            numbers.append(number)
+        return np.array(numbers)
+
+    def values(self, names: Sequence[str]) -> np.ndarray | None:
+        """Columns of numbers, float64 [N, k]; None of no columns."""
+        if not names:
+            return None
+        return np.stack([self.numbers(name) for name in names], axis=1)
+
+
+def _is_missing(text: str) -> bool:
+    return text.casefold() in _MISSING
+
+
+def normalised(texts: Sequence[str]) -> list[str]:
+    """Names in Unicode's composed form (NFC): an é of one code point or two is the same name."""
+    return [unicodedata.normalize("NFC", text) for text in texts]
+
+
+def natural_ranks(names: Sequence[str]) -> np.ndarray:
+    """Rank [N] of each name among the different ones, in natural order."""
+    different = sorted(set(names), key=natural_key)
+    ranks = {name: rank for rank, name in enumerate(different)}
+    return np.array([ranks[name] for name in names])
+
+
+def _numbers_or_text(texts: list[str]) -> np.ndarray:
+    """Integers if all are, else finite numbers if all are, else text."""
+    if all(_INTEGER.fullmatch(text) for text in texts):
+        with suppress(OverflowError):
+            return np.array([int(text) for text in texts], dtype=np.int64)
+    numbers = [parse_number(text) for text in texts]
+    if None in numbers:
+        return np.array(texts)
+    return np.array(numbers)

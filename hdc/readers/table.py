@@ -1,0 +1,81 @@
+"""A CSV with a row a frame: vectors such as spectra, one number a column.
+
+``label``, ``order``, ``session`` and ``group`` are known by name, columns that are chosen as values
+are what is learnt, and all others are the numbers of the frame, in their order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from hdc.readers.columns import KNOWN, Columns
+from hdc.readers.files import file_digest, read_csv
+from hdc.readers.recording import Recording, Window, check_times, class_indices
+
+
+def open_table(
+    path: Path, window: Window, value_columns: Sequence[str], fewest_classes: int
+) -> Recording:
+    """Open a CSV of vectors [N, D]; see the module's description.
+
+    Raises:
+        ValueError: the table is not as described; a cell that is no number is named.
+    """
+    needed = value_columns if fewest_classes > 0 else ()
+    columns = _columns(path, needed)
+    labels = columns.pop_labels()
+    if labels is None and not value_columns and fewest_classes > 0:
+        raise ValueError(
+            f"{path}: expected a column label, or a chosen column of values, found neither"
+        )
+    classes: tuple[str, ...] = ()
+    indices = None
+    if labels is not None:
+        classes, indices = class_indices(labels, path, fewest_classes)
+    chosen = tuple(name for name in value_columns if name in columns.texts)
+    frames = _frames(path, columns, (*KNOWN, *chosen))
+    samples = columns.only((*KNOWN, *chosen)).samples()
+    check_times(path, samples, len(frames))
+
+    def each(index: np.ndarray) -> Iterator[np.ndarray]:
+        return (np.ascontiguousarray(window.of(frames[i])) for i in index)
+
+    return Recording(
+        classes=classes,
+        labels=indices,
+        shape=window.shape(frames.shape[1]),
+        dtype=frames.dtype,
+        samples={"order": np.arange(len(frames)), **samples},
+        each=each,
+        place=lambda i: columns.places[i],
+        digest=cache(lambda: file_digest(path)),
+        window=window,
+        values=columns.values(chosen),
+        value_names=chosen,
+    )
+
+
+def _columns(path: Path, required: Sequence[str]) -> Columns:
+    places = []
+    rows = []
+    for place, row in read_csv(path, required):
+        places.append(place)
+        rows.append(row)
+    if not rows:
+        raise ValueError(f"{path}: expected a row of numbers per frame, found none")
+    return Columns.of(places, rows)
+
+
+def _frames(path: Path, columns: Columns, known: Sequence[str]) -> np.ndarray:
+    """Vectors float64 [N, D] of all columns but those that are known."""
+    numbers = [name for name in columns.texts if name not in known]
+    frames = columns.values(numbers)
+    if frames is None:
+        raise ValueError(
+            f"{path}: expected columns of numbers, found {[*columns.texts]}"
+        )
+    return frames

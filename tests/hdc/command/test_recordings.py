@@ -1,0 +1,351 @@
+"""Recordings of every kind through the command: sessions, vectors, values, and odd names."""
+
+import csv
+import io
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from hdc import HDCClassifier, HDCRegressor
+from hdc.command import main, work
+from hdc.readers import open_recording
+
+RNG = np.random.default_rng(0)
+BASE = RNG.integers(0, 150, (3, 16, 18))
+
+
+@pytest.fixture
+def hdc(capsys, tmp_path, monkeypatch):
+    """Runs a command line in an empty folder: exit status, lines of output and of errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        with pytest.raises(SystemExit) as caught:
+            main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        return caught.value.code, out.splitlines(), err.splitlines()
+
+    return run
+
+
+def image(c, shift=0):
+    """A noisy frame of class c."""
+    noise = RNG.integers(0, 60, BASE[c].shape)
+    return np.roll((BASE[c] + noise).astype(np.uint8), shift, axis=1)
+
+
+def write(path, frame):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    assert cv2.imwrite(str(path), frame)
+
+
+# What is held out --------------------------------------------------------------------------------
+
+
+def recording_of(tmp_path, sessions, labels):
+    frames = np.stack([image(c) for c in labels])
+    np.savez(tmp_path / "r.npz", frames=frames, labels=labels, session=sessions)
+    return open_recording(tmp_path / "r.npz")
+
+
+def test_the_last_sessions_are_held_out(tmp_path):
+    """A published number would change if the first were."""
+    sessions = np.array([3, 1, 2, 1, 3, 2, 4, 4])
+    recording = recording_of(tmp_path, sessions, np.array([0, 0, 0, 1, 1, 1, 0, 1]))
+    train, test, how = work.hold_out(recording, 0.5)
+    assert how == "in the last sessions"
+    assert sessions[test].tolist() == [3, 3, 4, 4]
+    assert sessions[train].tolist() == [1, 2, 1, 2]
+    _, test, _ = work.hold_out(recording, 0.05)
+    assert set(sessions[test]) == {4}  # one at least
+    train, _, _ = work.hold_out(recording, 0.95)
+    assert set(sessions[train]) == {1}
+
+
+def test_a_class_of_the_last_sessions_alone_is_not_held_out_whole(tmp_path):
+    sessions = np.array([0, 0, 0, 0, 1, 1, 1, 1])
+    labels = np.array([0, 0, 1, 1, 0, 2, 2, 1])
+    recording = recording_of(tmp_path, sessions, labels)
+    train, test, how = work.hold_out(recording, 0.5)
+    assert how == "at random"
+    assert set(labels[train]) == set(labels[test]) == {0, 1, 2}
+    assert "a class that the others have not" in work.why_random(recording)
+    recording = recording_of(tmp_path, sessions * 0, labels)
+    assert work.why_random(recording) == "all frames are of one session"
+
+
+def test_the_latest_frames_of_each_class_are_held_out_by_order():
+    labels = np.array([0, 1] * 6)
+    order = RNG.permutation(12) * 10
+    train, test = work.split(labels, 0.34, 0, order)
+    for c in (0, 1):
+        in_training = order[train][labels[train] == c]
+        held_out = order[test][labels[test] == c]
+        assert len(held_out) == 2
+        assert in_training.max() < held_out.min()
+
+
+def test_numbers_are_held_out_whatever_the_labels(hdc, tmp_path):
+    """cracks: a label of one frame was refused, though numbers are learnt."""
+    rows = ["image,label,force"]
+    for k in range(8):
+        write(tmp_path / "pins" / f"{k}.png", image(k % 2, k))
+        rows.append(f"{k}.png,only {k},{k / 2}")
+    (tmp_path / "pins" / "t.csv").write_text("\n".join(rows))
+    words = ("train", "pins", "-o", "m", "--values", "pins/t.csv")
+    status, out, err = hdc(*words, "--test-fraction", 0.25)
+    assert (status, err) == (0, [])
+    assert out[0] == "m: 6 frames, values of force, 18 × 16 pixels"
+    assert "held out at random: force: mean absolute error" in out[2]
+
+
+def test_what_was_read_is_shown(hdc, tmp_path):
+    for session in ("day1", "day10", "day2"):
+        for c, name in enumerate(("foam_brick", "mug")):
+            for k in range(3):
+                write(tmp_path / "r" / session / f"{name}_{k}.png", image(c))
+    pattern = "{session}/{label}_{order}.png"
+    words = ("train", "r", "-o", "m", "--template", pattern, "--test-fraction", 0.3)
+    status, out, err = hdc(*words)
+    assert (status, err) == (0, [])
+    assert out[1:3] == [
+        "classes: foam_brick (6), mug (6)",
+        "sessions: day1 (6), day2 (6), day10 (6)",
+    ]
+    assert out[3].startswith("held out in the last sessions: accuracy")
+    assert len(out) == 4
+
+
+# Vectors and values ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int16, np.uint8])
+def test_vectors_are_learnt_from_the_command_as_in_python(hdc, tmp_path, dtype):
+    base = RNG.normal(size=(3, 1, 50)) * 40 + 100
+    spectra = base + RNG.normal(size=(3, 20, 50)) * 20
+    frames = spectra.reshape(60, 50).astype(dtype)
+    labels = np.repeat(["air", "oil", "water"], 20)
+    np.savez(tmp_path / "s.npz", frames=frames, labels=labels)
+    assert (
+        hdc("train", "s.npz", "-o", "m")[1][0] == "m: 60 frames, 3 classes, 50 pixels"
+    )
+    whole = HDCClassifier().fit(frames, labels)
+    assert (HDCClassifier.load("m").prototypes_ == whole.prototypes_).all()
+    np.savez(tmp_path / "new.npz", frames=frames[::7])
+    np.save(tmp_path / "new.npy", frames[::7])
+    for name in ("new.npz", "new.npy"):
+        status, out, err = hdc("predict", "m", name)
+        assert (status, err) == (0, [])
+        assert [line.split("\t")[1] for line in out[1:]] == whole.predict(
+            frames[::7]
+        ).tolist()
+        assert out[2].split("\t")[0] == f"{name}, frame 1"
+    assert "of 60 frames" in hdc("evaluate", "m", "s.npz")[1][0]
+
+
+def test_a_table_of_vectors(hdc, tmp_path):
+    frames = RNG.normal(size=(3, 1, 40)) + RNG.normal(size=(3, 10, 40)) / 2
+    frames = frames.reshape(30, 40)
+    labels = np.repeat(["air", "oil", "water"], 10)
+    force = np.arange(30) / 10
+    with open(tmp_path / "s.csv", "w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(["label", *range(400, 440), "session", "force"])
+        for label, frame, f in zip(labels, frames.tolist(), force, strict=True):
+            table.writerow([label, *frame, 0, f])
+    recording = open_recording("s.csv", value_columns=["force"])
+    assert recording.shape == (40,)
+    assert np.array_equal(recording.frames(np.arange(30)), frames)
+    assert recording.names == labels.tolist()
+    assert recording.values[:, 0].tolist() == force.tolist()
+    assert recording.place(4) == "s.csv, line 6"
+    status, out, err = hdc("train", "s.csv", "-o", "m", "--column", "force")
+    assert (status, err) == (0, [])
+    assert out[0] == "m: 30 frames, values of force, 40 pixels"
+    status, out, _ = hdc("predict", "m", "s.csv", "--json")
+    expected = HDCRegressor(readout="ridge").fit(frames, force).predict(frames)
+    assert json.loads(out[3])["values"]["force"] == pytest.approx(expected[3])
+    assert hdc("evaluate", "m", "s.csv")[1][0].startswith("force: mean absolute error")
+    assert (
+        hdc("train", "s.csv", "-o", "m2")[1][0] == "m2: 30 frames, 3 classes, 41 pixels"
+    )
+    lines = (tmp_path / "s.csv").read_text().splitlines()
+    lines[5] = lines[5].replace(",", ",?", 1)
+    (tmp_path / "s.csv").write_text("\n".join(lines))
+    (error,) = hdc("train", "s.csv", "-o", "m")[2]
+    assert error.startswith("error: s.csv, line 6: expected a number in 400, found '?")
+
+
+def test_values_of_an_archive_have_names_and_units(hdc, tmp_path):
+    frames = np.stack([image(0, k) for k in range(12)])
+    values = np.stack([np.arange(12) / 4, np.arange(12) % 5], axis=1)
+    about = {"value_names": ["force", "x"], "value_units": ["N", ""]}
+    np.savez(tmp_path / "v.npz", frames=frames, values=values, **about)
+    recording = open_recording("v.npz")
+    assert (recording.value_names, recording.value_units) == (("force", "x"), ("N", ""))
+    assert np.array_equal(recording.values, values)
+    status, out, err = hdc("train", "v.npz", "-o", "m", "--test-fraction", 0.25)
+    assert (status, err) == (0, [])
+    assert out[0] == "m: 9 frames, values of force [N], x, 18 × 16 pixels"
+    assert out[2].startswith("held out at random: force: mean absolute error")
+    assert out[2].endswith(" N, 3 frames")
+    table = hdc("predict", "m", "v.npz")[1]
+    assert table[0].split("\t") == ["file", "force [N]", "x"]
+    only = open_recording("v.npz", value_columns=["x"])
+    assert only.values[:, 0].tolist() == values[:, 1].tolist()
+    np.savez(
+        tmp_path / "l.npz",
+        frames=frames,
+        values=values[:, 0],
+        labels=frames[:, 0, 0] % 2,
+    )
+    assert (
+        open_recording("l.npz").values is None
+    )  # labels are learnt unless values are named
+    assert open_recording("l.npz", value_columns=["value"]).value_names == ("value",)
+
+
+def test_a_table_of_values_of_a_video(hdc, tmp_path):
+    path, code = tmp_path / "v.mkv", cv2.VideoWriter_fourcc(*"FFV1")
+    film = cv2.VideoWriter(str(path), code, 10, (32, 32), isColor=False)
+    images = RNG.integers(0, 256, (10, 32, 32)).astype(np.uint8)
+    for frame in images:
+        film.write(frame)
+    film.release()
+    (tmp_path / "t.csv").write_text("frame,force\n7,0.5\n2,1.5\n3,2.5\n")
+    recording = open_recording(path, table=tmp_path / "t.csv")
+    assert recording.values[:, 0].tolist() == [0.5, 1.5, 2.5]
+    assert recording.samples["frame"].tolist() == recording.order.tolist() == [7, 2, 3]
+    assert recording.samples["time"] == pytest.approx([0.7, 0.2, 0.3])
+    assert np.abs(recording.frames([0, 2]).astype(int) - images[[7, 3]]).max() <= 5
+    words = ("train", "v.mkv", "-o", "m", "--values", "t.csv")
+    assert hdc(*words)[1][0] == "m: 3 frames, values of force, 32 × 32 pixels"
+    assert hdc("evaluate", "m", "v.mkv", "--values", "t.csv")[0] == 0
+    for text, said in [
+        ("frame,force\n10,1\n", "numbers of the 10 frames of v.mkv, from 0, found 10"),
+        (
+            "frame,force\n1,1\n1,2\n",
+            "line 3: expected a number of a frame from 0, each once",
+        ),
+        ("image,force\n1,1\n", "different columns, with frame, found"),
+        ("frame,force\n1,1\n2,\n", "line 3: expected a number in force, found ''"),
+    ]:
+        (tmp_path / "t.csv").write_text(text)
+        status, _, (line,) = hdc(*words)
+        assert status == 1
+        assert said in line
+
+
+def test_a_column_of_images_is_asked_for_by_its_option(hdc, tmp_path):
+    write(tmp_path / "r" / "0.png", image(0))
+    (tmp_path / "r" / "t.csv").write_text("picture,force\n0.png,1\n")
+    (line,) = hdc("train", "r", "-o", "m", "--values", "r/t.csv")[2]
+    assert "with image, found ['picture', 'force'] (--image-column names" in line
+
+
+# Names -------------------------------------------------------------------------------------------
+
+
+def test_classes_named_like_columns_have_columns_of_their_own(hdc, tmp_path):
+    """cracks: a class named label, file or margin overwrote that column."""
+    for c, name in enumerate(("label", "file", "margin")):
+        for k in range(4):
+            write(tmp_path / "r" / name / f"{k}.png", image(c))
+    assert hdc("train", "r", "-o", "m")[0] == 0
+    _, out, _ = hdc("predict", "m", "r/label/0.png")
+    rows = list(csv.DictReader(io.StringIO("\n".join(out)), delimiter="\t"))
+    assert rows[0]["file"] == "r/label/0.png"
+    assert rows[0]["label"] == "label"
+    distances = HDCClassifier.load("m").distances(cv2.imread("r/label/0.png", 0)[None])
+    shares = (distances[0] / BASE[0].size).tolist()
+    named = [rows[0][f"distance {name}"] for name in ("file", "label", "margin")]
+    assert named == [f"{share:.4f}" for share in shares]
+    assert float(rows[0]["margin"]) == pytest.approx(
+        sorted(shares)[1] - min(shares), abs=1e-4
+    )
+
+
+def test_tabs_and_line_feeds_in_names_leave_the_table_whole(hdc, tmp_path):
+    for c, name in enumerate(("a\tb", "c\nd")):
+        for k in range(4):
+            write(tmp_path / "r" / name / f"{k}.png", image(c))
+    assert hdc("train", "r", "-o", "m")[1][1] == r"classes: a\tb (4), c\nd (4)"
+    _, out, _ = hdc("predict", "m", "r")
+    assert len(out) == 9
+    assert {len(line.split("\t")) for line in out} == {5}
+    assert out[5].split("\t")[:2] == [r"r/c\nd/0.png", r"c\nd"]
+    assert len(hdc("evaluate", "m", "r")[1]) == 5
+
+
+def test_a_model_is_known_by_its_header(hdc, tmp_path):
+    """Not by what an error says: the name of the file has the word in it."""
+    for c, name in enumerate("ab"):
+        for k in range(4):
+            write(tmp_path / "r" / name / f"{k}.png", image(c))
+    name = "HDCRegressor.safetensors"
+    assert hdc("train", "r", "-o", name)[0] == 0
+    whole = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(whole[:-1])
+    (line,) = hdc("info", name)[2]
+    assert line.startswith(f"error: {name}: expected a saved model, found")
+    (tmp_path / name).write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+    (line,) = hdc("info", name)[2]
+    assert line.startswith(
+        f"error: {name}: expected a saved HDCClassifier, found other"
+    )
+
+
+def test_a_class_that_is_not_known_is_refused(hdc, tmp_path):
+    for c, name in enumerate("abc"):
+        for k in range(2):
+            write(tmp_path / ("r" if c < 2 else "more") / name / f"{k}.png", image(c))
+            write(tmp_path / "more" / "a" / f"{k}.png", image(0))
+    assert hdc("train", "r", "-o", "m")[0] == 0
+    for words in (("evaluate", "m", "more"), ("recalibrate", "m", "more", "-o", "n")):
+        status, _, (line,) = hdc(*words)
+        assert status == 1
+        assert "more: expected classes among a, b, found 'c'" in line
+
+
+# Links and cut videos ----------------------------------------------------------------------------
+
+
+def test_links_to_folders_are_refused(hdc, tmp_path):
+    """cracks: 12 images became 492 frames, and two loops never ended."""
+    for c, name in enumerate(("left", "right")):
+        for k in range(2):
+            write(tmp_path / "r" / name / f"{k}.png", image(c))
+    assert hdc("train", "r", "-o", "m")[1][0].startswith("m: 4 frames, 2 classes")
+    (tmp_path / "r" / "left" / "loop").symlink_to(tmp_path / "r")
+    for words in (
+        ("train", "r", "-o", "n"),
+        ("evaluate", "m", "r"),
+        ("predict", "m", "r"),
+    ):
+        status, out, (line,) = hdc(*words)
+        assert (status, out) == (1, [])
+        assert "r/left/loop: expected a folder, found a link to" in line
+    (tmp_path / "link").symlink_to(tmp_path / "r" / "right")
+    assert (
+        len(hdc("predict", "m", "link")[1]) == 3
+    )  # the folder that is named may be one
+
+
+@pytest.mark.parametrize(("name", "code"), [("v.mkv", "FFV1"), ("v.avi", "MJPG")])
+def test_a_video_that_is_cut_off_is_refused_by_predict(hdc, tmp_path, name, code):
+    """cracks: 30 of 60 frames, and exit 0."""
+    write(tmp_path / "r" / "a" / "0.png", image(0))
+    write(tmp_path / "r" / "b" / "0.png", image(1))
+    hdc("train", "r", "-o", "m")
+    film = cv2.VideoWriter(name, cv2.VideoWriter_fourcc(*code), 10, (18, 16))
+    for frame in RNG.integers(0, 256, (60, 16, 18, 3)).astype(np.uint8):
+        film.write(frame)
+    film.release()
+    assert len(hdc("predict", "m", name)[1]) == 61
+    whole = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(whole[: len(whole) // 2])
+    status, out, (line,) = hdc("predict", "m", name)
+    assert (status, out) == (1, [])
+    assert f"{name}: expected 60 frames as its header says, found" in line
