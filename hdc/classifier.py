@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from hdc import bits, inputs, io, planes
+from hdc.bank import Bank, Selection
 from hdc.encode import warn_of_constant
 from hdc.estimator import CHUNK, Estimator, check_share
 from hdc.inputs import Label
@@ -154,13 +155,14 @@ class HDCClassifier(Estimator):
         backend = self._backend(frames)
         words: Tensor | None = None
         for start in range(0, len(frames), CHUNK):
-            part = inputs.tensor(frames[start : start + CHUNK])
+            part = self._chunk(frames, start)
             names = labels[start : start + CHUNK]
             if start == 0:  # room once for all that will come
                 self._start(part.shape[1:])
                 self._know(classes.tolist())
                 self.counters_.reserve(max(Counter(labels).values()))
-            kernels_read = backend == "compiled" and part.dtype == torch.uint8
+            encoded = isinstance(part, Selection) or part.dtype != torch.uint8
+            kernels_read = backend == "compiled" and not encoded
             if kernels_read and self.readout == "prototype" and self.dimension_ > 1:
                 self._add_in_one_read(part, names, start)
             else:
@@ -362,6 +364,16 @@ class HDCClassifier(Estimator):
                 )
             labels.append(found)
         return np.concatenate(labels)
+
+    def predict_from(
+        self, bank: Bank, train: np.ndarray, queries: np.ndarray
+    ) -> np.ndarray:
+        """Labels [Q] of frames of a bank by a model like this one, trained on others of them.
+
+        This model is left as it is. `train` and `queries` are indices of frames.
+        """
+        trained = self._untrained().fit(bank.at(train), bank.labels[train])
+        return trained.predict(bank.at(queries))
 
     def score(self, frames: Any, y: Any) -> float:
         """Fraction of frames whose predicted label is right."""

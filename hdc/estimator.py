@@ -19,6 +19,7 @@ import torch
 from torch import Tensor
 
 from hdc import bits, inputs, io
+from hdc.bank import Selection
 from hdc.encode import encode
 
 CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
@@ -109,6 +110,10 @@ class Estimator(ABC):
         self, frames: Any, first: int, backend: str, out: Tensor | None = None
     ) -> Tensor:
         """Hypervectors [N, W] of one chunk of frames, the first of all being frame `first`."""
+        if isinstance(frames, Selection):
+            shape, model = frames.shape[1:], type(self).__name__
+            inputs.check_shape(shape, getattr(self, "frame_shape_", shape), model)
+            return frames.words().to(self.device)
         tensor = inputs.tensor(frames).to(self.device)
         if hasattr(self, "frame_shape_") and len(tensor):
             inputs.check_shape(tensor.shape[1:], self.frame_shape_, type(self).__name__)
@@ -119,7 +124,13 @@ class Estimator(ABC):
         frames = self._given(frames)
         backend = self._backend(frames)
         for start in range(0, max(1, len(frames)), CHUNK):
-            yield self._encode(frames[start : start + CHUNK], start, backend)
+            yield self._encode(self._chunk(frames, start), start, backend)
+
+    def _chunk(self, frames: Any, start: int) -> Any:
+        """Frames from `start` on: a tensor, or a selection of a bank, which has hypervectors."""
+        if isinstance(frames, Selection):
+            return frames.part(start, start + CHUNK)
+        return inputs.tensor(frames[start : start + CHUNK])
 
     def _untrained(self) -> Self:
         """A model of the same parameters that has learned nothing."""

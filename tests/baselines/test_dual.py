@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from baselines.dual import KERNELS, Descent, Products
+from baselines.integer import integer_product
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.neighbors import NearestCentroid
 
 from baselines import dual, integer
 from baselines.correlation import CorrelationClassifier
-from baselines.dual import KERNELS, Descent, Products
-from baselines.integer import integer_product
 from baselines.mean_image import MeanImage
 from baselines.nearest_neighbour import NearestNeighbour
 from baselines.pixels import fit_scaling
