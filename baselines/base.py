@@ -15,7 +15,7 @@ from hdc import inputs
 from hdc.inputs import FrameSource
 
 FRAME_TYPES = {torch.uint8: 255, torch.uint16: 65535}  # and their largest value
-ROUNDING = 4e-6  # of sums of 10⁵ products in float32, in units of the largest score
+ROUNDING = 4e-6  # of sums of 10⁵ products in float32, in units of their size
 
 
 @dataclass(kw_only=True, eq=False)
@@ -156,7 +156,7 @@ def first_of_the_best(scores: Tensor, scale: float | None) -> Tensor:
     if scale is None:
         return best
     largest = scores.gather(1, best[:, None])
-    equal = scores >= largest - ROUNDING * largest.abs().clamp(min=scale)
+    equal = scores >= largest - ROUNDING * scale
     first = equal.int().argmax(dim=1)
     return torch.where(largest[:, 0].isfinite(), first, best)
 

@@ -65,7 +65,7 @@ class DualLinearClassifier(Classifier):
         coefficients, bias, loss = self.solve(gram, targets)
         # Exactly zero-sum columns leave the mean frame no part in the weights.
         self.coefficients_ = coefficients - coefficients.mean(dim=0)
-        self._scale = _scale(bias)
+        self._scale = _scale(gram @ self.coefficients_ + bias)
         self._scaling, factor = fit_scaling(self.pixels, self, frames), 1.0
         if isinstance(self._scaling, PixelScaling):  # folded into the weights
             factor = float(self._scaling.scale) ** 2
@@ -97,8 +97,8 @@ class DualLinearClassifier(Classifier):
         """See :func:`experiments.protocol.evaluate.evaluate`."""
         solver = replace(self)
         targets = solver.start(bank.at(train), bank.labels[train])
-        scores, bias = solver._solved(bank, train, targets, queries)
-        best = first_of_the_best(scores + bias, _scale(bias))
+        scores, of_training = solver._solved(bank, train, targets, queries)
+        best = first_of_the_best(scores, _scale(of_training))
         return solver.classes_[best.numpy(force=True)]
 
     def _solved(
@@ -109,10 +109,11 @@ class DualLinearClassifier(Classifier):
         queries: np.ndarray,
         *before: Tensor,
     ) -> tuple[Tensor, Tensor]:
-        """Scores of queries without the bias [Q, L], and the bias [L]."""
+        """Scores of queries [Q, L] and of the training frames [n, L], less those before."""
         inside, across = bank.centred(train, queries, self.pixels)
         coefficients, bias, _ = self.solve(inside, targets, *before)
-        return across @ (coefficients - coefficients.mean(0)), bias
+        coefficients = coefficients - coefficients.mean(dim=0)
+        return across @ coefficients + bias, inside @ coefficients + bias
 
     @property
     def scale_(self) -> float:
@@ -152,13 +153,13 @@ class PenalisedClassifier(DualLinearClassifier):
         solver = replace(self)
         targets = solver.start(bank.at(old), bank.labels[old])
         asked = np.concatenate([new, queries])
-        scores, bias = solver._solved(bank, old, targets, asked)
-        before = scores + bias
+        before, _ = solver._solved(bank, old, targets, asked)
+        of_new, of_queries = before[: len(new)], before[len(new) :]
         targets = solver.start(bank.at(new), bank.labels[new])
-        change, bias = solver._solved(bank, new, targets, queries, before[: len(new)])
-        return before[len(new) :] + change + bias
+        change, _ = solver._solved(bank, new, targets, queries, of_new)
+        return of_queries + change
 
 
-def _scale(bias: Tensor) -> float:
-    """Scores are of the size of the bias, and not much below one."""
-    return max(1.0, float(bias[bias.isfinite()].abs().max()))
+def _scale(scores: Tensor) -> float:
+    """Size of the scores of the training frames, one at least."""
+    return max(1.0, float(scores[scores.isfinite()].abs().max()))

@@ -21,7 +21,8 @@ from baselines.linear import DualLinearClassifier
 class MeanImage(DualLinearClassifier):
     """Nearest mean frame.
 
-    Arguments and attributes are those of :class:`baselines.linear.DualLinearClassifier`. A class without training frames is never predicted.
+    Arguments and attributes are those of :class:`baselines.linear.DualLinearClassifier`. A class
+    without training frames is never predicted.
     """
 
     revision: ClassVar[int] = 1

@@ -1,4 +1,4 @@
-"""Initial weights of softmax regression and the logits they give, for ``baselines.descent.Descent``.
+"""Initial weights of softmax regression, and the logits they give :mod:`baselines.descent`.
 
 The initial weights W₀ enter gradient descent in sample space through Z₀ = X·W₀ᵀ + b₀ alone. W₀ is
 the sum of a part in the span of the training frames and a part orthogonal to it. Gradients never
