@@ -15,7 +15,9 @@ from hdc import inputs
 from hdc.inputs import FrameSource
 
 FRAME_TYPES = {torch.uint8: 255, torch.uint16: 65535}  # and their largest value
-ROUNDING = 4e-6  # of sums of 10⁵ products in float32, in units of their size
+ROUNDING = (
+    2e-6  # of sums of 10⁵ products in float32, in units of the size of their parts
+)
 
 
 @dataclass(kw_only=True, eq=False)
@@ -67,8 +69,8 @@ class Classifier(ABC):
 
     @property
     def scale_(self) -> float | None:
-        """Size of the scores where they are rounded sums; None where they are exact, or where
-        nothing but the frames themselves gives them."""
+        """Size of what scores are sums of, where they are rounded; None where they are exact, or
+        where nothing but the frames themselves gives them."""
         return None
 
     def predict(self, frames: Any) -> np.ndarray:
@@ -148,9 +150,9 @@ def arithmetic(batch: Tensor) -> Tensor:
 def first_of_the_best(scores: Tensor, scale: float | None) -> Tensor:
     """The first class among those with the largest score: [n, L] → int64 [n].
 
-    Sums in float32 are rounded, and differently in batches of another size. With a `scale` of the
-    scores, those that differ from the largest by no more than rounding are equal to it, so that a
-    tie falls to the first class however it is computed. None is for scores that are exact.
+    Sums in float32 are rounded, and differently in batches of another size. With a `scale`, the
+    size of what is summed, scores that differ from the largest by no more than rounding are equal
+    to it, so that a tie falls to the first class however it is computed. None is for exact scores.
     """
     best = scores.argmax(dim=1)
     if scale is None:

@@ -62,7 +62,7 @@ class CorrelationClassifier(Classifier):
     @property
     def scale_(self) -> float:
         """Templates are made alike, so that those of equal frames are equal but for a last bit."""
-        return 0.1
+        return 0.3
 
     def predict_from(
         self, bank: Bank, train: np.ndarray, queries: np.ndarray

@@ -65,7 +65,7 @@ class DualLinearClassifier(Classifier):
         coefficients, bias, loss = self.solve(gram, targets)
         # Exactly zero-sum columns leave the mean frame no part in the weights.
         self.coefficients_ = coefficients - coefficients.mean(dim=0)
-        self._scale = _scale(gram @ self.coefficients_ + bias)
+        self._scale = _scale(gram, self.coefficients_, bias)
         self._scaling, factor = fit_scaling(self.pixels, self, frames), 1.0
         if isinstance(self._scaling, PixelScaling):  # folded into the weights
             factor = float(self._scaling.scale) ** 2
@@ -97,8 +97,8 @@ class DualLinearClassifier(Classifier):
         """See :func:`experiments.protocol.evaluate.evaluate`."""
         solver = replace(self)
         targets = solver.start(bank.at(train), bank.labels[train])
-        scores, of_training = solver._solved(bank, train, targets, queries)
-        best = first_of_the_best(scores, _scale(of_training))
+        scores, scale = solver._solved(bank, train, targets, queries)
+        best = first_of_the_best(scores, scale)
         return solver.classes_[best.numpy(force=True)]
 
     def _solved(
@@ -108,12 +108,13 @@ class DualLinearClassifier(Classifier):
         targets: Tensor,
         queries: np.ndarray,
         *before: Tensor,
-    ) -> tuple[Tensor, Tensor]:
-        """Scores of queries [Q, L] and of the training frames [n, L], less those before."""
+    ) -> tuple[Tensor, float]:
+        """Scores of queries [Q, L], less those before, and the size of what they are sums of."""
         inside, across = bank.centred(train, queries, self.pixels)
         coefficients, bias, _ = self.solve(inside, targets, *before)
         coefficients = coefficients - coefficients.mean(dim=0)
-        return across @ coefficients + bias, inside @ coefficients + bias
+        scale = _scale(inside, coefficients, bias)
+        return across @ coefficients + bias, scale
 
     @property
     def scale_(self) -> float:
@@ -160,6 +161,7 @@ class PenalisedClassifier(DualLinearClassifier):
         return of_queries + change
 
 
-def _scale(scores: Tensor) -> float:
-    """Size of the scores of the training frames, one at least."""
-    return max(1.0, float(scores[scores.isfinite()].abs().max()))
+def _scale(gram: Tensor, coefficients: Tensor, bias: Tensor) -> float:
+    """Largest sum of the sizes of what the score of a training frame is summed of."""
+    parts = gram.abs() @ coefficients.abs() + bias.abs()
+    return float(parts[parts.isfinite()].max())
