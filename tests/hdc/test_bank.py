@@ -93,11 +93,13 @@ def test_a_selection_is_a_source_of_frames(frames):
 
 
 def test_what_a_bank_refuses(frames):
-    with pytest.raises(ValueError, match="uint8 or uint16, found torch.float32"):
+    with pytest.raises(ValueError, match=r"uint8 or uint16, found torch\.float32"):
         Bank(frames.float(), LABELS, 3)
     with pytest.raises(ValueError, match="labels: expected 60, one a frame, found 3"):
         Bank(frames, LABELS[:3], 3)
-    with pytest.raises(ValueError, match="pixels: expected one of unit, .* 'standard'"):
+    with pytest.raises(
+        ValueError, match=r"pixels: expected one of unit, .* 'standard'"
+    ):
         Bank(frames, LABELS, 3).kernel(TRAIN, QUERIES, "standard")
 
 

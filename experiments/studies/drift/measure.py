@@ -195,8 +195,9 @@ def recalibrated(
 ) -> Iterator[Update]:
     """Recalibrations of HDC; those that its prototypes or read-out do not have are left out."""
     stored = type(model)(**model.get_params()).fit(bank.at(old), bank.labels[old])
-    updates = [("replace", float(value), "replace") for value in p]
-    updates.append(("balanced", None, "merge"))
+    updates: list[tuple[str, float | None, str]] = []
+    updates += [("replace", float(share), "replace") for share in p]
+    updates += [("balanced", None, "merge")]
     for name, share, method in updates:
         updated = copy.deepcopy(stored)
         try:

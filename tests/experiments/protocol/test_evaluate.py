@@ -13,7 +13,6 @@ from experiments.studies.crossing.measure import crossing
 from experiments.studies.drift.measure import drift
 from experiments.studies.recordings.measure import recordings
 from experiments.studies.unequal.measure import unequal
-from hdc import HDCClassifier
 from scenes.frames import Frames
 
 RANDOM = {"kind": "random", "test_fraction": 0.3, "group": None, "n_train": None}
@@ -51,22 +50,6 @@ def scene(monkeypatch):
     scene = Frames(images, labels, ("A", "B", "C"), samples, origin="simulated")
     monkeypatch.setattr(Run, "scene", lambda *_: scene)
     return scene
-
-
-@pytest.fixture
-def asked(monkeypatch):
-    """What was asked of models: (training labels, queries, right answers), in turn."""
-    found = []
-
-    def listening(fit):
-        def wrapped(self, frames, labels):
-            found.append(np.asarray(labels))
-            return fit(self, frames, labels)
-
-        return wrapped
-
-    monkeypatch.setattr(HDCClassifier, "fit", listening(HDCClassifier.fit))
-    return found
 
 
 def plain(model, scene, train, test):
