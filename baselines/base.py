@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -15,6 +15,9 @@ from hdc import inputs
 from hdc.inputs import FrameSource
 
 FRAME_TYPES = {torch.uint8: 255, torch.uint16: 65535}  # and their largest value
+ROUNDING = (
+    2e-6  # of sums of 10⁵ products in float32, in units of the size of their parts
+)
 
 
 @dataclass(kw_only=True, eq=False)
@@ -29,9 +32,15 @@ class Classifier(ABC):
         classes_: [L], the labels present in training, sorted.
         shape_: (H, W) of the training frames; (1, D) where they were given as [N, D].
         frame_dtype_: ``torch.uint8`` or ``torch.uint16``.
+
+    A subclass that is computed from products of frames also writes ``predict_from``, which is
+    described at :func:`experiments.protocol.evaluate.evaluate`.
     """
 
     device: str = "cpu"
+
+    # Of each rival; raised by hand in the commit that changes its numbers.
+    revision: ClassVar[int]
 
     # Frames scored at a time: bounds the memory of predict, whatever the number of queries.
     prediction_batch: ClassVar[int] = 50
@@ -58,6 +67,12 @@ class Classifier(ABC):
             pass
         return self
 
+    @property
+    def scale_(self) -> float | None:
+        """Size of what scores are sums of, where they are rounded; None where they are exact, or
+        where nothing but the frames themselves gives them."""
+        return None
+
     def predict(self, frames: Any) -> np.ndarray:
         """Labels [Q] of frames [Q, H, W], of the kind trained with; among equal scores the first.
 
@@ -75,7 +90,8 @@ class Classifier(ABC):
         with torch.inference_mode():
             for start in range(0, len(frames), self.prediction_batch):
                 batch = self.read(frames, slice(start, start + self.prediction_batch))
-                best.append(self.scores(batch).argmax(dim=1).cpu())
+                scores = self.scores(batch)
+                best.append(first_of_the_best(scores, self.scale_).cpu())
         return self.classes_[torch.cat(best).numpy()] if best else self.classes_[:0]
 
     def score(self, frames: Any, labels: Any) -> float:
@@ -114,26 +130,42 @@ class Classifier(ABC):
 
     def read(self, frames: FrameSource, index: slice | Tensor) -> Tensor:
         """The frames at ``index`` as [n, H, W] on ``device``: uint8, or int32 for 16-bit frames."""
+        return arithmetic(self.take(frames, index))
+
+    def take(self, frames: FrameSource, index: slice | Tensor) -> Tensor:
+        """:meth:`read` in the type of the training frames."""
         batch = inputs.tensor(frames[index])
         if batch.dtype != self.frame_dtype_:
             raise ValueError(
                 f"frames: expected {self.frame_dtype_} as in training, found {batch.dtype}"
             )
-        batch = batch.to(self.device).reshape(-1, *self.shape_)
-        # torch has next to no arithmetic on uint16.
-        return batch if batch.dtype == torch.uint8 else batch.to(torch.int32)
+        return batch.to(self.device).reshape(-1, *self.shape_)
 
 
-def choose(name: str, value: str, options: Collection[str]) -> str:
-    """The value, or an error that lists the valid ones."""
-    if value not in options:
-        raise ValueError(
-            f"{name}: expected one of {', '.join(options)}, found {value!r}"
-        )
-    return value
+def arithmetic(batch: Tensor) -> Tensor:
+    """16-bit frames as int32: torch has next to no arithmetic on uint16."""
+    return batch if batch.dtype == torch.uint8 else batch.to(torch.int32)
+
+
+def first_of_the_best(scores: Tensor, scale: float | None) -> Tensor:
+    """The first class among those with the largest score: [n, L] → int64 [n].
+
+    Sums in float32 are rounded, and differently in batches of another size. With a `scale`, the
+    size of what is summed, scores that differ from the largest by no more than rounding are equal
+    to it, so that a tie falls to the first class however it is computed. None is for exact scores.
+    """
+    best = scores.argmax(dim=1)
+    if scale is None:
+        return best
+    largest = scores.gather(1, best[:, None])
+    equal = scores >= largest - ROUNDING * scale
+    first = equal.int().argmax(dim=1)
+    return torch.where(largest[:, 0].isfinite(), first, best)
 
 
 def in_memory_order(tensor: Tensor) -> Tensor:
     """The same memory with its dimensions in the order they lie there, which is contiguous for any
     layout such as channels last: so that ``view(-1)`` needs no copy."""
-    return tensor.permute(sorted(range(tensor.ndim), key=lambda k: -tensor.stride()[k]))
+    strides = tensor.stride()
+    order = sorted(range(tensor.ndim), key=lambda k: strides[k], reverse=True)
+    return tensor.permute(order)

@@ -33,9 +33,9 @@ class CNN(IterativeClassifier):
 
     filters: Sequence[int] = (16,)
 
-    prediction_batch: ClassVar[int] = (
-        20  # as in training: the maps of a frame take 20 MB
-    )
+    revision: ClassVar[int] = 1
+    # As in training: the maps of a frame take 20 MB.
+    prediction_batch: ClassVar[int] = 20
 
     def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
         if self.init == "zeros":

@@ -13,7 +13,8 @@ which is the nearest such vector to w_c (Rastegari et al., XNOR-Net, ECCV 2016, 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -22,6 +23,7 @@ from torch import Tensor
 from baselines.base import FrameSource
 from baselines.ridge import RidgeReadout
 from hdc import bits
+from hdc.bank import Bank
 
 
 @dataclass(kw_only=True, eq=False)
@@ -34,12 +36,14 @@ class BitReadout(RidgeReadout):
 
     Attributes:
         weight_: float32 [L, D]; with ``one_bit`` int64 [L, ⌈D/64⌉], a bit a sign.
-        scale_: float32 [L], with ``one_bit``.
+        sign_scale_: float32 [L], with ``one_bit``.
         bias_: float32 [L].
     """
 
     pixels: str = "bits"
     one_bit: bool = False
+
+    revision: ClassVar[int] = 1
 
     def train(
         self, frames: FrameSource, labels: np.ndarray
@@ -48,25 +52,39 @@ class BitReadout(RidgeReadout):
         for report in super().train(frames, labels):
             if self.one_bit:
                 weight = self.weight_
-                self.scale_ = weight.abs().mean(dim=1)
+                self.sign_scale_ = weight.abs().mean(dim=1)
                 self.weight_ = bits.pack(weight >= 0)
-                change = weight - self.scale_[:, None] * self._signs(weight.shape[1])
-                self.bias_ = (
-                    self.bias_ + change.double() @ self._mean.double()
-                ).float()
+                change = weight - self.sign_scale_[:, None] * self._signs(
+                    weight.shape[1]
+                )
+                moved = change.double() @ self._mean.double()
+                self.bias_ = (self.bias_ + moved).float()
             yield report
+
+    def predict_from(
+        self, bank: Bank, train: np.ndarray, queries: np.ndarray
+    ) -> np.ndarray:
+        """As of ridge regression; signs of weights do not follow from products of frames."""
+        if not self.one_bit:
+            return super().predict_from(bank, train, queries)
+        model = replace(self).fit(bank.at(train), bank.labels[train])
+        return model.predict(bank.at(queries))
 
     def scores(self, batch: Tensor) -> Tensor:
         """W·x + b of the bits x, float32 [n, L]."""
         if not self.one_bit:
             return super().scores(batch)
         x = self._scaling(batch).flatten(1)
-        return torch.addcmul(self.bias_, self.scale_, x @ self._signs(x.shape[1]).T)
+        return torch.addcmul(
+            self.bias_, self.sign_scale_, x @ self._signs(x.shape[1]).T
+        )
 
     def state_tensors(self) -> dict[str, Tensor]:
         """weight and bias, and the scale of signs."""
         state = super().state_tensors()
-        return state | {"scale": self.scale_} if self.one_bit else state
+        if self.one_bit:
+            state["scale"] = self.sign_scale_
+        return state
 
     def _signs(self, dimension: int) -> Tensor:
         return 2 * bits.unpack(self.weight_, dimension).float() - 1

@@ -8,20 +8,24 @@ centroid), ‖x − t_c‖² = ‖x‖² − 2·(x·t_c − ½‖t_c‖²), whic
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from baselines.dual import DualLinearClassifier
+from baselines.linear import DualLinearClassifier
 
 
 @dataclass(kw_only=True, eq=False)
 class MeanImage(DualLinearClassifier):
-    """Nearest mean frame; arguments and attributes of :class:`baselines.dual.DualLinearClassifier`.
+    """Nearest mean frame.
 
-    A class without training frames is never predicted.
+    Arguments and attributes are those of :class:`baselines.linear.DualLinearClassifier`. A class
+    without training frames is never predicted.
     """
+
+    revision: ClassVar[int] = 1
 
     def solve(self, gram: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, float]:
         """A averages the frames of each class, b = −½‖t_c‖²; the loss is the mean squared distance

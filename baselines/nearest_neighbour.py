@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from baselines import dual
-from baselines.base import Classifier, FrameSource, choose
-from baselines.dual import Moments, Products
-from hdc import bits
+from baselines.base import Classifier, FrameSource
+from hdc import bits, products
+from hdc.bank import Bank, deviations, standardised
 from hdc.encode import encode
+from hdc.inputs import check_option
+from hdc.products import Moments
 
-PIXELS = (
-    "bits",
-    "raw",
-    "standardised",
-)  # any other scaling of baselines.pixels ranks as raw does
+# Any other scaling of baselines.pixels ranks as raw does.
+PIXELS = ("bits", "raw", "standardised")
 REPORT = 100  # frames between two yields
 
 
 @dataclass(kw_only=True, eq=False)
 class NearestNeighbour(Classifier):
     """The most frequent label among the k nearest training frames; among equals the nearest's.
+
+    Of training frames at equal distances those of the first class are nearer.
 
     Args:
         k: number of neighbours.
@@ -43,15 +42,14 @@ class NearestNeighbour(Classifier):
     k: int = 1
     pixels: str = "bits"
 
+    revision: ClassVar[int] = 1
     prediction_batch: ClassVar[int] = 500  # each batch reads all training frames once
 
     def train(
         self, frames: FrameSource, labels: np.ndarray
     ) -> Iterator[dict[str, float]]:
         """One pass; yields samples_seen every :data:`REPORT` frames."""
-        choose("pixels", self.pixels, PIXELS)
-        if self.k < 1:
-            raise ValueError(f"k: expected an integer from 1, found {self.k}")
+        self.check()
         targets = self.start(frames, labels)
         kept = None
         for first in range(0, len(frames), REPORT):
@@ -63,56 +61,64 @@ class NearestNeighbour(Classifier):
             kept[first:last] = batch
             self.frames_, self.labels_ = kept[:last], targets[:last]
             if self.pixels != "bits":
-                self._moments = dual.moments(self.frames_)
+                self._moments = products.moments(self.frames_)
             yield {"samples_seen": last}
 
+    def check(self) -> None:
+        """Raise ValueError for a parameter that is wrong."""
+        check_option("pixels", self.pixels, PIXELS)
+        if self.k < 1:
+            raise ValueError(f"k: expected an integer from 1, found {self.k}")
+
     def scores(self, batch: Tensor) -> Tensor:
-        """Votes of the nearest training frames, float64 [n, L]."""
+        """Votes of the nearest training frames, int64 [n, L]; see :meth:`_votes`."""
         if self.pixels == "bits":
             distances = bits.hamming(encode(batch), self.frames_)
         else:
             images = batch.flatten(1)
-            greys, moments = (
-                dual.cross_products(images, self.frames_),
-                dual.moments(images),
-            )
-            distances = self._distances(greys, moments, self._moments, images.shape[1])
+            greys = products.cross_products(images, self.frames_)
+            asked = products.moments(images)
+            distances = self._distances(greys, asked, self._moments, images.shape[1])
         return self._votes(distances, self.labels_, len(self.classes_))
 
-    def scores_from(
-        self, products: Products, train: np.ndarray, queries: np.ndarray
-    ) -> Tensor:
-        """See :meth:`baselines.dual.Products.scores`."""
+    def predict_from(
+        self, bank: Bank, train: np.ndarray, queries: np.ndarray
+    ) -> np.ndarray:
+        """See :func:`experiments.protocol.evaluate.evaluate`."""
+        model = replace(self)
+        model.check()
+        targets = model.start(bank.at(train), bank.labels[train])
+        chosen = np.ix_(queries, train)
         if self.pixels == "bits":
-            distances = -products.bits[np.ix_(queries, train)]  # D − 2·Hamming distance
+            distances = -bank.bits[chosen]  # twice the Hamming distance, less D
         else:
-            greys = products.greys[np.ix_(queries, train)]
-            moments, known = products.moments(queries), products.moments(train)
-            distances = self._distances(greys, moments, known, products.dimension)
-        return self._votes(distances, products.labels[train], products.n_classes)
+            asked, known = bank.moments.of(queries), bank.moments.of(train)
+            distances = self._distances(
+                bank.greys[chosen], asked, known, bank.dimension
+            )
+        votes = self._votes(distances, targets, len(model.classes_))
+        return model.classes_[votes.argmax(1).numpy(force=True)]
 
     def state_tensors(self) -> dict[str, Tensor]:
         """frames and labels [N]."""
         return {"frames": self.frames_, "labels": self.labels_}
 
     def _distances(
-        self, products: Tensor, rows: Moments, columns: Moments, dimension: int
+        self, greys: Tensor, rows: Moments, columns: Moments, dimension: int
     ) -> Tensor:
         """Squared distances [n, N] from products and moments of greys, but for a constant a row."""
         if self.pixels == "raw":
-            return columns[1] - 2 * products
-        first, second = columns
-        squares = (second - first**2 / dimension) / dual.deviations(
-            *columns, dimension
-        ) ** 2
+            return columns.second - 2 * greys
+        variance = columns.second - columns.first**2 / dimension
         # Squares are D, and 0 for a constant frame.
-        return squares - 2 * dual.standardised(products, rows, columns, dimension)
+        squares = variance / deviations(columns, dimension) ** 2
+        return squares - 2 * standardised(greys, rows, columns, dimension)
 
     def _votes(self, distances: Tensor, labels: Tensor, n_classes: int) -> Tensor:
+        """Votes [n, L]; of classes with equally many, the nearest's has the largest number."""
         k = min(self.k, len(labels))
-        nearest = labels[distances.argsort(dim=1, stable=True)[:, :k]]
-        # All that is added to the votes is less than one vote, and the nearest's is the most.
-        weights = 1 + 0.5 ** torch.arange(
-            1, k + 1, dtype=torch.float64, device=labels.device
-        )
-        return (F.one_hot(nearest, n_classes) * weights[:, None]).sum(dim=1)
+        by_class = labels.argsort(stable=True)
+        order = distances[:, by_class].argsort(dim=1, stable=True)[:, :k]
+        nearest = F.one_hot(labels[by_class][order], n_classes)
+        first = nearest.argmax(dim=1)  # place of the nearest of each class; 0: or none
+        return (k + 1) * nearest.sum(dim=1) - first

@@ -26,19 +26,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from baselines.base import FRAME_TYPES, Classifier, FrameSource, choose
+from baselines.base import FRAME_TYPES, Classifier, FrameSource
 from hdc import bits
+from hdc.bank import KERNELS
 from hdc.encode import encode
+from hdc.inputs import check_option
 
-SCALINGS = [
-    "unit",
-    "unit_centred",
-    "raw",
-    "standard",
-    "standard_global",
-    "standardised",
-    "bits",
-]
+SCALINGS = (*KERNELS, "standard")
 CHUNK = 20  # frames; float32 sums of 20 squared 8-bit pixels are exact (20·255² < 2²⁴)
 
 
@@ -88,7 +82,7 @@ def fit_scaling(
     The model reads the training frames, from which some scalings take a mean; its ``start`` has
     been called. A ValueError lists the names.
     """
-    choose("pixels", pixels, SCALINGS)
+    check_option("pixels", pixels, SCALINGS)
     unit = 1 / FRAME_TYPES[model.frame_dtype_]
     if pixels in ("raw", "unit"):
         return PixelScaling(scale=1.0 if pixels == "raw" else unit)

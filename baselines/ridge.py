@@ -9,12 +9,13 @@ read-out is learnt (Saade et al., ICASSP 2016; Sunada et al., Opt. Express 28, 3
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from baselines.dual import PenalisedClassifier
+from baselines.linear import PenalisedClassifier
 
 
 @dataclass(kw_only=True, eq=False)
@@ -24,10 +25,12 @@ class RidgeReadout(PenalisedClassifier):
     Args:
         alpha: strength of the penalty, above zero.
 
-    Others are those of :class:`baselines.dual.DualLinearClassifier`.
+    Others are those of :class:`baselines.linear.DualLinearClassifier`.
     """
 
     alpha: float = 1.0
+
+    revision: ClassVar[int] = 1
 
     def solve(
         self, gram: Tensor, targets: Tensor, before: Tensor | None = None
@@ -37,11 +40,11 @@ class RidgeReadout(PenalisedClassifier):
         if not self.alpha > 0:
             raise ValueError(f"alpha: expected a number above zero, found {self.alpha}")
         y = 2 * F.one_hot(targets, len(self.classes_)).double() - 1
-        y = y if before is None else y - before
+        if before is not None:
+            y = y - before
         mean = y.mean(dim=0)
-        system = gram + self.alpha * torch.eye(
-            len(gram), dtype=gram.dtype, device=gram.device
-        )
+        system = gram.clone()
+        system.diagonal().add_(self.alpha)
         a = torch.cholesky_solve(y - mean, torch.linalg.cholesky(system))
         # K·A + b − Y = −α·A
         return a, mean, float((self.alpha * a).square().mean())

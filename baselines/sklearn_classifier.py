@@ -8,11 +8,12 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from baselines.base import Classifier, FrameSource, in_memory_order
 from baselines.pixels import fit_scaling
@@ -35,6 +36,8 @@ class SklearnClassifier(Classifier):
     pixels: str = "unit"
     seed: int = 0
 
+    revision: ClassVar[int] = 1
+
     def train(
         self, frames: FrameSource, labels: np.ndarray
     ) -> Iterator[dict[str, float]]:
@@ -46,17 +49,14 @@ class SklearnClassifier(Classifier):
         if estimator.get_params().get("random_state", 0) is None:
             estimator.set_params(random_state=self.seed)
         self.estimator_ = estimator.fit(features, targets.numpy(force=True))
-        del (
-            features
-        )  # a caller that keeps this generator suspended would keep them alive
+        # A caller that keeps this generator suspended would keep them alive.
+        del features
         yield {"samples_seen": len(frames)}
 
     def scores(self, batch: Tensor) -> Tensor:
         """One for the class predicted, zero for the others; [n, L]."""
-        predicted = torch.from_numpy(
-            np.asarray(self.estimator_.predict(self._features(batch)))
-        )
-        return torch.nn.functional.one_hot(predicted.long(), len(self.classes_))
+        predicted = np.asarray(self.estimator_.predict(self._features(batch)))
+        return F.one_hot(torch.from_numpy(predicted).long(), len(self.classes_))
 
     def state_tensors(self) -> dict[str, Tensor] | None:
         """The arrays of a linear estimator, ``coef_`` and ``intercept_``; None for any other, whose

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from torch import nn
 
@@ -23,6 +24,8 @@ class SoftmaxRegression(IterativeClassifier):
         >>> SoftmaxRegression(lr=0.1).fit(frames, np.array([0, 1])).predict(frames)
         array([0, 1])
     """
+
+    revision: ClassVar[int] = 1
 
     def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
         return nn.Sequential(nn.Flatten(), nn.Linear(shape[0] * shape[1], classes))

@@ -4,7 +4,7 @@ Minimises the objective of scikit-learn's multinomial LogisticRegression,
 
     F(W, b) = C Σᵢ −log softmax(W·xᵢ + b)[yᵢ] + ½ ‖W‖²,      b not penalised,
 
-with W = Aᵀ·X and f = K·A + b (see baselines.dual). In A the gradient is A + C(P − Y), read in the
+with W = Aᵀ·X and f = K·A + b (see baselines.linear). In A the gradient is A + C(P − Y), read in the
 inner product ⟨A, A'⟩ = tr(Aᵀ·K·A'), which is that of the weights. Each Newton step is solved by
 conjugate gradients, one product K·[N, L] an iteration, so that a singular K does no harm.
 
@@ -15,12 +15,13 @@ then switches to the logistic form; its optimum at C is this one's at C/2.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from baselines.dual import PenalisedClassifier
+from baselines.linear import PenalisedClassifier
 
 
 @dataclass(kw_only=True, eq=False)
@@ -35,12 +36,14 @@ class DualSoftmaxRegression(PenalisedClassifier):
     Attributes:
         objective_: F at the end; ``train`` yields F/(C·N) as the loss.
 
-    Others are those of :class:`baselines.dual.DualLinearClassifier`.
+    Others are those of :class:`baselines.linear.DualLinearClassifier`.
     """
 
     C: float = 1.0
     tol: float = 1e-9
     max_iter: int = 100
+
+    revision: ClassVar[int] = 1
 
     def solve(
         self, gram: Tensor, targets: Tensor, before: Tensor | None = None

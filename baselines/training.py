@@ -19,8 +19,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from baselines.base import Classifier, FrameSource, choose, in_memory_order
+from baselines.base import Classifier, FrameSource, in_memory_order
 from baselines.pixels import PixelScaling, fit_scaling
+from hdc.inputs import check_option
 
 INITS = ("linear", "normal", "zeros")
 DTYPES = ("float32", "bfloat16")
@@ -29,9 +30,8 @@ MEMORY_FORMATS = {
     "channels_last": torch.channels_last,
 }
 FULL_CHUNK = 20  # frames scaled at a time in a full batch
-LBFGS_TOLERANCE = (
-    1e-7  # relative change of the loss between two reports: float32 has no more
-)
+# Relative change of the loss between two reports: float32 has no more.
+LBFGS_TOLERANCE = 1e-7
 # fused: one pass over the parameters a step instead of several; the arithmetic is the same.
 OPTIMIZERS: dict[str, Callable[..., torch.optim.Optimizer]] = {
     "Adam": partial(torch.optim.Adam, fused=True),
@@ -102,33 +102,44 @@ class IterativeClassifier(Classifier):
         ``loss`` is the mean of F over those of the last epoch. Stopping is up to the caller, also
         at a loss that is not finite; L-BFGS returns on convergence.
         """
+        self._check_parameters()
+        targets = self.start(frames, labels)
+        network = self._initial_network()
+        layout = MEMORY_FORMATS[self.memory_format]
+        # The stubs of torch do not know this keyword of Module.to.
+        self.network_ = network.to(device=self.device, memory_format=layout)  # type: ignore[call-overload]
+        make_optimizer = OPTIMIZERS[self.optimizer]
+        optimizer = make_optimizer(self.network_.parameters(), lr=self.lr)
+        self.scaling_ = fit_scaling(self.pixels, self, frames)
+        yield from self._epochs(frames, targets, optimizer)
+
+    def _check_parameters(self) -> None:
         for name in ("batch_size", "micro_batch", "reports_per_epoch"):
-            if (value := getattr(self, name)) is not None and value < 1:
+            value = getattr(self, name)
+            if value is not None and value < 1:
                 raise ValueError(f"{name}: expected at least 1, found {value}")
-        choose("dtype", self.dtype, DTYPES)
-        choose("init", self.init, INITS)
-        layout = MEMORY_FORMATS[
-            choose("memory_format", self.memory_format, MEMORY_FORMATS)
-        ]
-        make_optimizer = OPTIMIZERS[choose("optimizer", self.optimizer, OPTIMIZERS)]
+        check_option("dtype", self.dtype, DTYPES)
+        check_option("init", self.init, INITS)
+        check_option("memory_format", self.memory_format, MEMORY_FORMATS)
+        check_option("optimizer", self.optimizer, OPTIMIZERS)
         if self.optimizer == "LBFGS" and self.batch_size is not None:
             raise ValueError(
                 f"batch_size: LBFGS needs the whole training set (null), found {self.batch_size}"
             )
-        targets = self.start(frames, labels)
+
+    def _initial_network(self) -> nn.Module:
+        """The network with its initial weights; other random numbers are left alone."""
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(self.seed)
             network = self.build(self.shape_, len(self.classes_))
-            for parameter in network.parameters() if self.init != "linear" else ():
+            if self.init == "linear":
+                return network
+            for parameter in network.parameters():
                 if self.init == "normal" and parameter.ndim > 1:
                     nn.init.normal_(parameter, std=self.init_std)
                 else:
                     nn.init.zeros_(parameter)
-        # The stubs of torch do not know this keyword of Module.to.
-        self.network_ = network.to(device=self.device, memory_format=layout)  # type: ignore[call-overload]
-        optimizer = make_optimizer(self.network_.parameters(), lr=self.lr)
-        self.scaling_ = fit_scaling(self.pixels, self, frames)
-        yield from self._epochs(frames, targets, optimizer)
+        return network
 
     def scores(self, batch: Tensor) -> Tensor:
         """Logits float32 [n, L]."""

@@ -190,3 +190,11 @@ def check_two_classes(classes: np.ndarray) -> None:
         raise ValueError(
             f"labels: expected at least two classes, found one class, {found!r}"
         )
+
+
+def check_option(name: str, value: Any, options: Iterable[Any]) -> None:
+    """Raise ValueError, listing the options, for a value that is none of them."""
+    options = list(options)
+    if value not in options:
+        listed = ", ".join(map(str, options))
+        raise ValueError(f"{name}: expected one of {listed}, found {value!r}")

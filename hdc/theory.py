@@ -38,6 +38,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 from scipy.special import gammainc, gammaincinv, gammaln, ndtr
+from torch import Tensor
+
+from hdc import bits
+from hdc.bank import Bank
 
 Floats = NDArray[np.float64]
 Shares = NDArray[np.int64]  # N_s of each class [L]
@@ -97,6 +101,26 @@ def correlations(pairs: Floats, labels: NDArray[np.int64]) -> Correlations:
     ]
     skew = np.array([[np.nanmean(b) for b in row] for row in third]) / sample**1.5
     return Correlations(mean, np.sqrt(sample), np.sqrt(query), skew)
+
+
+def bit_correlations(words: Tensor, dimension: int) -> Floats:
+    """Correlation coefficients of all pairs of hypervectors int64 [N, W], float64 [N, N]."""
+    ones = bits.count_ones(words).numpy() / dimension
+    distances = bits.hamming(words, words).numpy() / dimension
+    both = (ones[:, None] + ones - distances) / 2
+    deviation = np.sqrt(ones * (1 - ones))
+    return (both - np.outer(ones, ones)) / np.outer(deviation, deviation)
+
+
+def correlations_of(
+    bank: Bank, rows: NDArray[np.int64]
+) -> tuple[Correlations, Correlations]:
+    """:func:`correlations` of the hypervectors and of the grey values of some frames of a bank."""
+    labels = bank.labels[rows]
+    of_bits = bit_correlations(bank.words()[rows], bank.dimension)
+    standardised, _ = bank.kernel(rows, rows[:0], "standardised")
+    of_greys = standardised.numpy() / bank.dimension
+    return correlations(of_bits, labels), correlations(of_greys, labels)
 
 
 def hdc_accuracy(moments: Correlations, n: int, dimension: float) -> float:

@@ -28,8 +28,9 @@ class Model(Protocol):
     ) -> Iterator[Mapping[str, float]]:
         """Start anew and yield whenever the model can predict.
 
-        Each item becomes a row of curve.csv; its keys are its columns (``samples_seen`` always;
-        ``steps`` of an optimiser, ``epoch`` and ``loss`` where they exist), its values numbers. The
+        Each item becomes a row of the record's curve; its keys are the columns (``samples_seen``
+        always; ``steps`` of an optimiser, ``epoch`` and ``loss`` where they exist), its values
+        numbers. The
         clock runs inside ``next()`` only, so the caller may evaluate between two items at no cost
         to the model. Stopping is up to the caller; a model that has converged returns.
         """
@@ -71,23 +72,17 @@ def instantiate(node: DictConfig, key: str) -> Any:
 
 
 def models_of(configs: Mapping[str, Any]) -> dict[str, Any]:
-    """Models that can be trained on many subsets of the same frames, by name.
-
-    Args:
-        configs: what a file of ``configs/model`` holds, by name.
+    """Models by name, of what a file of ``configs/model`` holds.
 
     Raises:
-        ValueError: naming the key of one that is neither HDC with binary prototypes nor computed
-            from products of frames.
+        ValueError: naming the key of one that cannot train and predict.
     """
     models = {}
     for name, part in configs.items():
         model = instantiate(OmegaConf.create(part["model"]), "model")
-        binary = getattr(model, "prototype", None) == "binary"
-        if not (binary or hasattr(model, "scores_from")):
-            raise ValueError(
-                f"task.models.{name}: expected HDC with binary prototypes or a model computed from "
-                f"products of frames (baselines.dual), found {type(model).__name__}"
-            )
+        try:
+            check_model(model)
+        except ValueError as error:
+            raise ValueError(f"task.models.{name}: {error}") from error
         models[name] = model
     return models

@@ -178,20 +178,6 @@ def reports(
         yield {"training_s": clock.seconds, **report}
 
 
-def train_until(model: Model, stop: StopRule, scene: Scene, train: np.ndarray) -> None:
-    """Train a model on these samples until the rule ends it; test samples have no say."""
-    clock, labels = Clock(), scene.labels[train]
-    frames = data.take(scene, train, clock)
-    for row in reports(model, type(model).__name__, frames, labels, clock):
-        loss, share = row.get("loss"), 0.0
-        if (
-            loss is not None and stop.reached_after_s is not None
-        ):  # otherwise it has no say
-            share = accuracy(model.predict(frames), labels)
-        if stop.check(row["training_s"], row.get("steps", 0), loss, share):
-            return
-
-
 def _train(
     model: Model,
     name: str,

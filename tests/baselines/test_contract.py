@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+import copy
+import functools
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
-from omegaconf import OmegaConf
+from omegaconf import DictConfig
 
 from baselines.base import Classifier
 from baselines.cnn import CNN
 from baselines.correlation import CorrelationClassifier
+from baselines.features import Brightness
 from baselines.training import IterativeClassifier
+from experiments.protocol.evaluate import evaluate, train_until
+from experiments.protocol.model import Model
+from experiments.protocol.stop import StopRule
+from hdc import HDCClassifier
+from hdc.bank import Bank
 
-MODELS = Path(__file__).parents[2] / "configs" / "model"
-CONFIGS = {path.stem: OmegaConf.load(path) for path in sorted(MODELS.glob("*.yaml"))}
+CONFIGS = Path(__file__).parents[2] / "configs"
+ALL = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
 # Variants of a recipe that differ in a number only.
 VARIANTS = {
     "softmax_sgd",
@@ -27,19 +37,18 @@ VARIANTS = {
     "cnn3",
     "cnn3_centred",
 }
-NAMES = [
-    name
-    for name, config in CONFIGS.items()
-    if config.model._target_.startswith("baselines.") and name not in VARIANTS
-]
+NAMES = [name for name in ALL if not name.startswith("hdc") and name not in VARIANTS]
 
 
-def make(name: str) -> Classifier:
+@functools.cache
+def config_of(name: str) -> DictConfig:
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        return compose("config", overrides=[f"model={name}"])
+
+
+def make(name: str) -> Any:
     """The model of a config, quick enough for small frames."""
-    config = OmegaConf.create(
-        {"seed": {"init": 0}, "device": "cpu", "model": CONFIGS[name].model}
-    )
-    model = instantiate(config.model, _convert_="all")
+    model = instantiate(config_of(name).model, _convert_="all")
     if isinstance(model, IterativeClassifier) and model.optimizer != "LBFGS":
         return replace(model, lr=1e-2, max_epochs=20)
     return model
@@ -48,6 +57,11 @@ def make(name: str) -> Classifier:
 @pytest.fixture(params=NAMES)
 def model(request: pytest.FixtureRequest) -> Classifier:
     return make(request.param)
+
+
+def least(model: Classifier) -> float:
+    """Share of small training frames that a model has right: their classes differ by patterns."""
+    return 0.4 if isinstance(model, Brightness) else 0.9
 
 
 def same_state(a: Classifier, b: Classifier) -> bool:
@@ -81,7 +95,7 @@ def test_learns_labels_as_they_are_and_no_absent_class(model, speckle, names):
     frames, labels = speckle(30, (16, 16), 3)
     named = np.array(names)[labels]
     right = model.fit(frames, named.tolist()).predict(frames) == named
-    assert right.mean() > 0.9
+    assert right.mean() > least(model)
     assert model.score(frames, named) == right.mean()
     assert set(model.predict(speckle(30, (16, 16), 3, seed=1)[0]).tolist()) <= set(
         names
@@ -137,7 +151,7 @@ def test_state_is_the_model_itself(model, small):
 def test_sixteen_bit_frames(model, speckle):
     frames, labels = speckle(30, (8, 8), 3)
     wide = (frames.to(torch.int32) * 257).to(torch.uint16)
-    assert (model.fit(wide, labels).predict(wide) == labels).mean() > 0.9
+    assert (model.fit(wide, labels).predict(wide) == labels).mean() > least(model)
     with pytest.raises(
         ValueError, match=r"expected torch\.uint16 as in training, found .*uint8"
     ):
@@ -197,6 +211,77 @@ def test_queries_are_checked(model, small):
 
 
 def test_satisfies_the_protocol_of_the_runner(model: Classifier):
-    from experiments.protocol.model import Model
-
     assert isinstance(model, Model)
+
+
+def awkward(speckle, dtype):
+    """Frames of which some are equal: within a class, and across classes."""
+    frames, labels = speckle(90, (16, 12), 3, seed=4)
+    frames[30:33] = frames[30]  # one frame of each of three classes is the same
+    frames[36], frames[70] = (
+        frames[6],
+        frames[9],
+    )  # a class has a frame twice; or a query
+    frames[40:44] //= 16  # few grey levels: equal distances, equal pixels
+    frames[80:83] //= 16
+    if dtype == torch.uint16:
+        frames = (frames.to(torch.int32) * 257).to(torch.uint16)
+    return frames, labels
+
+
+def plainly(model, bank, train, queries, stop):
+    """Labels by a copy of the model trained on the frames themselves."""
+    trained = copy.deepcopy(model)
+    train_until(trained, stop, bank.frames[train], bank.labels[train])
+    return trained.predict(bank.frames[queries])
+
+
+# Not those with random ties, whose prototypes of equal classes differ, nor networks.
+TIED = [
+    *(
+        "hdc",
+        "hdc_integer",
+        "nearest_neighbour",
+        "knn_bits_3",
+        "knn_greys_standardised",
+    ),
+    *("correlation", "mean_image", "ridge", "ridge_standardised", "linear_bits"),
+    *("softmax_dual", "softmax_dual_standardised"),
+]
+STOP = StopRule(least_steps=10, most_steps=20)
+READOUTS = {
+    "balanced": HDCClassifier(),
+    "readout ridge": HDCClassifier(readout="ridge"),
+    "readout neighbours": HDCClassifier(readout="neighbours"),
+    "readout neighbours 3": HDCClassifier(readout="neighbours", n_neighbours=3),
+}
+
+
+@pytest.mark.parametrize("dtype", [torch.uint8, torch.uint16], ids=str)
+@pytest.mark.parametrize("name", [*ALL, *READOUTS])
+def test_the_fast_way_says_what_the_trained_model_says(name, dtype, speckle):
+    """For every model, with few and many frames, equal frames and a class that is absent."""
+    model = READOUTS[name] if name in READOUTS else make(name)
+    frames, labels = awkward(speckle, dtype)
+    bank, queries = Bank(frames, labels, 3), np.arange(60, 90)
+    order = np.random.default_rng(0).permutation(60)
+    two_classes = order[labels[order] != 1]
+    repeated = np.concatenate([order[:20], order[:10]])
+    everything = np.arange(90)
+    for train in (order[:6], order, np.arange(30, 37), two_classes, repeated):
+        for asked in (queries, everything):
+            said = evaluate(model, bank, train, asked, STOP)
+            assert (said == plainly(model, bank, train, asked, STOP)).all()
+            assert set(said) <= set(labels[train])
+    assert not hasattr(model, "classes_"), "the model is left as it was"
+
+
+@pytest.mark.parametrize("name", TIED)
+def test_classes_of_the_same_frames_are_told_apart_by_their_order_alone(name, speckle):
+    """Every frame of one class is also one of the other: each query is a tie."""
+    frames, _ = speckle(20, (16, 12), 2)
+    bank = Bank(torch.cat([frames, frames]), np.repeat([0, 1], 20), 2)
+    train, queries = np.r_[0:10, 20:30], np.arange(10, 20)
+    model = make(name)
+    assert not evaluate(model, bank, train, queries).any()
+    assert not plainly(model, bank, train, queries, STOP).any()

@@ -12,6 +12,7 @@ from sklearn.tree import DecisionTreeClassifier
 
 from baselines import correlation
 from baselines.correlation import CorrelationClassifier
+from baselines.features import Brightness, Thumbnail
 from baselines.linear_bits import BitReadout
 from baselines.pixels import signs
 from baselines.ridge import RidgeReadout
@@ -88,3 +89,29 @@ def test_an_estimator_is_left_unfitted_and_only_a_linear_one_has_a_known_size(sp
             SklearnClassifier(estimator=other).fit(frames, labels).state_tensors()
             is None
         )
+
+
+def test_brightness_is_logistic_regression_of_mean_and_deviation(speckle):
+    frames, labels = speckle(60, (9, 8), 3)
+    frames = (frames // 2 + 30 * torch.from_numpy(labels)[:, None, None]).byte()
+    pixels = frames.flatten(1).numpy().astype(float)
+    numbers = np.column_stack([pixels.mean(axis=1), pixels.std(axis=1)])
+    theirs = make_pipeline(StandardScaler(), LogisticRegression()).fit(numbers, labels)
+    ours = Brightness().fit(frames, labels)
+    logits = theirs.decision_function(numbers)
+    np.testing.assert_allclose(ours.scores(frames), logits, atol=1e-3)
+    assert ours.score(frames, labels) > 0.9
+    rearranged = frames.flatten(1)[:, torch.randperm(72)].view(frames.shape)
+    assert (ours.predict(rearranged) == ours.predict(frames)).all()
+
+
+@pytest.mark.parametrize("classes", [2, 3])
+def test_a_thumbnail_is_the_means_of_blocks(classes, speckle):
+    frames, labels = speckle(60, (12, 24), classes)
+    blocks = frames.view(60, 6, 2, 8, 3).float().mean(dim=(2, 4)).flatten(1).numpy()
+    theirs = make_pipeline(StandardScaler(), LogisticRegression(max_iter=1000))
+    ours = Thumbnail().fit(frames, labels)
+    np.testing.assert_allclose(ours.features(frames), blocks, atol=1e-3)
+    predicted = theirs.fit(blocks, labels).predict(blocks)
+    assert (ours.predict(frames) == predicted).all()
+    assert ours.state_tensors()["weight"].shape == (classes, 48)

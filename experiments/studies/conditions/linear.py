@@ -1,4 +1,4 @@
-"""Initial weights of softmax regression and the logits they give, for ``baselines.dual.Descent``.
+"""Initial weights of softmax regression, and the logits they give :mod:`baselines.descent`.
 
 The initial weights W₀ enter gradient descent in sample space through Z₀ = X·W₀ᵀ + b₀ alone. W₀ is
 the sum of a part in the span of the training frames and a part orthogonal to it. Gradients never
@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from baselines import dual
+from hdc.bank import Bank
 
 _COLUMNS = 8192  # pixels of all frames in float64 at a time
 _RANK = 1e-12  # eigenvalues of K below this fraction of the largest count as zero
@@ -64,7 +64,7 @@ def draw(seed: int, number: int, classes: int, pixels: int) -> dict[str, Tensor]
     }
 
 
-class Products:
+class StartProducts:
     """Inner products of raw frames among themselves and with initial weights.
 
     All scalings x ↦ a·(x − c) share them.
@@ -72,30 +72,40 @@ class Products:
     Args:
         frames: uint8 [n, H, W].
         seed, draws, classes: of the initial weights.
+
+    Attributes:
+        pixels: D.
+        gram: of the frames, float64 [n, n], exact for 8-bit pixels.
+        sums: of the pixels of each frame, float64 [n].
+        logits: of the frames, by family of weights, float64 [draws, n, L].
+        weight_sums: of the weights of a class, by family, float64 [draws, L].
+        intercepts: in ±1, float64 [draws, L].
     """
 
     def __init__(self, frames: Tensor, seed: int, draws: int, classes: int):
         flat = frames.flatten(1)
         n, self.pixels = flat.shape
-        drawn = [draw(seed, number, classes, self.pixels) for number in range(draws)]
-        self.intercepts = torch.stack(
-            [one["intercepts"] for one in drawn]
-        )  # [draws, L], in ±1
-        # By family: logits float64 [draws, n, L], and sums of the weights of a class [draws, L].
-        self.logits, self.weight_sums = {}, {}
-        for name in ("uniform", "normal"):
-            w = torch.cat([one[name] for one in drawn])
-            logits = torch.zeros(n, len(w), dtype=torch.float64)
-            for first in range(0, self.pixels, _COLUMNS):
-                part = slice(first, first + _COLUMNS)
-                logits.addmm_(flat[:, part].double(), w[:, part].T.double())
-            self.logits[name] = logits.view(n, draws, classes).transpose(0, 1)
-            self.weight_sums[name] = w.double().sum(dim=1).view(-1, classes)
         everyone = np.arange(n)
-        products = dual.Products(frames, np.zeros(n), 1)
-        # Float64 [n, n], exact for 8-bit pixels; and the sums [n] of the pixels of each frame.
-        self.gram, _ = products.kernel(everyone, everyone[:0], "raw")
+        bank = Bank(frames, np.zeros(n, np.int64), 1)
+        self.gram, _ = bank.kernel(everyone, everyone[:0], "raw")
         self.sums = flat.sum(dim=1, dtype=torch.float64)
+        drawn = [draw(seed, number, classes, self.pixels) for number in range(draws)]
+        self.intercepts = torch.stack([one["intercepts"] for one in drawn])
+        self.logits, self.weight_sums = {}, {}
+        for family in ("uniform", "normal"):
+            weights = torch.cat([one[family] for one in drawn])
+            logits = _products_with(flat, weights).view(n, draws, classes)
+            self.logits[family] = logits.transpose(0, 1)
+            self.weight_sums[family] = weights.double().sum(dim=1).view(-1, classes)
+
+
+def _products_with(flat: Tensor, weights: Tensor) -> Tensor:
+    """x·w of frames [n, D] and weights [k, D], float64 [n, k]."""
+    products = torch.zeros(len(flat), len(weights), dtype=torch.float64)
+    for first in range(0, flat.shape[1], _COLUMNS):
+        part = slice(first, first + _COLUMNS)
+        products.addmm_(flat[:, part].double(), weights[:, part].T.double())
+    return products
 
 
 class Problem:
@@ -112,7 +122,7 @@ class Problem:
 
     def __init__(
         self,
-        known: Products,
+        known: StartProducts,
         labels: np.ndarray,
         train: np.ndarray,
         test: np.ndarray,
@@ -125,9 +135,8 @@ class Problem:
         scale, offset = (1.0 if scaling == "raw" else 1 / 255), 0.0
         if scaling == "standard_global":
             offset = float(sums[:n].sum()) / (n * pixels)
-            scale = (
-                float(gram.diagonal()[:n].sum()) / (n * pixels) - offset**2
-            ) ** -0.5
+            square = float(gram.diagonal()[:n].sum()) / (n * pixels)
+            scale = (square - offset**2) ** -0.5
         self._scale, self._offset = scale, offset
         inner = scale**2 * (gram - offset * (sums[:, None] + sums) + offset**2 * pixels)
         self.kernel, self.targets = inner[:, :n], torch.from_numpy(labels)[order]
@@ -144,7 +153,7 @@ class Problem:
         weights = self._known.weight_sums[start.family][number]
         logits = factor * (self._scale * (raw - self._offset * weights))
         within = self._inverse @ logits[: self.n_train]
-        intercepts = self._known.intercepts[number] * (
-            factor if start.rule == "linear" else 0.0
-        )
-        return logits + intercepts, within - logits[self.n_train :]
+        shift = within - logits[self.n_train :]
+        if start.rule == "linear":
+            logits = logits + factor * self._known.intercepts[number]
+        return logits, shift

@@ -7,17 +7,17 @@ networks are ordinary runs of ``model=softmax``, ``cnn1`` and ``cnn3``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from baselines.dual import Descent
+from baselines.descent import Descent
 from experiments.protocol import data
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.studies.conditions import linear
-from experiments.studies.conditions.linear import Problem, Start
+from experiments.studies.conditions.linear import Problem, Start, StartProducts
 from hdc import HDCClassifier
 
 VALUES = ("train", "test", "projected")  # accuracies read at each level
@@ -46,14 +46,7 @@ def table1_conditions(
     :class:`~experiments.studies.conditions.linear.Problem`; ``hdc``, test accuracy of HDC.
     Arguments: configs/experiment/table1_conditions.yaml.
     """
-    begun = [
-        *(Start(rule) for rule in starts),
-        *(Start("normal", float(std)) for std in normal),
-    ]
-    # All starts at zero are one.
-    trainings = [
-        (s, k) for s in begun for k in range(1 if s.rule == "zeros" else draws)
-    ]
+    trainings = _trainings(starts, normal, draws)
     for seed, made in run.scenes(scene, seeds):
         run.note(f"seed {seed}")
         frames = made.frames(range(len(made.labels)))
@@ -61,17 +54,37 @@ def table1_conditions(
         hdc = HDCClassifier().fit(frames[train], made.labels[train])
         right = float((hdc.predict(frames[test]) == made.labels[test]).mean())
         classes, dimension = len(made.classes), frames[0].numel()
-        products = linear.Products(frames, seed, draws, classes)
+        products = StartProducts(frames, seed, draws, classes)
         for scaling in pixels:
             problem = Problem(products, made.labels, train, test, scaling)
             for method, how in methods.items():
                 readings = train_all(problem, trainings, rate, levels, seed, **how)
                 for (start, number), reading in zip(trainings, readings, strict=True):
                     yield {
-                        "origin": made.origin, "seed": seed, "pixels": scaling, "method": method,
-                        "start": start.rule, "sigma": start.sigma(dimension, classes),
-                        "draw": number, **reading, "across": problem.across, "hdc": right,
-                    }  # fmt: skip
+                        "origin": made.origin,
+                        "seed": seed,
+                        "pixels": scaling,
+                        "method": method,
+                        "start": start.rule,
+                        "sigma": start.sigma(dimension, classes),
+                        "draw": number,
+                        **reading,
+                        "across": problem.across,
+                        "hdc": right,
+                    }
+
+
+def _trainings(
+    starts: Sequence[str], normal: Sequence[float], draws: int
+) -> list[tuple[Start, int]]:
+    """Every start with the number of each draw of it; all starts at zero are one."""
+    begun = [Start(rule) for rule in starts]
+    begun += [Start("normal", float(deviation)) for deviation in normal]
+    trainings = []
+    for start in begun:
+        n = 1 if start.rule == "zeros" else draws
+        trainings += [(start, number) for number in range(n)]
+    return trainings
 
 
 def train_all(
@@ -87,48 +100,67 @@ def train_all(
 ) -> list[Row]:
     """Accuracies of each training (a start and the number of its draw) at each level, all trained
     side by side; `seed` is that of the minibatches."""
-    n = problem.n_train
-    every = max(1, -(-n // (batch or n)) // reports_per_epoch)
-    logits, shifts = zip(
-        *(problem.start(*training) for training in trainings), strict=True
-    )
-    to_span = torch.stack(shifts, dim=2)
-    starts = torch.stack(logits, dim=2)
+    n, steps_between = problem.n_train, 1
+    if batch is not None:
+        steps_between = max(1, math.ceil(n / batch) // reports_per_epoch)
+    begun = [problem.start(*training) for training in trainings]
+    starts = torch.stack([logits for logits, _ in begun], dim=2)
+    to_span = torch.stack([shift for _, shift in begun], dim=2)
     targets, classes = problem.targets[:n], starts.shape[1]
     descent = Descent(
         problem.kernel, targets, classes, rate, logits=starts, batch=batch, seed=seed
     )
-    names = [f"{value}_{level}" for level in levels for value in ("steps", *VALUES)]
-    readings: list[Row] = [dict.fromkeys(names) for _ in trainings]
-    *_, last = levels
+    readings = [Reading(levels) for _ in trainings]
     alive = list(range(len(trainings)))
     for step in range(1, steps + 1):
         descent.step()
-        if step % every and step != steps:
+        if step % steps_between and step != steps:
             continue
         train, test = descent.logits[:n], descent.logits[n:]
-        shares = [accuracy(train, targets)]
-        shares += [
-            accuracy(logits, problem.targets[n:]) for logits in (test, test + to_span)
-        ]
-        for k, *values in zip(alive, *shares, strict=True):
-            for level, least in levels.items():
-                passed = (
-                    values[0] >= least - 1e-9 if level == last else values[0] > least
-                )
-                if passed and readings[k][f"steps_{level}"] is None:
-                    readings[k][f"steps_{level}"] = step
-                    readings[k] |= {
-                        f"{x}_{level}": v for x, v in zip(VALUES, values, strict=True)
-                    }
-        kept = [p for p, k in enumerate(alive) if readings[k][f"steps_{last}"] is None]
+        of_train = accuracy(train, targets)
+        of_test = accuracy(test, problem.targets[n:])
+        projected = accuracy(test + to_span, problem.targets[n:])
+        shares = zip(of_train, of_test, projected, strict=True)
+        for k, share in zip(alive, shares, strict=True):
+            readings[k].note(step, share)
+        kept = [place for place, k in enumerate(alive) if not readings[k].ended]
         if not kept:
             break
         if len(kept) < len(alive):
             alive = [alive[place] for place in kept]
             descent.drop(torch.tensor(kept))
             to_span = to_span[:, :, kept].contiguous()
-    return readings
+    return [reading.columns for reading in readings]
+
+
+class Reading:
+    """When one training first passed each level, and its accuracies then.
+
+    Training accuracy exceeds a level; the last one, at which the training ends, it only reaches.
+    """
+
+    def __init__(self, levels: Mapping[str, float]):
+        self._levels = levels
+        *_, self._last = levels
+        names = [f"{value}_{level}" for level in levels for value in ("steps", *VALUES)]
+        self.columns: Row = dict.fromkeys(names)
+
+    @property
+    def ended(self) -> bool:
+        return self.columns[f"steps_{self._last}"] is not None
+
+    def note(self, step: int, shares: Sequence[float]) -> None:
+        """Accuracies, as :data:`VALUES` names them, after so many steps."""
+        for level, least in self._levels.items():
+            if self.columns[f"steps_{level}"] is not None:
+                continue
+            passed = shares[0] > least
+            if level == self._last:
+                passed = shares[0] >= least - 1e-9
+            if passed:
+                self.columns[f"steps_{level}"] = step
+                for name, share in zip(VALUES, shares, strict=True):
+                    self.columns[f"{name}_{level}"] = share
 
 
 def accuracy(logits: Tensor, targets: Tensor) -> list[float]:

@@ -17,8 +17,8 @@ import torch
 from torch import Tensor
 
 from experiments.protocol import data
+from experiments.protocol.correlations import CorrelationSums
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.studies.correlation.sums import CorrelationSums
 from hdc import bits
 from hdc.encode import encode
 from hdc.prototypes import Counters
@@ -102,21 +102,24 @@ def correlations(
     for kind in kinds:
         parts = sums[_correlated(kind)]
         for part in samples:
-            total = (
-                parts["training"] + parts["held-out"] if part == "all" else parts[part]
-            )
-            means = (
-                total.means_with(prototypes.numpy())
-                if kind == "prototype"
-                else total.pair_means()
-            )
+            if part == "all":
+                total = parts["training"] + parts["held-out"]
+            else:
+                total = parts[part]
+            if kind == "prototype":
+                means = total.means_with(prototypes.numpy())
+            else:
+                means = total.pair_means()
             for i, j in np.ndindex(means.shape):
                 yield {
-                    "kind": kind, "samples": part,
-                    "class_i": scene.classes[i], "class_j": scene.classes[j],
-                    "value": float(means[i, j]), "n": total.n,
+                    "kind": kind,
+                    "samples": part,
+                    "class_i": scene.classes[i],
+                    "class_j": scene.classes[j],
+                    "value": float(means[i, j]),
+                    "n": total.n,
                     "undefined": int(total.undefined[list({i, j})].sum()),
-                }  # fmt: skip
+                }
 
 
 def members_of(
@@ -150,10 +153,11 @@ def add_up(
     """The sums that these rows need, and the prototypes bool [L, D]; each frame is read once."""
     n_classes, dimension = len(scene.classes), math.prod(scene.shape)
     parts = PARTS if "all" in samples else samples
-    sums = {
-        correlated: {part: CorrelationSums(n_classes, dimension) for part in parts}
-        for correlated in {_correlated(kind) for kind in kinds}
-    }
+    sums: Sums = {}
+    for kind in kinds:
+        sums[_correlated(kind)] = {
+            part: CorrelationSums(n_classes, dimension) for part in parts
+        }
     counters = Counters(n_classes, dimension)
     for part, indices in members.items():
         if part == "held-out" and part not in parts:
@@ -164,11 +168,12 @@ def add_up(
             if part == "training":
                 counters.add(words, torch.arange(n_classes))
             for correlated, by_part in sums.items():
-                if part in by_part:
-                    ones = correlated == "hypervector"
-                    by_part[part].add(
-                        bits.unpack(words, dimension) if ones else frames.flatten(1)
-                    )
+                if part not in by_part:
+                    continue
+                if correlated == "hypervector":
+                    by_part[part].add(bits.unpack(words, dimension))
+                else:
+                    by_part[part].add(frames.flatten(1))
     return sums, bits.unpack(counters.majority(), dimension)
 
 

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from experiments.protocol.correlations import contrast
 from experiments.reporting import published
 from experiments.reporting.estimates import (
     ONE_SENSOR,
@@ -23,7 +24,6 @@ from experiments.reporting.estimates import (
 )
 from experiments.reporting.plot import PAPER, errors, matrix, panel, star
 from experiments.reporting.study import Quantity, Study
-from experiments.studies.correlation.sums import contrast
 
 STUDY = Study(
     "correlation",

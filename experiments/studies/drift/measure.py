@@ -10,7 +10,9 @@ second, and tested on both sessions. By ``method``:
 - ``pooled``: trained on old and new samples together; of HDC, counting on.
 - ``balanced``: the same with as many votes of either session; other models than HDC take each new
   sample N_old/N_new times, rounded.
-- ``from_old``: of linear models, started from the old weights (baselines.dual).
+- ``from_old``: of linear models, started from the old weights (baselines.linear).
+
+HDC's updates are the model's own; one that its read-out refuses has no row.
 
 The new samples are the first in time, and the test samples come after them (``order`` time), or
 both are drawn at random from the second session, as neighbours in time (``order`` random).
@@ -18,20 +20,19 @@ both are drawn at random from the second session, as neighbours in time (``order
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import torch
-from torch import Tensor
 
-from baselines.dual import PenalisedClassifier
+from baselines.linear import PenalisedClassifier
 from experiments.protocol import data
+from experiments.protocol.evaluate import bank_of, evaluate
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import models_of
-from experiments.studies.recordings.measure import Subsets
-from hdc import HDCClassifier, bits
-from hdc.prototypes import Counters, merged, recalibrate
+from hdc import HDCClassifier
+from hdc.bank import Bank
 from scenes.frames import Scene
 from scenes.split import by_session, learning_curve_subsets, split
 
@@ -65,15 +66,19 @@ def drift(
         )
     built = models_of(models)
     for seed, two_sessions in run.scenes(scene, seeds):
-        sessions = Subsets(two_sessions)
+        bank = bank_of(two_sessions)
         for in_order in order:
             choice = choose(two_sessions, old_split, n_test, in_order, seed)
             for name, model in built.items():
-                for row in updates(
-                    sessions, choice, model, n_new, p, in_order, draws, seed
-                ):
-                    yield {"origin": two_sessions.origin, "seed": seed, "order": in_order,
-                           "model": name, **row}  # fmt: skip
+                place = {
+                    "origin": two_sessions.origin,
+                    "seed": seed,
+                    "order": in_order,
+                    "model": name,
+                }
+                made = updates(bank, choice, model, n_new, p, in_order, draws, seed)
+                for row in made:
+                    yield {**place, **row}
         run.note(f"seed {seed}")
 
 
@@ -118,7 +123,7 @@ def subsets(
 
 
 def updates(
-    sessions: Subsets,
+    bank: Bank,
     choice: Choice,
     model: Any,
     n_new: Sequence[int],
@@ -134,66 +139,77 @@ def updates(
     def row(
         predicted: np.ndarray, n: int, draw: int, method: str, p: float | None
     ) -> Row:
-        right = predicted == sessions.labels[asked]
+        right = predicted == bank.labels[asked]
         return {
-            "method": method, "p": p, "n_old": len(choice.old), "n_new": n, "draw": draw,
-            "right_new": int(right[:first].sum()), "n_test_new": first,
-            "right_old": int(right[first:].sum()), "n_test_old": len(right) - first,
-        }  # fmt: skip
+            "method": method,
+            "p": p,
+            "n_old": len(choice.old),
+            "n_new": n,
+            "draw": draw,
+            "right_new": int(right[:first].sum()),
+            "n_test_new": first,
+            "right_old": int(right[first:].sum()),
+            "n_test_old": len(right) - first,
+        }
 
-    yield row(sessions.predict(model, choice.old, asked), 0, 0, "stored", None)
+    yield row(evaluate(model, bank, choice.old, asked), 0, 0, "stored", None)
     for draw in range(draws if order == "random" else 1):
         drawn = int(np.random.default_rng((seed, draw)).integers(2**31))
-        for n, new in subsets(choice, sessions.labels, n_new, order, drawn).items():
-            if isinstance(model, HDCClassifier):
-                ways = of_hdc(sessions, choice.old, model, new, p, drawn + n, asked)
-            else:
-                ways = of_linear(sessions, choice.old, model, new, asked)
-            for method, parameter, predicted in ways:
+        for n, new in subsets(choice, bank.labels, n_new, order, drawn).items():
+            for update in ways(model, bank, choice.old, new, asked, p, drawn + n):
+                method, parameter, predicted = update
                 yield row(predicted, n, draw, method, parameter)
 
 
-def of_hdc(
-    sessions: Subsets,
+def ways(
+    model: Any,
+    bank: Bank,
     old: np.ndarray,
-    model: HDCClassifier,
     new: np.ndarray,
+    asked: np.ndarray,
     p: Sequence[float],
     seed: int,
-    asked: np.ndarray,
 ) -> Iterator[Update]:
-    """Updates of prototypes, from counters of the old and of the new samples."""
-    before, after = (
-        Counters(sessions.products.n_classes, sessions.dimension) for _ in range(2)
-    )
-    for counters, chosen in ((before, old), (after, new)):
-        counters.add(sessions.words[chosen], torch.from_numpy(sessions.labels[chosen]))
-
-    def nearest(prototypes: Tensor) -> np.ndarray:
-        return bits.hamming(sessions.words[asked], prototypes).argmin(1).numpy()
-
-    stored, fresh = (c.majority(model.ties, model.seed) for c in (before, after))
-    yield "new", None, nearest(fresh)
-    for value in p:
-        mixture = recalibrate(stored, fresh, sessions.dimension, value, seed)
-        yield "replace", float(value), nearest(mixture)
-    equal, _ = merged(before, after, _EQUAL)
-    yield "balanced", None, nearest(equal.majority(model.ties, model.seed))
-    before.merge(after)
-    yield "pooled", None, nearest(before.majority(model.ties, model.seed))
-
-
-def of_linear(
-    sessions: Subsets, old: np.ndarray, model: Any, new: np.ndarray, asked: np.ndarray
-) -> Iterator[Update]:
-    """Updates of a model that is trained again."""
-    repeated = np.tile(new, max(1, round(len(old) / len(new))))
-    for method, train in (
-        ("new", new),
-        ("balanced", np.concatenate([old, repeated])),
-        ("pooled", np.concatenate([old, new])),
-    ):
-        yield method, None, sessions.predict(model, train, asked)
+    """What updates of a model say of the samples asked, each from the same old and new ones."""
+    pooled = np.concatenate([old, new])
+    yield "new", None, evaluate(model, bank, new, asked)
+    if isinstance(model, HDCClassifier):
+        yield from recalibrated(model, bank, old, new, asked, p, seed)
+    else:
+        repeated = np.tile(new, max(1, round(len(old) / len(new))))
+        balanced = np.concatenate([old, repeated])
+        yield "balanced", None, evaluate(model, bank, balanced, asked)
+    yield "pooled", None, evaluate(model, bank, pooled, asked)
     if isinstance(model, PenalisedClassifier):
-        scores = model.scores_from_old(sessions.products, old, new, asked)
-        yield "from_old", None, scores.argmax(1).numpy()
+        yield "from_old", None, model.predict_from_old(bank, old, new, asked)
+
+
+def recalibrated(
+    model: HDCClassifier,
+    bank: Bank,
+    old: np.ndarray,
+    new: np.ndarray,
+    asked: np.ndarray,
+    p: Sequence[float],
+    seed: int,
+) -> Iterator[Update]:
+    """Recalibrations of HDC; those that its prototypes or read-out do not have are left out."""
+    stored = type(model)(**model.get_params()).fit(bank.at(old), bank.labels[old])
+    updates: list[tuple[str, float | None, str]] = []
+    updates += [("replace", float(share), "replace") for share in p]
+    updates += [("balanced", None, "merge")]
+    for name, share, method in updates:
+        updated = copy.deepcopy(stored)
+        try:
+            updated.recalibrate(
+                bank.at(new),
+                bank.labels[new],
+                p=_EQUAL if share is None else share,
+                seed=seed,
+                method=method,
+            )
+        except ValueError as error:
+            if not str(error).startswith("method: "):
+                raise
+            continue
+        yield name, share, updated.predict(bank.at(asked))

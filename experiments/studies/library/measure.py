@@ -19,8 +19,8 @@ from sklearn.neighbors import KNeighborsClassifier
 
 from baselines.linear_bits import BitReadout
 from baselines.nearest_neighbour import NearestNeighbour
+from experiments.protocol.draws import draw_split, nested
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.studies.recordings.measure import draw_split, nested
 from hdc import HDCClassifier
 
 Frames = np.ndarray  # uint8 or uint16 [N, H, W]

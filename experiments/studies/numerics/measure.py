@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from torch import Tensor
 
-from experiments.protocol.experiment import Row, Run, experiment
-from experiments.studies.correlation.sums import (
+from experiments.protocol.correlations import (
     mean_pair_correlations,
     pair_correlations_double_sum,
 )
+from experiments.protocol.experiment import Row, Run, experiment
 from scenes.sensor.camera import Camera
 from scenes.sensor.seeds import stream
 

@@ -17,9 +17,10 @@ from omegaconf import OmegaConf
 from experiments.protocol import data
 from experiments.protocol.clock import Clock
 from experiments.protocol.data import at_seed
+from experiments.protocol.evaluate import train_until
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.protocol.model import Model
-from experiments.protocol.trial import instantiate, stop_rule, train_until
+from experiments.protocol.model import Model, models_of
+from experiments.protocol.trial import stop_rule
 from experiments.studies.robustness import disturbances as faults
 from scenes.frames import Scene
 
@@ -42,20 +43,19 @@ def robustness(
     ``level`` is that of the ``disturbance``, a fraction or pixels. Models are on the CPU.
     Arguments: configs/experiment/robustness.yaml.
     """
+    rules = {}
+    for name in models:
+        rules[name] = stop_rule(OmegaConf.create(dict(stops.get(name, stop))))
     for seed, sensor in run.scenes(scene, seeds):
         train, test = data.choose(sensor, split, seed)
-        for name, part in models.items():
-            model = instantiate(OmegaConf.create(at_seed(part["model"], seed)), "model")
-            train_until(
-                model,
-                stop_rule(OmegaConf.create(dict(stops.get(name, stop)))),
-                sensor,
-                train,
-            )
+        frames = data.take(sensor, train, Clock())
+        for name, model in models_of(at_seed(models, seed)).items():
+            train_until(model, rules[name], frames, sensor.labels[train])
             keep = (spared or {}).get(name, ())
-            for row in rows_of(
+            made = rows_of(
                 model, sensor, test, disturbances, bit_error_rates, keep, seed
-            ):
+            )
+            for row in made:
                 yield {"origin": sensor.origin, "model": name, "seed": seed, **row}
             run.note(f"seed {seed}, {name}")
 
@@ -72,42 +72,48 @@ def rows_of(
     """The rows of one trained model, which is left as it was; the first is undisturbed."""
     labels, frames = scene.labels[test], data.take(scene, test, Clock())[:]
     state = model.state_tensors() or {}
-    same = {"n_test": len(labels), "n_classes": len(scene.classes)}
-    same["model_bytes"] = sum(tensor.nbytes for tensor in state.values())
+    same = {
+        "n_test": len(labels),
+        "n_classes": len(scene.classes),
+        "model_bytes": sum(tensor.nbytes for tensor in state.values()),
+    }
 
     def row(disturbance: str, level: float, predicted: np.ndarray) -> Row:
         right = int((predicted == labels).sum())
-        return {
-            "disturbance": disturbance,
-            "level": float(level),
-            "right": right,
-            **same,
-        }
+        tested = {"disturbance": disturbance, "level": float(level), "right": right}
+        return {**tested, **same}
 
     yield row("none", 0, model.predict(frames))
     for place, (name, levels) in enumerate(disturbances.items()):
         for level in levels:
             random = np.random.default_rng([seed, place])
-            disturbed = torch.from_numpy(
-                faults.OF_FRAMES[name](frames.numpy(), level, random)
-            )
-            yield row(name, level, model.predict(disturbed))
+            disturbed = faults.OF_FRAMES[name](frames.numpy(), level, random)
+            yield row(name, level, model.predict(torch.from_numpy(disturbed)))
     damaged = [tensor for name, tensor in state.items() if name not in spared]
-    kinds: list[tuple[str, Any, list[float]]] = [("bit_flips", faults.flipped_bits, [])]
-    if any(tensor.is_floating_point() for tensor in damaged):
-        kinds.append(
-            ("bit_flips_int8", faults.flipped_bits_of_int8, [0.0])
-        )  # rounding alone
-    for name, flipped, first in kinds:
-        for rate in (*first, *bit_error_rates):
-            # The same rate flips the same bits whatever other rates there are.
-            with flipped(damaged, rate, (seed, round(1e9 * rate), 0)):
-                try:
-                    predicted = model.predict(frames)
-                except (
-                    RuntimeError,
-                    ValueError,
-                    IndexError,
-                ):  # too damaged to be asked
-                    predicted = np.full(len(frames), -1)
-            yield row(name, rate, predicted)
+    for rate in bit_error_rates:
+        predicted = _with_flips(model, frames, damaged, faults.flipped_bits, rate, seed)
+        yield row("bit_flips", rate, predicted)
+    if not any(tensor.is_floating_point() for tensor in damaged):
+        return
+    for rate in (0.0, *bit_error_rates):  # 0: rounding alone
+        predicted = _with_flips(
+            model, frames, damaged, faults.flipped_bits_of_int8, rate, seed
+        )
+        yield row("bit_flips_int8", rate, predicted)
+
+
+def _with_flips(
+    model: Model,
+    frames: torch.Tensor,
+    damaged: Sequence[torch.Tensor],
+    flipped: Any,
+    rate: float,
+    seed: int,
+) -> np.ndarray:
+    """Labels by the model with bits flipped; −1 where it is too damaged to be asked."""
+    # The same rate flips the same bits whatever other rates there are.
+    with flipped(damaged, rate, (seed, round(1e9 * rate), 0)):
+        try:
+            return model.predict(frames)
+        except (RuntimeError, ValueError, IndexError):
+            return np.full(len(frames), -1)

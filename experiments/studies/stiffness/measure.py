@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from baselines.dual import Descent
+from baselines.descent import Descent
 from experiments.protocol import data
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.studies.stiffness import softmax

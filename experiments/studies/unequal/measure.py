@@ -20,13 +20,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import torch
 
+from experiments.protocol.draws import draw_split, nested
+from experiments.protocol.evaluate import bank_of, evaluate
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.protocol.trial import instantiate
-from experiments.studies.recordings.measure import Subsets, draw_split, nested
-from hdc import HDCClassifier, bits
-from hdc.prototypes import Counters
+from experiments.protocol.model import models_of
 
 
 @experiment
@@ -50,42 +48,44 @@ def unequal(
     Raises:
         ValueError: naming the key that is wrong.
     """
-    built = {name: instantiate(part["model"], "model") for name, part in models.items()}
+    built = models_of(models)
     for seed, recording in run.scenes(scene, seeds):
-        subsets, n_classes = Subsets(recording), len(recording.classes)
+        bank = bank_of(recording)
         for draw in range(draws):
             pool, test = draw_split(recording, split, (seed, draw), most_test)
-            order, _ = nested(pool, recording.labels, [], (seed, draw))
+            order, _ = nested(pool, bank.labels, [], (seed, draw))
             room = min(map(len, order)) - max(extra)
             sizes = [n for n in n_per_class if n <= room]
-            larger = draw % n_classes
+            larger = draw % bank.n_classes
             for more in extra:
-                train = {n: _train(order, n, larger, more) for n in sizes}
+                training = [_training_set(order, n, larger, more) for n in sizes]
                 for name, model in built.items():
-                    answers = [_predict(subsets, model, train[n], test) for n in sizes]
+                    answers = [evaluate(model, bank, train, test) for train in training]
+                    right, to_larger = [], []
+                    for answer in answers:
+                        right.append(int((answer == bank.labels[test]).sum()))
+                        to_larger.append(int((answer == larger).sum()))
                     yield {
-                        "origin": recording.origin, "seed": seed, "draw": draw, "model": name,
-                        "n_classes": n_classes, "n_test": len(test), "extra": more, "n": sizes,
-                        "right": [subsets.right(answer, test) for answer in answers],
-                        "to_larger": [int((answer == larger).sum()) for answer in answers],
-                    }  # fmt: skip
+                        "origin": recording.origin,
+                        "seed": seed,
+                        "draw": draw,
+                        "model": name,
+                        "n_classes": bank.n_classes,
+                        "n_test": len(test),
+                        "extra": more,
+                        "n": sizes,
+                        "right": right,
+                        "to_larger": to_larger,
+                    }
         run.note(f"seed {seed}")
 
 
-def _train(order: Sequence[np.ndarray], n: int, larger: int, more: int) -> np.ndarray:
-    """The first n frames of each class, and so many more of one."""
-    return np.concatenate(
-        [of[: n + more * (c == larger)] for c, of in enumerate(order)]
-    )
-
-
-def _predict(
-    subsets: Subsets, model: Any, train: np.ndarray, test: np.ndarray
+def _training_set(
+    order: Sequence[np.ndarray], n: int, larger: int, more: int
 ) -> np.ndarray:
-    """Labels by a model of these frames; HDC with its own rule for unequal classes."""
-    if not isinstance(model, HDCClassifier) or not model.balance:
-        return subsets.predict(model, train, test)
-    counters = Counters(subsets.products.n_classes, subsets.dimension)
-    counters.add(subsets.words[train], torch.from_numpy(subsets.labels[train]))
-    prototypes = counters.prototypes(model.ties, model.seed, int(counters.n.min()))
-    return bits.hamming(subsets.words[test], prototypes).argmin(1).numpy()
+    """The first n frames of each class, and so many more of one."""
+    parts = []
+    for c, of_class in enumerate(order):
+        size = n + more if c == larger else n
+        parts.append(of_class[:size])
+    return np.concatenate(parts)

@@ -13,16 +13,19 @@ from operator import contains
 from typing import Any
 
 import numpy as np
-import torch
+from sklearn.decomposition import KernelPCA
+from sklearn.linear_model import RidgeCV
 from torch import Tensor
 
-from baselines.dual import Products
 from experiments.protocol.data import scene_at
+from experiments.protocol.draws import draw_split, nested
+from experiments.protocol.evaluate import bank_of
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.studies.recordings.measure import draw_split, nested
-from hdc import HDCClassifier, HDCRegressor, bits
-from hdc.encode import encode
-from hdc.readout import PENALTIES
+from hdc import HDCClassifier, HDCRegressor
+from hdc.bank import Bank
+
+PENALTIES = 10.0 ** np.arange(-4, 5)
+"""Penalties that ridge regression tries, in units of the mean square of a centred frame."""
 
 
 @experiment
@@ -56,24 +59,21 @@ def values(
         if at_least is not None:
             pool, test = (part[numbers[part] >= at_least] for part in (pool, test))
         order = np.random.default_rng((seed, row["draw"], 1)).permutation(pool)
-        train = order[: max(n for n in n_train if n <= len(order))]
-        images = recording.frames(np.concatenate([train, test])).cpu()
-        words, queries = encode(images), np.arange(len(train), len(images))
-        products = Products(images, np.zeros(len(images), np.int64), 1)
-        row |= {
-            "n_test": len(test),
-            "value": known.value_names[0],
-            "unit": known.units[0],
-        }
-        for n in (n for n in n_train if n <= len(train)):
-            y, truth = numbers[train[:n]], numbers[test]
-            for model, answer in answers(
-                images, words, products, y, queries, bins
-            ).items():
+        sizes = [n for n in n_train if n <= len(order)]
+        train = order[: max(sizes)]
+        bank = bank_of(recording, np.concatenate([train, test]))
+        queries = np.arange(len(train), len(bank))
+        truth = numbers[test]
+        row["n_test"] = len(test)
+        row["value"] = known.value_names[0]
+        row["unit"] = known.units[0]
+        for n in sizes:
+            y = numbers[train[:n]]
+            for model, answer in answers(bank, y, queries, bins).items():
                 error = float(np.abs(answer - truth).mean())
                 yield {**row, "n": n, "model": model, "error": error}
-            of = regressor(images, y, queries, truth, alphas)
-            yield {**row, "n": n, "model": "regressor", **of}
+            of_regressor = regressor(bank, y, queries, truth, alphas)
+            yield {**row, "n": n, "model": "regressor", **of_regressor}
 
 
 @experiment
@@ -128,60 +128,58 @@ def parts(
         for split, key in splits.items():
             for draw in range(draws):
                 pool, test = draw_split(recording, key, (seed, draw), most_test)
-                row = {
-                    "origin": recording.origin,
-                    "seed": seed,
-                    "split": split,
-                    "draw": draw,
-                }
+                row: Row = {"origin": recording.origin, "seed": seed}
+                row |= {"split": split, "draw": draw}
                 yield recording, row, pool, test
         run.note(f"seed {seed}")
 
 
 def answers(
-    images: Tensor,
-    words: Tensor,
-    products: Products,
-    y: np.ndarray,
-    queries: np.ndarray,
-    bins: int,
+    bank: Bank, y: np.ndarray, queries: np.ndarray, bins: int
 ) -> dict[str, np.ndarray]:
     """Numbers [Q] of the queries by each model of the first frames, whose values are y [n].
 
     Args:
-        images, words, products: all frames uint8 [N, H, W], their hypervectors and products.
+        bank: all frames.
         y: values of the training frames.
         queries: indices of the frames asked for.
         bins: prototypes, one a bin of the value; bins hold as many frames each.
     """
     train = np.arange(len(y))
-    edges = np.unique(np.quantile(y, np.linspace(0, 1, bins + 1)[1:-1]))
-    of = np.unique(np.searchsorted(edges, y, side="right"), return_inverse=True)[1]
-    centres = np.array([y[of == k].mean() for k in range(of.max() + 1)])
-    nearest = bits.hamming(words[queries], words[train]).argmin(1).numpy()
-    found = {
+    asked = bank.at(queries)
+    nearest = HDCRegressor(readout="neighbours").fit(bank.at(train), y)
+    return {
         "mean": np.full(len(queries), y.mean()),
-        "bins": centres[
-            HDCClassifier().fit(images[train], of).predict(images[queries])
-        ],
-        "nearest_neighbour": y[nearest],
+        "bins": binned(bank, y, queries, bins),
+        "nearest_neighbour": nearest.predict(asked),
+        "ridge_bits": ridge_values(*bank.kernel(train, queries, "bits"), y),
+        "ridge_greys": ridge_values(*bank.kernel(train, queries, "unit_centred"), y),
     }
-    for name, pixels in (("ridge_bits", "bits"), ("ridge_greys", "unit")):
-        found[name] = ridge_values(*products.centred(train, queries, pixels), y)
-    return found
+
+
+def binned(bank: Bank, y: np.ndarray, queries: np.ndarray, bins: int) -> np.ndarray:
+    """The mean value of the bin whose prototype is nearest."""
+    train = np.arange(len(y))
+    edges = np.unique(np.quantile(y, np.linspace(0, 1, bins + 1)[1:-1]))
+    places = np.searchsorted(edges, y, side="right")
+    filled, bin_of = np.unique(places, return_inverse=True)
+    centres = np.array([y[bin_of == k].mean() for k in range(len(filled))])
+    model = HDCClassifier().fit(bank.at(train), bin_of)
+    return centres[model.predict(bank.at(queries))]
 
 
 def regressor(
-    images: Tensor,
+    bank: Bank,
     y: np.ndarray,
     queries: np.ndarray,
     truth: np.ndarray,
     alphas: Sequence[float],
 ) -> Row:
     """Error, coverage and width of the library's regressor of the first frames [n]."""
-    model, covered, width = HDCRegressor().fit(images[: len(y)], y), [], []
+    model = HDCRegressor().fit(bank.at(np.arange(len(y))), y)
+    covered, width = [], []
     for alpha in alphas:
-        answer, low, high = model.predict(images[queries], True, alpha)
+        answer, low, high = model.predict(bank.at(queries), True, alpha)
         covered.append(float(((low <= truth) & (truth <= high)).mean()))
         width.append(float((high - low).mean()))
     error = float(np.abs(answer - truth).mean())
@@ -191,20 +189,17 @@ def regressor(
 def ridge_values(inside: Tensor, across: Tensor, y: np.ndarray) -> np.ndarray:
     """Ridge regression of numbers with the penalty of least leave-one-out error.
 
+    It is that of the frames themselves, whose weights lie in the span of the training frames.
+
     Args:
-        inside, across: centred products of training frames [N, N], of queries with them [Q, N].
+        inside, across: products of training frames [N, N], of queries with them [Q, N].
         y: numbers of the training frames [N].
     """
-    spectrum, vectors = torch.linalg.eigh(inside)
-    spectrum, centred = spectrum.clamp(min=0), torch.from_numpy(y - y.mean())
-    best, rotated = (np.inf, centred), vectors.T @ centred
-    for penalty in (float(spectrum.mean()) * p for p in PENALTIES):
-        kept = penalty / (spectrum + penalty)
-        left = (vectors**2 @ kept - 1 / len(y)).clamp(min=1e-9)
-        error = float(((vectors @ (kept * rotated) / left) ** 2).sum())
-        if error < best[0]:
-            best = error, vectors @ (rotated / (spectrum + penalty))
-    return (across @ best[1] + y.mean()).numpy()
+    span = KernelPCA(kernel="precomputed", remove_zero_eig=True)
+    coordinates = span.fit_transform(inside.numpy())
+    unit = float((coordinates**2).sum()) / len(y)
+    model = RidgeCV(alphas=unit * PENALTIES).fit(coordinates, y)
+    return model.predict(span.transform(across.numpy()))
 
 
 def _mean(numbers: Iterable[float]) -> float:

@@ -8,7 +8,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from baselines.dual import Descent
+from baselines.descent import Descent
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.records.results import Results
@@ -27,7 +27,7 @@ LEVELS = {"90": 0.9, "end": 0.992}
 def known(frames_and_labels):
     frames, labels = frames_and_labels(n=30, classes=3, side=12)
     frames = torch.from_numpy(frames)
-    return frames, labels, linear.Products(frames, 5, 2, 3)
+    return frames, labels, linear.StartProducts(frames, 5, 2, 3)
 
 
 def scaled(frames, pixels):

@@ -12,14 +12,14 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.protocol.experiment import Run
-from experiments.studies.correlation import measure, view
-from experiments.studies.correlation.sums import (
+from experiments.protocol.correlations import (
     CorrelationSums,
     mean_pair_correlations,
     pair_correlations_double_sum,
     standardise,
 )
+from experiments.protocol.experiment import Run
+from experiments.studies.correlation import measure, view
 from hdc import bits
 from hdc.encode import encode
 from scenes.frames import Frames

@@ -5,33 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-import torch
 
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.studies.crossing import measure, view
-from hdc import HDCClassifier, theory
-from hdc.encode import encode
+from hdc import theory
 from hdc.theory import Correlations
 
 MODELS = {
     name: configs.part("model", name) for name in ("hdc", "hdc_random_ties", "ridge")
 }
-
-
-@pytest.mark.parametrize(
-    "choice",
-    [{"balance": False}, {"ties": "random", "balance": False}, {"balance": True}],
-)
-def test_counters_that_grow_are_models_trained_anew(choice):
-    images = np.random.default_rng(0).integers(0, 256, (40, 16, 16), np.uint8)
-    labels, order, test = np.arange(40) % 4, np.arange(20), np.arange(20, 40)
-    words, model = encode(torch.from_numpy(images)), HDCClassifier(**choice, seed=3)
-    right = measure.hdc_right(words, labels, order, test, range(5, 13), model, 256)
-    for n, count in zip(range(5, 13), right, strict=True):
-        anew = HDCClassifier(**choice, seed=3).fit(images[:n], labels[:n])
-        assert count == (anew.predict(images[test]) == labels[test]).sum()
-    assert len(set(right)) > 1
 
 
 def test_experiments(small_scene):

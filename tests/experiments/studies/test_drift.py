@@ -10,11 +10,11 @@ import torch
 from baselines.correlation import CorrelationClassifier
 from baselines.ridge import RidgeReadout
 from baselines.softmax_dual import DualSoftmaxRegression
+from experiments.protocol.evaluate import bank_of
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.studies.drift import view
 from experiments.studies.drift.measure import choose, drift, subsets, updates
-from experiments.studies.recordings.measure import Subsets
 from hdc import HDCClassifier
 from scenes.frames import Frames
 
@@ -59,7 +59,7 @@ def scores(scene, model, n_new=30):
     """{(method, p): (right of the new, right of the old)}."""
     choice = choose(scene, SPLIT, 30, "time", seed=0)
     rows = updates(
-        Subsets(scene), choice, model, [n_new], (0, 0.5, 1), "time", 1, seed=0
+        bank_of(scene), choice, model, [n_new], (0, 0.5, 1), "time", 1, seed=0
     )
     return {
         (row["method"], row["p"]): (row["right_new"], row["right_old"]) for row in rows

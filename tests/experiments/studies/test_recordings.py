@@ -5,14 +5,12 @@ import pytest
 import torch
 from rich.console import Console
 
+from experiments.protocol.draws import draw_split, nested
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.records.results import Results
 from experiments.studies.recordings import view
 from experiments.studies.recordings.measure import (
-    Subsets,
-    draw_split,
-    nested,
     recording_distances,
     recording_theory,
     recordings,
@@ -40,20 +38,6 @@ def test_training_sets_grow_and_hold_no_test_frame(scene):
     again = draw_split(scene, RANDOM, (0, 0), most_test=20)
     assert all(map(np.array_equal, (pool, test), again))
     assert not np.array_equal(test, draw_split(scene, RANDOM, (0, 1), most_test=20)[1])
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_models_on_subsets_are_those_trained_on_the_frames(scene, model):
-    """What is computed from products of all frames is what the model itself predicts."""
-    from experiments.studies.recordings.measure import _build
-
-    pool, test = draw_split(scene, RANDOM, (0, 0), most_test=400)
-    train = np.sort(pool)[:21]
-    alone = _build(MODELS[model], 0)
-    for _ in alone.train(scene.frames(train), scene.labels[train]):
-        pass
-    predicted = Subsets(scene).predict(_build(MODELS[model], 0), train, test)
-    assert np.array_equal(predicted, np.asarray(alone.predict(scene.frames(test))))
 
 
 def test_rows_of_a_small_recording(scene, recording):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.studies.correlation.sums import mean_pair_correlations
+from experiments.protocol.correlations import mean_pair_correlations
 from experiments.studies.numerics.measure import exact_mean
 from experiments.studies.stability.case import case
 

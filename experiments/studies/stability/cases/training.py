@@ -11,13 +11,13 @@ import torch
 from torch import Tensor
 
 from baselines.correlation import CorrelationClassifier
-from baselines.integer import integer_product
 from baselines.nearest_neighbour import NearestNeighbour
 from baselines.ridge import RidgeReadout
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.studies.stability.case import case, relative
 from hdc import HDCClassifier
+from hdc.products import integer_product
 
 MODELS: tuple[Any, ...] = (
     HDCClassifier, SoftmaxRegression, DualSoftmaxRegression, RidgeReadout, CorrelationClassifier,

@@ -1,27 +1,23 @@
-"""Products of frames are exact, and every model computed from them is the model of the frames."""
+"""What is computed in the space of samples is what is defined on the pixels."""
 
 from __future__ import annotations
 
-import doctest
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from sklearn.neighbors import NearestCentroid
 
-from baselines import dual, integer
 from baselines.correlation import CorrelationClassifier
-from baselines.dual import KERNELS, Descent, Products
-from baselines.integer import integer_product
+from baselines.descent import Descent
 from baselines.mean_image import MeanImage
 from baselines.nearest_neighbour import NearestNeighbour
 from baselines.pixels import fit_scaling
 from baselines.ridge import RidgeReadout
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
+from hdc.bank import KERNELS, Bank
 
 TRAIN, QUERIES = np.arange(40), np.arange(40, 60)
 
@@ -38,54 +34,12 @@ def wide(frames):
     return (frames.to(torch.int32) * 257 + 3).clamp(max=65535).to(torch.uint16)
 
 
-@pytest.mark.parametrize("native", [True, False])
-@pytest.mark.parametrize("k", [1, 1023, 1025, 140_000])
-def test_product_is_exact_at_its_extremes(native, k, monkeypatch):
-    if not native:
-        monkeypatch.setattr(integer, "native_is_exact", lambda: False)
-    a = torch.full((3, k), -128, dtype=torch.int8)
-    a[1] = 127
-    expected = a.numpy().astype(np.int64) @ a.numpy().astype(np.int64).T
-    assert (integer_product(a, a.T).numpy() == expected).all()
-
-
-def test_strides_of_single_rows_and_columns_do_not_matter():
-    """torch._int_mm alone is silently wrong here."""
-    row = torch.arange(-3, 4, dtype=torch.int8)
-    for a in (row[None], row[None].as_strided((1, 7), (0, 1))):
-        assert integer_product(a, a.T).item() == 28
-        assert (integer_product(a.T, a).numpy() == np.outer(row, row)).all()
-
-
-@settings(max_examples=40, deadline=None)
-@given(
-    st.integers(1, 5),
-    st.integers(1, 5),
-    st.integers(2, 90),
-    st.booleans(),
-    st.integers(0, 2**32),
-)
-def test_products_and_moments_are_those_of_python_integers(n, m, d, sixteen, seed):
-    top, dtype = (65536, torch.int32) if sixteen else (256, torch.uint8)
-    x = np.random.default_rng(seed).choice(
-        [0, 1, top // 2, top - 2, top - 1], (n + m, d)
-    )
-    images = torch.from_numpy(x).to(dtype)
-    y = x.astype(object) - dual.constant_of(images)
-    assert (
-        dual.cross_products(images[:n], images[n:]).numpy() == y[:n] @ y[n:].T
-    ).all()
-    first, second = dual.moments(images)
-    assert (first.numpy() == y.sum(1)).all()
-    assert (second.numpy() == (y * y).sum(1)).all()
-
-
 def test_nearly_equal_frames_keep_ten_digits():
     extra = np.random.default_rng(0).integers(0, 2, (6, 40_000))
     centred = 6 * extra - extra.sum(0)
     exact = centred @ centred.T / (36 * 255.0**2)
     frames = torch.from_numpy((200 + extra).astype(np.uint8))
-    gram, _ = Products(frames, np.arange(6), 6).centred(np.arange(6), np.arange(0))
+    gram, _ = Bank(frames, np.arange(6), 6).centred(np.arange(6), np.arange(0))
     np.testing.assert_allclose(gram, exact, atol=1e-10 * np.abs(exact).max())
 
 
@@ -95,12 +49,12 @@ def test_kernels_are_those_of_scaled_pixels(pixels, sixteen, speckle):
     frames, labels = speckle(60, (20, 15), 5)
     frames = wide(frames) if sixteen else frames
     x = scaled(pixels, frames, labels)
-    products = Products(frames, labels, 5, n_train=40)
-    inside, across = products.kernel(TRAIN, QUERIES, pixels)
+    bank = Bank(frames, labels, 5)
+    inside, across = bank.kernel(TRAIN, QUERIES, pixels)
     tolerance = {"rtol": 0, "atol": 1e-6 * float((x @ x.T).abs().max())}
     np.testing.assert_allclose(inside, x[:40] @ x[:40].T, **tolerance)
     np.testing.assert_allclose(across, x[40:] @ x[:40].T, **tolerance)
-    centred = products.centred(TRAIN, QUERIES, pixels)[1]
+    centred = bank.centred(TRAIN, QUERIES, pixels)[1]
     x = x - x[:40].mean(0)
     np.testing.assert_allclose(centred, x[40:] @ x[:40].T, **tolerance)
 
@@ -119,19 +73,12 @@ MODELS = [
 
 
 @pytest.mark.parametrize("model", MODELS, ids=str)
-def test_scores_from_products_are_those_of_the_trained_model(model, speckle):
+def test_predictions_from_a_bank_are_those_of_the_trained_model(model, speckle):
     frames, labels = speckle(60, (20, 15), 5)
-    from_products = Products(frames, labels, 5, n_train=40).scores(
-        model, TRAIN, QUERIES
-    )
+    predicted = model.predict_from(Bank(frames, labels, 5), TRAIN, QUERIES)
     assert not hasattr(model, "classes_"), "the model is left as it was"
-    scores = replace(model).fit(frames[:40], labels[:40])
-    scores = scores.scores(torch.as_tensor(frames[40:])).double()
-    if isinstance(model, CorrelationClassifier):  # but for a factor a frame
-        scores, from_products = (
-            x / x.norm(dim=1, keepdim=True) for x in (scores, from_products)
-        )
-    torch.testing.assert_close(scores, from_products, rtol=1e-4, atol=1e-5)
+    trained = replace(model).fit(frames[:40], labels[:40])
+    assert (predicted == trained.predict(frames[40:])).all()
 
 
 @pytest.mark.parametrize(
@@ -140,8 +87,8 @@ def test_scores_from_products_are_those_of_the_trained_model(model, speckle):
 def test_a_class_without_training_frames_is_never_predicted(model, speckle):
     frames, labels = speckle(60, (20, 15), 5)
     train = np.flatnonzero(labels[:40] != 2)
-    scores = Products(frames, labels, 5).scores(model, train, QUERIES)
-    assert set(scores.argmax(1).tolist()) <= {0, 1, 3, 4}
+    predicted = model.predict_from(Bank(frames, labels, 5), train, QUERIES)
+    assert set(predicted.tolist()) <= {0, 1, 3, 4}
 
 
 @pytest.mark.parametrize("pixels", ["bits", "raw", "standardised"])
@@ -211,11 +158,14 @@ def test_an_update_from_old_weights_is_the_optimum_near_them(kind, pixels, speck
     old = kind(pixels=pixels).fit(frames[:40], labels[:40])
     # The old weights on scaled pixels, from the coefficients.
     w = old.coefficients_.T @ x[:40]
-    products = Products(frames, labels, 3)
-    b = (products.scores(model, TRAIN, queries) - x[queries] @ w.T).mean(0)
+    asked = torch.as_tensor(frames[40:])
+    b = (old.scores(asked).double() - x[40:] @ w.T).mean(0)
     w, b = from_old_by_descent(model, x[new], torch.from_numpy(labels[new]), w, b)
-    scores = model.scores_from_old(products, TRAIN, new, queries)
-    torch.testing.assert_close(scores, x[queries] @ w.T + b, rtol=1e-4, atol=1e-4)
+    bank, expected = Bank(frames, labels, 3), x[queries] @ w.T + b
+    scores = model.scores_from_old(bank, TRAIN, new, queries)
+    torch.testing.assert_close(scores, expected, rtol=1e-4, atol=1e-4)
+    predicted = model.predict_from_old(bank, TRAIN, new, queries)
+    assert (predicted == expected.argmax(1).numpy()).all()
 
 
 @pytest.mark.parametrize("batch", [None, 7])
@@ -231,7 +181,7 @@ def test_descent_takes_the_steps_of_sgd(batch, pixels, speckle):
     }
     model = SoftmaxRegression(**given, batch_size=batch, max_epochs=3)
     model.fit(frames[:40], labels[:40])
-    inside, across = Products(frames, labels, 5).kernel(TRAIN, QUERIES, pixels)
+    inside, across = Bank(frames, labels, 5).kernel(TRAIN, QUERIES, pixels)
     targets = torch.from_numpy(labels[:40])
     descent = Descent(
         torch.cat([inside, across]), targets, 5, 0.02, batch=batch, seed=3
@@ -250,7 +200,7 @@ def test_descent_from_several_starts_with_decay_is_that_of_torch(speckle):
     frames, labels = speckle(60, (6, 5), 3)
     x, targets = scaled("unit", frames, labels), torch.from_numpy(labels[:40])
     w = 0.1 * torch.randn(2, 3, 30, dtype=torch.float64)
-    kernel = torch.cat(Products(frames, labels, 3).kernel(TRAIN, QUERIES))
+    kernel = torch.cat(Bank(frames, labels, 3).kernel(TRAIN, QUERIES))
     starts = torch.stack([x @ start.T for start in w], dim=2)
     descent = Descent(kernel, targets, 3, 0.1, logits=starts, decay=0.3)
     for _ in range(20):
@@ -277,7 +227,3 @@ def test_descent_from_several_starts_with_decay_is_that_of_torch(speckle):
     kept = descent.logits[:, :, 1:].clone()
     descent.drop(torch.tensor([1]))
     assert torch.equal(descent.logits, kept)
-
-
-def test_the_example_in_the_docstring():
-    assert doctest.testmod(dual).failed == 0

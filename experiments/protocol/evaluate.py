@@ -1,0 +1,70 @@
+"""What a model says after it was trained on a subset of frames: every study asks the model."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+import torch
+
+from experiments.protocol.clock import Clock
+from experiments.protocol.model import Model
+from experiments.protocol.stop import StopRule
+from experiments.protocol.trial import reports
+from hdc.accuracy import accuracy
+from hdc.bank import Bank
+from hdc.inputs import FrameSource
+from scenes.frames import Scene
+
+_BATCH = 64  # frames of a scene made at a time
+
+
+def bank_of(scene: Scene, chosen: np.ndarray | None = None) -> Bank:
+    """All frames of a scene, or the chosen ones, read once."""
+    if chosen is None:
+        chosen = np.arange(len(scene.labels))
+    starts = np.arange(_BATCH, len(chosen), _BATCH)
+    parts = np.split(chosen, starts)
+    frames = torch.cat([scene.frames(part).cpu() for part in parts])
+    return Bank(frames, scene.labels[chosen], len(scene.classes))
+
+
+def evaluate(
+    model: Model,
+    bank: Bank,
+    train: np.ndarray,
+    queries: np.ndarray,
+    stop: StopRule | None = None,
+) -> np.ndarray:
+    """Labels int64 [Q] of queries by a model like this one, trained on other frames of the bank.
+
+    A model may offer a faster way than to be trained on the frames themselves: a method
+    ``predict_from(bank, train, queries)``, which returns the labels that the training would give.
+
+    Args:
+        model: any; it is left as it was.
+        bank: the frames.
+        train, queries: indices of frames; one that occurs k times among `train` counts k times.
+        stop: ends the training of a model that learns by steps.
+    """
+    predict_from = getattr(model, "predict_from", None)
+    if predict_from is not None:
+        return predict_from(bank, train, queries)
+    trained = copy.deepcopy(model)
+    train_until(trained, stop or StopRule(), bank.at(train), bank.labels[train])
+    return np.asarray(trained.predict(bank.at(queries)))
+
+
+def train_until(
+    model: Model, stop: StopRule, frames: FrameSource, labels: np.ndarray
+) -> None:
+    """Train a model until the rule ends it; test samples have no say."""
+    clock = Clock()
+    for row in reports(model, type(model).__name__, frames, labels, clock):
+        loss: Any = row.get("loss")
+        share = 0.0
+        if loss is not None and stop.reached_after_s is not None:
+            share = accuracy(model.predict(frames), labels)
+        if stop.check(row["training_s"], row.get("steps", 0), loss, share):
+            return

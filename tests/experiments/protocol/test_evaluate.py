@@ -1,0 +1,116 @@
+"""Every study asks the model that it is given, whatever kind it is."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from baselines.softmax import SoftmaxRegression
+from experiments.protocol.evaluate import bank_of, evaluate
+from experiments.protocol.experiment import Run
+from experiments.protocol.stop import StopRule
+from experiments.studies.crossing.measure import crossing
+from experiments.studies.drift.measure import drift
+from experiments.studies.recordings.measure import recordings
+from experiments.studies.unequal.measure import unequal
+from scenes.frames import Frames
+
+RANDOM = {"kind": "random", "test_fraction": 0.3, "group": None, "n_train": None}
+HDC = {"_target_": "hdc.HDCClassifier"}
+KINDS = {
+    "ridge": HDC | {"readout": "ridge"},
+    "neighbours": HDC | {"readout": "neighbours", "n_neighbours": 3},
+    "integer": HDC | {"prototype": "integer"},
+    "own": {"_target_": f"{__name__}.LastLabel"},
+}
+
+
+class LastLabel:
+    """A model that no study knows: it answers the label of the last frame that it was given."""
+
+    def train(self, frames, labels):
+        self.label = labels[-1]
+        yield {"samples_seen": len(frames)}
+
+    def predict(self, frames):
+        return np.full(len(frames), self.label)
+
+
+@pytest.fixture
+def scene(monkeypatch):
+    """Two sessions of 3 × 20 hard frames, which a study gets whatever its config."""
+    rng = np.random.default_rng(7)
+    labels, session = np.tile(np.arange(60) % 3, 2), np.repeat([0, 1], 60)
+    base = rng.integers(0, 60, (3, 12, 12))
+    frames = (
+        base[labels] + rng.integers(0, 196, (120, 12, 12)) + 3 * session[:, None, None]
+    )
+    samples = {"session": session, "order": np.tile(np.arange(60), 2)}
+    images = torch.from_numpy(frames.clip(0, 255).astype(np.uint8))
+    scene = Frames(images, labels, ("A", "B", "C"), samples, origin="simulated")
+    monkeypatch.setattr(Run, "scene", lambda *_: scene)
+    return scene
+
+
+def plain(model, scene, train, test):
+    """Right answers of a new model trained on the frames themselves."""
+    for _ in model.train(scene.frames(train), scene.labels[train]):
+        pass
+    return int((model.predict(scene.frames(test)) == scene.labels[test]).sum())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_study_says_of_a_model_what_the_model_says_itself(kind, scene, monkeypatch):
+    """Every row's count is that of the model trained alone on the frames of that row."""
+    from experiments.protocol import evaluate as protocol
+
+    expected = []
+
+    def watched(model, bank, train, test, stop=None):
+        alone = type(model)(**getattr(model, "get_params", dict)())
+        expected.append(plain(alone, scene, train, test))
+        return protocol.evaluate(model, bank, train, test, stop)
+
+    models = {"model": {"model": KINDS[kind]}}
+    studies = {
+        "recordings": (
+            recordings,
+            {"splits": {"random": RANDOM}, "n_per_class": [1, 4]},
+        ),
+        "unequal": (unequal, {"split": RANDOM, "seeds": [0], "n_per_class": [2, 4]}),
+        "crossing": (crossing, {"seeds": [0], "n_train": [5, 9], "n_test": 30}),
+    }
+    for name, (study, arguments) in studies.items():
+        monkeypatch.setattr(f"experiments.studies.{name}.measure.evaluate", watched)
+        expected.clear()
+        run = Run(force=True)
+        rows = pd.DataFrame(
+            study.rows(run, scene={}, models=models, draws=2, **arguments)
+        )
+        assert rows.right.explode().tolist() == expected, name
+        assert len(set(expected)) > 1 or kind == "own"
+
+
+def test_updates_that_a_read_out_refuses_have_no_row(scene):
+    models = {name: {"model": part} for name, part in KINDS.items()}
+    arguments = {"old_split": RANDOM, "seeds": [0], "n_test": 30, "n_new": [6]}
+    made = drift.rows(
+        Run(), scene={}, models=models, p=[0.5], order=["time"], **arguments
+    )
+    rows = pd.DataFrame(made)
+    methods = {name: set(part.method) for name, part in rows.groupby("model")}
+    always = {"stored", "new", "pooled", "balanced"}
+    assert methods["integer"] == methods["own"] == always
+    assert methods["ridge"] == methods["neighbours"] == always | {"replace"}
+
+
+def test_a_model_that_learns_by_steps_is_ended_by_the_rule(scene):
+    bank, train = bank_of(scene), np.arange(40)
+    model = SoftmaxRegression(lr=1e-2, max_epochs=10_000)
+    stop = StopRule(loss=0.0, least_steps=5, most_steps=30)
+    predicted = evaluate(model, bank, train, np.arange(40, 60), stop)
+    assert not hasattr(model, "network_")
+    alone = SoftmaxRegression(lr=1e-2, max_epochs=15).fit(
+        scene.images[train], scene.labels[train]
+    )
+    assert (predicted == alone.predict(scene.images[40:60])).all()
