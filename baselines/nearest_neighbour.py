@@ -13,7 +13,7 @@ from torch.nn import functional as F
 from baselines.base import Classifier, FrameSource
 from hdc import bits, products
 from hdc.bank import Bank, deviations, standardised
-from hdc.encode import encode
+from hdc.encoders import Median
 from hdc.inputs import check_option
 from hdc.products import Moments
 
@@ -54,7 +54,7 @@ class NearestNeighbour(Classifier):
         kept = None
         for first in range(0, len(frames), REPORT):
             batch = self.read(frames, slice(first, first + REPORT)).flatten(1)
-            batch = encode(batch) if self.pixels == "bits" else batch
+            batch = Median().encode(batch) if self.pixels == "bits" else batch
             if kept is None:
                 kept = batch.new_empty(len(frames), batch.shape[1])
             last = first + len(batch)
@@ -73,7 +73,7 @@ class NearestNeighbour(Classifier):
     def scores(self, batch: Tensor) -> Tensor:
         """Votes of the nearest training frames, int64 [n, L]; see :meth:`_votes`."""
         if self.pixels == "bits":
-            distances = bits.hamming(encode(batch), self.frames_)
+            distances = bits.hamming(Median().encode(batch), self.frames_)
         else:
             images = batch.flatten(1)
             greys = products.cross_products(images, self.frames_)

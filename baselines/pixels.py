@@ -29,7 +29,7 @@ from torch import Tensor
 from baselines.base import FRAME_TYPES, Classifier, FrameSource
 from hdc import bits
 from hdc.bank import KERNELS
-from hdc.encode import encode
+from hdc.encoders import Median
 from hdc.inputs import check_option
 
 SCALINGS = (*KERNELS, "standard")
@@ -70,7 +70,7 @@ def standardise(batch: Tensor) -> Tensor:
 
 def signs(batch: Tensor) -> Tensor:
     """Hypervectors of frames [n, H, W] as ±1, int8 of the same shape."""
-    mask = bits.unpack(encode(batch), batch[0].numel()) if len(batch) else batch.bool()
+    mask = bits.unpack(Median().encode(batch), batch[0].numel()) if len(batch) else batch.bool()
     return (2 * mask.to(torch.int8) - 1).view(batch.shape)
 
 

@@ -89,7 +89,7 @@ def _of_batch(
         return [{"values": dict(zip(names, row, strict=True))} for row in rows]
     labels = model.predict(batch, reject=reject or False).tolist()
     answers: list[dict[str, Any]] = [{"label": label} for label in labels]
-    if model.readout != "prototype":
+    if not isinstance(model.readout_, Majority):
         return answers
     classes = [str(c) for c in model.classes_]
     shares = (model.distances(batch) / model.dimension_).tolist()

@@ -19,11 +19,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hdc import HDCClassifier, HDCRegressor, bits
-from hdc.classifier import READOUTS
-from hdc.encode import encode
+from hdc.encoders import Median
 from hdc.inputs import tensor
 from hdc.live.sources import Pressable, Source, Touch
 
+READOUTS = ("majority", "ridge", "neighbours")
+"""Read-outs that can be recalibrated, which the page offers."""
 RECENT = 20
 """Tests behind the accuracy that is shown."""
 ALPHA = 0.1
@@ -114,7 +115,7 @@ class Session:
         Last are the seconds that the answer took, from frame to label and values.
         """
         frame = self.source.frame()
-        words = encode(tensor(frame[None]))
+        words = Median().encode(tensor(frame[None]))
         hypervector = bits.unpack(words, frame.size)[0].numpy()
         begin = time.perf_counter()
         answer = self.ask(frame)

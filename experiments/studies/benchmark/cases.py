@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc.encode import encode
+from hdc.encoders import Median
 
 RATE_HZ = 30  # of videos
 HELD_OUT = 16  # frames that trained models predict
@@ -54,12 +54,12 @@ class Case:
     @cached_property
     def words(self) -> Tensor:
         """Packed hypervectors int64 [N, W] of the frames."""
-        return encode(self.pixels)
+        return Median().encode(self.pixels)
 
     @cached_property
     def prototypes(self) -> Tensor:
         """Packed hypervectors int64 [L, W] of the examples."""
-        return encode(self.examples)
+        return Median().encode(self.examples)
 
     @cached_property
     def folder(self) -> Path:

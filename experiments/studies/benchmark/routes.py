@@ -22,7 +22,7 @@ from torch import Tensor
 from experiments.studies.benchmark import names
 from experiments.studies.benchmark.cases import HELD_OUT, Case, pack_bits, unpack_bits
 from hdc import HDCClassifier, bits
-from hdc.encode import encode
+from hdc.encoders import Median
 from hdc.prototypes import Counters
 from hdc.readers import open_recording
 from hdc.readers.batches import Batches
@@ -39,7 +39,7 @@ class Route(NamedTuple):
 def encode_routes(case: Case) -> Iterator[Route]:
     """Frames to hypervectors."""
     frames = case.pixels
-    yield from ours(lambda backend: partial(encode, frames, backend=backend))
+    yield from ours(lambda backend: partial(Median().encode, frames, backend=backend))
     yield Route("torch.median, compare", "torch", lambda: torch_bits(frames))
     yield Route(
         "cv2.calcHist, compare, packbits", "cv2", lambda: opencv_words(frames.numpy())

@@ -20,7 +20,7 @@ from experiments.protocol import data
 from experiments.protocol.correlations import CorrelationSums
 from experiments.protocol.experiment import Row, Run, experiment
 from hdc import bits
-from hdc.encode import encode
+from hdc.encoders import Median
 from hdc.prototypes import Counters
 from scenes.frames import Scene
 
@@ -74,7 +74,7 @@ def correlation_images(
     members = members_of(sensor, split, seed)
     _, prototypes = add_up(sensor, members, (), ())
     frames = sensor.frames(members["training"][:, 0]).cpu()
-    ones = bits.unpack(encode(frames), math.prod(sensor.shape))
+    ones = bits.unpack(Median().encode(frames), math.prod(sensor.shape))
     white = [255 * bit.byte() for bit in (ones, prototypes)]
     pictures = dict(zip(KINDS, [frames, *white], strict=True))
     for k, name in enumerate(sensor.classes):
@@ -164,7 +164,7 @@ def add_up(
             continue
         for sample_of_each in indices.T:
             frames = scene.frames(sample_of_each).cpu()
-            words = encode(frames)
+            words = Median().encode(frames)
             if part == "training":
                 counters.add(words, torch.arange(n_classes))
             for correlated, by_part in sums.items():

@@ -22,6 +22,7 @@ from baselines.nearest_neighbour import NearestNeighbour
 from experiments.protocol.draws import draw_split, nested
 from experiments.protocol.experiment import Row, Run, experiment
 from hdc import HDCClassifier
+from hdc.encoders import Median
 
 Frames = np.ndarray  # uint8 or uint16 [N, H, W]
 
@@ -50,8 +51,8 @@ def library(
             recording.frames(part).cpu().numpy() for part in (train, test)
         )
         labels = recording.labels[train]
-        for readout in ("prototype", "ridge", "neighbours"):
-            model = HDCClassifier(readout=readout, balance=False)
+        for readout in ("majority", "ridge", "neighbours"):
+            model = HDCClassifier(encoder=Median(ties="raster"), readout=readout)
             answers, times = _timed(model, frames, labels, queries, repeats)
             for name, peer in _peers(readout, model).items():
                 others, of_peer = _timed(peer, frames, labels, queries, repeats)
@@ -67,7 +68,7 @@ def library(
 
 def _peers(readout: str, model: HDCClassifier) -> dict[str, Any]:
     """Other implementations of a read-out; of ridge regression with the library's penalty."""
-    if readout == "prototype":
+    if readout == "majority":
         return {"NumPy": _NumPyMajority()}
     if readout == "neighbours":
         nearest = KNeighborsClassifier(1, metric="hamming", algorithm="brute")
@@ -75,7 +76,7 @@ def _peers(readout: str, model: HDCClassifier) -> dict[str, Any]:
             "harness": _Trained(NearestNeighbour()),
             "scikit-learn": _OnBits(nearest, bool),
         }
-    alpha = model.ridge_.penalty
+    alpha = model.readout_.linear_.penalty
     return {
         "harness": _Trained(BitReadout(alpha=alpha)),
         "scikit-learn": _OnBits(RidgeClassifier(alpha, solver="cholesky"), np.float32),
