@@ -70,7 +70,11 @@ def standardise(batch: Tensor) -> Tensor:
 
 def signs(batch: Tensor) -> Tensor:
     """Hypervectors of frames [n, H, W] as ±1, int8 of the same shape."""
-    mask = bits.unpack(Median().encode(batch), batch[0].numel()) if len(batch) else batch.bool()
+    mask = (
+        bits.unpack(Median().encode(batch), batch[0].numel())
+        if len(batch)
+        else batch.bool()
+    )
     return (2 * mask.to(torch.int8) - 1).view(batch.shape)
 
 

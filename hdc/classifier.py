@@ -285,14 +285,14 @@ class HDCClassifier(Estimator):
         counting = self._majority is self.readout_
         changed.backend = self._backend(frames)
         changed.adapt(words, rows, p, seed, method)  # type: ignore[attr-defined]
-        majority = changed if counting else copy.copy(self._majority)
+        majority: Any = changed if counting else copy.copy(self._majority)
         if not counting:
-            majority.adapt(words, rows, p, seed, method)  # type: ignore[union-attr]
+            majority.adapt(words, rows, p, seed, method)
         sample = Sample()
         sample.add(words, labels)
         for label in set(labels):
             self._sample.put(label, sample.of(label), sample.seen[label])
-        self.readout_, self._majority = changed, majority  # type: ignore[assignment]
+        self.readout_, self._majority = changed, majority
         self._recalibrated, self._peers = True, None
         return self
 

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from math import prod
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch
@@ -29,6 +29,9 @@ class Estimator(Parametrised, ABC):
     """Parameters by name, tags, chunks of frames, and how an untrained model is refused."""
 
     _estimator_type: str
+    _known: ClassVar[
+        Mapping[str, Mapping[str, type]]
+    ]  # our own parts, by parameter and name
     encoder: Any
     readout: Any
     device: str
@@ -158,7 +161,7 @@ class Estimator(Parametrised, ABC):
             getattr(self, "metadata_", {}) if metadata is None else metadata
         )
         # Not the backend: the best one depends on the machine, and the model does not.
-        parameters = {"device": str(self.device)}
+        parameters: dict[str, Any] = {"device": str(self.device)}
         for name, make in self.parts.items():
             parameters[name] = describe(make(getattr(self, name)), self._known[name])
         header, tensors = self._stored()

@@ -85,9 +85,16 @@ class Counters:
         kept = torch.from_numpy(np.empty((len(chosen), width), np.int64))
         places = torch.full((len(frames),), -1)
         places[list(chosen)] = torch.arange(len(chosen))
-        arrays = [x.numpy() for x in (self.planes, order, n.cumsum(0), places, kept)]
-        images = frames.reshape(len(frames), -1).numpy()
-        equal, split = compiled.count_uint8(images, *arrays, n_ones, ties)
+        equal, split = compiled.count_uint8(
+            frames.reshape(len(frames), -1).numpy(),
+            self.planes.numpy(),
+            order.numpy(),
+            n.cumsum(0).numpy(),
+            places.numpy(),
+            kept.numpy(),
+            n_ones,
+            ties,
+        )
         self.n = self.n + n
         return kept, equal, split
 

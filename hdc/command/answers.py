@@ -89,6 +89,9 @@ def _of_batch(
         return [{"values": dict(zip(names, row, strict=True))} for row in rows]
     labels = model.predict(batch, reject=reject or False).tolist()
     answers: list[dict[str, Any]] = [{"label": label} for label in labels]
+    # Imported late: torch takes seconds, and is there by now.
+    from hdc.readouts import Majority
+
     if not isinstance(model.readout_, Majority):
         return answers
     classes = [str(c) for c in model.classes_]

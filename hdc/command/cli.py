@@ -123,9 +123,16 @@ def cli() -> None:
     help="Hold out this share: the last sessions if known, else at random.",
 )
 @click.option(
+    "--encoder",
+    default="median",
+    metavar="NAME",
+    help="How frames become bits: median, quantile, levels, reference, or a module.Class.",
+)
+@click.option(
     "--readout",
-    type=click.Choice(["prototype", "ridge", "neighbours"]),
-    help="How bits are read. [default: prototype; for numbers ridge]",
+    metavar="NAME",
+    help="How bits are read: majority, counts, ridge, neighbours, lda, trained, or "
+    "a module.Class; for numbers ridge or neighbours. [default: majority; for numbers ridge]",
 )
 def train(
     recording: Path,
@@ -133,6 +140,7 @@ def train(
     crop: tuple[int, ...] | None,
     subsample: int,
     test_fraction: float | None,
+    encoder: str,
     readout: str | None,
     **source: Any,
 ) -> None:
@@ -144,7 +152,7 @@ def train(
     batches = Batches(frames, training)
     metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
     if frames.values is not None:
-        model: Any = hdc.HDCRegressor(readout=readout or "ridge")
+        model: Any = hdc.HDCRegressor(encoder, readout or "ridge")
         model.fit(batches, frames.values[training])
         metadata["values"] = list(frames.value_names)
         if any(frames.value_units):
@@ -152,7 +160,7 @@ def train(
         named = work.with_units(frames.value_names, frames.value_units)
         learnt = f"values of {', '.join(named)}"
     else:
-        model = hdc.HDCClassifier(readout=readout or "prototype")
+        model = hdc.HDCClassifier(encoder, readout or "majority")
         model.fit(batches, np.array(frames.names)[training])
         learnt = f"{len(frames.classes)} classes"
     metadata["trained"] = datetime.now(UTC).isoformat(timespec="seconds")
@@ -372,7 +380,8 @@ def info(model: Path) -> None:
     found, _ = work.load(model)
     rows: dict[str, Any] = {
         "kind": type(found).__name__,
-        "readout": found.readout,
+        "encoder": repr(found.encoder_),
+        "readout": repr(found.readout_),
         "frames": work.size(found.frame_shape_),
         **found.metadata_,
     }

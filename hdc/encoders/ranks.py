@@ -338,8 +338,9 @@ def _by_counting(pixels: Tensor, ones: Sequence[int]) -> list[_Level]:
     levels = []
     for of_level in found:
         above, equal, missing, n_equal = zip(*of_level, strict=True)
-        words = (torch.from_numpy(np.stack(part)) for part in (above, equal))
-        levels.append(_Level(*words, torch.tensor(missing), torch.tensor(n_equal)))
+        words = [torch.from_numpy(np.stack(part)) for part in (above, equal)]
+        counts = torch.tensor(missing), torch.tensor(n_equal)
+        levels.append(_Level(words[0], words[1], *counts))
     return levels
 
 
