@@ -139,7 +139,8 @@ class FibreScene:
         self.values = depth[:, None] * 1e6
 
         self._inputs = self._matrices.shape[2]
-        fields = _complex_normal(np.random.default_rng(seed), n_fields * self._inputs)
+        rng = np.random.default_rng(seed)
+        fields = _complex_normal(rng, n_fields * self._inputs)
         self._fields = fields.reshape(n_fields, self._inputs)
         used = self._matrices[np.concatenate(members)]
         means = [
@@ -192,7 +193,8 @@ class FibreScene:
         rng.choice(1)  # the position, drawn in __init__
         matrix = self._matrices[self._position[i]]
         images = [self._intensity(matrix, field, rng) for field in self._fields]
-        grey = np.rint(np.hstack(images) * (255 / self._full_scale))
+        scale = 255 / self._full_scale
+        grey = np.rint(np.hstack(images) * scale)
         return np.clip(grey, 0, 255).astype(np.uint8)
 
     def _intensity(
@@ -201,10 +203,12 @@ class FibreScene:
         """|E|² [side, 2·side] of one perturbed input field, photons counted."""
         field = field + self._perturbation * _complex_normal(rng, self._inputs)
         amplitudes = (matrix @ field).reshape(2, -1)
-        image = (amplitudes @ self._modes).reshape(2, self._grid, self._grid)
+        image = amplitudes @ self._modes
+        image = image.reshape(2, self._grid, self._grid)
         if self._interpolate is not None:
             image = self._interpolate @ image @ self._interpolate.T
-        intensity = np.hstack(list(image.real**2 + image.imag**2))
+        horizontal, vertical = image.real**2 + image.imag**2
+        intensity = np.hstack([horizontal, vertical])
         if not self._photons:
             return intensity
         counted = rng.poisson(intensity * (self._photons / self._mean))
@@ -247,7 +251,8 @@ def _pressed(data: Path, outputs: int) -> _Measured:
     arrays = [_array(files[depth], shape, "TM_corr_modes") for depth in depths]
     names = [file.name for file in files.values()]
     sha256 = PRESSED.check(data, [*names, MODES])
-    return _Measured(np.array(depths), np.stack(arrays), PRESSED, sha256)
+    matrices = np.stack(arrays)
+    return _Measured(np.array(depths), matrices, PRESSED, sha256)
 
 
 def _stepped(
@@ -261,7 +266,8 @@ def _stepped(
     folder = source.folder()
     matrices = _array(folder / file, (None, outputs, None))
     depths = np.round(np.arange(len(matrices)) * step, 9)
-    return _Measured(depths, matrices, source, source.check(folder, [file]))
+    sha256 = source.check(folder, [file])
+    return _Measured(depths, matrices, source, sha256)
 
 
 def _array(

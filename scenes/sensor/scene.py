@@ -56,7 +56,9 @@ class SpeckleScene:
         require_integer("seed.samples", seed, 0)
         require(len(classes) > 0, "scene.classes", classes, "at least one class")
         require(len(sessions) > 0, "scene.sessions", sessions, "at least one session")
-        self.sensor, self.sessions, self.seed = sensor, tuple(sessions), seed
+        self.sensor = sensor
+        self.sessions = tuple(sessions)
+        self.seed = seed
         require_integer("scene.samples_per_class", samples_per_class, 1)
         self.classes = tuple(map(str, classes))
         self._counts = [samples_per_class] * len(self.classes)
@@ -140,7 +142,8 @@ class SpeckleScene:
         labels = np.concatenate([label for label, _ in plans])
         samples = {}
         for name in plans[0][1]:
-            samples[name] = np.concatenate([sample[name] for _, sample in plans])
+            columns = [sample[name] for _, sample in plans]
+            samples[name] = np.concatenate(columns)
         deepest = float(samples["depth"].max(initial=0.0))
         thickness = self.sensor.layer.thickness
         limit = f"less than the layer's thickness, {thickness:g} m, in every touch"
@@ -154,8 +157,10 @@ class SpeckleScene:
         n = int(sum(self._counts))
         ordered = np.repeat(np.arange(len(self.classes)), self._counts)
         labels = stream(self.seed, "labels", session).permutation(ordered)
-        normals = stream(self.seed, "touches", session).standard_normal((n, 3))
-        temperature = room.temperatures(n, stream(self.seed, "room", session))
+        touches = stream(self.seed, "touches", session)
+        normals = touches.standard_normal((n, 3))
+        weather = stream(self.seed, "room", session)
+        temperature = room.temperatures(n, weather)
         sample = {
             "order": np.arange(n),
             "session": np.full(n, session),
@@ -175,5 +180,6 @@ class SpeckleScene:
         return labels, sample
 
     def _stream(self, purpose: str, index: int) -> np.random.Generator:
-        place = self.samples["session"][index], self.samples["order"][index]
-        return stream(self.seed, purpose, *place)
+        session = self.samples["session"][index]
+        order = self.samples["order"][index]
+        return stream(self.seed, purpose, session, order)

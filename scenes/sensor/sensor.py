@@ -49,10 +49,8 @@ class Sensor:
 
     @cached_property
     def path_set(self) -> PathSet:
-        count = self.camera.path_count
-        return self.paths.draw(
-            count, self.layer, stream(self.seed, "paths"), self.place
-        )
+        count, rng = self.camera.path_count, stream(self.seed, "paths")
+        return self.paths.draw(count, self.layer, rng, self.place)
 
     @cached_property
     def phase(self) -> Tensor:
@@ -64,7 +62,8 @@ class Sensor:
     @cached_property
     def sensitivity(self) -> Tensor:
         """S float64 [P] in rad/K."""
-        values = self.thermal.draw(self.camera.path_count, stream(self.seed, "thermal"))
+        rng = stream(self.seed, "thermal")
+        values = self.thermal.draw(self.camera.path_count, rng)
         return torch.from_numpy(values).to(self.place)
 
     @cached_property
@@ -74,4 +73,5 @@ class Sensor:
     def table(self, radius: float, dtype: torch.dtype) -> Table:
         """Displacement under a contact of this radius, at the heights of the paths' vertices."""
         extent = self.paths.length + self.paths.width  # more than the sensor's diagonal
-        return Table(self.layer.table(radius, extent=extent), dtype, self.place)
+        table = self.layer.table(radius, extent=extent)
+        return Table(table, dtype, self.place)

@@ -80,7 +80,8 @@ class TexturedPress(Press):
         return {**drawn, "depth": drawn["depth"] + self.offset}
 
     def bind(self, sensor: Sensor) -> BoundContact:
-        smooth = Press.bind(replace(self, depth=self.depth + self.offset), sensor)
+        deeper = replace(self, depth=self.depth + self.offset)
+        smooth = Press.bind(deeper, sensor)
         return smooth if self.spacing is None else GrainyPress(self, sensor, smooth)
 
 
@@ -98,7 +99,8 @@ class GrainyPress:
         rng = touch.sample if self._press.fresh else touch.object
         assert rng is not None
         x, y, force = self.grains(touch, rng)
-        return self._smooth(touch).add_(self._patch.phases(x, y, force, touch))
+        grainy = self._patch.phases(x, y, force, touch)
+        return self._smooth(touch).add_(grainy)
 
     def grains(
         self, touch: Touch, rng: np.random.Generator
@@ -118,7 +120,9 @@ class GrainyPress:
         square = across**2 + along**2
         force = np.sqrt(1 - square / press.radius**2)
         if press.variance > 0:
-            force *= rng.gamma(1 / press.variance, press.variance, force.size)
+            # Mean 1: the product of shape and scale.
+            evenness = 1 / press.variance
+            force *= rng.gamma(evenness, press.variance, force.size)
         x = across + touch.x - press.position[0]
         y = along + touch.y - press.position[1]
         return x, y, force / force.sum()
@@ -161,8 +165,11 @@ class Patch:
                 rows.append(row)
                 weights.append(weight)
                 offset += 3 * n * n
-        coordinates = (np.concatenate(rows), np.concatenate(columns))
-        self._read = self._sparse(np.concatenate(weights), coordinates, offset)
+        self._read = self._sparse(
+            np.concatenate(weights),
+            (np.concatenate(rows), np.concatenate(columns)),
+            offset,
+        )
 
     def _grids(self, finest: float) -> dict[int, list[int]]:
         """Levels by the grid that they need, in points a side."""
