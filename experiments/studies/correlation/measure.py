@@ -100,12 +100,11 @@ def correlations(
     """Every C_ij of a scene, a row each; see :func:`correlation`."""
     sums, prototypes = add_up(scene, members_of(scene, split, seed), kinds, samples)
     for kind in kinds:
-        parts = sums[_correlated(kind)]
+        parts = dict(sums[_correlated(kind)])
+        if "all" in samples:
+            parts["all"] = parts["training"] + parts["held-out"]
         for part in samples:
-            if part == "all":
-                total = parts["training"] + parts["held-out"]
-            else:
-                total = parts[part]
+            total = parts[part]
             if kind == "prototype":
                 means = total.means_with(prototypes.numpy())
             else:
@@ -167,13 +166,13 @@ def add_up(
             words = encode(frames)
             if part == "training":
                 counters.add(words, torch.arange(n_classes))
+            samples_of = {
+                "hypervector": bits.unpack(words, dimension),
+                "speckle": frames.flatten(1),
+            }
             for correlated, by_part in sums.items():
-                if part not in by_part:
-                    continue
-                if correlated == "hypervector":
-                    by_part[part].add(bits.unpack(words, dimension))
-                else:
-                    by_part[part].add(frames.flatten(1))
+                if part in by_part:
+                    by_part[part].add(samples_of[correlated])
     return sums, bits.unpack(counters.majority(), dimension)
 
 
