@@ -103,9 +103,7 @@ def train_all(
     n = problem.n_train
     steps_an_epoch = math.ceil(n / (batch or n))
     steps_between = max(1, steps_an_epoch // reports_per_epoch)
-    begun = [problem.start(*training) for training in trainings]
-    starts = torch.stack([logits for logits, _ in begun], dim=2)
-    to_span = torch.stack([shift for _, shift in begun], dim=2)
+    starts, to_span = side_by_side(problem, trainings)
     classes = starts.shape[1]
     targets = problem.targets[:n]
     descent = Descent(
@@ -128,6 +126,15 @@ def train_all(
             descent.drop(torch.tensor(kept))
             to_span = to_span[:, :, kept].contiguous()
     return [reading.columns for reading in readings]
+
+
+def side_by_side(
+    problem: Problem, trainings: Sequence[tuple[Start, int]]
+) -> tuple[Tensor, Tensor]:
+    """Initial logits [N + M, L, V], and changes of test logits by projection [M, L, V]."""
+    begun = [problem.start(*training) for training in trainings]
+    logits = torch.stack([logits for logits, _ in begun], dim=2)
+    return logits, torch.stack([shift for _, shift in begun], dim=2)
 
 
 class Reading:

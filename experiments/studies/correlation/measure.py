@@ -154,9 +154,8 @@ def add_up(
     parts = PARTS if "all" in samples else samples
     sums: Sums = {}
     for kind in kinds:
-        sums[_correlated(kind)] = {
-            part: CorrelationSums(n_classes, dimension) for part in parts
-        }
+        empty = {part: CorrelationSums(n_classes, dimension) for part in parts}
+        sums[_correlated(kind)] = empty
     counters = Counters(n_classes, dimension)
     for part, indices in members.items():
         if part == "held-out" and part not in parts:

@@ -107,14 +107,20 @@ def coverage(
         row["covered"] = [covered(of_alpha, labels) for of_alpha in sets]
         row["size"] = [_mean(map(len, of_alpha)) for of_alpha in sets]
         row["refused"] = [_mean(len(s) == 0 for s in of_alpha) for of_alpha in sets]
-        row["unknown_refused"] = [None for _ in alphas]
         others = getattr(recording, "unknown", None)
+        row["unknown_refused"] = [None for _ in alphas]
         if others is not None:
             some = np.random.default_rng(key).permutation(len(others.labels))
             strange = others.frames(some[:most_test])
-            refused = [_mean(~model.is_known(strange, alpha)) for alpha in alphas]
-            row["unknown_refused"] = refused
+            row["unknown_refused"] = refused_shares(model, strange, alphas)
         yield row
+
+
+def refused_shares(
+    model: HDCClassifier, frames: Tensor, alphas: Sequence[float]
+) -> list[float]:
+    """Share of frames that a model does not know, for each share of known ones lost so."""
+    return [_mean(~model.is_known(frames, alpha)) for alpha in alphas]
 
 
 def covered(sets: Sequence[np.ndarray], labels: np.ndarray) -> float:
