@@ -40,7 +40,7 @@ class FeatureClassifier(Classifier):
 
     @abstractmethod
     def features(self, batch: Tensor) -> Tensor:
-        """Numbers that a frame is reduced to, alone: [n, H, W] → float64 [n, F]."""
+        """Numbers that a frame is reduced to, alone: [n, H, W] → float64 [n, F] (CPU)."""
 
     def train(
         self, frames: FrameSource, labels: np.ndarray
@@ -111,7 +111,7 @@ class Brightness(FeatureClassifier):
     revision: ClassVar[int] = 1
 
     def features(self, batch: Tensor) -> Tensor:
-        pixels = batch.flatten(1).double()
+        pixels = batch.flatten(1).cpu().double()
         return torch.stack([pixels.mean(dim=1), pixels.std(dim=1, correction=0)], dim=1)
 
 

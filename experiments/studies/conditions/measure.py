@@ -100,13 +100,12 @@ def train_all(
 ) -> list[Row]:
     """Accuracies of each training (a start and the number of its draw) at each level, all trained
     side by side; `seed` is that of the minibatches."""
-    n, steps_between = problem.n_train, 1
-    if batch is not None:
-        steps_between = max(1, math.ceil(n / batch) // reports_per_epoch)
-    begun = [problem.start(*training) for training in trainings]
-    starts = torch.stack([logits for logits, _ in begun], dim=2)
-    to_span = torch.stack([shift for _, shift in begun], dim=2)
-    targets, classes = problem.targets[:n], starts.shape[1]
+    n = problem.n_train
+    steps_an_epoch = math.ceil(n / (batch or n))
+    steps_between = max(1, steps_an_epoch // reports_per_epoch)
+    starts, to_span = side_by_side(problem, trainings)
+    classes = starts.shape[1]
+    targets = problem.targets[:n]
     descent = Descent(
         problem.kernel, targets, classes, rate, logits=starts, batch=batch, seed=seed
     )
@@ -116,11 +115,7 @@ def train_all(
         descent.step()
         if step % steps_between and step != steps:
             continue
-        train, test = descent.logits[:n], descent.logits[n:]
-        of_train = accuracy(train, targets)
-        of_test = accuracy(test, problem.targets[n:])
-        projected = accuracy(test + to_span, problem.targets[n:])
-        shares = zip(of_train, of_test, projected, strict=True)
+        shares = accuracies(descent.logits, to_span, problem)
         for k, share in zip(alive, shares, strict=True):
             readings[k].note(step, share)
         kept = [place for place, k in enumerate(alive) if not readings[k].ended]
@@ -131,6 +126,15 @@ def train_all(
             descent.drop(torch.tensor(kept))
             to_span = to_span[:, :, kept].contiguous()
     return [reading.columns for reading in readings]
+
+
+def side_by_side(
+    problem: Problem, trainings: Sequence[tuple[Start, int]]
+) -> tuple[Tensor, Tensor]:
+    """Initial logits [N + M, L, V], and changes of test logits by projection [M, L, V]."""
+    begun = [problem.start(*training) for training in trainings]
+    logits = torch.stack([logits for logits, _ in begun], dim=2)
+    return logits, torch.stack([shift for _, shift in begun], dim=2)
 
 
 class Reading:
@@ -161,6 +165,18 @@ class Reading:
                 self.columns[f"steps_{level}"] = step
                 for name, share in zip(VALUES, shares, strict=True):
                     self.columns[f"{name}_{level}"] = share
+
+
+def accuracies(
+    logits: Tensor, to_span: Tensor, problem: Problem
+) -> list[tuple[float, float, float]]:
+    """Accuracies of V trainings as :data:`VALUES` names them, from all logits [N + M, L, V]."""
+    n = problem.n_train
+    targets = problem.targets
+    of_train = accuracy(logits[:n], targets[:n])
+    of_test = accuracy(logits[n:], targets[n:])
+    projected = accuracy(logits[n:] + to_span, targets[n:])
+    return list(zip(of_train, of_test, projected, strict=True))
 
 
 def accuracy(logits: Tensor, targets: Tensor) -> list[float]:

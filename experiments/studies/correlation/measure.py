@@ -100,12 +100,11 @@ def correlations(
     """Every C_ij of a scene, a row each; see :func:`correlation`."""
     sums, prototypes = add_up(scene, members_of(scene, split, seed), kinds, samples)
     for kind in kinds:
-        parts = sums[_correlated(kind)]
+        parts = dict(sums[_correlated(kind)])
+        if "all" in samples:
+            parts["all"] = parts["training"] + parts["held-out"]
         for part in samples:
-            if part == "all":
-                total = parts["training"] + parts["held-out"]
-            else:
-                total = parts[part]
+            total = parts[part]
             if kind == "prototype":
                 means = total.means_with(prototypes.numpy())
             else:
@@ -155,9 +154,8 @@ def add_up(
     parts = PARTS if "all" in samples else samples
     sums: Sums = {}
     for kind in kinds:
-        sums[_correlated(kind)] = {
-            part: CorrelationSums(n_classes, dimension) for part in parts
-        }
+        empty = {part: CorrelationSums(n_classes, dimension) for part in parts}
+        sums[_correlated(kind)] = empty
     counters = Counters(n_classes, dimension)
     for part, indices in members.items():
         if part == "held-out" and part not in parts:
@@ -167,13 +165,13 @@ def add_up(
             words = Median().encode(frames)
             if part == "training":
                 counters.add(words, torch.arange(n_classes))
+            samples_of = {
+                "hypervector": bits.unpack(words, dimension),
+                "speckle": frames.flatten(1),
+            }
             for correlated, by_part in sums.items():
-                if part not in by_part:
-                    continue
-                if correlated == "hypervector":
-                    by_part[part].add(bits.unpack(words, dimension))
-                else:
-                    by_part[part].add(frames.flatten(1))
+                if part in by_part:
+                    by_part[part].add(samples_of[correlated])
     return sums, bits.unpack(counters.majority(), dimension)
 
 

@@ -9,7 +9,6 @@ frames did: a random split keeps that promise, a split by time, session or posit
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from operator import contains
 from typing import Any
 
 import numpy as np
@@ -99,25 +98,34 @@ def coverage(
         key = row["seed"], row["draw"]
         order, _ = nested(pool, recording.labels, [], key)
         n = min(n_per_class, *map(len, order))
-        train = np.concatenate([of[:n] for of in order])
+        train = np.concatenate([of_class[:n] for of_class in order])
         model = HDCClassifier().fit(recording.frames(train), recording.labels[train])
-        frames, labels = recording.frames(test), recording.labels[test].tolist()
-        sets = [[s.tolist() for s in model.predict_set(frames, a)] for a in alphas]
-        row |= {
-            "n": n, "n_test": len(test), "alpha": list(alphas),
-            "accuracy": model.score(frames, labels),
-            "covered": [_mean(map(contains, of, labels)) for of in sets],
-            "size": [_mean(map(len, of)) for of in sets],
-            "refused": [_mean(not s for s in of) for of in sets],
-            "unknown_refused": [None for _ in alphas],
-        }  # fmt: skip
-        if (others := getattr(recording, "unknown", None)) is not None:
+        frames, labels = recording.frames(test), recording.labels[test]
+        row |= {"n": n, "n_test": len(test), "alpha": list(alphas)}
+        row["accuracy"] = model.score(frames, labels)
+        sets = [model.predict_set(frames, alpha) for alpha in alphas]
+        row["covered"] = [covered(of_alpha, labels) for of_alpha in sets]
+        row["size"] = [_mean(map(len, of_alpha)) for of_alpha in sets]
+        row["refused"] = [_mean(len(s) == 0 for s in of_alpha) for of_alpha in sets]
+        others = getattr(recording, "unknown", None)
+        row["unknown_refused"] = [None for _ in alphas]
+        if others is not None:
             some = np.random.default_rng(key).permutation(len(others.labels))
             strange = others.frames(some[:most_test])
-            row["unknown_refused"] = [
-                _mean(~model.is_known(strange, a)) for a in alphas
-            ]
+            row["unknown_refused"] = refused_shares(model, strange, alphas)
         yield row
+
+
+def refused_shares(
+    model: HDCClassifier, frames: Tensor, alphas: Sequence[float]
+) -> list[float]:
+    """Share of frames that a model does not know, for each share of known ones lost so."""
+    return [_mean(~model.is_known(frames, alpha)) for alpha in alphas]
+
+
+def covered(sets: Sequence[np.ndarray], labels: np.ndarray) -> float:
+    """Share of sets of labels that hold the right one."""
+    return _mean(label in one for one, label in zip(sets, labels, strict=True))
 
 
 def parts(
@@ -177,13 +185,13 @@ def regressor(
 ) -> Row:
     """Error, coverage and width of the library's regressor of the first frames [n]."""
     model = HDCRegressor().fit(bank.at(np.arange(len(y))), y)
-    covered, width = [], []
+    inside, width = [], []
     for alpha in alphas:
         answer, low, high = model.predict(bank.at(queries), True, alpha)
-        covered.append(float(((low <= truth) & (truth <= high)).mean()))
+        inside.append(float(((low <= truth) & (truth <= high)).mean()))
         width.append(float((high - low).mean()))
     error = float(np.abs(answer - truth).mean())
-    return {"error": error, "alpha": list(alphas), "covered": covered, "width": width}
+    return {"error": error, "alpha": list(alphas), "covered": inside, "width": width}
 
 
 def ridge_values(inside: Tensor, across: Tensor, y: np.ndarray) -> np.ndarray:
