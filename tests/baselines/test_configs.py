@@ -25,7 +25,7 @@ COLOURS = {
     "#D55E00",
     "#CC79A7",
 }
-GROUPS = {"paper", "fast", "other"}
+GROUPS = {"paper", "fast", "beyond", "other"}
 
 
 def composed(*overrides: str) -> DictConfig:

@@ -25,6 +25,8 @@ from experiments.protocol.model import Model
 from experiments.protocol.stop import StopRule
 from hdc import HDCClassifier
 from hdc.bank import Bank
+from hdc.encoders import ENCODERS
+from hdc.readouts import READOUTS, Neighbours
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 ALL = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
@@ -249,19 +251,19 @@ TIED = [
     *("softmax_dual", "softmax_dual_standardised"),
 ]
 STOP = StopRule(least_steps=10, most_steps=20)
-READOUTS = {
-    "balanced": HDCClassifier(),
-    "readout ridge": HDCClassifier(readout="ridge"),
-    "readout neighbours": HDCClassifier(readout="neighbours"),
-    "readout neighbours 3": HDCClassifier(readout="neighbours", n_neighbours=3),
+COMBINATIONS = {
+    f"{encoder} {readout}": HDCClassifier(encoder, readout)
+    for encoder in ENCODERS
+    for readout in READOUTS
 }
+COMBINATIONS["median neighbours 3"] = HDCClassifier(readout=Neighbours(3))
 
 
 @pytest.mark.parametrize("dtype", [torch.uint8, torch.uint16], ids=str)
-@pytest.mark.parametrize("name", [*ALL, *READOUTS])
+@pytest.mark.parametrize("name", [*ALL, *COMBINATIONS])
 def test_the_fast_way_says_what_the_trained_model_says(name, dtype, speckle):
     """For every model, with few and many frames, equal frames and a class that is absent."""
-    model = READOUTS[name] if name in READOUTS else make(name)
+    model = COMBINATIONS[name] if name in COMBINATIONS else make(name)
     frames, labels = awkward(speckle, dtype)
     bank, queries = Bank(frames, labels, 3), np.arange(60, 90)
     order = np.random.default_rng(0).permutation(60)

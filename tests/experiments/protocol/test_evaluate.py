@@ -19,8 +19,11 @@ RANDOM = {"kind": "random", "test_fraction": 0.3, "group": None, "n_train": None
 HDC = {"_target_": "hdc.HDCClassifier"}
 KINDS = {
     "ridge": HDC | {"readout": "ridge"},
-    "neighbours": HDC | {"readout": "neighbours", "n_neighbours": 3},
-    "integer": HDC | {"prototype": "integer"},
+    "neighbours": HDC
+    | {"readout": {"_target_": "hdc.readouts.Neighbours", "n_neighbours": 3}},
+    "counts": HDC | {"readout": "counts"},
+    "levels and lda": HDC | {"encoder": "levels", "readout": "lda"},
+    "reference": HDC | {"encoder": "reference"},
     "own": {"_target_": f"{__name__}.LastLabel"},
 }
 
@@ -100,7 +103,7 @@ def test_updates_that_a_read_out_refuses_have_no_row(scene):
     rows = pd.DataFrame(made)
     methods = {name: set(part.method) for name, part in rows.groupby("model")}
     always = {"stored", "new", "pooled", "balanced"}
-    assert methods["integer"] == methods["own"] == always
+    assert methods["counts"] == methods["own"] == always
     assert methods["ridge"] == methods["neighbours"] == always | {"replace"}
 
 

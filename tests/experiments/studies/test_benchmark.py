@@ -21,7 +21,7 @@ from experiments.studies.benchmark.names import (
 )
 from experiments.studies.benchmark.routes import OPERATIONS, Route, common_form
 from experiments.studies.benchmark.view import STUDY
-from hdc.encode import encode
+from hdc.encoders import Median
 
 
 def compared(case):
@@ -79,7 +79,7 @@ def rows_of(monkeypatch, *routes):
 
 
 def test_a_route_without_a_right_result_is_not_timed(monkeypatch):
-    wrong = encode(Case("encode", 6, 640, 3).pixels) ^ 1
+    wrong = Median().encode(Case("encode", 6, 640, 3).pixels) ^ 1
     rows = rows_of(
         monkeypatch,
         Route("wrong", "torch", lambda: wrong),
@@ -92,7 +92,7 @@ def test_a_route_without_a_right_result_is_not_timed(monkeypatch):
 
 
 def test_a_ratio_is_the_median_over_turns(monkeypatch):
-    words = encode(Case("encode", 6, 640, 3).pixels)
+    words = Median().encode(Case("encode", 6, 640, 3).pixels)
     times = [
         iter([0.5, 0.5, 3.0] * 3),
         iter([1.0, 2.0, 3.0] * 3),

@@ -21,7 +21,7 @@ from experiments.protocol.correlations import (
 from experiments.protocol.experiment import Run
 from experiments.studies.correlation import measure, view
 from hdc import bits
-from hdc.encode import encode
+from hdc.encoders import Median
 from scenes.frames import Frames
 
 SPLIT = {"kind": "random", "test_fraction": 0.25, "n_train": None}
@@ -71,7 +71,7 @@ def test_every_row_is_the_mean_of_numpys_coefficients():
     scene = a_scene()
     members = measure.members_of(scene, SPLIT, 0)
     frames = scene.images.flatten(1).numpy().astype(float)
-    ones = bits.unpack(encode(scene.images), 100).numpy().astype(float)
+    ones = bits.unpack(Median().encode(scene.images), 100).numpy().astype(float)
     rows = list(measure.correlations(scene, SPLIT, 0))
     assert len(rows) == 3 * 3 * 3 * 3
     for row in rows:
@@ -86,7 +86,9 @@ def test_every_row_is_the_mean_of_numpys_coefficients():
             == {"training": 9, "held-out": 3, "all": 12}[row["samples"]]
         )
         if row["kind"] == "prototype":
-            majority = bits.majority(encode(scene.images[members["training"][i]]))
+            majority = bits.majority(
+                Median().encode(scene.images[members["training"][i]])
+            )
             prototype = bits.unpack(majority, 100).numpy().astype(float)
             expected = np.mean([np.corrcoef(prototype, ones[k])[0, 1] for k in b])
         else:

@@ -13,10 +13,10 @@ def test_library_harness_and_plain_numpy_agree(recording):
     split = {"kind": "random", "test_fraction": 0.3}
     rows = list(library.rows(run, scene, split, n_per_class=7, repeats=1))
     assert [(row["readout"], row["peer"]) for row in rows] == [
-        ("prototype", "NumPy"), ("ridge", "harness"), ("ridge", "scikit-learn"),
+        ("majority", "NumPy"), ("ridge", "harness"), ("ridge", "scikit-learn"),
         ("neighbours", "harness"), ("neighbours", "scikit-learn"),
     ]  # fmt: skip
     for row in rows:
-        assert row["same"] >= row["n_test"] - (row["readout"] != "prototype"), row
+        assert row["same"] >= row["n_test"] - (row["readout"] != "majority"), row
         assert row["fit_s"] > 0
         assert row["peer_predict_s"] > 0
