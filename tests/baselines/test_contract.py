@@ -250,7 +250,7 @@ TIED = [
     *("correlation", "mean_image", "ridge", "ridge_standardised", "linear_bits"),
     *("softmax_dual", "softmax_dual_standardised"),
 ]
-STOP = StopRule(least_steps=10, most_steps=20)
+STOP = StopRule(least_steps=2, most_steps=3)
 COMBINATIONS = {
     f"{encoder} {readout}": HDCClassifier(encoder, readout)
     for encoder in ENCODERS
@@ -270,7 +270,11 @@ def test_the_fast_way_says_what_the_trained_model_says(name, dtype, speckle):
     two_classes = order[labels[order] != 1]
     repeated = np.concatenate([order[:20], order[:10]])
     everything = np.arange(90)
-    for train in (order[:6], order, np.arange(30, 37), two_classes, repeated):
+    trainings = [order[:6], order, np.arange(30, 37), two_classes, repeated]
+    if not hasattr(model, "predict_from"):  # a copy is trained; once is enough
+        trainings, queries = [two_classes[:12]], queries[:10]
+        everything = queries
+    for train in trainings:
         for asked in (queries, everything):
             said = evaluate(model, bank, train, asked, STOP)
             assert (said == plainly(model, bank, train, asked, STOP)).all()

@@ -33,6 +33,7 @@ from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import models_of
 from hdc import HDCClassifier
 from hdc.bank import Bank
+from hdc.readouts import make_readout
 from scenes.frames import Scene
 from scenes.split import by_session, learning_curve_subsets, split
 
@@ -173,7 +174,9 @@ def ways(
     """What updates of a model say of the samples asked, each from the same old and new ones."""
     pooled = np.concatenate([old, new])
     yield "new", None, evaluate(model, bank, new, asked)
-    if isinstance(model, HDCClassifier):
+    if isinstance(model, HDCClassifier) and hasattr(
+        make_readout(model.readout), "adapt"
+    ):
         yield from recalibrated(model, bank, old, new, asked, p, seed)
     else:
         repeated = np.tile(new, max(1, round(len(old) / len(new))))
@@ -194,7 +197,7 @@ def recalibrated(
     seed: int,
 ) -> Iterator[Update]:
     """Recalibrations of HDC; those that its prototypes or read-out do not have are left out."""
-    stored = type(model)(**model.get_params()).fit(bank.at(old), bank.labels[old])
+    stored = model.unlearned().fit(bank.at(old), bank.labels[old])
     updates: list[tuple[str, float | None, str]] = []
     updates += [("replace", float(share), "replace") for share in p]
     updates += [("balanced", None, "merge")]

@@ -104,6 +104,7 @@ def test_updates_that_a_read_out_refuses_have_no_row(scene):
     methods = {name: set(part.method) for name, part in rows.groupby("model")}
     always = {"stored", "new", "pooled", "balanced"}
     assert methods["counts"] == methods["own"] == always
+    assert methods["levels and lda"] == always
     assert methods["ridge"] == methods["neighbours"] == always | {"replace"}
 
 
