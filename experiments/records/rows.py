@@ -1,4 +1,4 @@
-"""Rows of a measurement as JSON lines, and labels in them: small, and exactly what was predicted."""
+"""Rows of a measurement as JSON lines, and labels in them: small, and what was predicted."""
 
 from __future__ import annotations
 
