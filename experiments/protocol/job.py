@@ -85,7 +85,7 @@ def run(
     """
     check(cfg)
     config: Any = OmegaConf.to_container(cfg, resolve=True)
-    display = config.get("display") or {}
+    displays = {key: config.get(key) or {} for key in ("display", "scene_display")}
     for key in records.NOT_IDENTITY:
         config.pop(key, None)
     config["threads"] = torch.get_num_threads()
@@ -100,7 +100,7 @@ def run(
         "choices": names,
         "experiment": choices.get("experiment"),
         "overrides": list(overrides),
-        "display": display,
+        **displays,
         "config": config,
         "data": data,
         "scene": {

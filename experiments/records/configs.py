@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -65,25 +66,57 @@ def numbers(values: Sequence[str]) -> list[int | None]:
     return [None if value == "null" else int(value) for value in values]
 
 
-_own_displays: dict[str, Mapping[str, str]] = {}
+_own_displays: dict[tuple[str, str], Mapping[str, Any]] = {}
 
 
-def show_as(model: str, display: Mapping[str, str]) -> None:
-    """Remember how a model is shown whose config is not in ``configs/model/``."""
-    _own_displays[model] = display
+def show_as(group: str, name: str, display: Mapping[str, Any]) -> None:
+    """Remember how a model or a scene is shown whose config is not in ``configs/``."""
+    _own_displays[group, name] = display
 
 
 def display(model: str) -> dict[str, str]:
     """How tables and figures show a model; one without a display by its name, in grey."""
-    return _display(model) | dict(_own_displays.get(model, {}))
+    return _display(model) | dict(_own_displays.get(("model", model), {}))
+
+
+def scene_display(scene: str) -> dict[str, Any]:
+    """How tables and figures show a scene: ``name``, ``frames`` (what they are), ``kind``
+    (``captured`` by a camera, ``computed`` from measured matrices, or ``simulated``), ``family``
+    (the laboratory it comes from), ``place`` among the others, and ``fitted``: whether parameters
+    of the scene were chosen by HDC's own accuracy on it.
+
+    One that is not in ``configs/scene/`` is shown by its name, as a family of its own, last.
+    """
+    shown: dict[str, Any] = {
+        "name": scene,
+        "frames": "recording",
+        "kind": "captured",
+        "family": scene,
+        "place": math.inf,
+        "fitted": False,
+    }
+    if is_known("scene", scene):
+        return shown | _inherited("scene", scene, "scene_display")
+    return shown | dict(_own_displays.get(("scene", scene), {}))
 
 
 @functools.cache
 def _display(model: str) -> dict[str, str]:
     shown = {"name": model, **_LOOK}
     if is_known("model", model):
-        shown.update(_file("model", model).get("display") or {})
+        shown |= _inherited("model", model, "display")
     return shown
+
+
+@functools.cache
+def _inherited(group: str, name: str, key: str) -> dict[str, Any]:
+    """A key of a file, above that of the files of its group that it starts from."""
+    file = _file(group, name)
+    found: dict[str, Any] = {}
+    for entry in file.get("defaults", []):
+        if isinstance(entry, str) and entry != "_self_":
+            found |= _inherited(group, entry.partition("@")[0], key)
+    return found | dict(file.get(key) or {})
 
 
 @functools.cache

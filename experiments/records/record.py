@@ -25,7 +25,10 @@ __all__ = ["SCHEMA", "Curve", "Finished", "Record"]
 
 RUNS = "runs.jsonl"
 # Keys of a config that say how a run is carried out, or how it is shown, not what it computes.
-NOT_IDENTITY = ("force", "cache", "exclusive", "task", "display")
+NOT_IDENTITY = (
+    *("force", "cache", "exclusive", "task", "display", "scene_display"),
+    "sessions",  # what the scene is made of, and has in itself
+)
 _PACKED = ("test_indices", "test_labels", "predicted")  # a text each in a line
 # Keys of a config that whoever reads a record counts on.
 _GROUPS = ("scene", "model", "stop", "split", "data", "seed")
@@ -77,7 +80,7 @@ class Record(Entry, kw_only=True):
     Attributes:
         choices: names of the files that it was composed from.
         overrides: what the command line, or an experiment, set.
-        display: how the model's config wants it shown.
+        display, scene_display: how the configs of model and scene want them shown.
         curve: columns, and a row a report.
         training_s: seconds of training, as far as it came.
 
@@ -90,6 +93,7 @@ class Record(Entry, kw_only=True):
     experiment: str | None = None
     overrides: list[str] = msgspec.field(default_factory=list)
     display: dict[str, Any] = msgspec.field(default_factory=dict)
+    scene_display: dict[str, Any] = msgspec.field(default_factory=dict)
     curve: dict[str, list[Any]] = msgspec.field(default_factory=dict)
     training_s: float | None = None
     error: str | None = None

@@ -240,8 +240,11 @@ class Results:
         return next((m for m in fitting if not m.of_other_frames), None)
 
     def _take(self, entry: Record) -> None:
-        if entry.display and not configs.is_known("model", entry.choices.model):
-            configs.show_as(entry.choices.model, entry.display)
+        scene, model = entry.choices.scene, entry.choices.model
+        if entry.display and not configs.is_known("model", model):
+            configs.show_as("model", model, entry.display)
+        if entry.scene_display and not configs.is_known("scene", scene):
+            configs.show_as("scene", scene, entry.scene_display)
         if isinstance(entry, Finished):
             self.runs.append(Run(entry, records.curve_of(entry)))
         else:
