@@ -106,9 +106,10 @@ def _message(text: str, values: Any, kind: Any, key: str) -> str:
 
 
 def _described(kind: Any, names: str) -> str:
-    for each in getattr(kind, "__metadata__", ()):
-        if isinstance(each, Meta) and each.description:
-            return each.description
+    for choice in (kind, *typing.get_args(kind)):  # itself, or one of a union
+        for each in getattr(choice, "__metadata__", ()):
+            if isinstance(each, Meta) and each.description:
+                return each.description
     return " or ".join(_WORDS.get(name, name) for name in names.split(" | "))
 
 

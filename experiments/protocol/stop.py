@@ -41,9 +41,9 @@ class StopRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     target: Annotated[float, Meta(gt=0, lt=1, description="a number in (0, 1)")] = 0.9
-    reached_after_s: Annotated[
-        float | None, Meta(ge=0, description="null or at least 0 s")
-    ] = None
+    reached_after_s: (
+        Annotated[float, Meta(ge=0, description="null or at least 0 s")] | None
+    ) = None
     loss: Annotated[float, Meta(ge=0, description="at least 0")] = 0.01
     least_steps: Annotated[int, Meta(ge=0, description="an integer, at least 0")] = 200
     most_steps: int = 2000

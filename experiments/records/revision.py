@@ -12,14 +12,16 @@ A user's own module counts by its file, with the modules beside it that it impor
 
 from __future__ import annotations
 
+import ast
 import functools
 import hashlib
 import importlib
+import importlib.util
 import json
+import os
 import pkgutil
 import sysconfig
 from collections.abc import Iterator, Mapping
-from modulefinder import ModuleFinder
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +84,9 @@ def _said(revision: int | str | None) -> str:
 
 @functools.cache
 def _of_target(target: str, parameters: str) -> Revisions:
+    package = target.partition(".")[0]
+    if package not in PACKAGES and _is_installed(package):
+        return {}  # its version is in the record
     try:
         part = pkgutil.resolve_name(target)
     except (ImportError, AttributeError, ValueError):
@@ -99,8 +104,7 @@ def _of_part(name: str, part: Any) -> Revisions:
     own = {name: getattr(part, "revision", 1)}
     if package in PACKAGES:
         return own | _of_package(package)
-    files = _own_files(getattr(part, "__module__", name))
-    return own | files if files else {}  # of an installed package, its version counts
+    return own | _own_files(getattr(part, "__module__", name))
 
 
 def _of_package(name: str) -> Revisions:
@@ -111,20 +115,62 @@ def _of_package(name: str) -> Revisions:
 @functools.cache
 def _own_files(name: str) -> Revisions:
     """Digests of a user's module and of those beside it that it imports; of others, none."""
+    if _is_installed(name.partition(".")[0]):
+        return {}
     module = importlib.import_module(name)
     file = Path(getattr(module, "__file__", None) or "").resolve()
-    installed = [Path(sysconfig.get_path(place)).resolve() for place in _INSTALLED]
-    if file.suffix != ".py" or any(file.is_relative_to(place) for place in installed):
+    if file.suffix != ".py":
         return {}
-    folders = name.count(".") + (file.name == "__init__.py")
-    finder = ModuleFinder(path=[str(file.parents[folders])])
-    finder.import_hook(name)
-    found: Revisions = {name: _digest(file)}
-    for beside, each in finder.modules.items():
-        path = getattr(each, "__file__", None)
-        if path is not None:
-            found[beside] = _digest(Path(path))
+    found: Revisions = {}
+    waiting = [file]
+    while waiting:
+        path = waiting.pop()
+        place = Path(os.path.relpath(path, file.parent)).as_posix()
+        if place not in found:
+            found[place] = _digest(path)
+            waiting += _imported_beside(path)
     return found
+
+
+def _imported_beside(path: Path) -> Iterator[Path]:
+    """Files of the folder of a file, or below it, that it imports; of its package, also above."""
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        folder, names = path.parent, []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            folder = path.parents[max(0, node.level - 1)]
+            names = [f"{node.module or ''}.{alias.name}" for alias in node.names]
+        for name in names:
+            yield from _files_of(name.strip("."), folder)
+
+
+def _files_of(name: str, folder: Path) -> Iterator[Path]:
+    """Files behind a dotted name, with or without the package that the folder is."""
+    words = name.split(".")
+    if words[0] == folder.name:
+        words = words[1:]
+    for n in range(1, len(words) + 1):
+        place = folder.joinpath(*words[:n])
+        for path in (place.with_suffix(".py"), place / "__init__.py"):
+            if path.is_file():
+                yield path
+
+
+@functools.cache
+def _is_installed(package: str) -> bool:
+    """Whether a package comes with Python, or was installed: it is looked for, not imported."""
+    try:
+        spec = importlib.util.find_spec(package)
+    except (ImportError, ValueError):  # of a module without one
+        return False
+    if spec is None:
+        return False
+    if spec.origin in ("built-in", "frozen"):
+        return True
+    places = [Path(sysconfig.get_path(name)).resolve() for name in _INSTALLED]
+    file = Path(spec.origin or "").resolve()
+    return any(file.is_relative_to(place) for place in places)
 
 
 def _digest(path: Path) -> str:
