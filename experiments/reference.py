@@ -21,6 +21,7 @@ import msgspec
 from rich.console import Console
 
 from experiments import report, reproduce, studies
+from experiments.protocol.sweep import span
 from experiments.records import record as records
 from experiments.records.files import REFERENCE, ROOT, results_dir
 from experiments.records.results import Results, Run
@@ -59,8 +60,10 @@ def main(arguments: list[str] | None = None) -> int:
     write_atomically(README, fill(README.read_text(encoding="utf-8")))
     console.print(f"tables of {os.path.relpath(README)}")
     changed = Counter[str]()
-    for record in (*answers.results.runs, *answers.results.measurements):
-        changed.update(record.outdated)
+    for run in answers.results.runs:
+        changed.update(run.outdated)
+    for measured in answers.results.measurements:
+        changed.update(measured.outdated)
     for name, n in sorted(changed.items()):
         console.print(f"{name}: {n} records are of another", soft_wrap=True)
     return 1 if changed else 0
@@ -162,7 +165,7 @@ def _reproduction() -> str:
         if not done:
             continue
         most = max(int(row["peak_bytes"]) for row in done) / 1e9
-        time = reproduce.span(sum(reproduce.wall_seconds(row) for row in done))
+        time = span(sum(reproduce.wall_seconds(row) for row in done))
         steps = f"{len(done)} of {len(reproduce.steps(mode))} steps"
         texts.append(f"`{command}`, {steps}: {time}, {most:.1f} GB")
     if not texts:

@@ -89,6 +89,7 @@ def experiment(
     *,
     revision: int = 1,
     uses: Sequence[type] = (),
+    timed: bool = False,
 ) -> Any:
     """Make a Hydra task of a generator of rows; its arguments, defaults included, are its identity.
 
@@ -100,12 +101,13 @@ def experiment(
         rows: the generator; its first argument is the :class:`Run`.
         revision: raised when its rows change.
         uses: classes whose revisions its rows depend on, and that its config does not name.
+        timed: whether its rows have times: such a one runs alone on its cores.
 
     Raises:
         ValueError: from the task, for an argument that the generator does not have or lacks.
     """
     if rows is None:
-        return functools.partial(experiment, revision=revision, uses=uses)
+        return functools.partial(experiment, revision=revision, uses=uses, timed=timed)
     signature = inspect.signature(rows)
 
     @functools.wraps(rows)
@@ -136,6 +138,7 @@ def experiment(
 
     task.rows = rows  # type: ignore[attr-defined]
     task.revision = revision  # type: ignore[attr-defined]
+    task.timed = timed  # type: ignore[attr-defined]
     task.components = lambda **_: uses  # type: ignore[attr-defined]
     return task
 
