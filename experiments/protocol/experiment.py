@@ -88,7 +88,7 @@ def experiment(
     rows: Callable[..., Iterator[Row]] | None = None,
     *,
     revision: int = 1,
-    uses: Sequence[type] = (),
+    uses: Sequence[str] = (),
     timed: bool = False,
 ) -> Any:
     """Make a Hydra task of a generator of rows; its arguments, defaults included, are its identity.
@@ -100,7 +100,7 @@ def experiment(
     Args:
         rows: the generator; its first argument is the :class:`Run`.
         revision: raised when its rows change.
-        uses: classes whose revisions its rows depend on, and that its config does not name.
+        uses: dotted names of what its rows depend on, and its config does not name.
         timed: whether its rows have times: such a one runs alone on its cores.
 
     Raises:

@@ -3,9 +3,9 @@
 Whatever a config names by ``_target_`` (an encoder, a read-out, a rival, a scene, a study) may have
 an attribute ``revision``, an integer that is raised by hand in the commit that changes its numbers;
 without one it is 1. A part that is made of further ones says so by ``components(**parameters)``,
-which returns their classes. A package may have one ``REVISION`` more, for what all of its parts
-share; that of ``experiments`` is the protocol's. ``tests/experiments/test_golden.py`` fails when a
-number moves and no revision does.
+which returns their classes, or dotted names of them. A package may have one ``REVISION`` more, for
+what all of its parts share; that of ``experiments`` is the protocol's. A test of golden numbers
+fails when a number moves and no revision does (``tests/experiments/golden_numbers.py``).
 
 A user's own module counts by its file, with the modules beside it that it imports.
 """
@@ -95,7 +95,8 @@ def _of_target(target: str, parameters: str) -> Revisions:
     components = getattr(part, "components", None)
     if callable(components):
         for each in components(**json.loads(parameters)):
-            found = found | of_class(each)
+            is_name = isinstance(each, str)
+            found = found | (_of_target(each, "{}") if is_name else of_class(each))
     return found
 
 

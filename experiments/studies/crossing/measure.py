@@ -24,7 +24,7 @@ from hdc.prototypes import Counters
 from scenes.split import learning_curve_subsets, split
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def crossing(
     run: Run,
     scene: Mapping[str, Any],
@@ -71,7 +71,7 @@ def crossing(
         run.note(f"seed {seed}")
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def crossing_theory(
     run: Run,
     scene: Mapping[str, Any],

@@ -34,7 +34,7 @@ from scenes.frames import Scene
 _BATCH = 64  # frames encoded at a time
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def recordings(
     run: Run,
     scene: Mapping[str, Any],
@@ -103,7 +103,7 @@ def _draw(
             yield {"model": name, "n_test": len(test), "n": few, "right": right}
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def recording_distances(
     run: Run,
     scene: Mapping[str, Any],
@@ -140,7 +140,7 @@ def recording_distances(
                 }  # fmt: skip
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def recording_theory(
     run: Run,
     scene: Mapping[str, Any],

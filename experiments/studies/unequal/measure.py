@@ -29,7 +29,7 @@ from hdc import HDCClassifier, bits
 from hdc.prototypes import Counters
 
 
-@experiment
+@experiment(revision=1)
 def unequal(
     run: Run,
     scene: Mapping[str, Any],

@@ -25,7 +25,7 @@ from hdc.encode import encode
 from hdc.readout import PENALTIES
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def values(
     run: Run,
     scene: Mapping[str, Any],
@@ -76,7 +76,7 @@ def values(
             yield {**row, "n": n, "model": "regressor", **of}
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def coverage(
     run: Run,
     scene: Mapping[str, Any],

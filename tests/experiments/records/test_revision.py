@@ -89,6 +89,11 @@ def test_parts_that_a_class_names_take_part(monkeypatch):
     assert not any(name.endswith(".Part") for name in without_it)
 
 
+def test_what_a_study_uses_takes_part():
+    study = {"_target_": "experiments.studies.correlation.measure.correlation"}
+    assert "hdc.HDCClassifier" in revisions(study)
+
+
 # A user's own module ------------------------------------------------------------------------------
 
 
