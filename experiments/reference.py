@@ -105,7 +105,9 @@ def _finished_lines(folder: Path, names: Container[str]) -> dict[str, dict[str, 
     """The last line of each finished run with one of these ids, decoded."""
     path = folder / records.RUNS
     lines: dict[str, dict[str, Any]] = {}
-    for line in path.read_bytes().splitlines() if path.is_file() else ():
+    if not path.is_file():
+        return lines
+    for line in path.read_bytes().splitlines():
         try:
             entry = msgspec.json.decode(line, type=dict)
         except ValueError:
@@ -143,8 +145,10 @@ def fill(text: str) -> str:
 def _claims() -> str:
     """The rows of the paper's claims, without title and note."""
     path = REFERENCE / "tables" / "claims.md"
-    lines = path.read_text("utf-8").splitlines() if path.exists() else []
-    rows = [line for line in lines if line.startswith("|")]
+    rows = []
+    if path.exists():
+        lines = path.read_text("utf-8").splitlines()
+        rows = [line for line in lines if line.startswith("|")]
     return "\n".join(rows) or "*missing: no claim was measured*"
 
 

@@ -33,6 +33,7 @@ from hdc.io import write_atomically
 
 FILE = "reproduce.csv"
 LANES = 2  # steps that run at a time where nothing is timed
+_UNIT = {"darwin": 1}.get(sys.platform, 1024)  # bytes that the system counts memory in
 _INTERRUPTED = (
     -signal.SIGINT,
     -signal.SIGTERM,
@@ -130,29 +131,34 @@ def steps(mode: str = "full") -> list[Step]:
 
 def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> int:
     """Run steps one after another, those that time nothing two at a time; the exit status."""
-    failed: list[str] = []
-    left = sum(step.wall_minutes for step in found)
-    number = 0
+    statuses: dict[str, str] = {}
+    left = list(found)
     try:
         for together in _lanes(found):
             for step in together:
-                number += 1
-                about = f"{number} of {len(found)}: {step.name}; {span(60 * left)} left"
-                console.rule(about, align="left")
-                if step.skipped:
-                    console.print(f"[yellow]{step.name}: {step.skipped}[/yellow]")
-            left -= sum(step.wall_minutes for step in together)
+                _announce(step, found, left, console)
             possible = [step for step in together if not step.skipped]
-            statuses = _carried_out(possible, mode, results)
-            for step, status in zip(possible, statuses, strict=True):
-                if status != "finished":
-                    failed.append(f"{step.name}: {status}")
+            statuses |= _carried_out(possible, mode, results)
+            left = left[len(together) :]
     except KeyboardInterrupt:
         console.print("interrupted; the same command resumes")
         return 128 + signal.SIGINT
-    for line in failed:
-        console.print(f"[red]failed:[/red] {line}")
-    return 1 if failed else 0
+    failed = {name: text for name, text in statuses.items() if text != "finished"}
+    for name, text in failed.items():
+        console.print(f"[red]failed:[/red] {name}: {text}")
+    return int(bool(failed))
+
+
+def _announce(
+    step: Step, found: Sequence[Step], left: Sequence[Step], console: Console
+) -> None:
+    time_left = span(60 * sum(each.wall_minutes for each in left))
+    number = found.index(step) + 1
+    console.rule(
+        f"{number} of {len(found)}: {step.name}; {time_left} left", align="left"
+    )
+    if step.skipped:
+        console.print(f"[yellow]{step.name}: {step.skipped}[/yellow]")
 
 
 def _lanes(found: Sequence[Step]) -> Iterator[list[Step]]:
@@ -173,14 +179,14 @@ def _lanes(found: Sequence[Step]) -> Iterator[list[Step]]:
         yield waiting
 
 
-def _carried_out(steps: Sequence[Step], mode: str, results: Path) -> list[str]:
-    """Statuses of one or two steps; an interruption ends both."""
+def _carried_out(steps: Sequence[Step], mode: str, results: Path) -> dict[str, str]:
+    """Statuses of one or two steps, by name; an interruption ends both."""
     if len(steps) <= 1:
-        return [measured(step, mode, results) for step in steps]
+        return {step.name: measured(step, mode, results) for step in steps}
     with ThreadPoolExecutor(len(steps)) as lanes:
-        futures = [lanes.submit(measured, step, mode, results) for step in steps]
+        futures = {s.name: lanes.submit(measured, s, mode, results) for s in steps}
         try:
-            return [future.result() for future in futures]
+            return {name: future.result() for name, future in futures.items()}
         except BaseException:
             for process in list(_running):
                 process.terminate()
@@ -202,7 +208,7 @@ def measured(step: Step, mode: str, results: Path) -> str:
     try:
         _, ended, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(ended)
-        peak = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+        peak = usage.ru_maxrss * _UNIT
         if process.returncode == 0:
             status = "finished"
         elif process.returncode not in _INTERRUPTED:

@@ -55,7 +55,9 @@ def scene_at(
 ) -> Scene:
     """The scene of a resolved config at a seed of sensor and samples, cached where asked for."""
     scene: Scene = instantiate(OmegaConf.create(at_seed(dict(config), seed)), "scene")
-    return cached(scene, results_dir() / "cache", console) if cache else scene
+    if not cache:
+        return scene
+    return cached(scene, results_dir() / "cache", console)
 
 
 class LazyFrames:
@@ -80,7 +82,9 @@ class LazyFrames:
                 index = index.numpy(force=True)
             chosen = self.indices[index]
             frames = self.scene.frames(np.atleast_1d(chosen))
-            return frames[0] if np.ndim(chosen) == 0 else frames
+            if np.ndim(chosen) == 0:
+                return frames[0]
+            return frames
 
 
 class DerivedScene:

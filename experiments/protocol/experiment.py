@@ -168,8 +168,10 @@ def _data_of(arguments: Mapping[str, Any]) -> str:
     """Digest of the frames of every scene among the arguments."""
     digests = []
     for key, value in arguments.items():
-        target = value.get("_target_", "") if isinstance(value, Mapping) else ""
-        if target and not target.startswith(_DRAWN):
+        if not isinstance(value, Mapping):
+            continue
+        target = value.get("_target_", "")
+        if target.startswith("scenes.") and not target.startswith(_DRAWN):
             scene = instantiate(OmegaConf.create(dict(value)), key)
             if hasattr(scene, "fingerprint"):
                 digests.append(scene.fingerprint())

@@ -157,4 +157,4 @@ def leaves(node: Any, key: str = "") -> Iterator[tuple[str, Any]]:
         yield key, node
         return
     for name, value in node.items():
-        yield from leaves(value, f"{key}.{name}" if key else str(name))
+        yield from leaves(value, f"{key}.{name}".lstrip("."))

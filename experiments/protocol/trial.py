@@ -215,10 +215,7 @@ def _train(
         if reason is None and seen < due:
             continue
         note(row)
-        # Testing then takes a multiple of one pass over the frames, however many reports there are;
-        # a model that learns by steps is tested more often, as it may exceed 90 % at any.
-        every_frame = len(train.labels)
-        due = min(2 * seen, every_frame) if loss is None else seen + seen / _OFTEN
+        due = _next_due(seen, loss, len(train.labels))
         if reason is None:
             reason = stop.check(*state, row.get("train_accuracy", 0.0))
         if reason is not None:
@@ -227,6 +224,17 @@ def _train(
     if row and not is_last_noted:
         note(row)
     return "finished"
+
+
+def _next_due(seen: float, loss: float | None, n_train: int) -> float:
+    """Samples seen at which a model is evaluated after this time.
+
+    Testing then takes a multiple of one pass over the frames, however many reports there are; a
+    model that learns by steps is tested more often, as it may exceed 90 % at any.
+    """
+    if loss is None:
+        return min(2 * seen, n_train)
+    return seen + seen / _OFTEN
 
 
 def _of_curve(

@@ -133,8 +133,10 @@ def part(group: str, name: str) -> dict[str, Any] | None:
     config = _composed(f"{group}={name}")
     if config is None:
         return None
-    keys = [group, "split"] if group == "scene" else [group]
-    return {key: config[key] for key in keys}
+    found = {group: config[group]}
+    if group == "scene":
+        found["split"] = config["split"]
+    return found
 
 
 def task(experiment: str) -> dict[str, Any]:
@@ -189,7 +191,7 @@ def differences(config: Any, reference: Any, key: str = "") -> dict[str, str]:
     if isinstance(config, Mapping) and isinstance(reference, Mapping):
         found: dict[str, str] = {}
         for name in dict.fromkeys([*config, *reference]):
-            below = f"{key}.{name}" if key else str(name)
+            below = f"{key}.{name}".lstrip(".")
             found |= differences(config.get(name), reference.get(name), below)
         return found
     # A required value is no difference: a recording is known by its content.

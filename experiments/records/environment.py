@@ -108,8 +108,10 @@ def cpu_model() -> str:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         return unknown
-    names = [line.partition(":")[2] for line in lines if "model name" in line]
-    return names[0].strip() if names else unknown
+    for line in lines:
+        if "model name" in line:
+            return line.partition(":")[2].strip()
+    return unknown
 
 
 @functools.cache
@@ -148,7 +150,9 @@ def _ask_git(*words: str) -> str | None:
         return None
     command = ["git", "-C", str(files.ROOT), "-c", "core.quotePath=false", *words]
     done = subprocess.run(command, capture_output=True, check=False)
-    return None if done.returncode else done.stdout.decode(errors="replace").strip()
+    if done.returncode:
+        return None
+    return done.stdout.decode(errors="replace").strip()
 
 
 @functools.cache

@@ -122,8 +122,10 @@ def measure(
     torch = sys.modules.get("torch")
     task = str(config.get("_target_", ""))
     kept = {key: value for key, value in config.items() if key != "_target_"}
-    on_device = kept if device == "cpu" else {**kept, "device": device}
-    identity = name_of(name, on_device, data)
+    determining = dict(kept)
+    if device != "cpu":
+        determining["device"] = device
+    identity = name_of(name, determining, data)
     folder = results_dir() / "measured" / identity
     with locks.held(folder / locks.FILE, folder.name):
         known = None if force else read(folder)
@@ -159,7 +161,9 @@ def measure(
 def _found(name: str, known: Measured) -> str:
     text = f"{name}: finished before (force=true runs it again)"
     versions = known.record.environment.other_versions
-    return f"{text}, by {', '.join(versions)}" if versions else text
+    if versions:
+        text += f", by {', '.join(versions)}"
+    return text
 
 
 def write(folder: Path, entry: Mapping[str, Any], rows: Iterable[Row]) -> None:

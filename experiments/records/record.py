@@ -163,9 +163,9 @@ class Finished(Record, kw_only=True):
                     f"{name}: expected {self.n_test} labels, found {found}"
                 )
             if labels and not 0 <= min(labels) <= max(labels) < classes:
-                worst = max(labels) if max(labels) >= classes else min(labels)
+                found = f"{min(labels)} to {max(labels)}"
                 expected = f"labels from 0 to {classes - 1}"
-                raise ValueError(f"{name}: expected {expected}, found {worst}")
+                raise ValueError(f"{name}: expected {expected}, found {found}")
 
     @property
     def right(self) -> np.ndarray:
@@ -185,7 +185,8 @@ def append(folder: Path, entry: Mapping[str, Any], curve: Curve) -> None:
     with lock, (folder / RUNS).open("a+b") as file:
         if file.tell():  # a line that a kill cut short must not spoil the next
             file.seek(-1, os.SEEK_END)
-            line = line if file.read(1) == b"\n" else f"\n{line}"
+            if file.read(1) != b"\n":
+                line = f"\n{line}"
         file.write(f"{line}\n".encode())
         file.flush()
         os.fsync(file.fileno())

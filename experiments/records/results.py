@@ -294,4 +294,6 @@ def _labelled(name: str, changed: Mapping[str, str]) -> str:
     text = ", ".join(
         f"{key.partition('.')[2]}={value}" for key, value in changed.items()
     )
-    return f"{name} ({text})" if text else name
+    if text:
+        return f"{name} ({text})"
+    return name

@@ -95,8 +95,10 @@ def _of_target(target: str, parameters: str) -> Revisions:
     components = getattr(part, "components", None)
     if callable(components):
         for each in components(**json.loads(parameters)):
-            is_name = isinstance(each, str)
-            found = found | (_of_target(each, "{}") if is_name else of_class(each))
+            if isinstance(each, str):
+                found = found | _of_target(each, "{}")
+            else:
+                found = found | of_class(each)
     return found
 
 
@@ -110,7 +112,9 @@ def _of_part(name: str, part: Any) -> Revisions:
 
 def _of_package(name: str) -> Revisions:
     shared = getattr(importlib.import_module(name), "REVISION", None)
-    return {} if shared is None else {name: shared}
+    if shared is None:
+        return {}
+    return {name: shared}
 
 
 @functools.cache

@@ -40,9 +40,7 @@ def pack_labels(labels: ArrayLike) -> str:
         raise ValueError(f"labels: expected integers of one dimension, found {found}")
     least, most = values.min(initial=0), values.max(initial=0)
     if least < 0 or most > np.iinfo(np.int32).max:
-        raise ValueError(
-            f"labels: expected 0 to 2^31 - 1, found {least if least < 0 else most}"
-        )
+        raise ValueError(f"labels: expected 0 to 2^31 - 1, found {least} to {most}")
     kind = next(kind for kind in _KINDS if most <= np.iinfo(kind).max)
     packed = zlib.compress(values.astype(kind).tobytes(), level=9)
     return f"{kind[1:]}:{base64.b64encode(packed).decode('ascii')}"
