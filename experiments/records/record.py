@@ -163,9 +163,9 @@ class Finished(Record, kw_only=True):
                     f"{name}: expected {self.n_test} labels, found {found}"
                 )
             if labels and not 0 <= min(labels) <= max(labels) < classes:
-                found = f"{min(labels)} to {max(labels)}"
+                limits = f"{min(labels)} to {max(labels)}"
                 expected = f"labels from 0 to {classes - 1}"
-                raise ValueError(f"{name}: expected {expected}, found {found}")
+                raise ValueError(f"{name}: expected {expected}, found {limits}")
 
     @property
     def right(self) -> np.ndarray:

@@ -25,6 +25,7 @@ from experiments.records.record import Curve, Finished, Record
 STOPS = ("paper", "long", "quick", "reached")
 # What a row asks for by number; and where a recording lies, which is known by its content.
 _COORDINATES = ("split.n_train", "data.pixels", "scene.path")
+_FRAMES_FIRST = {"scene": 0, "split": 1, "model": 2, "stop": 3}  # of what was changed
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
 
 Row = tuple[str, str, int | None, int | None]
@@ -48,10 +49,14 @@ class Run:
         """Values of its scene, split, model and stop that differ from ``configs/``, by key. What
         learns in one pass has no stopping rule."""
         found = {}
-        for key, value in self.record.changed.items():
+        changed = self.record.changed
+        in_order = sorted(
+            changed, key=lambda key: _FRAMES_FIRST.get(key.partition(".")[0], 4)
+        )
+        for key in in_order:
             of_stop = key.startswith("stop.") and not self.iterative
             if key not in _COORDINATES and not of_stop:
-                found[key] = value
+                found[key] = changed[key]
         return found
 
     @property

@@ -88,11 +88,10 @@ def composed():
 
 def _changed(values):
     """What a record says of values that are not those of the files, but for seeds."""
-    return {
-        key: json.dumps(value)
-        for key, value in values.items()
-        if key.rpartition(".")[2] not in configs.SEEDS
-    }
+    changed = [key for key in values if key.rpartition(".")[2] not in configs.SEEDS]
+    groups = ["scene", "split", "data", "model", "stop"]  # as a run has them
+    changed.sort(key=lambda key: groups.index(key.partition(".")[0]))
+    return {key: json.dumps(values[key]) for key in changed}
 
 
 def _changed_task(name, config):
