@@ -9,6 +9,7 @@ at is left to it.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import time
@@ -137,9 +138,10 @@ def _complain(error: Exception) -> None:
 
 
 def _warn(message: Warning | str, *_: Any) -> None:
-    if str(message) in _warned:
+    but_for_numbers = re.sub(r"\d+", "", str(message))  # they differ from seed to seed
+    if but_for_numbers in _warned:
         return
-    _warned.add(str(message))
+    _warned.add(but_for_numbers)
     stderr.print(
         "[yellow]warning:[/yellow]", escape(str(message)), soft_wrap=True, emoji=False
     )
