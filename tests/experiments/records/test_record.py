@@ -60,8 +60,14 @@ def test_a_line_that_a_kill_cut_short_costs_itself_only(tmp_path, write_run, lef
         ({"config": 7}, "config"),
         ({"config": {}}, "config.scene: expected a mapping, found None"),
         ({"predicted": [0]}, "predicted: expected 100 labels, found 1"),
-        ({"predicted": [5] * 100}, "predicted: expected labels from 0 to 4, found 5 to 5"),
-        ({"test_labels": [-1] * 100}, "test_labels: expected labels from 0 to 4, found -1 to -1"),
+        (
+            {"predicted": [5] * 100},
+            "predicted: expected labels from 0 to 4, found 5 to 5",
+        ),
+        (
+            {"test_labels": [-1] * 100},
+            "test_labels: expected labels from 0 to 4, found -1 to -1",
+        ),
         ({"predicted": "u1:AAAA"}, "labels: expected packed integers"),
         ({"curve": {"columns": ["a"], "rows": [[1, 2]]}}, "curve: expected 1 numbers"),
         ({"curve": {"columns": ["a"], "rows": [["x"]]}}, "curve: expected 1 numbers"),
