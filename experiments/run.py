@@ -9,8 +9,10 @@ at is left to it.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
+import time
 import traceback
 import warnings
 from typing import Any
@@ -23,12 +25,13 @@ import hydra
 import torch
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException, MissingConfigException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from rich.console import Console
 from rich.markup import escape
 
-from experiments.protocol import job, machine
+from experiments.protocol import job, machine, sweep
 from experiments.records import locks
 from experiments.records.files import results_dir
 from experiments.reporting.terminal import summarise
@@ -39,9 +42,9 @@ stderr = Console(stderr=True, highlight=False)
 
 # Errors that are the user's to mend: shown as one line. All others are ours, with their traceback.
 _USER_ERRORS = (ValueError, OSError, HydraException, OmegaConfBaseException)
-_failures: list[
-    Exception
-] = []  # of this process; those of a launcher's workers come by Hydra
+# Of this process; those of a launcher's workers come by Hydra.
+_failures: list[Exception] = []
+_warned: set[str] = set()  # what this process has warned of: a sweep says it once
 
 warnings.filterwarnings("ignore", message=".*hydra.run.dir.*")
 # configs/hydra/launcher changes parts of the launchers' own configs.
@@ -63,23 +66,17 @@ def _job(cfg: DictConfig) -> None:
         hydra_cfg = HydraConfig.get()
         machine.keep_memory()
         torch.set_num_threads(machine.threads(cfg.threads, hydra_cfg.launcher))
-        chosen = dict(hydra_cfg.runtime.choices)
+        _show_progress(cfg, hydra_cfg)
         if cfg.task is not None:
-            job.check(cfg)
-            switches = {key: cfg[key] for key in ("device", "cache", "force")}
-            with job.exclusive(cfg, console):
-                hydra.utils.instantiate(
-                    cfg.task,
-                    _recursive_=False,
-                    _convert_="all",
-                    name=chosen["experiment"],
-                    scene_name=chosen["scene"],
-                    **switches,
-                )
+            _carry_out_task(cfg, hydra_cfg)
             return
-        summarise(
-            console, *job.run(cfg, chosen, list(hydra_cfg.overrides.task), console)
-        )
+        chosen = dict(hydra_cfg.runtime.choices)
+        words = list(hydra_cfg.overrides.task)
+        start = time.perf_counter()
+        record, was_there = job.run(cfg, chosen, words, console)
+        if _progress is not None and not was_there:
+            _progress.took(time.perf_counter() - start)
+        summarise(console, record, was_there)
     except locks.Held as held:
         console.print(str(held), style="yellow", markup=False, soft_wrap=True)
     except Exception as error:
@@ -88,7 +85,46 @@ def _job(cfg: DictConfig) -> None:
         _complain(error)
 
 
+def _carry_out_task(cfg: DictConfig, hydra_cfg: Any) -> None:
+    """Measure an experiment that is more than a run."""
+    job.check(cfg)
+    chosen = hydra_cfg.runtime.choices
+    switches = {key: cfg[key] for key in ("device", "cache", "force")}
+    start = time.perf_counter()
+    with job.exclusive(cfg, console):
+        hydra.utils.instantiate(
+            cfg.task,
+            _recursive_=False,
+            _convert_="all",
+            name=chosen["experiment"],
+            scene_name=chosen["scene"],
+            **switches,
+        )
+    if _progress is not None:
+        _progress.took(time.perf_counter() - start)
+
+
 _first = False  # whether this process was given the command line
+_progress: sweep.Progress | None = None  # of a sweep in this process
+
+
+def _show_progress(cfg: DictConfig, hydra_cfg: Any) -> None:
+    """Say which run of a sweep begins; before the first, that it could run beside others."""
+    global _progress
+    if not _first or hydra_cfg.mode != RunMode.MULTIRUN:
+        return
+    if _progress is None:
+        _progress = sweep.Progress(sweep.size(hydra_cfg.sweeper.params, sys.argv[1:]))
+        if cfg.exclusive and cfg.task is not None and not _is_timed(cfg.task):
+            text = "nothing of this is timed: exclusive=false runs it beside other runs"
+            console.print(text, style="dim", soft_wrap=True)
+    text = _progress.next(list(hydra_cfg.overrides.task))
+    console.print(text, style="dim", markup=False, soft_wrap=True)
+
+
+def _is_timed(task: DictConfig) -> bool:
+    measured = hydra.utils.get_method(task["_target_"])
+    return bool(getattr(measured, "timed", False))
 
 
 def _complain(error: Exception) -> None:
@@ -102,6 +138,10 @@ def _complain(error: Exception) -> None:
 
 
 def _warn(message: Warning | str, *_: Any) -> None:
+    but_for_numbers = re.sub(r"\d+", "", str(message))  # they differ from seed to seed
+    if but_for_numbers in _warned:
+        return
+    _warned.add(but_for_numbers)
     stderr.print(
         "[yellow]warning:[/yellow]", escape(str(message)), soft_wrap=True, emoji=False
     )
@@ -126,9 +166,8 @@ def entry_point() -> None:
     global _first
     _first = True
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    os.environ["HYDRA_FULL_ERROR"] = (
-        "1"  # Hydra's own errors come here, and leave as one line
-    )
+    # Hydra's own errors come here, and leave as one line.
+    os.environ["HYDRA_FULL_ERROR"] = "1"
     warnings.showwarning = _warn  # type: ignore[assignment]
     # A scheduler's or a user's end of a run is written into its record, a closed terminal's too.
     for number in (signal.SIGTERM, signal.SIGHUP):

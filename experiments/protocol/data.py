@@ -21,8 +21,9 @@ from torch import Tensor
 
 from experiments.protocol.clock import Clock
 from experiments.protocol.model import instantiate
-from experiments.records import sources
+from experiments.records import revision
 from experiments.records.configs import SEEDS
+from experiments.records.environment import changes
 from experiments.records.files import results_dir
 from scenes.frames import Scene
 from scenes.split import (
@@ -33,24 +34,20 @@ from scenes.split import (
     split,
 )
 
-IN_MEMORY_BYTES = (
-    512 * 2**20
-)  # more frames than this are read while the model asks for them
+# More frames than this are read while the model asks for them.
+IN_MEMORY_BYTES = 512 * 2**20
 _BATCH = 16
-_LEAK = (
-    0.5  # share of test frames beside a training frame, above which a user is warned
-)
+# Share of test frames beside a training frame, above which a user is warned.
+_LEAK = 0.5
 
 
 def at_seed(config: Any, seed: int) -> Any:
     """The resolved config of a scene with every seed in it set, as ``seed.run`` sets them."""
     if isinstance(config, Mapping):
         return {k: seed if k in SEEDS else at_seed(v, seed) for k, v in config.items()}
-    return (
-        [at_seed(part, seed) for part in config]
-        if isinstance(config, list | tuple)
-        else config
-    )
+    if isinstance(config, list | tuple):
+        return [at_seed(part, seed) for part in config]
+    return config
 
 
 def scene_at(
@@ -58,7 +55,9 @@ def scene_at(
 ) -> Scene:
     """The scene of a resolved config at a seed of sensor and samples, cached where asked for."""
     scene: Scene = instantiate(OmegaConf.create(at_seed(dict(config), seed)), "scene")
-    return cached(scene, results_dir() / "cache", console) if cache else scene
+    if not cache:
+        return scene
+    return cached(scene, results_dir() / "cache", console)
 
 
 class LazyFrames:
@@ -79,11 +78,13 @@ class LazyFrames:
 
     def __getitem__(self, index: Any) -> Tensor:
         with self.clock.held():
-            chosen = self.indices[
-                index.numpy(force=True) if isinstance(index, Tensor) else index
-            ]
+            if isinstance(index, Tensor):
+                index = index.numpy(force=True)
+            chosen = self.indices[index]
             frames = self.scene.frames(np.atleast_1d(chosen))
-            return frames if np.ndim(chosen) else frames[0]
+            if np.ndim(chosen) == 0:
+                return frames[0]
+            return frames
 
 
 class DerivedScene:
@@ -128,16 +129,16 @@ def cached(scene: Scene, folder: Path, console: Console) -> Scene:
     """The scene with its frames on disk, made there first if need be, whole or not at all.
 
     Recorded and measured scenes stay as they are. A file is named after the scene's fingerprint and
-    code, the libraries and the kind of processor.
+    revision, changes of the scenes that are in no commit, the libraries and the kind of processor.
 
     Raises:
         OSError: naming the file, if it cannot be written.
     """
     if scene.origin == "recorded" or not getattr(scene, "cacheable", True):
         return scene
-    kind = f"{type(scene).__module__}.{type(scene).__qualname__}"
+    code = [revision.of_class(type(scene)), changes("scenes")]
     versions = [torch.__version__, np.__version__, platform.machine()]
-    parts = [scene.fingerprint(), sources.code_hash(sources.closure(kind)), versions]
+    parts = [scene.fingerprint(), code, versions]
     path = folder / f"{hashlib.sha256(repr(parts).encode()).hexdigest()[:24]}.npy"
     folder.mkdir(parents=True, exist_ok=True)
     with FileLock(path.with_suffix(".lock")):  # made by one process; others wait for it
@@ -182,19 +183,13 @@ class PixelSubset(DerivedScene):
 
     def __init__(self, scene: Scene, pixels: int, seed: int):
         super().__init__(scene)
-        all_pixels = math.prod(scene.shape)
-        if (
-            isinstance(pixels, bool)
-            or not isinstance(pixels, int)
-            or not 2 <= pixels <= all_pixels
-        ):
-            raise ValueError(
-                f"data.pixels: expected an integer in [2, {all_pixels}], found {pixels!r}"
-            )
+        every = math.prod(scene.shape)
+        if type(pixels) is not int or not 2 <= pixels <= every:
+            expected = f"an integer in [2, {every}]"
+            raise ValueError(f"data.pixels: expected {expected}, found {pixels!r}")
         self.shape = (1, pixels)
-        self._chosen = np.sort(
-            np.random.default_rng(seed).permutation(all_pixels)[:pixels]
-        )
+        in_random_order = np.random.default_rng(seed).permutation(every)
+        self._chosen = np.sort(in_random_order[:pixels])
 
     def fingerprint(self) -> str:
         digest = hashlib.sha256(
@@ -217,50 +212,73 @@ def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
     Raises:
         ValueError: naming the key of a value that does not fit.
     """
-    # A scene of several sessions trains and tests within the first, unless the split crosses them.
-    session = scene.samples.get("session", np.zeros(len(scene.labels), np.int64))
     kinds, kind = (*KINDS, "grouped", "session"), cfg["kind"]
     if kind not in kinds:
-        raise ValueError(
-            f"split.kind: expected one of {', '.join(kinds)}, found {kind!r}"
-        )
-    fraction, groups = cfg["test_fraction"], cfg.get("group")
-    if kind == "grouped" and groups not in scene.samples:
-        expected = ", ".join(scene.samples)
-        raise ValueError(f"split.group: expected one of {expected}, found {groups!r}")
+        expected = ", ".join(kinds)
+        raise ValueError(f"split.kind: expected one of {expected}, found {kind!r}")
     if kind == "session":
-        first, test = by_session(session, *np.unique(session)[[0, -1]].tolist())
-        train, _ = split(scene.labels[first], test_fraction=fraction, seed=seed)
-        train = first[train]
+        train, test = _across_sessions(scene, cfg, seed)
     else:
-        first = np.flatnonzero(session == session.min())
-        parts = split(
-            scene.labels[first],
-            test_fraction=fraction,
-            kind=kind,
-            seed=seed,
-            order=scene.samples["order"][first],
-            groups=scene.samples[groups][first] if kind == "grouped" else None,
-        )
-        train, test = (first[part] for part in parts)
+        train, test = _within_first_session(scene, cfg, seed)
     if scene.origin == "recorded" and kind == "random":
-        order = scene.samples["order"]
-        leak = neighbours_leak(scene.labels, order, train, test, session)
-        if leak > _LEAK:
-            warnings.warn(
-                f"split.kind=random: {leak:.0%} of the test frames stand next to a training frame "
-                "of their class in time, of which they may be copies; split.kind=ordered tests on "
-                "later ones",
-                stacklevel=2,
-            )
-    if (n := cfg["n_train"]) is not None:
-        try:
-            train = learning_curve_subsets(train, scene.labels, [n], seed)[n]
-        except ValueError as error:
-            raise ValueError(
-                str(error).replace("split.sizes", "split.n_train")
-            ) from error
-    return train, test
+        _warn_of_neighbours(scene, train, test)
+    n = cfg["n_train"]
+    if n is None:
+        return train, test
+    try:
+        return learning_curve_subsets(train, scene.labels, [n], seed)[n], test
+    except ValueError as error:
+        text = str(error).replace("split.sizes", "split.n_train")
+        raise ValueError(text) from error
+
+
+def _sessions(scene: Scene) -> np.ndarray:
+    """Session of each sample, int64 [N]."""
+    return scene.samples.get("session", np.zeros(len(scene.labels), np.int64))
+
+
+def _across_sessions(
+    scene: Scene, cfg: Any, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Training samples of the first session, as a random split has them; the last one tests."""
+    sessions = _sessions(scene)
+    first, test = by_session(sessions, *np.unique(sessions)[[0, -1]].tolist())
+    train, _ = split(scene.labels[first], test_fraction=cfg["test_fraction"], seed=seed)
+    return first[train], test
+
+
+def _within_first_session(
+    scene: Scene, cfg: Any, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """A scene of several sessions trains and tests within the first, unless the split crosses
+    them."""
+    kind, group = cfg["kind"], cfg.get("group")
+    if kind == "grouped" and group not in scene.samples:
+        expected = ", ".join(scene.samples)
+        raise ValueError(f"split.group: expected one of {expected}, found {group!r}")
+    sessions = _sessions(scene)
+    first = np.flatnonzero(sessions == sessions.min())
+    train, test = split(
+        scene.labels[first],
+        test_fraction=cfg["test_fraction"],
+        kind=kind,
+        seed=seed,
+        order=scene.samples["order"][first],
+        groups=scene.samples[group][first] if kind == "grouped" else None,
+    )
+    return first[train], first[test]
+
+
+def _warn_of_neighbours(scene: Scene, train: np.ndarray, test: np.ndarray) -> None:
+    order = scene.samples["order"]
+    leak = neighbours_leak(scene.labels, order, train, test, _sessions(scene))
+    if leak > _LEAK:
+        warnings.warn(
+            f"split.kind=random: {leak:.0%} of the test frames stand next to a training frame "
+            "of their class in time, of which they may be copies; split.kind=ordered tests on "
+            "later ones",
+            stacklevel=3,
+        )
 
 
 def take(scene: Scene, indices: np.ndarray, clock: Clock) -> Tensor | LazyFrames:

@@ -8,15 +8,19 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from omegaconf import OmegaConf
 from rich.console import Console
 
 from experiments.protocol import data
-from experiments.records import measurement
-from experiments.records.configs import without_display
-from experiments.records.measurement import Row, measure
+from experiments.protocol.model import instantiate
+from experiments.records import configs, measurement
+from experiments.records.measurement import measure
+from experiments.records.rows import Row
 from scenes.frames import Scene
 
 __all__ = ["Row", "Run", "experiment"]
+
+_DRAWN = "scenes.sensor."  # scenes that their config determines: no file is read
 
 
 class Run:
@@ -29,6 +33,7 @@ class Run:
         cache: keep frames on disk.
         force: make kept parts again.
         console: shows progress.
+        data: digest of the frames, where the config does not determine them.
     """
 
     def __init__(
@@ -39,8 +44,9 @@ class Run:
         cache: bool = False,
         force: bool = False,
         console: Console | None = None,
+        data: str = "",
     ):
-        self.name, self.config = name, dict(config or {})
+        self.name, self.config, self.data = name, dict(config or {}), data
         self.device, self.cache, self.force = device, cache, force
         self.console = console or Console(highlight=False)
 
@@ -73,22 +79,35 @@ class Run:
         if self.force:
             yield from compute()
         else:
-            yield from measurement.part(
-                self.name, {**self.config, "part": dict(key)}, compute
-            )
+            config = {**self.config, "part": dict(key)}
+            yield from measurement.part(self.name, config, compute, self.data)
         self.note(", ".join(f"{name} {value}" for name, value in key.items()))
 
 
-def experiment(rows: Callable[..., Iterator[Row]]) -> Callable[..., Path]:
+def experiment(
+    rows: Callable[..., Iterator[Row]] | None = None,
+    *,
+    revision: int = 1,
+    uses: Sequence[str] = (),
+    timed: bool = False,
+) -> Any:
     """Make a Hydra task of a generator of rows; its arguments, defaults included, are its identity.
 
     The task takes ``name``, ``scene_name``, ``device``, ``cache`` and ``force`` from the runner,
     binds the other arguments to those of the generator, and writes the rows (:func:`measure`). The
     generator itself is its attribute ``rows``.
 
+    Args:
+        rows: the generator; its first argument is the :class:`Run`.
+        revision: raised when its rows change.
+        uses: dotted names of what its rows depend on, and its config does not name.
+        timed: whether its rows have times: such a one runs alone on its cores.
+
     Raises:
         ValueError: from the task, for an argument that the generator does not have or lacks.
     """
+    if rows is None:
+        return functools.partial(experiment, revision=revision, uses=uses, timed=timed)
     signature = inspect.signature(rows)
 
     @functools.wraps(rows)
@@ -101,27 +120,59 @@ def experiment(rows: Callable[..., Iterator[Row]]) -> Callable[..., Path]:
         force: bool = False,
         **given: Any,
     ) -> Path:
-        try:
-            bound = signature.bind(None, **given)
-        except TypeError as error:
-            known = ", ".join(list(signature.parameters)[1:])
-            raise ValueError(
-                f"task: expected the keys {known}, found {error}"
-            ) from None
-        bound.apply_defaults()
-        arguments = without_display(dict(list(bound.arguments.items())[1:]))
+        arguments = _bound(signature, given)
         config = {"_target_": f"{rows.__module__}.{rows.__name__}", **arguments}
-        run = Run(name or rows.__name__, config, device, cache, force)
-        compute = functools.partial(rows, run, **arguments)
+        data = _data_of(arguments)
+        run = Run(name or rows.__name__, config, device, cache, force, data=data)
         return measure(
             run.name,
             config,
-            compute,
+            functools.partial(rows, run, **arguments),
             scene=scene_name if "scene" in arguments else "",
+            data=data,
+            changed=_changed(name, arguments),
             device=device,
             force=force,
             console=run.console,
         )
 
     task.rows = rows  # type: ignore[attr-defined]
+    task.revision = revision  # type: ignore[attr-defined]
+    task.timed = timed  # type: ignore[attr-defined]
+    task.components = lambda **_: uses  # type: ignore[attr-defined]
     return task
+
+
+def _bound(signature: inspect.Signature, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of a generator but for its first, defaults included, without displays."""
+    try:
+        bound = signature.bind(None, **given)
+    except TypeError as error:
+        known = ", ".join(list(signature.parameters)[1:])
+        raise ValueError(f"task: expected the keys {known}, found {error}") from None
+    bound.apply_defaults()
+    arguments = dict(list(bound.arguments.items())[1:])
+    without_display: dict[str, Any] = configs.without(("display",), arguments)
+    return without_display
+
+
+def _changed(name: str | None, arguments: Mapping[str, Any]) -> dict[str, str]:
+    """Arguments that are not those of the experiment's file, by dotted key."""
+    if name is None:
+        return {}
+    task = configs.task(name)
+    return configs.differences(arguments, {key: task.get(key) for key in arguments})
+
+
+def _data_of(arguments: Mapping[str, Any]) -> str:
+    """Digest of the frames of every scene among the arguments."""
+    digests = []
+    for key, value in arguments.items():
+        if not isinstance(value, Mapping):
+            continue
+        target = value.get("_target_", "")
+        if target.startswith("scenes.") and not target.startswith(_DRAWN):
+            scene = instantiate(OmegaConf.create(dict(value)), key)
+            if hasattr(scene, "fingerprint"):
+                digests.append(scene.fingerprint())
+    return " ".join(digests)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
@@ -14,15 +14,23 @@ from rich.console import Console
 
 from experiments.protocol import machine
 from experiments.protocol.model import instantiate
+from experiments.protocol.settings import Settings, check_arguments, checked, leaves
 from experiments.protocol.trial import train_and_test
 from experiments.records import configs, locks
 from experiments.records import record as records
 from experiments.records.environment import command, environment
 from experiments.records.files import results_dir
 from experiments.records.record import Finished
+from experiments.records.revision import revisions
 from scenes.frames import Scene
 
 _ERROR_CHARACTERS = 2000
+_OF_FILES = ("scene", "model", "stop")  # groups of configs/ that make a run
+# Keys that say which run of a config it is, or how it is carried out; those below `seed` besides.
+_NO_CHANGE = (
+    *(*_OF_FILES, "experiment", "split.n_train", "data.pixels", "scene.path"),
+    *("device", "threads", "exclusive", "cache", "force"),
+)
 
 
 def check(cfg: DictConfig) -> None:
@@ -34,46 +42,24 @@ def check(cfg: DictConfig) -> None:
     missing = ", ".join(sorted(OmegaConf.missing_keys(cfg)))
     if missing:
         raise ValueError(f"{missing}: expected a value, found none")
-    for key, value in _leaves(OmegaConf.to_container(cfg, resolve=True)):
+    config: Any = OmegaConf.to_container(cfg, resolve=True)
+    for key, value in leaves(config):
         if value != value:  # only nan is unlike itself
             raise ValueError(f"{key}: expected a number, found nan")
-    for key in ("exclusive", "cache", "force"):
-        if not isinstance(cfg[key], bool):
-            raise ValueError(f"{key}: expected true or false, found {cfg[key]!r}")
-    for key, seed in cfg.seed.items():
-        if type(seed) is not int or not 0 <= seed <= 2**53:
-            raise ValueError(
-                f"seed.{key}: expected an integer from 0 to 2^53, found {seed!r}"
-            )
+    checked(config, Settings)
+    for group in ("scene", "model"):
+        check_arguments(config.get(group), group)
     for key in ("device", "model.device"):
-        name = OmegaConf.select(cfg, key, default="cpu")
-        try:
-            torch.empty(0, device=torch.device(name)).cpu()
-        except (RuntimeError, AssertionError, NotImplementedError, TypeError) as error:
-            there = ", ".join(
-                ["cpu", *(f"cuda:{k}" for k in range(torch.cuda.device_count()))]
-            )
-            raise ValueError(
-                f"{key}: expected one of {there}, found {name!r}"
-            ) from error
+        _check_device(key, OmegaConf.select(cfg, key, default="cpu"))
 
 
-def _leaves(node: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """(dotted key, value) of everything in a resolved config that is no mapping."""
-    if not isinstance(node, Mapping):
-        yield key, node
-        return
-    for name, value in node.items():
-        yield from _leaves(value, f"{key}.{name}".lstrip("."))
-
-
-def _check_kinds(config: Mapping[str, Any], group: str, name: str | None) -> None:
-    """Refuse a text where the file of ``configs/`` has a number: models fail of it late, or not."""
-    known = configs.part(group, name or "")
-    expected = dict(_leaves(known[group], group)) if known else {}
-    for key, value in _leaves(config[group], group):
-        if type(expected.get(key)) in (int, float) and isinstance(value, str):
-            raise ValueError(f"{key}: expected a number, found {value!r}")
+def _check_device(key: str, name: Any) -> None:
+    try:
+        torch.empty(0, device=torch.device(name)).cpu()
+    except (RuntimeError, AssertionError, NotImplementedError, TypeError) as error:
+        gpus = [f"cuda:{k}" for k in range(torch.cuda.device_count())]
+        there = ", ".join(["cpu", *gpus])
+        raise ValueError(f"{key}: expected one of {there}, found {name!r}") from error
 
 
 def run(
@@ -99,16 +85,14 @@ def run(
     """
     check(cfg)
     config: Any = OmegaConf.to_container(cfg, resolve=True)
-    for group in ("scene", "model"):
-        _check_kinds(config, group, choices.get(group))
-    display = config.get("display") or {}
+    displays = {key: config.get(key) or {} for key in ("display", "scene_display")}
     for key in records.NOT_IDENTITY:
         config.pop(key, None)
     config["threads"] = torch.get_num_threads()
     scene: Scene = instantiate(cfg.scene, "scene")
-    fingerprint = scene.fingerprint()
-    names = {key: choices.get(key) or "custom" for key in ("scene", "model", "stop")}
-    identity = records.run_id(names["scene"], names["model"], config, fingerprint)
+    data = scene.fingerprint()
+    names = {key: choices.get(key) or "custom" for key in _OF_FILES}
+    identity = records.run_id(names["scene"], names["model"], config, data)
     entry: dict[str, Any] = {
         "schema": records.SCHEMA,
         "id": identity,
@@ -116,32 +100,33 @@ def run(
         "choices": names,
         "experiment": choices.get("experiment"),
         "overrides": list(overrides),
-        "display": display,
+        **displays,
         "config": config,
+        "data": data,
         "scene": {
             "name": names["scene"],
             "origin": scene.origin,
             "classes": list(scene.classes),
             "shape": list(scene.shape),
             "n": len(scene.labels),
-            "fingerprint": fingerprint,
             "saturated": str(getattr(scene, "saturated", "") or ""),
         },
     }
     folder = results_dir()
-    if not cfg.force and (known := records.find(folder, identity)):
+    known = _finished(folder, identity, cfg.force)
+    if known is not None:
         return known, True
     with locks.held(folder / "cache" / "locks" / identity, identity):
-        if not cfg.force and (
-            known := records.find(folder, identity)
-        ):  # finished meanwhile
+        # Another process may have finished it since.
+        known = _finished(folder, identity, cfg.force, console)
+        if known is not None:
             return known, True
-        with (
-            exclusive(cfg, console),
-            machine.libraries(config["model"], config["threads"]) as libraries,
-        ):
+        entry["revisions"] = revisions(config)
+        entry["changed"] = changed_keys(config, choices, overrides)
+        libraries_of = machine.libraries(config["model"], config["threads"])
+        with exclusive(cfg, console), libraries_of as libraries:
             entry["environment"] = {
-                **environment(cfg.device, config["threads"], config),
+                **environment(cfg.device, config["threads"]),
                 "exclusive": cfg.exclusive,
                 "libraries": libraries,
             }
@@ -151,15 +136,75 @@ def run(
     return done, False
 
 
+def _finished(
+    folder: Path, identity: str, force: bool, console: Console | None = None
+) -> Finished | None:
+    """The finished record of a run, if today's code made it; if another did, that is said."""
+    known = None if force else records.find(folder, identity)
+    if known is None:
+        return None
+    reasons = known.outdated
+    if not reasons:
+        return known
+    if console is not None:
+        text = f"{identity}: run again, finished by other code: {', '.join(reasons)}"
+        console.print(text, style="yellow", markup=False, soft_wrap=True)
+    return None
+
+
+def changed_keys(
+    config: Mapping[str, Any],
+    choices: Mapping[str, str | None],
+    overrides: Sequence[str],
+) -> dict[str, str]:
+    """Values of scene, split, model and stopping rule that are not those of the files chosen.
+
+    By dotted key, as JSON, but for seeds. Of a scene or a model that is in no file, those that the
+    command line has.
+
+    Args:
+        config: the whole, resolved.
+        choices: which file of each group it was composed from.
+        overrides: words of the command line.
+    """
+    found: dict[str, str] = {}
+    typed = {}
+    for word in overrides:
+        key, _, value = word.lstrip("+~").partition("=")
+        if key not in _NO_CHANGE and not key.startswith(("seed.", "hydra")):
+            typed[key] = value
+    if typed or choices.get("experiment"):
+        for group in _OF_FILES:
+            found |= _changed_of(group, config, choices.get(group) or "", typed)
+    if config["device"] != "cpu":  # its times do not compare
+        found["model.device"] = config["device"]
+    return found
+
+
+def _changed_of(
+    group: str, config: Mapping[str, Any], name: str, typed: Mapping[str, str]
+) -> dict[str, str]:
+    keys = ("scene", "split") if group == "scene" else (group,)
+    of_files = configs.part(group, name)
+    if of_files is None:
+        below = {key: value for key, value in typed.items() if "." in key}
+        return {k: v for k, v in below.items() if k.partition(".")[0] in keys}
+    same = (*configs.SEEDS, "device")
+    ours = configs.without(same, {key: config.get(key) for key in keys})
+    return configs.differences(ours, configs.without(same, of_files))
+
+
 def exclusive(cfg: DictConfig, console: Console) -> AbstractContextManager[None]:
     """The machine to oneself, unless the config says otherwise."""
+    if not cfg.exclusive:
+        return nullcontext()
     n = torch.get_num_threads()
 
     def waiting() -> None:
         text = f"waiting for {n} free cores: another run is timed (exclusive=false runs beside it)"
         console.print(text, style="yellow", soft_wrap=True)
 
-    return machine.held(n, cfg.device, waiting) if cfg.exclusive else nullcontext()
+    return machine.held(n, cfg.device, waiting)
 
 
 def _carry_out(
@@ -167,26 +212,27 @@ def _carry_out(
 ) -> None:
     """Train and test, and add the record; a run that fails is recorded with its error."""
     curve: records.Curve = []
-    records.to_line(
-        entry, curve
-    )  # a record that cannot be written is found before the training
+    # A record that cannot be written is found before the training.
+    records.to_line(entry, curve)
     try:
         cache = folder / "cache" if cfg.cache else None
         train_and_test(cfg, scene, entry["choices"], curve, entry, cache, console)
         entry["status"] = "finished"
-        classes = len(scene.classes)
-        for label in entry["predicted"]:
-            if not 0 <= label < classes:
-                raise ValueError(
-                    f"predicted: expected labels below {classes}, found {label}"
-                )
+        _check_labels(entry["predicted"], len(scene.classes))
     except BaseException as error:
         entry["status"] = "failed" if isinstance(error, Exception) else "interrupted"
         text = "".join(traceback.format_exception_only(error)).strip()
         entry["error"] = text[:_ERROR_CHARACTERS]
-        with suppress(
-            OSError, TypeError
-        ):  # on a full disk the first error is the one to see
+        # On a full disk, or with labels that are none, the first error is the one to see.
+        with suppress(OSError, TypeError):
             records.append(folder, entry, curve)
         raise
     records.append(folder, entry, curve)
+
+
+def _check_labels(predicted: Sequence[int], classes: int) -> None:
+    for label in predicted:
+        if not 0 <= label < classes:
+            raise ValueError(
+                f"predicted: expected labels below {classes}, found {label}"
+            )

@@ -23,15 +23,12 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from experiments.records import sources
+from experiments.records import revision
 
 _POLL_S = 0.2
-# Options of mallopt in glibc's malloc.h, and what they are set to.
-_MALLOPT = {
-    -4: 0,
-    -1: 2**31 - 1,
-    -2: 64 * 2**20,
-}  # M_MMAP_MAX, M_TRIM_THRESHOLD, M_TOP_PAD
+# Options of mallopt in glibc's malloc.h (M_MMAP_MAX, M_TRIM_THRESHOLD, M_TOP_PAD), and what they
+# are set to.
+_MALLOPT = {-4: 0, -1: 2**31 - 1, -2: 64 * 2**20}
 
 
 def keep_memory() -> bool:
@@ -40,10 +37,10 @@ def keep_memory() -> bool:
     By default the system clears the pages of every large block that is allocated: a third of the
     processor time of a network's training. The process keeps its peak of memory until it ends.
     """
-    if (
-        sys.platform != "linux"
-        or (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is None
-    ):
+    if sys.platform != "linux":
+        return False
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is None:
         return False
     return all(mallopt(option, value) == 1 for option, value in _MALLOPT.items())
 
@@ -68,15 +65,10 @@ def threads(wanted: Any, launcher: Any) -> int:
     cores = len(available())
     if wanted is None:
         workers = launcher.get("n_jobs") or 1  # of joblib, below zero for one per core
-        share = launcher.get("cpus_per_task") or (
-            cores // workers if workers > 0 else 1
-        )
+        of_cores = cores // workers if workers > 0 else 1
+        share = launcher.get("cpus_per_task") or of_cores
         return min(cores, max(1, share))
-    if (
-        not isinstance(wanted, int)
-        or isinstance(wanted, bool)
-        or not 1 <= wanted <= cores
-    ):
+    if type(wanted) is not int or not 1 <= wanted <= cores:
         raise ValueError(
             f"threads: expected an integer from 1 to this machine's {cores} cores, or null, "
             f"found {wanted!r}"
@@ -96,11 +88,9 @@ def held(n: int, device: str, waiting: Callable[[], None]) -> Iterator[None]:
     folder = Path(tempfile.gettempdir()) / f"optical-hdc-cores-{os.getuid()}"
     folder.mkdir(parents=True, exist_ok=True)
     cores = [FileLock(folder / f"core-{core}", timeout=0) for core in available()]
-    gpus = (
-        [FileLock(folder / _gpu(device), timeout=0)]
-        if device.startswith("cuda")
-        else []
-    )
+    gpus = []
+    if device.startswith("cuda"):
+        gpus.append(FileLock(folder / _gpu(device), timeout=0))
     for attempt in itertools.count():
         with ExitStack() as stack:
             if _locked(stack, gpus, 1) and _locked(stack, cores, n):
@@ -137,24 +127,22 @@ def libraries(model: Mapping[str, Any], threads: int) -> Iterator[list[dict[str,
     numpy, scipy and scikit-learn bring OpenBLAS and OpenMP libraries of their own, with a thread a
     core each. Only scikit-learn's estimators compute with them: no other run imports threadpoolctl.
     """
-    estimators = [
-        name for name in sources.targets(model) if name.startswith("sklearn.")
-    ]
+    named = [target for target, _ in revision.targets(model)]
+    estimators = [target for target in named if target.startswith("sklearn.")]
     if not estimators:
         yield []
         return
     from threadpoolctl import threadpool_info, threadpool_limits
 
-    for (
-        name
-    ) in estimators:  # a limit binds the libraries loaded so far, and none loaded later
+    # A limit binds the libraries loaded so far, and none loaded later.
+    for name in estimators:
         importlib.import_module(name.rpartition(".")[0])
     with threadpool_limits(threads):
-        keys = {"library": "prefix", "version": "version", "threads": "num_threads"}
-        yield [
-            {key: info[name] for key, name in keys.items()}
-            for info in threadpool_info()
-        ]
+        limited = []
+        for info in threadpool_info():
+            about = {"library": info["prefix"], "version": info["version"]}
+            limited.append({**about, "threads": info["num_threads"]})
+        yield limited
 
 
 def peak_bytes() -> int:
@@ -169,8 +157,9 @@ def peak_bytes() -> int:
 def _status(key: str) -> int | None:
     """A number of kilobytes of Linux's ``/proc/self/status``, in bytes."""
     status = Path("/proc/self/status")
-    lines = status.read_text().splitlines() if status.exists() else []
-    return next(
-        (1024 * int(line.split()[1]) for line in lines if line.startswith(f"{key}:")),
-        None,
-    )
+    if not status.exists():
+        return None
+    for line in status.read_text().splitlines():
+        if line.startswith(f"{key}:"):
+            return 1024 * int(line.split()[1])
+    return None

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
 
 NAMES = ("finished", "trained", "reached", "steps", "budget", "diverged")
 
 
-@dataclass(frozen=True)
-class StopRule:
+class StopRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Return why to stop at this report, or None.
 
     ============  ==================================================================================
@@ -32,37 +34,27 @@ class StopRule:
         most_steps: at least `least_steps`.
         budget_s: seconds of training time.
 
+    Values from a config are checked by :func:`experiments.protocol.settings.checked`.
+
     Raises:
-        ValueError: naming the value that is out of range.
+        ValueError: for fewer `most_steps` than `least_steps`.
     """
 
-    target: float = 0.9
-    reached_after_s: float | None = None
-    loss: float = 0.01
-    least_steps: int = 200
+    target: Annotated[float, Meta(gt=0, lt=1, description="a number in (0, 1)")] = 0.9
+    reached_after_s: (
+        Annotated[float, Meta(ge=0, description="null or at least 0 s")] | None
+    ) = None
+    loss: Annotated[float, Meta(ge=0, description="at least 0")] = 0.01
+    least_steps: Annotated[int, Meta(ge=0, description="an integer, at least 0")] = 200
     most_steps: int = 2000
-    budget_s: float = 1800.0
+    budget_s: Annotated[float, Meta(gt=0, description="more than 0 s")] = 1800.0
 
     def __post_init__(self) -> None:
-        for name, value in asdict(self).items():
-            if not isinstance(value, int | float) and (name, value) != (
-                "reached_after_s",
-                None,
-            ):
-                raise ValueError(f"stop.{name}: expected a number, found {value!r}")
-        least, after = max(1, self.least_steps), self.reached_after_s
-        for name, valid, expected in (
-            ("target", 0 < self.target < 1, "a number in (0, 1)"),
-            ("reached_after_s", after is None or after >= 0, "null or at least 0 s"),
-            ("loss", self.loss >= 0, "at least 0"),
-            ("least_steps", self.least_steps >= 0, "at least 0"),
-            ("most_steps", self.most_steps >= least, f"at least {least}"),
-            ("budget_s", self.budget_s > 0, "more than 0 s"),
-        ):
-            if not valid:
-                raise ValueError(
-                    f"stop.{name}: expected {expected}, found {getattr(self, name)}"
-                )
+        least = max(1, self.least_steps)
+        if self.most_steps < least:
+            raise ValueError(
+                f"stop.most_steps: expected at least {least}, found {self.most_steps}"
+            )
 
     def check(
         self,
@@ -82,10 +74,9 @@ class StopRule:
         if loss is not None:
             if not math.isfinite(loss):
                 return "diverged"
-            waited = (
-                self.reached_after_s is not None and training_s >= self.reached_after_s
-            )
-            if waited and train_accuracy > self.target:
+            wait = self.reached_after_s
+            has_waited = wait is not None and training_s >= wait
+            if has_waited and train_accuracy > self.target:
                 return "reached"
             if steps >= max(1, self.least_steps) and loss <= self.loss:
                 return "trained"

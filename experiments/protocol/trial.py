@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import numbers
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,33 +20,26 @@ from torch import Tensor
 from experiments.protocol import data
 from experiments.protocol.clock import Clock, timed
 from experiments.protocol.model import Model, check_model, instantiate
+from experiments.protocol.settings import checked
 from experiments.protocol.stop import StopRule
 from hdc.accuracy import accuracy
 from scenes.frames import Scene
 
 _WARM_UP_FRAMES = 40
 _SINGLE_FRAMES = 20
-_OWN_KEYS = {
-    "training_s",
-    "train_accuracy",
-    "test_accuracy",
-}  # of a row, set by the runner
-_OFTEN = (
-    10  # a model that learns by steps is tested after a tenth more of the samples seen
-)
+# Of a row, set by the runner.
+_OWN_KEYS = {"training_s", "train_accuracy", "test_accuracy"}
+# A model that learns by steps is tested after a tenth more of the samples seen.
+_OFTEN = 10
 
 
 def stop_rule(node: DictConfig) -> StopRule:
     """The stopping rule of the config.
 
     Raises:
-        ValueError: naming a key that it does not have.
+        ValueError: naming a key that it does not have, or whose value is out of range.
     """
-    values: Any = OmegaConf.to_container(node, resolve=True)
-    known = [field.name for field in fields(StopRule)]
-    if unknown := sorted(values.keys() - set(known)):
-        raise ValueError(f"stop.{unknown[0]}: expected one of {', '.join(known)}")
-    return StopRule(**values)
+    return checked(OmegaConf.to_container(node, resolve=True), StopRule, "stop")
 
 
 @dataclass
@@ -133,19 +126,20 @@ def train_and_test(
         raise ValueError(
             f"model {names['model']}: expected it to leave its frames as they are"
         )
+    results["model_bytes"] = _size(model, console)
+
+
+def _size(model: Model, console: Console) -> int | None:
+    """Bytes of what a model has learnt; None where that is not known."""
     try:
         state = model.state_tensors()
-        sizes = (
-            None
-            if state is None
-            else [t.numel() * t.element_size() for t in state.values()]
-        )
-    except (
-        Exception
-    ) as error:  # of whatever model: it costs its size, and not its training
+        if state is None:
+            return None
+        return sum(t.numel() * t.element_size() for t in state.values())
+    # Of whatever model: an error costs its size, and not its training.
+    except Exception as error:
         console.print(f"model_bytes: not known, {error}", style="yellow", markup=False)
-        sizes = None
-    results["model_bytes"] = None if sizes is None else sum(sizes)
+        return None
 
 
 def _digests(train: _Part, test: _Part) -> dict[str, str]:
@@ -169,12 +163,11 @@ def reports(
         if report is None:
             return
         for key, value in report.items():
+            place = f"model {name}: report[{key!r}]"
             if key in _OWN_KEYS:
-                raise ValueError(f"model {name}: report[{key!r}]: expected no such key")
+                raise ValueError(f"{place}: expected no such key")
             if not isinstance(value, numbers.Real) or isinstance(value, bool):
-                raise ValueError(
-                    f"model {name}: report[{key!r}]: expected a number, found {value!r}"
-                )
+                raise ValueError(f"{place}: expected a number, found {value!r}")
         yield {"training_s": clock.seconds, **report}
 
 
@@ -209,14 +202,26 @@ def _train(
         if reason is None and seen < due:
             continue
         note(row)
-        # Testing then takes a multiple of one pass over the frames, however many reports there are;
-        # a model that learns by steps is tested more often, as it may exceed 90 % at any.
-        due = min(2 * seen, len(train.labels)) if loss is None else seen + seen / _OFTEN
-        if reason := reason or stop.check(*state, row.get("train_accuracy", 0.0)):
+        due = _next_due(seen, loss, len(train.labels))
+        if reason is None:
+            reason = stop.check(*state, row.get("train_accuracy", 0.0))
+        if reason is not None:
             return reason
-    if row and (not curve or curve[-1] is not row):
+    is_last_noted = bool(curve) and curve[-1] is row
+    if row and not is_last_noted:
         note(row)
     return "finished"
+
+
+def _next_due(seen: float, loss: float | None, n_train: int) -> float:
+    """Samples seen at which a model is evaluated after this time.
+
+    Testing then takes a multiple of one pass over the frames, however many reports there are; a
+    model that learns by steps is tested more often, as it may exceed 90 % at any.
+    """
+    if loss is None:
+        return min(2 * seen, n_train)
+    return seen + seen / _OFTEN
 
 
 def _of_curve(

@@ -1,11 +1,11 @@
-"""Configs as ``configs/`` has them today: of a scene, a model or a task, and of a sweep."""
+"""What files of ``configs/`` say: displays, sweeps and steps as they stand, configs by Hydra."""
 
 from __future__ import annotations
 
 import functools
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from omegaconf import OmegaConf
@@ -13,97 +13,37 @@ from omegaconf import OmegaConf
 from experiments.records.files import ROOT
 
 CONFIGS = ROOT / "configs"
-_file: Any = functools.cache(
-    lambda group, name: OmegaConf.load(CONFIGS / group / f"{name}.yaml")
-)
 SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to repetition
+_LOOK = {"colour": "#666666", "marker": ".", "line": ":", "group": "other"}
 
 
-@functools.cache
-def _content(group: str, name: str) -> Any:
-    """What a file says after those of its ``defaults``; of these ``override /group: name`` is kept
-    as the key ``chosen``."""
-    whole: Any = OmegaConf.create()
-    for entry in _file(group, name).get("defaults", []):
-        if isinstance(entry, str):  # "file" or "file@key", of the same group
-            (file, _, key), place = entry.partition("@"), group
-        else:
-            ((place, file),) = entry.items()
-            place, _, key = place.partition("@")
-        if place.startswith("override"):
-            OmegaConf.update(whole, f"chosen.{place.partition('/')[2]}", file)
-            continue
-        if file == "_self_":
-            continue
-        found = _content(place.lstrip("/"), file)
-        if key in ("", "_here_"):
-            whole.merge_with(found)
-        else:
-            OmegaConf.update(whole, key, found)
-    whole.merge_with(_file(group, name))
-    whole.pop("defaults", None)
-    return whole
+# Files as they stand -----------------------------------------------------------------------------
 
 
-@functools.cache
-def _resolved(group: str, name: str, key: str) -> Any:
-    """A part of the config with this file, as Hydra composes it, in a twentieth of the time: Hydra
-    reads every file of every group again each time."""
-    config: Any = OmegaConf.load(CONFIGS / "config.yaml")
-    defaults: Any = OmegaConf.to_container(config.pop("defaults"))
-    chosen = {k: v for entry in defaults if entry != "_self_" for k, v in entry.items()}
-    own = _content(group, name)
-    chosen |= own.get("chosen", {}) if group == "experiment" else {group: name}
-    config["stop"] = _content("stop", chosen["stop"])
-    for each in ("model", "scene"):
-        config.merge_with(_content(each, chosen[each]))
-    config.merge_with(own if group == "experiment" else {})
-    return OmegaConf.to_container(config[key] or OmegaConf.create(), resolve=True)
-
-
-def part(group: str, name: str) -> dict[str, Any] | None:
-    """The resolved part of a config that a file of ``configs/<group>/`` makes, if it is there; a
-    scene brings its ``split``, required values that are not set are ``???``."""
-    if not (CONFIGS / group / f"{name}.yaml").is_file():
-        return None
-    keys = [group, "split"] if group == "scene" else [group]
-    return {key: _resolved(group, name, key) for key in keys}
-
-
-def task(experiment: str) -> dict[str, Any]:
-    """The resolved task of an experiment, without displays; empty where it only sweeps."""
-    if not (CONFIGS / "experiment" / f"{experiment}.yaml").is_file():
-        return {}
-    return without_display(_resolved("experiment", experiment, "task"))
-
-
-def without_display(node: Any) -> Any:
-    if isinstance(node, Mapping):
-        return {key: without_display(node[key]) for key in node if key != "display"}
-    return node
+def is_known(group: str, name: str) -> bool:
+    """Whether there is a file of this name in a group."""
+    return (CONFIGS / group / f"{name}.yaml").is_file()
 
 
 @functools.cache
 def sweep(experiment: str) -> dict[str, list[str]]:
     """The values that an experiment sweeps over, by key: what its tables expect to find."""
-    return {
-        str(key): [value.strip() for value in str(values).split(",")]
-        for key, values in _file("experiment", experiment).hydra.sweeper.params.items()
-    }
+    values: Mapping[str, Any] = _file("experiment", experiment).hydra.sweeper.params
+    found = {}
+    for key, text in values.items():
+        found[str(key)] = [value.strip() for value in str(text).split(",")]
+    return found
 
 
 @functools.cache
 def swept_models() -> frozenset[str]:
     """Every model that an experiment sweeps over."""
-    trees = (
-        _file("experiment", path.stem)
-        for path in (CONFIGS / "experiment").glob("*.yaml")
-    )
-    sweeps = (
-        OmegaConf.select(tree, "hydra.sweeper.params.model", default="")
-        for tree in trees
-    )
-    return frozenset(model.strip() for text in sweeps for model in str(text).split(","))
+    found: set[str] = set()
+    for path in (CONFIGS / "experiment").glob("*.yaml"):
+        tree = _file("experiment", path.stem)
+        text = OmegaConf.select(tree, "hydra.sweeper.params.model", default="")
+        found.update(model.strip() for model in str(text).split(","))
+    return frozenset(found)
 
 
 @functools.cache
@@ -117,7 +57,8 @@ def models(*groups: str) -> tuple[str, ...]:
 @functools.cache
 def reproduction() -> tuple[dict[str, Any], ...]:
     """The steps of ``configs/reproduce.yaml``."""
-    return tuple(OmegaConf.to_container(OmegaConf.load(CONFIGS / "reproduce.yaml")))  # type: ignore[arg-type]
+    steps: Any = OmegaConf.to_container(OmegaConf.load(CONFIGS / "reproduce.yaml"))
+    return tuple(steps)
 
 
 def numbers(values: Sequence[str]) -> list[int | None]:
@@ -125,20 +66,19 @@ def numbers(values: Sequence[str]) -> list[int | None]:
     return [None if value == "null" else int(value) for value in values]
 
 
-_own_displays: dict[str, Mapping[str, str]] = {}
+_own_displays: dict[tuple[str, str], Mapping[str, Any]] = {}
 
 
-def show_as(model: str, display: Mapping[str, str]) -> None:
-    """Remember how a model is shown whose config is not in ``configs/model/``."""
-    _own_displays[model] = display
+def show_as(group: str, name: str, display: Mapping[str, Any]) -> None:
+    """Remember how a model or a scene is shown whose config is not in ``configs/``."""
+    _own_displays[group, name] = display
 
 
 def display(model: str) -> dict[str, str]:
     """How tables and figures show a model; one without a display by its name, in grey."""
-    return _display(model) | dict(_own_displays.get(model, {}))
+    return _display(model) | dict(_own_displays.get(("model", model), {}))
 
 
-@functools.cache
 def scene_display(scene: str) -> dict[str, Any]:
     """How tables and figures show a scene: ``name``, ``frames`` (what they are), ``kind``
     (``captured`` by a camera, ``computed`` from measured matrices, or ``simulated``), ``family``
@@ -155,37 +95,106 @@ def scene_display(scene: str) -> dict[str, Any]:
         "place": math.inf,
         "fitted": False,
     }
-    if not (CONFIGS / "scene" / f"{scene}.yaml").is_file():
-        return shown
-    return shown | dict(_content("scene", scene).get("scene_display") or {})
+    if is_known("scene", scene):
+        return shown | _inherited("scene", scene, "scene_display")
+    return shown | dict(_own_displays.get(("scene", scene), {}))
 
 
 @functools.cache
 def _display(model: str) -> dict[str, str]:
-    shown = {
-        "name": model,
-        "colour": "#666666",
-        "marker": ".",
-        "line": ":",
-        "group": "other",
-    }
-    if not (CONFIGS / "model" / f"{model}.yaml").is_file():
-        return shown
-    return shown | dict(_content("model", model).get("display") or {})
+    shown = {"name": model, **_LOOK}
+    if is_known("model", model):
+        shown |= _inherited("model", model, "display")
+    return shown
+
+
+@functools.cache
+def _inherited(group: str, name: str, key: str) -> dict[str, Any]:
+    """A key of a file, above that of the files of its group that it starts from."""
+    file = _file(group, name)
+    found: dict[str, Any] = {}
+    for entry in file.get("defaults", []):
+        if isinstance(entry, str) and entry != "_self_":
+            found |= _inherited(group, entry.partition("@")[0], key)
+    return found | dict(file.get(key) or {})
+
+
+@functools.cache
+def _file(group: str, name: str) -> Any:
+    return OmegaConf.load(CONFIGS / group / f"{name}.yaml")
+
+
+# Configs by Hydra --------------------------------------------------------------------------------
+
+
+def part(group: str, name: str) -> dict[str, Any] | None:
+    """The resolved part of a config that a file of a group makes, if it is there; a scene brings
+    its ``split``, required values that are not set are ``???``."""
+    config = _composed(f"{group}={name}")
+    if config is None:
+        return None
+    found = {group: config[group]}
+    if group == "scene":
+        found["split"] = config["split"]
+    return found
+
+
+def task(experiment: str) -> dict[str, Any]:
+    """The resolved task of an experiment, without displays; empty where it only sweeps."""
+    config = _composed(f"experiment={experiment}")
+    return without(("display",), (config or {}).get("task") or {})
+
+
+@functools.cache
+def _composed(*overrides: str) -> dict[str, Any] | None:
+    """The config that Hydra makes of files alone; None where one of them is not there.
+
+    In a run, the files are those that the run was composed from, a user's own among them. It takes
+    a third of a second.
+    """
+    from hydra import compose, initialize_config_dir
+    from hydra.core.global_hydra import GlobalHydra
+    from hydra.errors import MissingConfigException
+    from hydra.types import RunMode
+
+    try:
+        if GlobalHydra.instance().is_initialized():
+            loader = GlobalHydra.instance().config_loader()
+            config = loader.load_configuration("config", [*overrides], RunMode.RUN)
+        else:
+            with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+                config = compose("config", overrides=[*overrides])
+    except MissingConfigException:
+        return None
+    OmegaConf.set_readonly(config, False)
+    OmegaConf.set_struct(config, False)
+    config.pop("hydra", None)
+    found: Any = OmegaConf.to_container(config, resolve=True)
+    return found
+
+
+# Comparing ---------------------------------------------------------------------------------------
+
+
+def without(keys: Iterable[str], node: Any) -> Any:
+    """A config without these keys, at any depth."""
+    keys = tuple(keys)
+    if isinstance(node, Mapping):
+        return {k: without(keys, value) for k, value in node.items() if k not in keys}
+    if isinstance(node, list | tuple):
+        return [without(keys, value) for value in node]
+    return node
 
 
 def differences(config: Any, reference: Any, key: str = "") -> dict[str, str]:
     """Values of a config that differ from its reference, by dotted key; a missing one is null."""
     if isinstance(config, Mapping) and isinstance(reference, Mapping):
-        names = dict.fromkeys([*config, *reference])
-        parts = (
-            differences(
-                config.get(name), reference.get(name), f"{key}.{name}".lstrip(".")
-            )
-            for name in names
-        )
-        return {name: text for part in parts for name, text in part.items()}
+        found: dict[str, str] = {}
+        for name in dict.fromkeys([*config, *reference]):
+            below = f"{key}.{name}".lstrip(".")
+            found |= differences(config.get(name), reference.get(name), below)
+        return found
     # A required value is no difference: a recording is known by its content.
-    return (
-        {} if config == reference or reference == "???" else {key: json.dumps(config)}
-    )
+    if config == reference or reference == "???":
+        return {}
+    return {key: json.dumps(config)}

@@ -1,8 +1,9 @@
-"""Machine, library versions and code digests, stored with every time that is measured."""
+"""Machine, library versions and state of the checkout, stored with everything that is measured."""
 
 from __future__ import annotations
 
 import functools
+import hashlib
 import importlib.metadata
 import os
 import platform
@@ -10,11 +11,12 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from experiments.records import sources
+import msgspec
+
+from experiments.records import files, revision
 
 _PACKAGES = (
     "torch",
@@ -25,11 +27,55 @@ _PACKAGES = (
     "numkong",
     "numba",
 )
+_COMPUTING = ("torch", "numpy")  # whose versions may move a number
 
 
-def environment(device: str, threads: int, config: Mapping[str, Any]) -> dict[str, Any]:
-    """Machine, versions, commit, and digests of the code that computes what the config asks for."""
-    files = sources.sources(config)
+class Environment(msgspec.Struct):
+    """What is read of :func:`environment`.
+
+    Attributes:
+        cpu: what the system calls its processor.
+        threads: of torch.
+        device: as torch names it, a GPU with its model.
+        packages: versions of the libraries.
+        commit: of the checkout; None where it is no checkout.
+        dirty: whether code or configs were not those of the commit.
+        changes: digest of what differed in the code; None where nothing did.
+        exclusive: whether it was timed alone.
+    """
+
+    cpu: str
+    threads: int
+    device: str | None = None
+    packages: dict[str, str | None] = {}
+    commit: str | None = None
+    dirty: bool | None = None
+    changes: str | None = None
+    exclusive: bool = True
+
+    @property
+    def short_commit(self) -> str:
+        """Twelve digits of the commit."""
+        return (self.commit or "")[:12]
+
+    @property
+    def is_of_a_commit(self) -> bool:
+        """Whether others can have the code that made it."""
+        return self.commit is not None and self.dirty is False and self.changes is None
+
+    @property
+    def other_versions(self) -> list[str]:
+        """torch and numpy, where they are others here: ``numpy 2.3.0 (here 2.4.6)``."""
+        lines = []
+        for name in _COMPUTING:
+            before, here = self.packages.get(name), _version(name)
+            if before is not None and before != here:
+                lines.append(f"{name} {before} (here {here})")
+        return lines
+
+
+def environment(device: str, threads: int) -> dict[str, Any]:
+    """Machine, versions of libraries, commit and what differs from it."""
     name = device
     if device.startswith("cuda"):
         import torch
@@ -43,9 +89,9 @@ def environment(device: str, threads: int, config: Mapping[str, Any]) -> dict[st
         "threads": threads,
         "device": name,
         "packages": {name: _version(name) for name in _PACKAGES},
-        "code": sources.code_hash(files),
-        "sources": files,
-        **_git(),
+        "commit": _commit(),
+        "dirty": _is_dirty(),
+        "changes": changes(),
     }
 
 
@@ -54,37 +100,64 @@ def command() -> str:
     return shlex.join(["python", "-m", "experiments.run", *sys.argv[1:]])
 
 
+@functools.cache
+def cpu_model() -> str:
+    """What the system calls its processor."""
+    unknown = platform.processor() or platform.machine()
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return unknown
+    for line in lines:
+        if "model name" in line:
+            return line.partition(":")[2].strip()
+    return unknown
+
+
+@functools.cache
+def changes(*packages: str) -> str | None:
+    """Digest of what differs from the commit in the code of these packages, or of all of them.
+
+    None where nothing does, or where this is no checkout.
+    """
+    places = packages or revision.PACKAGES
+    tracked = _ask_git("diff", "HEAD", "--", *places)
+    others = _ask_git("ls-files", "--others", "--exclude-standard", "--", *places)
+    if not tracked and not others:
+        return None
+    digest = hashlib.sha256((tracked or "").encode())
+    for name in (others or "").splitlines():
+        digest.update(name.encode())
+        digest.update((files.ROOT / name).read_bytes())
+    return digest.hexdigest()[:12]
+
+
+@functools.cache
+def _commit() -> str | None:
+    return _ask_git("rev-parse", "HEAD")
+
+
+@functools.cache
+def _is_dirty() -> bool | None:
+    # Results are written while runs go on; only code and configs make a tree dirty.
+    changed = _ask_git("status", "--porcelain", "--", *revision.PACKAGES, "configs")
+    return None if changed is None else bool(changed)
+
+
+def _ask_git(*words: str) -> str | None:
+    """What git says of the checkout; None where there is no git, or no checkout."""
+    if shutil.which("git") is None:
+        return None
+    command = ["git", "-C", str(files.ROOT), "-c", "core.quotePath=false", *words]
+    done = subprocess.run(command, capture_output=True, check=False)
+    if done.returncode:
+        return None
+    return done.stdout.decode(errors="replace").strip()
+
+
+@functools.cache
 def _version(package: str) -> str | None:
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
         return None
-
-
-@functools.cache
-def cpu_model() -> str:
-    """What the system calls its processor."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        return next(
-            line.split(":", 1)[1].strip() for line in lines if "model name" in line
-        )
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
-
-
-@functools.cache
-def _git() -> dict[str, Any]:
-    def ask(*words: str) -> str | None:
-        command = ["git", "-C", str(sources.ROOT), *words]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        return None if done.returncode else done.stdout.strip()
-
-    if shutil.which("git") is None:
-        return {"commit": None, "dirty": None}
-    # Results are written while runs go on; only code and configs make a tree dirty.
-    changed = ask("status", "--porcelain", "--", *sources.PACKAGES, "configs")
-    return {
-        "commit": ask("rev-parse", "HEAD"),
-        "dirty": None if changed is None else bool(changed),
-    }

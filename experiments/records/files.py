@@ -16,4 +16,6 @@ def results_dir() -> Path:
     Never the current directory, unless the variable says so.
     """
     own = os.environ.get("RESULTS_DIR")
-    return Path(own).expanduser().resolve() if own else ROOT / "results" / "mine"
+    if own:
+        return Path(own).expanduser().resolve()
+    return ROOT / "results" / "mine"

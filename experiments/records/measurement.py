@@ -1,56 +1,58 @@
 """Measurements: the typed rows of an experiment, in ``measured/<name>-<hash>/``.
 
 ``rows.jsonl`` has one row per line (``pandas.read_json(path, lines=True)``), ``record.json`` says
-how they were made. The hash is that of the config, so that what was measured on other frames
-lies beside it.
+how they were made. The hash is that of config and data, so that what was measured on other frames
+lies beside it. Parts of a long measurement are kept like it, in ``cache/parts/``.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 import pandas as pd
 from rich.console import Console
 
-from experiments.records import locks, sources
-from experiments.records.environment import command, environment
+from experiments.records import locks
+from experiments.records.entry import SCHEMA, Entry, name_of
+from experiments.records.environment import changes, command, environment
 from experiments.records.files import results_dir
-from experiments.records.record import SCHEMA, Environment, plain
+from experiments.records.revision import revisions
+from experiments.records.rows import Row, from_lines, plain, to_lines
 from hdc.io import write_atomically
 
-Row = dict[str, Any]
-"""Values of a row by column: int, float, str, bool, None, or a short list of numbers."""
+_OF_FRAMES = (
+    "scene",
+    "split",
+    "old_split",
+)  # arguments that say which frames there are
 
 
-class Entry(msgspec.Struct, kw_only=True):
+class Measurement(Entry, kw_only=True):
     """Content of record.json.
 
     Attributes:
         name: the experiment's.
-        identity: hash of config, code and device.
-        config, scene: as :func:`measure` has them.
+        task: dotted name of what makes the rows of the config.
+        scene: name of the scene's config, where it has one.
         seconds: of the call that made the rows.
     """
 
-    schema: Literal[3]
     name: str
-    status: str
-    identity: str
-    config: dict[str, Any]
-    environment: Environment
+    task: str = ""
     scene: str = ""
-    command: str = ""
     seconds: float | None = None
+
+    @property
+    def full_config(self) -> dict[str, Any]:
+        return {"_target_": self.task, **self.config}
 
 
 @dataclass(frozen=True)
@@ -61,13 +63,11 @@ class Measured:
         rows: typed, in the order in which they were made.
         record: content of record.json.
         folder: where both lie.
-        overrides: values of its config that differ from the experiment's in ``configs/``, by key.
     """
 
     rows: list[Row]
-    record: Entry
+    record: Measurement
     folder: Path
-    overrides: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def frame(self) -> pd.DataFrame:
@@ -75,17 +75,19 @@ class Measured:
         return pd.DataFrame(self.rows)
 
     @property
+    def overrides(self) -> Mapping[str, str]:
+        """Values of its config that differ from the experiment's in ``configs/``, by key."""
+        return self.record.changed
+
+    @property
     def outdated(self) -> list[str]:
-        """The files of code that have changed since."""
-        return sources.outdated(self.record.environment.sources, self.record.config)
+        """What has another revision today."""
+        return self.record.outdated
 
     @property
     def of_other_frames(self) -> bool:
         """Whether its frames, or which of them test, are not those of the experiment's config."""
-        return any(
-            key.split(".")[0] in ("scene", "split", "old_split")
-            for key in self.overrides
-        )
+        return any(key.partition(".")[0] in _OF_FRAMES for key in self.overrides)
 
 
 def measure(
@@ -94,17 +96,21 @@ def measure(
     compute: Callable[[], Iterable[Row]],
     *,
     scene: str = "",
+    data: str = "",
+    changed: Mapping[str, str] | None = None,
     device: str = "cpu",
     force: bool = False,
     console: Console | None = None,
 ) -> Path:
-    """Write the rows of a measurement, unless the same code did for the same config.
+    """Write the rows of a measurement, unless the same revisions did for the same config and data.
 
     Args:
         name: that of the experiment.
         config: everything that determines the rows; each ``_target_`` in it names code.
         compute: makes the rows.
         scene: name of the scene's config, where it has one.
+        data: digest of its frames, where the config does not determine them.
+        changed: values that differ from those of the experiment's file, by key.
         device: as torch names it.
         force: compute again.
         console: for a line at the end.
@@ -114,75 +120,80 @@ def measure(
     """
     console = console or Console(highlight=False)
     torch = sys.modules.get("torch")
-    made_by = environment(device, torch.get_num_threads() if torch else 1, config)
-    config = {key: value for key, value in config.items() if key != "_target_"}
-    folder = results_dir() / "measured" / f"{name}-{digest_of(config)}"
-    entry: Row = {
-        "schema": SCHEMA,
-        "name": name,
-        "scene": scene,
-        "identity": digest_of([config, made_by["code"], device]),
-        "command": command(),
-        "config": config,
-        "environment": made_by,
-    }
+    task = str(config.get("_target_", ""))
+    kept = {key: value for key, value in config.items() if key != "_target_"}
+    determining = dict(kept)
+    if device != "cpu":
+        determining["device"] = device
+    identity = name_of(name, determining, data)
+    folder = results_dir() / "measured" / identity
     with locks.held(folder / locks.FILE, folder.name):
         known = None if force else read(folder)
-        wanted = "finished", entry["identity"]
-        if known and (known.record.status, known.record.identity) == wanted:
-            console.print(f"{name}: finished before (force=true runs it again)")
-            return folder
+        if known is not None and known.record.status == "finished":
+            reasons = known.outdated
+            if not reasons:
+                console.print(_found(name, known), soft_wrap=True, markup=False)
+                return folder
+            again = f"{name}: measured again: {', '.join(reasons)}"
+            console.print(again, soft_wrap=True, markup=False)
         start = time.perf_counter()
         rows = list(compute())
-        entry |= {"status": "finished", "seconds": time.perf_counter() - start}
+        entry: Row = {
+            "schema": SCHEMA,
+            "id": identity,
+            "name": name,
+            "status": "finished",
+            "task": task,
+            "scene": scene,
+            "config": kept,
+            "data": data,
+            "revisions": revisions(config),
+            "changed": dict(changed or {}),
+            "command": command(),
+            "environment": environment(device, torch.get_num_threads() if torch else 1),
+            "seconds": time.perf_counter() - start,
+        }
         write(folder, entry, rows)
     console.print(f"{name}: {len(rows)} rows in {entry['seconds']:.1f} s, {folder}")
     return folder
 
 
-def digest_of(value: Any) -> str:
-    """12 hexadecimal digits that tell JSON values apart."""
-    text = json.dumps(value, sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()[:12]
+def _found(name: str, known: Measured) -> str:
+    text = f"{name}: finished before (force=true runs it again)"
+    versions = known.record.environment.other_versions
+    if versions:
+        text += f", by {', '.join(versions)}"
+    return text
 
 
 def write(folder: Path, entry: Mapping[str, Any], rows: Iterable[Row]) -> None:
     """Write rows.jsonl and record.json, one line per key; a crash in between leaves no record that
     vouches for rows of another call."""
-    lines = (
-        f"{json.dumps(key)}: {msgspec.json.encode(value, enc_hook=plain).decode()}"
-        for key, value in sorted(entry.items())
-    )
+    lines = []
+    for key, value in sorted(entry.items()):
+        text = msgspec.json.encode(value, enc_hook=plain).decode()
+        lines.append(f"{json.dumps(key)}: {text}")
     (folder / "record.json").unlink(missing_ok=True)
     write_atomically(folder / "rows.jsonl", to_lines(rows))
     write_atomically(folder / "record.json", "{\n" + ",\n".join(lines) + "\n}\n")
 
 
-def to_lines(rows: Iterable[Row]) -> str:
-    """Rows as JSON lines; numbers that JSON lacks (NaN, infinities) become null."""
-    return "".join(
-        f"{msgspec.json.encode(row, enc_hook=plain).decode()}\n" for row in rows
-    )
-
-
-def from_lines(text: str) -> list[Row]:
-    """The rows in a text of JSON lines."""
-    return [msgspec.json.decode(line) for line in text.splitlines()]
-
-
 def part(
-    name: str, config: Mapping[str, Any], compute: Callable[[], Iterable[Row]]
+    name: str,
+    config: Mapping[str, Any],
+    compute: Callable[[], Iterable[Row]],
+    data: str = "",
 ) -> list[Row]:
     """The rows of a part of a long :func:`measure`, kept in ``cache/parts`` once complete."""
-    code = sources.code_hash(sources.sources(config))
-    path = (
-        results_dir() / "cache" / "parts" / f"{name}-{digest_of([config, code])}.jsonl"
-    )
-    with suppress(FileNotFoundError, ValueError):
+    of_code = [revisions(config), changes()]
+    identity = name_of(name, {"config": config, "code": of_code}, data)
+    path = results_dir() / "cache" / "parts" / f"{identity}.jsonl"
+    try:
         return from_lines(path.read_text(encoding="utf-8"))
-    rows = list(compute())
-    write_atomically(path, to_lines(rows))
-    return rows
+    except (FileNotFoundError, ValueError):  # not there, or damaged
+        rows = list(compute())
+        write_atomically(path, to_lines(rows))
+        return rows
 
 
 def read(folder: Path) -> Measured | None:
@@ -191,11 +202,13 @@ def read(folder: Path) -> Measured | None:
     if not path.exists():
         return None
     try:
-        record = msgspec.json.decode(path.read_bytes(), type=Entry, strict=False)
+        record = msgspec.json.decode(path.read_bytes(), type=Measurement, strict=False)
         path = folder / "rows.jsonl"
         rows = from_lines(path.read_text(encoding="utf-8")) if path.exists() else []
-        return Measured(rows, record, folder)
     except (ValueError, OSError) as error:
         raise ValueError(
             f"{path}: expected a record of a measurement, found: {error}"
         ) from error
+    if not all(isinstance(row, dict) for row in rows):
+        raise ValueError(f"{path}: expected an object a line, found other values")
+    return Measured(rows, record, folder)

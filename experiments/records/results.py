@@ -1,32 +1,31 @@
 """Everything in a results folder, loaded once, and which of its runs may stand in one row.
 
 Two rules decide what is averaged: the runs have the same configuration but for their seeds, and the
-same code made them. The rest of a row's choice is a preference among such groups.
+same revisions of the code made them. The rest of a row's choice is a preference among such groups.
 """
 
 from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from omegaconf.errors import OmegaConfBaseException
 
 from experiments.records import configs, measurement
 from experiments.records import record as records
 from experiments.records.measurement import Measured
 from experiments.records.record import Curve, Finished, Record
-from experiments.records.sources import outdated
 
 # Of several groups for one row, the stopping rule that stands first here; others come last.
 STOPS = ("paper", "long", "quick", "reached")
 # What a row asks for by number; and where a recording lies, which is known by its content.
 _COORDINATES = ("split.n_train", "data.pixels", "scene.path")
+_FRAMES_FIRST = {"scene": 0, "split": 1, "model": 2, "stop": 3}  # of what was changed
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
 
 Row = tuple[str, str, int | None, int | None]
@@ -40,12 +39,25 @@ class Run:
     Attributes:
         record: its line of runs.jsonl.
         curve: one dict a report of the model.
-        overrides: values of its scene, split, model and stop that differ from ``configs/``, by key.
     """
 
     record: Finished
     curve: Curve
-    overrides: Mapping[str, str]
+
+    @cached_property
+    def overrides(self) -> dict[str, str]:
+        """Values of its scene, split, model and stop that differ from ``configs/``, by key. What
+        learns in one pass has no stopping rule."""
+        found = {}
+        changed = self.record.changed
+        in_order = sorted(
+            changed, key=lambda key: _FRAMES_FIRST.get(key.partition(".")[0], 4)
+        )
+        for key in in_order:
+            of_stop = key.startswith("stop.") and not self.iterative
+            if key not in _COORDINATES and not of_stop:
+                found[key] = changed[key]
+        return found
 
     @property
     def seeds(self) -> str:
@@ -55,38 +67,49 @@ class Run:
     @property
     def iterative(self) -> bool:
         """Whether the model learns by steps that report a loss, or in one pass."""
-        return _iterative(self.curve)
+        return any("loss" in row for row in self.curve)
+
+    @cached_property
+    def outdated(self) -> list[str]:
+        """What has another revision today."""
+        return self.record.outdated
 
     @property
-    def outdated(self) -> list[str]:
-        """The files of code that have changed since."""
-        return outdated(self.record.environment.sources, self.record.config)
+    def place(self) -> tuple[Any, ...]:
+        """What it measured, whatever its config says today: its row, its seeds and its rule."""
+        config, stop = self.record.config, self.record.choices.stop
+        sizes = config["split"]["n_train"], config["data"]["pixels"]
+        threads = config.get("threads")
+        return self.scene, self.model, *sizes, self.seeds, stop, threads
+
+    @property
+    def made_by(self) -> str:
+        """Revisions of its code, as text."""
+        return json.dumps(self.record.revisions, sort_keys=True)
 
     @cached_property
     def scene(self) -> str:
         """Name of the scene's config, for a recording with its fingerprint, and its overrides."""
-        changed = {
-            k: v for k, v in self.overrides.items() if not k.startswith(_OF_MODEL)
-        }
+        overrides = self.overrides.items()
+        changed = {k: v for k, v in overrides if not k.startswith(_OF_MODEL)}
         name = self.record.scene.name
         if self.record.scene.origin == "recorded":
             path = Path(str(self.record.config["scene"].get("path", "")))
-            name += f" {path.name} ({self.record.scene.fingerprint[:6]})"
+            name += f" {path.name} ({self.record.data[:6]})"
         return _labelled(name, changed)
 
     @cached_property
     def model(self) -> str:
         """Name of the model's config, and its overrides and those of the stopping rule."""
-        changed = {k: v for k, v in self.overrides.items() if k.startswith(_OF_MODEL)}
+        overrides = self.overrides.items()
+        changed = {k: v for k, v in overrides if k.startswith(_OF_MODEL)}
         return _labelled(self.record.choices.model, changed)
 
     @cached_property
     def configuration(self) -> str:
         """All of the config that runs of one row have in common, as text."""
         config = _core(self.record.config)
-        if (
-            not self.iterative
-        ):  # what learns in one pass ends by itself, whatever the rule
+        if not self.iterative:  # it ends by itself, whatever the rule
             config.pop("stop")
         for group, key in (name.split(".") for name in _COORDINATES):
             config[group].pop(key, None)
@@ -157,12 +180,10 @@ class Results:
         self.runs: list[Run] = []
         self.unfinished: list[Record] = []
         for entry in records.read(folder):
-            try:
-                if isinstance(entry, ValueError):
-                    raise entry
+            if isinstance(entry, ValueError):
+                self.problems.append(str(entry))
+            else:
                 self._take(entry)
-            except (ValueError, OmegaConfBaseException) as error:
-                self.problems.append(str(error))
         rows = defaultdict[Row, list[Run]](list)
         for run in self.runs:
             config = run.record.config
@@ -210,17 +231,11 @@ class Results:
         for path in sorted((self.folder / "measured").glob("*/record.json")):
             try:
                 measured = measurement.read(path.parent)
-                if measured is not None and measured.record.status == "finished":
-                    config, task = (
-                        measured.record.config,
-                        configs.task(measured.record.name),
-                    )
-                    changed = configs.differences(
-                        config, {key: task.get(key) for key in config}
-                    )
-                    finished.append(replace(measured, overrides=changed))
-            except (ValueError, OmegaConfBaseException) as error:
+            except ValueError as error:
                 self.problems.append(str(error))
+                continue
+            if measured is not None and measured.record.status == "finished":
+                finished.append(measured)
         return sorted(finished, key=lambda m: (m.of_other_frames, len(m.overrides)))
 
     def measured(self, name: str) -> Measured | None:
@@ -230,11 +245,13 @@ class Results:
         return next((m for m in fitting if not m.of_other_frames), None)
 
     def _take(self, entry: Record) -> None:
-        if entry.display and configs.part("model", entry.choices.model) is None:
-            configs.show_as(entry.choices.model, entry.display)
+        scene, model = entry.choices.scene, entry.choices.model
+        if entry.display and not configs.is_known("model", model):
+            configs.show_as("model", model, entry.display)
+        if entry.scene_display and not configs.is_known("scene", scene):
+            configs.show_as("scene", scene, entry.scene_display)
         if isinstance(entry, Finished):
-            curve = records.curve_of(entry)
-            self.runs.append(Run(entry, curve, _overrides(entry, curve)))
+            self.runs.append(Run(entry, records.curve_of(entry)))
         else:
             self.unfinished.append(entry)
 
@@ -244,66 +261,37 @@ def _group(row: Row, runs: list[Run]) -> Group:
     stopping rule, then the most."""
     alike = defaultdict[tuple[str, str], list[Run]](list)
     for run in runs:
-        alike[run.configuration, run.record.environment.code].append(run)
+        alike[run.configuration, run.made_by].append(run)
     best = min(alike.values(), key=_preference)
-    by_seeds = {json.dumps(_seeds(run.record.config)): run for run in best}
+    by_seeds = {json.dumps(list(_seeds(run.record.config))): run for run in best}
     ordered = sorted(by_seeds.values(), key=lambda run: run.record.seed)
     return Group(*row, ordered, len(runs) - len(best))
 
 
 def _preference(runs: list[Run]) -> tuple[Any, ...]:
     first = runs[0].record
-    rank = (
-        STOPS.index(first.choices.stop) if first.choices.stop in STOPS else len(STOPS)
-    )
+    stop = first.choices.stop
+    rank = STOPS.index(stop) if stop in STOPS else len(STOPS)
     beside = not first.environment.exclusive
-    return bool(runs[0].outdated), beside, rank, -len(runs), first.environment.code
-
-
-def _overrides(record: Record, curve: Curve) -> dict[str, str]:
-    """Values of a run's config that differ from ``configs/``, by key; of a scene or a model that
-    ``configs/`` lacks, those of the command line. What learns in one pass has no stopping rule."""
-    known = {
-        ("scene", "split"): configs.part("scene", record.choices.scene),
-        ("model",): configs.part("model", record.choices.model),
-    }
-    if not curve or _iterative(curve):
-        known["stop",] = configs.part("stop", record.choices.stop or "")
-    found: dict[str, str] = {}
-    for keys, reference in known.items():
-        if reference is None:
-            typed = (text.lstrip("+").partition("=") for text in record.overrides)
-            found |= {k: v for k, _, v in typed if k.split(".")[0] in keys and "." in k}
-        else:
-            ours = {key: record.config.get(key) for key in keys}
-            found |= configs.differences(_core(ours), _core(reference))
-    if record.config["device"] != "cpu":  # its times do not compare
-        found["model.device"] = record.config["device"]
-    return {key: value for key, value in found.items() if key not in _COORDINATES}
-
-
-def _iterative(curve: Curve) -> bool:
-    return any("loss" in row for row in curve)
+    return bool(runs[0].outdated), beside, rank, -len(runs), runs[0].made_by
 
 
 def _core(config: Any) -> Any:
     """A config without what differs from seed to seed, or from device to device."""
-    if isinstance(config, Mapping):
-        kept = (key for key in config if key not in (*configs.SEEDS, "device"))
-        return {key: _core(config[key]) for key in kept}
-    return (
-        [_core(part) for part in config] if isinstance(config, list | tuple) else config
-    )
+    return configs.without((*configs.SEEDS, "device"), config)
 
 
-def _seeds(config: Any) -> list[Any]:
+def _seeds(config: Any) -> Iterator[Any]:
     """Every seed in a config, in the order of its keys."""
     if isinstance(config, Mapping):
-        return [
-            config[k] if k in configs.SEEDS else _seeds(config[k])
-            for k in sorted(config)
-        ]
-    return [_seeds(part) for part in config] if isinstance(config, list | tuple) else []
+        for key in sorted(config):
+            if key in configs.SEEDS:
+                yield config[key]
+            else:
+                yield from _seeds(config[key])
+    elif isinstance(config, list | tuple):
+        for part in config:
+            yield from _seeds(part)
 
 
 def _labelled(name: str, changed: Mapping[str, str]) -> str:
@@ -311,4 +299,6 @@ def _labelled(name: str, changed: Mapping[str, str]) -> str:
     text = ", ".join(
         f"{key.partition('.')[2]}={value}" for key, value in changed.items()
     )
-    return f"{name} ({text})" if text else name
+    if text:
+        return f"{name} ({text})"
+    return name

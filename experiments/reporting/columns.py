@@ -170,7 +170,7 @@ COLUMNS: dict[str, Column] = {
     "origin": Column("Frames", of=_same(lambda record: record.scene.origin)),
     "cpu": Column("Processor", of=_same(lambda record: record.environment.cpu)),
     "threads": Column("Threads", of=_same(lambda record: record.environment.threads)),
-    "code": Column("Code", of=lambda group, _: group.runs[0].record.environment.code[:12]),
+    "code": Column("Code", of=lambda group, _: group.runs[0].record.environment.short_commit),
     # Of the paper; only Table I asks for them.
     "published_training_time_s": Column("Training time, s, paper", of=_published("training_time")),
     "published_training_time_over_hdc": Column("× HDC, paper", of=_published_ratio),

@@ -6,7 +6,6 @@ from rich.console import Console
 from rich.text import Text
 
 from experiments.records.record import Finished
-from experiments.records.sources import outdated
 from hdc.accuracy import wilson
 
 
@@ -17,13 +16,10 @@ def summarise(console: Console, record: Finished, repeated: bool = False) -> Non
     accuracy = f"test accuracy {record.test_accuracy_final:.1%} [{low:.1%}, {high:.1%}]"
     # Names go out as Text: no markup and no emoji codes are read in them.
     if repeated:
-        changed = outdated(record.environment.sources, record.config)
-        note = (
-            f", by code that has changed since: {', '.join(changed)}" if changed else ""
-        )
-        text = (
-            f"{record.id}: {accuracy}, finished before (force=true runs it again){note}"
-        )
+        text = f"{record.id}: {accuracy}, finished before (force=true runs it again)"
+        versions = record.environment.other_versions
+        if versions:
+            text += f", by {', '.join(versions)}"
         console.print(Text(text), soft_wrap=True)
         return
     lines = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import multiprocessing
 import os
 import sys
@@ -19,9 +20,11 @@ from rich.console import Console
 import hdc
 from experiments import run
 from experiments.protocol import job
-from experiments.records import measurement, record, sources
+from experiments.records import configs, measurement, record
 from experiments.records.configs import CONFIGS
+from experiments.records.entry import name_of
 from experiments.records.environment import environment
+from experiments.records.revision import revisions
 
 
 @pytest.fixture(autouse=True)
@@ -40,7 +43,7 @@ def start(tmp_path):
     Keyword arguments: ``environment``, set for it; ``before``, called in it first.
     """
     begun = []
-    environment("cpu", 1, {"model": {"_target_": "hdc.HDCClassifier"}})  # is remembered
+    environment("cpu", 1)  # is remembered
 
     def launch(*overrides, environment=None, before=None):
         out = tmp_path / f"output-{len(begun)}"
@@ -83,10 +86,17 @@ def composed():
     return make
 
 
-def made_by(config):
-    """The part of a record that says which code made it."""
-    files = sources.sources(config)
-    return {"code": sources.code_hash(files), "sources": files}
+def _changed(values):
+    """What a record says of values that are not those of the files, but for seeds."""
+    changed = [key for key in values if key.rpartition(".")[2] not in configs.SEEDS]
+    groups = ["scene", "split", "data", "model", "stop"]  # as a run has them
+    changed.sort(key=lambda key: groups.index(key.partition(".")[0]))
+    return {key: json.dumps(values[key]) for key in changed}
+
+
+def _changed_task(name, config):
+    task = configs.task(name)
+    return configs.differences(config, {key: task.get(key) for key in config})
 
 
 @pytest.fixture
@@ -111,6 +121,7 @@ def write_run(tmp_path, composed):
         change=None,
         fingerprint="f" * 64,
         environment=None,
+        made_by=None,
         **results,
     ):
         cfg = composed(scene, model, stop)
@@ -140,16 +151,19 @@ def write_run(tmp_path, composed):
             "environment": {
                 "cpu": "A CPU",
                 "threads": 2,
-                **made_by(config),
+                "commit": "c" * 40,
+                "dirty": False,
                 **(environment or {}),
             },
+            "data": fingerprint,
+            "revisions": revisions(config) if made_by is None else made_by,
+            "changed": _changed(change or {}),
             "scene": {
                 "name": choices["scene"],
                 "origin": origin,
                 "classes": list(classes),
                 "shape": [500, 500],
                 "n": 500,
-                "fingerprint": fingerprint,
             },
         }
         if status != "finished":
@@ -202,18 +216,22 @@ def write_measurement(tmp_path):
         entry = {
             "schema": record.SCHEMA,
             "name": name,
-            "identity": "0" * 12,
             "config": {},
             "status": "finished",
             "seconds": 1.5,
             "command": f"python -m experiments.run experiment={name}",
-            "environment": {"cpu": "A CPU", "threads": 2, **made_by({})},
+            "environment": {
+                "cpu": "A CPU",
+                "threads": 2,
+                "commit": "c" * 40,
+                "dirty": False,
+            },
+            "changed": _changed_task(name, entry.get("config", {})),
             **entry,
         }
-        folder = (
-            tmp_path / "measured" / f"{name}-{measurement.digest_of(entry['config'])}"
-        )
-        measurement.write(folder, entry, rows)
+        entry["id"] = name_of(name, entry["config"], "")
+        entry.setdefault("revisions", revisions(entry["config"]))
+        measurement.write(tmp_path / "measured" / entry["id"], entry, rows)
         return entry
 
     return write

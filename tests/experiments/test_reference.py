@@ -9,7 +9,7 @@ from experiments import reference
 from experiments.records.files import ROOT
 from experiments.records.results import Results
 
-OLD = {"cpu": "A CPU", "threads": 2, "code": "0", "sources": {"hdc/bits.py": "0" * 12}}
+OLD = {"experiments": 0}  # revisions of an earlier protocol
 
 
 @pytest.fixture
@@ -49,16 +49,52 @@ def test_finished_runs_are_adopted_and_what_was_there_stays(
     assert Results(target).group("touch", "hdc").right.sum() == 95
 
 
-def test_records_of_other_code_leave(tmp_path, target, write_run, write_measurement):
-    write_run("hdc", seed=1, environment=OLD)
-    write_measurement("drift", [{"a": 1}], environment=OLD)
-    reference.adopt(tmp_path, target)
-    (tmp_path / "runs.jsonl").unlink()
-    shutil.rmtree(tmp_path / "measured")
+def test_records_of_other_revisions_leave(
+    tmp_path, target, write_run, write_measurement
+):
+    write_run("hdc", seed=1, made_by=OLD)
+    write_measurement("drift", [{"a": 1}], revisions=OLD)
+    shutil.move(tmp_path / "runs.jsonl", target / "runs.jsonl")
+    shutil.move(tmp_path / "measured", target / "measured")
+    assert len(Results(target).runs) == len(Results(target).measurements) == 1
     again = write_run("hdc")
     reference.adopt(tmp_path, target)
     assert {run.record.id for run in Results(target).runs} == {again}
     assert Results(target).measurements == []
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [{"dirty": True}, {"commit": None}, {"dirty": False, "changes": "a" * 12}],
+    ids=str,
+)
+def test_what_is_of_no_commit_or_of_other_revisions_stays_outside(
+    tmp_path, target, write_run, write_measurement, monkeypatch, environment
+):
+    monkeypatch.setattr("experiments.records.entry.changes", lambda: "a" * 12)
+    write_run("hdc", environment=environment)
+    write_run("softmax", made_by=OLD)
+    made_by = {
+        "cpu": "A CPU",
+        "threads": 2,
+        "commit": "c",
+        "dirty": False,
+    } | environment
+    write_measurement("drift", [{"a": 1}], environment=made_by)
+    write_measurement("crossing", [{"a": 1}], revisions=OLD)
+    reference.adopt(tmp_path, target)
+    found = Results(target)
+    assert (found.runs, found.measurements) == ([], [])
+
+
+def test_the_same_row_of_another_config_takes_the_place(tmp_path, target, write_run):
+    before = write_run("hdc", change={"model.seed": 3})
+    reference.adopt(tmp_path, target)
+    (tmp_path / "runs.jsonl").unlink()
+    again = write_run("hdc")
+    reference.adopt(tmp_path, target)
+    assert before != again
+    assert {run.record.id for run in Results(target).runs} == {again}
 
 
 def test_measurements_are_adopted_but_those_of_own_recordings(
@@ -77,12 +113,13 @@ def test_measurements_are_adopted_but_those_of_own_recordings(
     assert Results(target).measured("drift").rows == [{"a": 1}]
 
 
-def test_records_of_other_code_are_named(target, tmp_path, write_run, capsys):
+def test_records_of_other_revisions_are_named(target, tmp_path, write_run, capsys):
     reference.README.write_text("")
-    write_run("hdc", environment=OLD)
-    assert reference.main([]) == 1
+    write_run("hdc", made_by=OLD)
+    shutil.move(tmp_path / "runs.jsonl", target / "runs.jsonl")
+    assert reference.main(["--tables"]) == 1
     said = capsys.readouterr().out
-    assert "hdc/bits.py has changed since 1 records" in said
+    assert "experiments (revision 0, now 1): 1 records are of another" in said
 
 
 def test_it_adopts_writes_the_tables_and_fills_the_readme(target, tmp_path, write_run):

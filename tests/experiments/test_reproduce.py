@@ -136,14 +136,72 @@ def test_seconds_memory_and_status_of_commands(tmp_path):
 ROW = {"step": "hdc", "mode": "full", "command": "c"}
 
 
-def test_the_rest_of_an_interrupted_step_adds_up(tmp_path):
-    for seconds, status in (
-        (40.0, "interrupted"),
-        (30.0, "interrupted"),
-        (5.0, "finished"),
-    ):
-        reproduce.note(
-            tmp_path, {**ROW, "seconds": seconds, "peak_bytes": 7, "status": status}
-        )
-    (row,) = reproduce.read(tmp_path).values()
-    assert (float(row["seconds"]), row["status"]) == (75, "finished")
+def noted(folder, *calls, **more):
+    for seconds, status in calls:
+        row = {**ROW, "seconds": seconds, "peak_bytes": 7, "status": status, **more}
+        reproduce.note(folder, row)
+    (row,) = reproduce.read(folder).values()
+    return float(row["seconds"]), row["status"]
+
+
+@pytest.mark.parametrize(
+    ("calls", "expected"),
+    [
+        (["40 interrupted", "30 interrupted", "5 finished"], (75, "finished")),
+        (["40 failed with 1", "30 finished"], (70, "finished")),
+        (["40 finished", "1 finished"], (40, "finished")),
+        (["40 finished", "1 interrupted"], (40, "finished")),
+        (["40 finished", "1 failed with 2"], (1, "failed with 2")),
+    ],
+    ids=str,
+)
+def test_calls_of_a_step_add_up_until_it_is_finished(tmp_path, calls, expected):
+    pairs = [call.split(" ", 1) for call in calls]
+    assert noted(tmp_path, *((float(s), status) for s, status in pairs)) == expected
+
+
+def test_another_command_of_a_step_begins_anew(tmp_path):
+    noted(tmp_path, (40.0, "interrupted"))
+    assert noted(tmp_path, (5.0, "finished"), command="d") == (5, "finished")
+
+
+# Two at a time ------------------------------------------------------------------------------------
+
+
+def test_steps_that_time_nothing_run_two_at_a_time_with_one_thread(
+    tmp_path, monkeypatch
+):
+    (tmp_path / "meeting.py").write_text(
+        "import os, sys, time\n"
+        "from pathlib import Path\n"
+        "me, other = sys.argv[1:3]\n"
+        "Path(me).touch()\n"
+        "limit = time.monotonic() + 20\n"
+        "while not Path(other).exists():\n"
+        "    assert time.monotonic() < limit\n"
+        "    time.sleep(0.01)\n"
+        "assert os.environ['OMP_NUM_THREADS'] == '1'\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    places = [str(tmp_path / name) for name in ("a", "b")]
+    chosen = [
+        Step("one", ("meeting", *places), 1, timed=False),
+        Step("two", ("meeting", *places[::-1]), 1, timed=False),
+    ]
+    assert reproduce.run(chosen, "full", tmp_path, console()) == 0
+    rows = reproduce.read(tmp_path).values()
+    assert [row["lanes"] for row in rows] == [2, 2]
+    assert sum(map(reproduce.wall_seconds, rows)) < 20
+
+
+def test_timed_steps_have_the_machine_alone():
+    steps = [Step(str(k), NOTHING, 1, timed=k in (2, 5)) for k in range(7)]
+    lanes = [[step.name for step in lane] for lane in reproduce._lanes(steps)]
+    assert lanes == [["0", "1"], ["2"], ["3", "4"], ["5"], ["6"]]
+
+
+def test_a_run_that_times_nothing_has_one_thread_and_does_not_wait():
+    step = Step("one", ("experiments.run", "-m", "threads=1"), 1, timed=False)
+    assert step.command == "python -m experiments.run -m threads=1 exclusive=false"
+    assert Step("one", ("experiments.run",), 1).command == "python -m experiments.run"

@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from experiments.records import record
@@ -124,13 +125,44 @@ def test_a_finished_run_is_one_line_and_not_made_again(results, recording, said)
     code, (line,) = said(*words)
     assert code == 0
     assert "finished before (force=true runs it again)" in line
-    assert "changed since" not in line
-    code = results / "code.json"
-    code.write_text(
-        re.sub('("hdc/bits.py": ")[0-9a-f]+', r"\g<1>000000000000", code.read_text())
-    )
+    assert ", by " not in line
+    path = results / record.RUNS
+    path.write_text(re.sub('("numpy":")[^"]+', r"\g<1>1.0", path.read_text()))
     _, (line,) = said(*words)
-    assert "by code that has changed since: hdc/bits.py" in line
+    assert re.search(r"finished before .*, by numpy 1\.0 \(here [\d.]+\)", line)
+
+
+def test_a_run_by_other_revisions_is_made_again_and_that_is_said(
+    results, recording, said
+):
+    words = ("scene=recorded", f"scene.path={recording()}")
+    said(*words)
+    path = results / record.RUNS
+    path.write_text(re.sub('("experiments":)1', r"\g<1>0", path.read_text()))
+    code, lines = said(*words)
+    assert code == 0
+    assert (
+        "run again, finished by other code: experiments (revision 0, now 1)" in lines[0]
+    )
+    assert "test accuracy" in "".join(lines[1:])
+    (entry,) = entries(results)
+    assert entry.revisions["experiments"] == 1
+
+
+def test_a_sweep_says_how_far_it_is_and_repeats_no_warning(results, recording, said):
+    path = recording()
+    with np.load(path) as held:
+        frames, labels = held["frames"], held["labels"]
+    order = np.argsort(labels, kind="stable")  # neighbours in time are of one class
+    np.savez(path, frames=frames[order], labels=labels[order])
+    code, lines = said("-m", "scene=recorded", f"scene.path={path}", "seed.run=0,1,2")
+    assert code == 0
+    told = [line for line in lines if re.match(r"\d of 3: ", line)]
+    assert [line[:6] for line in told] == ["1 of 3", "2 of 3", "3 of 3"]
+    assert "seed.run=2" in told[2]
+    assert "left" not in told[0]
+    assert re.search(r"; about \d+ s left$", told[2])
+    assert sum(line.startswith("warning: split.kind=random") for line in lines) == 1
 
 
 # What the user did wrong --------------------------------------------------------------------------
@@ -149,7 +181,7 @@ def test_a_finished_run_is_one_line_and_not_made_again(results, recording, said)
         ),
         (
             ["model.seed=abc", "model.ties=random"],
-            r"error: model\.seed: expected a number, found 'abc'",
+            r"error: model\.seed: expected an integer, found 'abc'",
         ),
         (["device=cuda:7"], r"error: device: expected one of cpu.*, found 'cuda:7'"),
         (
@@ -157,6 +189,12 @@ def test_a_finished_run_is_one_line_and_not_made_again(results, recording, said)
             r"error: Error parsing override 'nothing', missing EQUAL at '<EOF>'",
         ),
         (["model.nothing=1"], r"error: .*model\.nothing.*"),
+        (
+            ["split.test_fraction=abc"],
+            r"error: split\.test_fraction: expected a number, found 'abc'",
+        ),
+        (["data=null"], r"error: data: expected a mapping, found null"),
+        (["stop.most_steps=abc"], r"error: stop\.most_steps: expected an integer, .*"),
     ],
     ids=lambda given: given[0] if isinstance(given, list) else None,
 )

@@ -109,9 +109,8 @@ def test_a_kill_at_any_write_leaves_runs_that_the_next_call_completes(
             break
         assert process.exitcode == -signal.SIGKILL
         start(*scene, f"seed.run={n}").join(60)
-        (results / "code.json").unlink()  # the next run writes it, too
         assert len(outcome(results)) == n
-    assert n > 3  # digests written and named, the record written
+    assert n > 1  # the record written
     assert len(outcome(results)) == n
 
 

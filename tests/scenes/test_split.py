@@ -217,3 +217,28 @@ def test_neighbours_are_of_one_session():
     running = np.arange(400)
     assert neighbours_leak(labels, running, *last_and_first, session) == 0
     assert neighbours_leak(labels, running, *last_and_first) == 1
+
+
+def test_each_class_is_due_in_the_middle_of_its_shares():
+    """The k-th of n samples of a class is due at (k + 1/2)/n: by hand, of 2 and 6 samples."""
+    labels = np.array([0] * 2 + [1] * 6)
+    subsets = learning_curve_subsets(np.arange(8), labels, range(2, 9), seed=0)
+    added = [labels[subsets[2]].tolist()]
+    for n in range(3, 9):
+        (new,) = np.setdiff1d(subsets[n], subsets[n - 1])
+        added.append(int(labels[new]))
+    # The first of each class, then class 1 at 3/12, 5/12, 7/12, class 0 at 3/4, with 1 at 9/12.
+    assert sorted(added[0]) == [0, 1]
+    assert added[1:4] == [1, 1, 1]
+    assert sorted(added[4:6]) == [0, 1]
+    assert added[6] == 1
+
+
+def test_a_class_that_would_only_test_or_only_train_is_refused():
+    """Two samples at a half have one on each side; a share that rounds to none or all has not."""
+    labels = np.repeat([0, 1], 2)
+    _, test = split(labels, test_fraction=0.5)
+    assert counts_of(labels[test], [0, 1]).tolist() == [1, 1]
+    for n_test in (0, 4):
+        with pytest.raises(ValueError, match=r"^split: expected samples of class"):
+            split(labels, n_test=n_test)

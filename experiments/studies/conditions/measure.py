@@ -23,7 +23,7 @@ from hdc import HDCClassifier
 VALUES = ("train", "test", "projected")  # accuracies read at each level
 
 
-@experiment
+@experiment(revision=1, timed=True)
 def table1_conditions(
     run: Run,
     scene: Mapping[str, Any],

@@ -31,7 +31,7 @@ SAMPLES = (*PARTS, "all")
 Sums = dict[str, dict[str, CorrelationSums]]  # by what is correlated and by part
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def correlation(
     run: Run,
     scene: Mapping[str, Any],
@@ -56,7 +56,7 @@ def correlation(
         run.note(f"seed {seed}")
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def correlation_images(
     run: Run,
     scene: Mapping[str, Any],

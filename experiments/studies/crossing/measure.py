@@ -19,7 +19,7 @@ from hdc import theory
 from scenes.split import learning_curve_subsets, split
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def crossing(
     run: Run,
     scene: Mapping[str, Any],
@@ -60,7 +60,7 @@ def crossing(
         run.note(f"seed {seed}")
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def crossing_theory(
     run: Run,
     scene: Mapping[str, Any],

@@ -42,7 +42,7 @@ _EQUAL = 0.5  # share of the new in all votes
 Update = tuple[str, float | None, np.ndarray]  # method, p, predicted labels
 
 
-@experiment
+@experiment(revision=1)
 def drift(
     run: Run,
     scene: Mapping[str, Any],

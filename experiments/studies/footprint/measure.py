@@ -15,7 +15,7 @@ from experiments.records.files import ROOT
 from experiments.studies.footprint import probe
 
 
-@experiment
+@experiment(revision=1, timed=True)
 def footprint(
     run: Run, scenes: Sequence[str], models: Sequence[str], frames: int
 ) -> Iterator[Row]:

@@ -27,7 +27,7 @@ from hdc.encoders import Median
 Frames = np.ndarray  # uint8 or uint16 [N, H, W]
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",), timed=True)
 def library(
     run: Run,
     scene: Mapping[str, Any],

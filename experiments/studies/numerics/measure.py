@@ -27,7 +27,7 @@ from scenes.sensor.seeds import stream
 Samples = NDArray[Any]
 
 
-@experiment
+@experiment(revision=1)
 def numerics(
     run: Run, samples: int = 100, pixels: int = 25_000, repeats: int = 3
 ) -> Iterator[Row]:

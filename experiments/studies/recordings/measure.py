@@ -36,7 +36,7 @@ class Asked(NamedTuple):
     stop: StopRule | None = None
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def recordings(
     run: Run,
     scene: Mapping[str, Any],
@@ -99,7 +99,7 @@ def _draw(
         yield {"model": name, "n_test": len(test), "n": chosen, "right": right}
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def recording_distances(
     run: Run,
     scene: Mapping[str, Any],
@@ -137,7 +137,7 @@ def recording_distances(
                 }
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def recording_theory(
     run: Run,
     scene: Mapping[str, Any],

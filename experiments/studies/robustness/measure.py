@@ -25,7 +25,7 @@ from experiments.studies.robustness import disturbances as faults
 from scenes.frames import Scene
 
 
-@experiment
+@experiment(revision=1)
 def robustness(
     run: Run,
     scene: Mapping[str, Any],

@@ -9,7 +9,7 @@ from experiments.studies.stability.case import CASES
 from experiments.studies.stability.cases import correlations, hypervectors, training  # noqa: F401  (their cases register themselves)
 
 
-@experiment
+@experiment(revision=1)
 def stability(run: Run) -> Iterator[Row]:
     """One row: a case, with the errors of both computations."""
     for case in CASES:

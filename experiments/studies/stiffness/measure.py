@@ -25,7 +25,7 @@ _ROUNDING = 1e-13  # of a loss in float64, relative
 _PERTURBATION = 1e-3  # relative, of every coefficient of the optimum
 
 
-@experiment
+@experiment(revision=1)
 def stiffness(
     run: Run,
     scene: Mapping[str, Any],

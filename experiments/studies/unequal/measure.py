@@ -27,7 +27,7 @@ from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import models_of
 
 
-@experiment
+@experiment(revision=1)
 def unequal(
     run: Run,
     scene: Mapping[str, Any],

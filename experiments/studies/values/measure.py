@@ -27,7 +27,7 @@ PENALTIES = 10.0 ** np.arange(-4, 5)
 """Penalties that ridge regression tries, in units of the mean square of a centred frame."""
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def values(
     run: Run,
     scene: Mapping[str, Any],
@@ -75,7 +75,7 @@ def values(
             yield {**row, "n": n, "model": "regressor", **of_regressor}
 
 
-@experiment
+@experiment(revision=1, uses=("hdc.HDCClassifier",))
 def coverage(
     run: Run,
     scene: Mapping[str, Any],

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import time
+import warnings
 from typing import ClassVar
 
 import numpy as np
@@ -233,3 +234,38 @@ def test_frames_beside_each_other_are_warned_of_whatever_the_sessions(sessions):
     )
     with pytest.warns(UserWarning, match=r"\d\d% of the test frames stand next to"):
         data.choose(scene, split("random"), 0)
+
+
+def in_order_of_class(origin):
+    """Frames of each class one after another, as a camera records them."""
+    scene = make_scene(origin=origin)
+    order = np.argsort(scene.labels, kind="stable")
+    return Frames(scene.images, scene.labels[order], scene.classes, {}, origin=origin)
+
+
+@pytest.mark.parametrize(
+    ("origin", "kind", "warned"),
+    [
+        ("recorded", "random", True),
+        ("recorded", "ordered", False),
+        ("simulated", "random", False),
+        ("measured", "random", False),
+    ],
+)
+def test_only_a_random_split_of_a_recording_warns_of_copies(origin, kind, warned):
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        data.choose(in_order_of_class(origin), split(kind), 0)
+    assert [str(each.message)[:19] for each in said] == ["split.kind=random: "] * warned
+
+
+def test_frames_are_made_again_for_another_revision_of_their_scene(
+    tmp_path, monkeypatch
+):
+    scene = make_scene()
+    data.cached(scene, tmp_path, QUIET)
+    data.cached(scene, tmp_path, QUIET)
+    assert len(list(tmp_path.glob("*.npy"))) == 1
+    monkeypatch.setattr(Frames, "revision", 99, raising=False)
+    data.cached(scene, tmp_path, QUIET)
+    assert len(list(tmp_path.glob("*.npy"))) == 2

@@ -9,6 +9,7 @@ import hdc
 from experiments.protocol import job
 from experiments.records import locks, record
 from experiments.records.results import Results
+from experiments.records.rows import unpack_labels
 
 
 def the_record(results):
@@ -30,12 +31,11 @@ def test_a_run_says_what_it_was_and_what_came_out(
     held = msgspec.json.decode((results / record.RUNS).read_bytes())
     assert entry.test_accuracy_final == entry.right.mean()
     frames, labels = frames_and_labels()
-    np.testing.assert_array_equal(entry.test_labels, labels[held["test_indices"]])
-    train = np.setdiff1d(np.arange(50), held["test_indices"])
+    tested = unpack_labels(held["test_indices"])
+    np.testing.assert_array_equal(entry.test_labels, labels[tested])
+    train = np.setdiff1d(np.arange(50), tested)
     model = hdc.HDCClassifier().fit(frames[train], labels[train])
-    np.testing.assert_array_equal(
-        entry.predicted, model.predict(frames[held["test_indices"]])
-    )
+    np.testing.assert_array_equal(entry.predicted, model.predict(frames[tested]))
     assert entry.model_bytes == sum(t.nbytes for t in model.state_tensors().values())
     assert 0 < entry.predict_single_s < 1
     assert 0 < entry.training_s < 10

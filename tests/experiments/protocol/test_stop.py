@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.protocol.settings import checked
 from experiments.protocol.stop import NAMES, StopRule
 
 
@@ -41,7 +42,7 @@ def test_a_model_without_a_loss_is_left_to_finish():
 )
 def test_a_setting_out_of_range_is_named(settings, key):
     with pytest.raises(ValueError, match=rf"^{key}: expected .*, found"):
-        StopRule(**settings)
+        checked(settings, StopRule, "stop")
 
 
 @given(

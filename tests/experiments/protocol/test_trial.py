@@ -89,6 +89,85 @@ def test_only_training_counts(carry_out, fake, monkeypatch):
     assert entry.predict_batch_s_per_frame == 100
 
 
+def test_the_model_that_is_tested_has_not_seen_the_warm_up(carry_out, fake):
+    """Each instance counts what it was trained on: noise warms up one that is thrown away."""
+    trained = {}
+
+    def train(self, frames, labels):
+        trained.setdefault(id(self), []).append((self, len(labels)))
+        yield {"samples_seen": len(labels)}
+
+    def predict(self, frames):
+        seen.append(id(self))
+        return np.zeros(len(frames), np.int64)
+
+    seen = []
+    fake(train=train, predict=predict)
+    assert carry_out().n_train == 40
+    first, second = trained.values()
+    assert first[0][0] is not second[0][0]
+    assert len(first) == len(second) == 1
+    # One prediction warms up; every other is of the model trained on the frames.
+    assert seen[0] == id(first[0][0])
+    assert set(seen[1:]) == {id(second[0][0])}
+
+
+def test_the_warm_up_is_of_at_most_forty_frames_and_no_more_than_train(
+    carry_out, fake, recording
+):
+    trained = []
+
+    def train(self, frames, labels):
+        trained.append((len(labels), len(frames), tuple(frames.shape[1:])))
+        yield {"samples_seen": len(labels)}
+
+    fake(train=train)
+    for n, warm_up, all_frames in ((50, 40, 40), (100, 40, 80), (40, 32, 32)):
+        trained.clear()
+        carry_out("force=true", scene=recording(n, 5, 8))
+        assert trained == [
+            (warm_up, warm_up, (8, 8)),
+            (all_frames, all_frames, (8, 8)),
+        ]
+
+
+def test_accuracy_at_the_target_is_the_first_above_it_and_not_at_it(
+    carry_out, fake, monkeypatch
+):
+    pairs = [(0.9, 0.9), (0.91, 0.8), (1.0, 0.95)]  # training, test
+    read = iter([share for pair in pairs for share in pair])
+    fake(*({"samples_seen": k, "steps": k, "loss": 1.0} for k in range(3)))
+    right = trial.accuracy  # of the final predictions
+    monkeypatch.setattr(
+        trial, "accuracy", lambda *given: next(read, None) or right(*given)
+    )
+    entry = carry_out()
+    times = [row["training_s"] for row in curve_of(entry)]
+    assert entry.time_to_target_train_s == times[1]
+    assert entry.time_to_target_test_s == times[2]
+    assert (entry.train_accuracy_at_target, entry.test_accuracy_at_target) == (
+        0.91,
+        0.8,
+    )
+
+
+def test_a_model_without_a_loss_is_tested_at_twice_the_samples_and_at_all(
+    carry_out, fake, recording
+):
+    fake(*({"samples_seen": k} for k in range(1, 81)))
+    entry = carry_out(scene=recording(100, 5, 8))  # 80 train
+    assert [row["samples_seen"] for row in curve_of(entry)] == [
+        1,
+        2,
+        4,
+        8,
+        16,
+        32,
+        64,
+        80,
+    ]
+
+
 # Many frames --------------------------------------------------------------------------------------
 
 

@@ -1,4 +1,4 @@
-"""A record says on which machine, and by which code, it was made."""
+"""A record says on which machine, with which libraries and from which checkout it was made."""
 
 import json
 import os
@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 from experiments.records import environment as module
-from experiments.records import sources
-from experiments.records.environment import environment
-
-CONFIG = {"model": {"_target_": "hdc.bits.Nothing"}}
+from experiments.records import files
+from experiments.records.environment import Environment, environment
 
 
 def test_a_reader_of_a_time_finds_what_it_depends_on():
-    known = environment("cpu", 3, {})
+    known = environment("cpu", 3)
     assert (known["threads"], known["device"], known["cores"]) == (
         3,
         "cpu",
@@ -38,36 +36,62 @@ def git(folder, *words):
 
 def now():
     """The environment, with nothing remembered of the checkout."""
-    cached = (value for m in (module, sources) for value in vars(m).values())
-    for function in cached:
+    for function in vars(module).values():
         if hasattr(function, "cache_clear"):
             function.cache_clear()
-    return environment("cpu", 1, CONFIG)
+    return environment("cpu", 1)
 
 
 @pytest.fixture
 def checkout(tmp_path, monkeypatch):
     """A small checkout in the place of this one."""
-    (tmp_path / "hdc").mkdir()
-    (tmp_path / "hdc" / "bits.py").write_text("a = 1\n")
+    for package in ("hdc", "baselines", "scenes", "experiments", "configs"):
+        (tmp_path / package).mkdir()
+        (tmp_path / package / "a.py").write_text("a = 1\n")
     git(tmp_path, "init", "-q")
     git(tmp_path, "add", ".")
     git(tmp_path, "commit", "-qm", "first")
     with monkeypatch.context() as patch:
-        patch.setattr(sources, "ROOT", tmp_path)
+        patch.setattr(files, "ROOT", tmp_path)
         yield tmp_path
     now()
 
 
-def test_commit_and_dirt_and_code_hash(checkout):
+def test_a_clean_checkout_has_a_commit_and_no_changes(checkout):
     clean = now()
     assert clean["commit"] == git(checkout, "rev-parse", "HEAD")
-    assert clean["dirty"] is False
+    assert (clean["dirty"], clean["changes"]) == (False, None)
     (checkout / "results").mkdir()
     (checkout / "results" / "record.json").write_text("{}")
     assert now() == clean  # results are not code
-    (checkout / "hdc" / "bits.py").write_text("a = 2\n")
-    changed = now()
-    assert changed["dirty"] is True
-    assert changed["commit"] == clean["commit"]
-    assert changed["code"] != clean["code"]
+    assert Environment("A CPU", 1, commit=clean["commit"], dirty=False).is_of_a_commit
+
+
+def test_changes_of_code_have_a_digest_and_those_of_configs_make_dirt_only(checkout):
+    commit = now()["commit"]
+    (checkout / "configs" / "a.py").write_text("a = 2\n")
+    assert (now()["dirty"], now()["changes"]) == (True, None)
+    digests = set()
+    for name, text in (("a.py", "a = 2\n"), ("a.py", "a = 3\n"), ("new.py", "b = 1\n")):
+        (checkout / "scenes" / name).write_text(text)
+        found = now()
+        assert (found["commit"], found["dirty"]) == (commit, True)
+        digests.add(found["changes"])
+    assert None not in digests
+    assert len(digests) == 3
+    assert module.changes("scenes") is not None
+    assert module.changes("hdc") is None
+
+
+def test_what_is_no_checkout_is_of_no_commit(checkout):
+    (checkout / ".git").rename(checkout / "no longer git")
+    found = now()
+    assert (found["commit"], found["dirty"], found["changes"]) == (None, None, None)
+    assert not Environment("A CPU", 1).is_of_a_commit
+
+
+def test_other_versions_of_what_computes_are_named():
+    here = environment("cpu", 1)["packages"]
+    assert Environment("A CPU", 1, packages=here).other_versions == []
+    other = Environment("A CPU", 1, packages={**here, "numpy": "1.0", "numba": "0"})
+    assert other.other_versions == [f"numpy 1.0 (here {np.__version__})"]

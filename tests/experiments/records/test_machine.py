@@ -15,6 +15,7 @@ from hypothesis.stateful import (
 )
 
 from experiments.records import record
+from experiments.records.rows import unpack_labels
 
 NAMES = st.integers(0, 3).map("touch-hdc-{:012x}".format)
 TIMES = st.floats(0.1, 10)
@@ -23,7 +24,8 @@ TIMES = st.floats(0.1, 10)
 def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
     write_run("hdc")
     template = json.loads((tmp_path / record.RUNS).read_text())
-    template["environment"]["sources"] = next(iter(record.read_code(tmp_path).values()))
+    for key in ("test_labels", "predicted"):
+        template[key] = unpack_labels(template[key])
     curve = [{"training_s": 0.5, "samples_seen": 400.0}]
 
     class Store(RuleBasedStateMachine):

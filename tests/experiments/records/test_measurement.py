@@ -70,7 +70,7 @@ def test_a_failure_leaves_what_was_finished(results, monkeypatch):
     with pytest.raises(OSError, match="the disk is full"):
         measurement.measure(
             "powers",
-            {"base": 2, "most": 3, "fail_at": None},
+            {"_target_": "a_test", "base": 2, "most": 3, "fail_at": None},
             lambda: broken(None),
             force=True,
         )

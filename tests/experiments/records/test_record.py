@@ -21,7 +21,7 @@ def test_a_run_is_read_as_it_was_written(tmp_path, write_run):
     (run,) = record.read(tmp_path)
     assert (run.id, run.seed, run.status) == (name, 3, "finished")
     assert run.right.sum() == 93
-    assert run.environment.sources
+    assert run.revisions["experiments"] == 1
     first, second = record.curve_of(run)
     assert first["loss"] == math.inf
     assert "epoch" not in first
@@ -55,9 +55,22 @@ def test_a_line_that_a_kill_cut_short_costs_itself_only(tmp_path, write_run, lef
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        ({"schema": 2}, "schema"),
+        ({"schema": 3}, "schema"),
         ({"training_s": "soon"}, "training_s"),
         ({"config": 7}, "config"),
+        ({"config": {}}, "config.scene: expected a mapping, found None"),
+        ({"predicted": [0]}, "predicted: expected 100 labels, found 1"),
+        (
+            {"predicted": [5] * 100},
+            "predicted: expected labels from 0 to 4, found 5 to 5",
+        ),
+        (
+            {"test_labels": [-1] * 100},
+            "test_labels: expected labels from 0 to 4, found -1 to -1",
+        ),
+        ({"predicted": "u1:AAAA"}, "labels: expected packed integers"),
+        ({"curve": {"columns": ["a"], "rows": [[1, 2]]}}, "curve: expected 1 numbers"),
+        ({"curve": {"columns": ["a"], "rows": [["x"]]}}, "curve: expected 1 numbers"),
     ],
 )
 def test_a_malformed_record_is_named_with_its_key_and_skipped(
@@ -71,11 +84,30 @@ def test_a_malformed_record_is_named_with_its_key_and_skipped(
     assert expected in str(error)
 
 
-def test_the_digests_of_code_are_stored_once(tmp_path, write_run):
-    for seed in range(3):
-        write_run("hdc", seed=seed)
-    assert len(record.read_code(tmp_path)) == 1
-    assert b"sources" not in b"".join(lines(tmp_path))
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("seed", {"run": None}, "config.seed.run: expected an integer, found None"),
+        ("split", {}, "config.split.n_train: expected a value, found none"),
+        ("data", None, "config.data: expected a mapping, found None"),
+    ],
+)
+def test_a_record_without_what_every_run_has_is_named(
+    tmp_path, write_run, key, value, expected
+):
+    write_run("hdc")
+    entry = json.loads(lines(tmp_path)[0])
+    entry["config"][key] = value
+    (tmp_path / record.RUNS).write_text(json.dumps(entry))
+    (error,) = record.read(tmp_path)
+    assert expected in str(error)
+
+
+def test_labels_of_a_run_are_short(tmp_path, write_run):
+    name = write_run("hdc", wrong=[3], truth=[0] * 1000)
+    (line,) = lines(tmp_path)
+    assert len(json.loads(line)["predicted"]) < 60
+    assert record.find(tmp_path, name).predicted.index(1) == 3
 
 
 def test_the_name_of_a_run_depends_on_every_value_of_its_config():

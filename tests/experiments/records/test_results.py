@@ -3,23 +3,11 @@
 import numpy as np
 import pytest
 
-from experiments.records import sources
 from experiments.records.results import Results
 from experiments.reporting.rows import runs_table
 from hdc.io import write_atomically
 
-
-@pytest.fixture
-def other_code(monkeypatch):
-    """with_other_code(): what is written from here on is of other code, and outdated."""
-    real = sources.sources
-
-    def switch():
-        monkeypatch.setattr(
-            sources, "sources", lambda *a: {**real(*a), "hdc/bits.py": "0" * 12}
-        )
-
-    return switch
+OTHER = {"experiments": 0, "hdc.HDCClassifier": 1}  # of an earlier protocol
 
 
 def rows(found):
@@ -42,13 +30,12 @@ def test_runs_of_one_config_and_code_stand_in_one_row_by_seed(tmp_path, write_ru
     assert group.others == 0
 
 
-def test_runs_of_other_code_are_not_averaged_and_todays_come_first(
-    tmp_path, write_run, other_code
+def test_runs_of_other_revisions_are_not_averaged_and_todays_come_first(
+    tmp_path, write_run
 ):
     write_run("hdc", seed=0)
-    other_code()
     for seed in (1, 2, 3):
-        write_run("hdc", seed=seed)
+        write_run("hdc", seed=seed, made_by=OTHER)
     group = Results(tmp_path).group("touch", "hdc")
     assert [run.record.seed for run in group.runs] == [0]
     assert group.runs[0].outdated == []
@@ -66,6 +53,23 @@ def test_the_stopping_rule_of_the_paper_comes_first_then_the_larger_group(
     group = Results(tmp_path).group("touch", "softmax")
     assert [run.record.choices.stop for run in group.runs] == ["paper"]
     assert group.others == 3
+
+
+def test_a_run_timed_alone_comes_before_more_that_were_not(tmp_path, write_run):
+    curve, beside = [{"training_s": 1.0, "loss": 1.0}], {"exclusive": False}
+    write_run("softmax", seed=0, stop="quick", curve=curve)
+    for seed in (1, 2, 3):
+        write_run("softmax", seed=seed, curve=curve, environment=beside)
+    (run,) = Results(tmp_path).group("touch", "softmax").runs
+    assert (run.record.seed, run.record.environment.exclusive) == (0, True)
+
+
+def test_todays_revisions_come_before_the_stopping_rule(tmp_path, write_run):
+    curve = [{"training_s": 1.0, "loss": 1.0}]
+    write_run("softmax", seed=0, stop="reached", curve=curve)
+    write_run("softmax", seed=1, stop="paper", curve=curve, made_by=OTHER)
+    (run,) = Results(tmp_path).group("touch", "softmax").runs
+    assert run.record.choices.stop == "reached"
 
 
 def test_what_learns_in_one_pass_ends_by_itself_whatever_the_rule(tmp_path, write_run):
@@ -119,7 +123,7 @@ def test_another_learning_rate_or_another_end_is_no_canonical_run(tmp_path, writ
 def test_what_is_no_record_costs_itself_only(tmp_path, write_run):
     good = write_run("hdc")
     with (tmp_path / "runs.jsonl").open("a") as file:
-        file.write('no\n{"schema": 3}\n')
+        file.write('no\n{"schema": 4}\n')
     write_atomically(tmp_path / "measured" / "x" / "record.json", "[]")
     results = Results(tmp_path)
     assert [run.record.id for run in results.runs] == [good]

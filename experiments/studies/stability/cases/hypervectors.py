@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import torch
+from hdc.encode import encode
 from torch import Tensor
 
 from experiments.studies.stability.case import case, differing
 from hdc import HDCClassifier, bits
-from hdc.encode import encode
 from hdc.prototypes import Counters
 
 D = 250_000  # pixels of a frame in the paper

@@ -1,0 +1,182 @@
+"""Revisions: by which state of the code a record was made, as far as its numbers depend on it.
+
+Whatever a config names by ``_target_`` (an encoder, a read-out, a rival, a scene, a study) may have
+an attribute ``revision``, an integer that is raised by hand in the commit that changes its numbers;
+without one it is 1. A part that is made of further ones says so by ``components(**parameters)``,
+which returns their classes, or dotted names of them. A package may have one ``REVISION`` more, for
+what all of its parts share; that of ``experiments`` is the protocol's. A test of golden numbers
+fails when a number moves and no revision does (``tests/experiments/golden_numbers.py``).
+
+A user's own module counts by its file, with the modules beside it that it imports.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import hashlib
+import importlib
+import importlib.util
+import json
+import os
+import pkgutil
+import sysconfig
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ("hdc", "baselines", "scenes", "experiments")
+_INSTALLED = ("stdlib", "purelib", "platlib")
+_DIGITS = 12
+
+Revisions = dict[str, int | str]
+"""Revision by dotted name; of a user's own modules, the digests of their files."""
+
+
+def revisions(config: Any) -> Revisions:
+    """Revisions of everything that takes part in what a resolved config asks for."""
+    found = _of_package("experiments")
+    for target, parameters in targets(config):
+        found |= _of_target(target, json.dumps(parameters, sort_keys=True, default=str))
+    return dict(sorted(found.items()))
+
+
+def outdated(made_by: Revisions, config: Any) -> list[str]:
+    """What has another revision today than in a record of this config, with both of them.
+
+    A user's module that cannot be found from here counts as unchanged.
+    """
+    now = revisions(config)
+    lines = []
+    for name in sorted({*made_by, *now}):
+        before, after = made_by.get(name), now.get(name)
+        is_own = name.partition(".")[0] not in PACKAGES
+        if before == after or (is_own and after is None):
+            continue
+        if is_own:
+            lines.append(f"{name} (changed)")
+        else:
+            lines.append(f"{name} (revision {_said(before)}, now {_said(after)})")
+    return lines
+
+
+def of_class(kind: type) -> Revisions:
+    """Revisions of one class, and of the package that it lies in."""
+    return _of_part(f"{kind.__module__}.{kind.__qualname__}", kind)
+
+
+def targets(node: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Each ``_target_`` below a part of a config, with the parameters beside it."""
+    if isinstance(node, Mapping):
+        if "_target_" in node:
+            parameters = {k: v for k, v in node.items() if not k.startswith("_")}
+            yield str(node["_target_"]), parameters
+        for value in node.values():
+            yield from targets(value)
+    elif isinstance(node, list | tuple):
+        for value in node:
+            yield from targets(value)
+
+
+def _said(revision: int | str | None) -> str:
+    return "none" if revision is None else str(revision)
+
+
+@functools.cache
+def _of_target(target: str, parameters: str) -> Revisions:
+    package = target.partition(".")[0]
+    if package not in PACKAGES and _is_installed(package):
+        return {}  # its version is in the record
+    try:
+        part = pkgutil.resolve_name(target)
+    except (ImportError, AttributeError, ValueError):
+        return {}  # whoever builds it says what is wrong
+    found = _of_part(target, part)
+    components = getattr(part, "components", None)
+    if callable(components):
+        for each in components(**json.loads(parameters)):
+            if isinstance(each, str):
+                found = found | _of_target(each, "{}")
+            else:
+                found = found | of_class(each)
+    return found
+
+
+def _of_part(name: str, part: Any) -> Revisions:
+    package = name.partition(".")[0]
+    own = {name: getattr(part, "revision", 1)}
+    if package in PACKAGES:
+        return own | _of_package(package)
+    return own | _own_files(getattr(part, "__module__", name))
+
+
+def _of_package(name: str) -> Revisions:
+    shared = getattr(importlib.import_module(name), "REVISION", None)
+    if shared is None:
+        return {}
+    return {name: shared}
+
+
+@functools.cache
+def _own_files(name: str) -> Revisions:
+    """Digests of a user's module and of those beside it that it imports; of others, none."""
+    if _is_installed(name.partition(".")[0]):
+        return {}
+    module = importlib.import_module(name)
+    file = Path(getattr(module, "__file__", None) or "").resolve()
+    if file.suffix != ".py":
+        return {}
+    found: Revisions = {}
+    waiting = [file]
+    while waiting:
+        path = waiting.pop()
+        place = Path(os.path.relpath(path, file.parent)).as_posix()
+        if place not in found:
+            found[place] = _digest(path)
+            waiting += _imported_beside(path)
+    return found
+
+
+def _imported_beside(path: Path) -> Iterator[Path]:
+    """Files of the folder of a file, or below it, that it imports; of its package, also above."""
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        folder, names = path.parent, []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            folder = path.parents[max(0, node.level - 1)]
+            names = [f"{node.module or ''}.{alias.name}" for alias in node.names]
+        for name in names:
+            yield from _files_of(name.strip("."), folder)
+
+
+def _files_of(name: str, folder: Path) -> Iterator[Path]:
+    """Files behind a dotted name, with or without the package that the folder is."""
+    words = name.split(".")
+    if words[0] == folder.name:
+        words = words[1:]
+    for n in range(1, len(words) + 1):
+        place = folder.joinpath(*words[:n])
+        for path in (place.with_suffix(".py"), place / "__init__.py"):
+            if path.is_file():
+                yield path
+
+
+@functools.cache
+def _is_installed(package: str) -> bool:
+    """Whether a package comes with Python, or was installed: it is looked for, not imported."""
+    try:
+        spec = importlib.util.find_spec(package)
+    except (ImportError, ValueError):  # of a module without one
+        return False
+    if spec is None:
+        return False
+    if spec.origin in ("built-in", "frozen"):
+        return True
+    places = [Path(sysconfig.get_path(name)).resolve() for name in _INSTALLED]
+    file = Path(spec.origin or "").resolve()
+    return any(file.is_relative_to(place) for place in places)
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:_DIGITS]

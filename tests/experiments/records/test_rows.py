@@ -1,0 +1,41 @@
+"""Labels in rows are small, and come back as they were."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from experiments.records.rows import from_lines, pack_labels, to_lines, unpack_labels
+
+
+@given(
+    st.lists(st.integers(0, 2**31 - 1), max_size=50), st.sampled_from([1, 2**8, 2**16])
+)
+def test_labels_come_back_as_they_were(labels, scale):
+    labels = [label // scale for label in labels]
+    found = unpack_labels(pack_labels(labels))
+    assert found.dtype == np.int64
+    assert found.tolist() == labels
+
+
+def test_labels_survive_the_json_of_a_row_and_are_small():
+    predicted = np.repeat(np.arange(5), 400)
+    (row,) = from_lines(
+        to_lines([{"model": "hdc", "predicted": pack_labels(predicted)}])
+    )
+    assert unpack_labels(row["predicted"]).tolist() == predicted.tolist()
+    assert len(row["predicted"]) < 100
+    noise = np.random.default_rng(0).integers(0, 50, 1000)
+    assert len(pack_labels(noise)) < 1.5 * len(noise)
+
+
+@pytest.mark.parametrize("labels", [[-1], [2**31], [0.5], [[1, 2]], ["a"]], ids=repr)
+def test_what_is_no_label_is_refused(labels):
+    with pytest.raises(ValueError, match=r"^labels: expected "):
+        pack_labels(labels)
+
+
+@pytest.mark.parametrize("text", ["", "u1", "u9:AAAA", "u1:!", "u2:eJw=", "i4:abcd"])
+def test_a_damaged_text_is_refused(text):
+    with pytest.raises(ValueError, match=r"^labels: expected packed integers"):
+        unpack_labels(text)
