@@ -2,7 +2,8 @@
 
 Reads own results and the committed reference, never trains, and writes ``tables/``, ``figures/``
 and ``report.html`` into the folder of own results: paper, reference and mine side by side. A record
-that cannot be used is named and skipped.
+that cannot be used is named and skipped; a study that fails says so in its own section, and the
+others are made.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from experiments.reporting import comparison
 from experiments.reporting.page import page
 from experiments.reporting.page.page import Block, Picture, Section
 from experiments.reporting.rows import runs_table
-from experiments.reporting.study import Plot, Study
+from experiments.reporting.study import Failure, Plot, Quantity, Study
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table
 from experiments.reporting.text import printable
@@ -50,32 +51,45 @@ SHOWN = (  # columns of it
 
 @dataclass
 class Answers:
-    """Tables and figures of every study for one set of results, ``reference`` or ``mine``."""
+    """Tables and figures of every study for one set of results, ``reference`` or ``mine``.
+
+    What fails is kept in ``failures`` by the name of its study; everything else is made.
+    """
 
     name: str
     results: Results
     questions: Sequence[Study]
     tables: dict[str, list[Table]] = field(default_factory=dict)
     pictures: dict[str, list[Picture]] = field(default_factory=dict)
+    failures: list[Failure] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        quantities: list[Quantity] = []
         for study in self.questions:
-            self.tables[study.name] = list(study.tables_of(self.results))
-        quantities = (
-            q for study in self.questions for q in study.quantities_of(self.results)
-        )
+            self.tables[study.name] = list(study.tables_of(self.results, self.failures))
+            quantities += study.quantities_of(self.results, self.failures)
         self.tables["comparison"] = [comparison.compare(quantities)]
         self.tables["runs"] = [runs_table(self.results)]
 
     def draw(self, drawn: Path | None = None, others: Container[str] = ()) -> None:
         """Draw every figure but some, or take it from a folder where it was drawn before."""
         for study in self.questions:
-            plots = (
-                plot for plot in study.plots_of(self.results) if plot.name not in others
-            )
-            self.pictures[study.name] = [
-                Picture(plot, _drawn(plot, drawn)) for plot in plots
-            ]
+            self.pictures[study.name] = []
+            for plot in study.plots_of(self.results, self.failures):
+                if plot.name not in others:
+                    self._draw(study, plot, drawn)
+
+    def _draw(self, study: Study, plot: Plot, drawn: Path | None) -> None:
+        try:
+            picture = Picture(plot, _drawn(plot, drawn))
+        except Exception as error:
+            self.failures.append(Failure(study.name, f"figure {plot.name}", error))
+        else:
+            self.pictures[study.name].append(picture)
+
+    def failures_of(self, study: str) -> list[str]:
+        """What failed of a study, a line each."""
+        return [str(failure) for failure in self.failures if failure.study == study]
 
     def write(self, folder: Path) -> list[Path]:
         """Write tables and figures as files, and remove those of an earlier report; the files."""
@@ -91,10 +105,9 @@ class Answers:
         written = [folder / name for name in texts]
         (folder / "figures").mkdir(parents=True, exist_ok=True)
         for picture in itertools.chain(*self.pictures.values()):
-            written.append(
-                folder / "figures" / f"{picture.plot.name}.{picture.plot.kind}"
-            )
-            written[-1].write_bytes(picture.data)
+            path = folder / "figures" / f"{picture.plot.name}.{picture.plot.kind}"
+            path.write_bytes(picture.data)
+            written.append(path)
         there = {
             path for name in ("tables", "figures") for path in (folder / name).iterdir()
         }
@@ -108,42 +121,47 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         prog="python -m experiments.report", description=__doc__
     )
-    parser.parse_args(arguments)
+    parser.add_argument(
+        "--strict", action="store_true", help="exit with 1 if a study failed"
+    )
+    chosen = parser.parse_args(arguments)
+    console = Console(width=WIDTH, highlight=False)
     try:
-        write(results_dir(), Console(width=WIDTH, highlight=False))
+        sets = answers_of(results_dir())
+        write(results_dir(), console, sets)
     except (OSError, ValueError) as error:  # a full disk, a missing published.csv
         sys.exit(f"error: {error}")
+    if chosen.strict and any(answers.failures for answers in sets):
+        sys.exit(1)
 
 
-def write(folder: Path, console: Console) -> Path:
-    """Write tables, figures and the page into a folder of own results; the page's file."""
-    folder.mkdir(
-        parents=True, exist_ok=True
-    )  # a folder that cannot be written fails first
+def answers_of(folder: Path) -> list[Answers]:
+    """Own results and the reference; of an empty set only one's own, where both are empty."""
+    folder.mkdir(parents=True, exist_ok=True)  # one that cannot be written fails first
     questions = studies_of(studies)
-    reference = Answers("reference", Results(REFERENCE), questions)
     mine = Answers("mine", Results(folder), questions)
-    sets = [answers for answers in (mine, reference) if answers.results] or [mine]
-    mine.draw()
-    own = {picture.plot.name for picture in itertools.chain(*mine.pictures.values())}
-    reference.draw(
-        REFERENCE / "figures", own
-    )  # one's own figure stands for the reference's
-    (mine if mine.results else reference).write(folder)
-    sections = [
-        Section(s.name, s.title, s.question, _blocks(s.name, sets), s.front)
-        for s in questions
-    ]
-    compared = Section(
-        "comparison", "Every published number", "", _blocks("comparison", sets)
-    )
-    sections.insert(sum(study.front for study in questions), compared)
-    if mine in sets and len(mine.results.runs) <= MOST_RUNS:
-        sections.append(Section("runs", "Every run", "", _blocks("runs", [mine])))
+    reference = Answers("reference", Results(REFERENCE), questions)
+    return [answers for answers in (mine, reference) if answers.results] or [mine]
+
+
+def write(
+    folder: Path, console: Console, sets: Sequence[Answers] | None = None
+) -> Path:
+    """Write tables, figures and the page into a folder of own results; the page's file.
+
+    Args:
+        folder: of own results.
+        console: gets Table I, where the records are from, and what was left out.
+        sets: of :func:`answers_of` the folder, if they are there already.
+    """
+    sets = answers_of(folder) if sets is None else sets
+    for answers in sets:
+        answers.draw(REFERENCE / "figures" if answers.name == "reference" else None)
+    sets[0].write(folder)
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"
-    write_atomically(path, page.render(sections, problems, about))
+    write_atomically(path, page.render(_sections(sets), problems, about))
     for answers in sets:
         _show_table1(answers, console)
     for name, text in about.items():
@@ -151,6 +169,30 @@ def write(folder: Path, console: Console) -> Path:
     print_problems(console, sets)
     console.print(f"page: {os.path.relpath(path)}", soft_wrap=True)
     return path
+
+
+def _sections(sets: Sequence[Answers]) -> list[Section]:
+    """The parts of the page: a study each, every published number, and own runs."""
+    questions = sets[0].questions
+    sections = []
+    for study in questions:
+        failures = [
+            line for answers in sets for line in answers.failures_of(study.name)
+        ]
+        blocks = _blocks(study.name, sets)
+        sections.append(
+            Section(
+                study.name, study.title, study.question, blocks, study.front, failures
+            )
+        )
+    compared = Section(
+        "comparison", "Every published number", "", _blocks("comparison", sets)
+    )
+    sections.insert(sum(study.front for study in questions), compared)
+    mine = sets[0]
+    if mine.name == "mine" and len(mine.results.runs) <= MOST_RUNS:
+        sections.append(Section("runs", "Every run", "", _blocks("runs", [mine])))
+    return sections
 
 
 def _blocks(name: str, sets: Sequence[Answers]) -> list[Block]:
@@ -203,10 +245,14 @@ def _show_table1(answers: Answers, console: Console) -> None:
 
 
 def print_problems(console: Console, sets: Sequence[Answers]) -> None:
+    """A line for each record that was left out and each study that failed."""
     for answers in sets:
         for problem in answers.results.problems:
             text = f"left out of {answers.name}: {printable(problem)}"
             console.print(escape(text), style="yellow", soft_wrap=True, emoji=False)
+        for failure in answers.failures:
+            text = f"{answers.name}: {printable(str(failure))}"
+            console.print(escape(text), style="red", soft_wrap=True, emoji=False)
 
 
 if __name__ == "__main__":

@@ -114,9 +114,7 @@ class Study:
     question: str
     order: float
     front: bool = False
-    _makers: list[tuple[type, Callable[[Results], Iterator[Any]]]] = field(
-        default_factory=list
-    )
+    _makers: list[_Maker] = field(default_factory=list)
 
     def table(
         self,
@@ -164,7 +162,7 @@ class Study:
                 folded,
             )
 
-        return self._registering(Table, of, make)
+        return self._registering(Table, f"table {name}", of, make)
 
     def figure(
         self,
@@ -195,7 +193,7 @@ class Study:
                     f"{name}{source.suffix}", source.fill(caption), draw, made_by, kind
                 )
 
-        return self._registering(Plot, of, make)
+        return self._registering(Plot, f"figure {name}", of, make)
 
     def quantities(self, *, of: Of = None) -> Decorator:
         """Register a generator of :class:`Quantity`; of measurements on their own frames only."""
@@ -204,43 +202,79 @@ class Study:
             if not source.suffix:
                 yield from function(*source.arguments)
 
-        return self._registering(Quantity, of, make)
+        return self._registering(Quantity, "its numbers", of, make)
 
-    def tables_of(self, results: Results) -> Iterator[Table]:
-        """Its tables of these results."""
-        return self._answers(Table, results)
+    def tables_of(
+        self, results: Results, failures: list[Failure] | None = None
+    ) -> Iterator[Table]:
+        """Its tables of these results.
 
-    def plots_of(self, results: Results) -> Iterator[Plot]:
-        """Its figures of these results, not yet drawn."""
-        return self._answers(Plot, results)
+        Args:
+            results: records.
+            failures: takes what fails, so that the others are made all the same; None raises it.
+        """
+        return self._answers(Table, results, failures)
 
-    def quantities_of(self, results: Results) -> Iterator[Quantity]:
-        """Its numbers of these results."""
-        return self._answers(Quantity, results)
+    def plots_of(
+        self, results: Results, failures: list[Failure] | None = None
+    ) -> Iterator[Plot]:
+        """Its figures of these results, not yet drawn; `failures` as :meth:`tables_of`."""
+        return self._answers(Plot, results, failures)
 
-    def _answers(self, kind: type, results: Results) -> Iterator[Any]:
-        return (
-            answer
-            for of, make in self._makers
-            if of is kind
-            for answer in make(results)
-        )
+    def quantities_of(
+        self, results: Results, failures: list[Failure] | None = None
+    ) -> Iterator[Quantity]:
+        """Its numbers of these results; `failures` as :meth:`tables_of`."""
+        return self._answers(Quantity, results, failures)
+
+    def _answers(
+        self, kind: type, results: Results, failures: list[Failure] | None
+    ) -> Iterator[Any]:
+        for maker in self._makers:
+            if maker.kind is not kind:
+                continue
+            for source in _sources(results, maker.of):
+                try:
+                    yield from maker.make(source, maker.function)
+                except Exception as error:
+                    if failures is None:
+                        raise
+                    failures.append(Failure(self.name, maker.called, error))
 
     def _registering(
-        self, kind: type, of: Of, make: Callable[..., Iterator[Any]]
+        self, kind: type, called: str, of: Of, make: Callable[..., Iterator[Any]]
     ) -> Decorator:
         def register(function: Callable[..., Any]) -> Callable[..., Any]:
-            def answers(results: Results) -> Iterator[Any]:
-                return (
-                    a
-                    for source in _sources(results, of)
-                    for a in make(source, function)
-                )
-
-            self._makers.append((kind, answers))
+            self._makers.append(_Maker(kind, called, of, make, function))
             return function
 
         return register
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A table, figure or number of a study that could not be made, and why."""
+
+    study: str
+    called: str
+    error: Exception
+
+    def __str__(self) -> str:
+        """One line."""
+        words = " ".join(str(self.error).split())
+        kind = type(self.error).__name__
+        return f"study {self.study} failed at {self.called}: {kind}: {words}"
+
+
+@dataclass(frozen=True)
+class _Maker:
+    """A registered function: what it gives, what that is called, the measurements it takes."""
+
+    kind: type
+    called: str
+    of: Of
+    make: Callable[..., Iterator[Any]]
+    function: Callable[..., Any]
 
 
 @dataclass(frozen=True)
