@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -31,9 +32,14 @@ def _content(group: str, name: str) -> Any:
             place, _, key = place.partition("@")
         if place.startswith("override"):
             OmegaConf.update(whole, f"chosen.{place.partition('/')[2]}", file)
-        elif file != "_self_":
-            found = _content(place.lstrip("/"), file)
-            OmegaConf.update(whole, key, found) if key else whole.merge_with(found)
+            continue
+        if file == "_self_":
+            continue
+        found = _content(place.lstrip("/"), file)
+        if key in ("", "_here_"):
+            whole.merge_with(found)
+        else:
+            OmegaConf.update(whole, key, found)
     whole.merge_with(_file(group, name))
     whole.pop("defaults", None)
     return whole
@@ -48,11 +54,9 @@ def _resolved(group: str, name: str, key: str) -> Any:
     chosen = {k: v for entry in defaults if entry != "_self_" for k, v in entry.items()}
     own = _content(group, name)
     chosen |= own.get("chosen", {}) if group == "experiment" else {group: name}
-    for each in ("scene", "stop"):
-        config[each] = _content(each, chosen[each])
-    config.merge_with(_content("model", chosen["model"]))
-    if (CONFIGS / "split" / f"{chosen['scene']}.yaml").is_file():
-        config.merge_with({"split": _content("split", chosen["scene"])})
+    config["stop"] = _content("stop", chosen["stop"])
+    for each in ("model", "scene"):
+        config.merge_with(_content(each, chosen[each]))
     config.merge_with(own if group == "experiment" else {})
     return OmegaConf.to_container(config[key] or OmegaConf.create(), resolve=True)
 
@@ -135,6 +139,28 @@ def display(model: str) -> dict[str, str]:
 
 
 @functools.cache
+def scene_display(scene: str) -> dict[str, Any]:
+    """How tables and figures show a scene: ``name``, ``frames`` (what they are), ``kind``
+    (``captured`` by a camera, ``computed`` from measured matrices, or ``simulated``), ``family``
+    (the laboratory it comes from), ``place`` among the others, and ``fitted``: whether parameters
+    of the scene were chosen by HDC's own accuracy on it.
+
+    One that is not in ``configs/scene/`` is shown by its name, as a family of its own, last.
+    """
+    shown: dict[str, Any] = {
+        "name": scene,
+        "frames": "recording",
+        "kind": "captured",
+        "family": scene,
+        "place": math.inf,
+        "fitted": False,
+    }
+    if not (CONFIGS / "scene" / f"{scene}.yaml").is_file():
+        return shown
+    return shown | dict(_content("scene", scene).get("scene_display") or {})
+
+
+@functools.cache
 def _display(model: str) -> dict[str, str]:
     shown = {
         "name": model,
@@ -143,8 +169,9 @@ def _display(model: str) -> dict[str, str]:
         "line": ":",
         "group": "other",
     }
-    known = (CONFIGS / "model" / f"{model}.yaml").is_file()
-    return shown | dict((known and _file("model", model).get("display")) or {})
+    if not (CONFIGS / "model" / f"{model}.yaml").is_file():
+        return shown
+    return shown | dict(_content("model", model).get("display") or {})
 
 
 def differences(config: Any, reference: Any, key: str = "") -> dict[str, str]:

@@ -24,7 +24,15 @@ from hdc.io import write_atomically
 SCHEMA = 3
 RUNS, CODE = "runs.jsonl", "code.json"
 # Keys of a config that say how a run is carried out, or how it is shown, not what it computes.
-NOT_IDENTITY = ("force", "cache", "exclusive", "task", "display")
+NOT_IDENTITY = (
+    "force",
+    "cache",
+    "exclusive",
+    "task",
+    "display",
+    "scene_display",
+    "sessions",  # what the scene is made of, and has in itself
+)
 
 Curve = list[dict[str, float]]
 """A row a report of the model: ``training_s``, ``samples_seen``, accuracies, ``loss`` …"""

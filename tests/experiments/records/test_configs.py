@@ -20,6 +20,16 @@ def test_parts_of_configs_are_resolved_or_none():
     assert configs.part("model", "nowhere") is None
 
 
+def test_a_scene_says_how_it_is_split_and_shown():
+    assert configs.part("scene", "fibre_4_fields")["split"]["group"] == "depth"
+    assert configs.part("scene", "tactip_edge")["split"]["kind"] == "session"
+    fibre = configs.scene_display("fibre_16_fields")
+    assert (fibre["kind"], fibre["family"]) == ("computed", "wavefrontshaping")
+    assert configs.scene_display("finger")["fitted"]
+    unknown = configs.scene_display("nowhere")
+    assert unknown["name"] == unknown["family"] == "nowhere"
+
+
 def test_an_experiment_has_a_task_or_a_sweep():
     assert (
         configs.task("drift")["_target_"] == "experiments.studies.drift.measure.drift"
