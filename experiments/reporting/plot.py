@@ -44,6 +44,7 @@ PAPER: Any = {
 PRINTED = (
     12  # classes up to which every one is named, and its cells have room for numbers
 )
+LETTERS = "abcdefghijklmnopqrstuvwxyz"  # of panels
 _LINE = 60  # characters of a head's line
 
 
@@ -123,8 +124,13 @@ def title(
     figure.set_layout_engine("constrained")
 
 
+def wrapped(text: str, width: int) -> str:
+    """A name of the user's in lines of so many characters."""
+    return literal("\n".join(textwrap.wrap(text, width)))
+
+
 def panel(axes: Axes, letter: str, title: str) -> None:
-    """``(a) title`` above the axes, from their left."""
+    """``(a) title`` above the axes, from their left; a title of several lines is ragged right."""
     axes.set_title(f"({letter}) {title}", loc="left", fontsize=6.5, pad=3)
 
 

@@ -130,7 +130,7 @@ class Study:
     ) -> Decorator:
         """Register a function that gives the data frame of a table, or None where it has none.
 
-        Its ``attrs`` may hold ``title``, ``note``, ``shown`` and ``commands`` of their own.
+        Its ``attrs`` may hold ``title``, ``note``, ``shown``, ``columns``, ``commands`` of its own.
 
         Args:
             name: stem of its files; a measurement on other frames than the experiment's adds a
@@ -149,6 +149,7 @@ class Study:
                 "title": title,
                 "note": note,
                 "shown": shown,
+                "columns": columns or {},
                 **data.attrs,
             }
             yield Table(
@@ -156,7 +157,7 @@ class Study:
                 source.fill(texts["title"]),
                 data,
                 tuple(texts["shown"]),
-                columns or {},
+                texts["columns"],
                 source.fill(texts["note"]),
                 tuple(texts.get("commands", ())) or tuple(commands) or source.commands,
                 folded,

@@ -20,6 +20,7 @@ from experiments.records.results import Group, Results
 from experiments.reporting import estimates
 from experiments.reporting import rows as rows_of
 from experiments.reporting.estimates import ONE_SENSOR
+from experiments.reporting.measured import matrices
 from experiments.reporting.plot import (
     CONFUSION_MAP,
     PRINTED,
@@ -32,7 +33,6 @@ from experiments.reporting.rows import row
 from experiments.reporting.study import RUN, WIDTH, Quantity, Study, with_places
 from experiments.reporting.table import frame
 from experiments.reporting.text import frames_of
-from experiments.studies.correlation.view import matrices
 
 EXPERIMENT = "all_scenes"
 SPATIAL_CORRELATION = (

@@ -27,11 +27,11 @@ from experiments.reporting.plot import (
     style_of,
     title,
 )
+from experiments.reporting.routes import ORDINARY, ordinary_training_s
 from experiments.reporting.rows import row
 from experiments.reporting.study import RUN, Quantity, Study
 from experiments.reporting.table import frame
 from experiments.reporting.text import number, percent
-from experiments.studies.benchmark.view import ORDINARY, ordinary_training_s
 
 PAPER = ("hdc", "softmax", "cnn1", "cnn3")
 LINES = (*PAPER, "softmax_dual")
