@@ -91,12 +91,14 @@ class Answers:
         """What failed of a study, a line each."""
         return [str(failure) for failure in self.failures if failure.study == study]
 
-    def write(self, folder: Path) -> list[Path]:
+    def write(self, folder: Path, tex: bool = False) -> list[Path]:
         """Write tables and figures as files, and remove those of an earlier report; the files."""
         texts = {}
         for table in itertools.chain(*self.tables.values()):
             if table.name != "runs":
                 texts[f"tables/{table.name}.md"] = table.markdown()
+                if tex:
+                    texts[f"tables/{table.name}.tex"] = table.tex()
             elif self.name == "reference":
                 continue  # runs.jsonl has them
             texts[f"tables/{table.name}.csv"] = table.csv()
@@ -124,11 +126,14 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument(
         "--strict", action="store_true", help="exit with 1 if a study failed"
     )
+    parser.add_argument(
+        "--tex", action="store_true", help="write every table as LaTeX, too"
+    )
     chosen = parser.parse_args(arguments)
     console = Console(width=WIDTH, highlight=False)
     try:
         sets = answers_of(results_dir())
-        write(results_dir(), console, sets)
+        write(results_dir(), console, sets, tex=chosen.tex)
     except (OSError, ValueError) as error:  # a full disk, a missing published.csv
         sys.exit(f"error: {error}")
     if chosen.strict and any(answers.failures for answers in sets):
@@ -145,7 +150,10 @@ def answers_of(folder: Path) -> list[Answers]:
 
 
 def write(
-    folder: Path, console: Console, sets: Sequence[Answers] | None = None
+    folder: Path,
+    console: Console,
+    sets: Sequence[Answers] | None = None,
+    tex: bool = False,
 ) -> Path:
     """Write tables, figures and the page into a folder of own results; the page's file.
 
@@ -153,11 +161,12 @@ def write(
         folder: of own results.
         console: gets Table I, where the records are from, and what was left out.
         sets: of :func:`answers_of` the folder, if they are there already.
+        tex: write tables as LaTeX, too.
     """
     sets = answers_of(folder) if sets is None else sets
     for answers in sets:
         answers.draw(REFERENCE / "figures" if answers.name == "reference" else None)
-    sets[0].write(folder)
+    sets[0].write(folder, tex)
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"

@@ -126,7 +126,7 @@ def title(
 
 def wrapped(text: str, width: int) -> str:
     """A name of the user's in lines of so many characters."""
-    return literal("\n".join(textwrap.wrap(text, width)))
+    return "\n".join(map(literal, textwrap.wrap(text, width)))
 
 
 def panel(axes: Axes, letter: str, title: str) -> None:

@@ -71,6 +71,20 @@ def markdown_text(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;")
 
 
+_TEX = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_",
+    "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+    "×": r"$\times$", "≥": r"$\geq$", "≤": r"$\leq$", "−": "$-$", "±": r"$\pm$", "∞": r"$\infty$",
+    "→": r"$\rightarrow$", "√": r"$\surd$", "Δ": r"$\Delta$", "λ": r"$\lambda$", "μ": r"$\mu$",
+    "µ": r"$\mu$", "σ": r"$\sigma$", "π": r"$\pi$", "φ": r"$\varphi$",
+}  # fmt: skip
+
+
+def tex_text(text: str) -> str:
+    """Text in which LaTeX finds no command; signs that its fonts lack are written as formulas."""
+    return "".join(_TEX.get(sign, sign) for sign in printable(" ".join(text.split())))
+
+
 CAPTURED, COMPUTED, SIMULATED = "captured", "computed", "simulated"
 
 

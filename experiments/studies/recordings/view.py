@@ -247,9 +247,9 @@ def _theory_beside(
 
 @STUDY.figure(
     "recordings",
-    caption="Accuracy of every model on each public recording that is not saturated, by the number "
-    "of training frames per class. Grey band: HDC; dashed: chance. Models are in the order of their "
-    "mean at the most frames. Split by time, group or position; bars: 95 %.",
+    caption="Accuracy of every model on each public recording that is not saturated, by the "
+    "number of training frames per class. Grey band: HDC; dashed: chance. Models are in the order "
+    "of their mean at the most frames. Split by time, group or position; bars: 95 %.",
     size=(7.0, 4.0),
     needs=lambda results: bool(unsaturated(results)),
 )
@@ -269,11 +269,10 @@ def every_model(figure: Figure, results: Results) -> None:
             look = {"color": colour, "marker": marker, "ls": "", "ms": 2.6}
             axes.errorbar(x, places, xerr=np.maximum(spread, 0), elinewidth=0.5, **look)
         _frame_of_panel(axes, models, _chance(shown[scene].frame))
-        panel(axes, next(letters), wrapped(scene_name(scene), 15))
+        panel(axes, next(letters), wrapped(scene_name(scene), 14))
     panels[0].set_yticks(range(len(models)), [literal(display_name(m)) for m in models])
     for label, model in zip(panels[0].get_yticklabels(), models, strict=True):
         label.set(fontsize=6, fontweight="bold" if model == "hdc" else "normal")
-    figure.supxlabel("accuracy (%)", fontsize=7)
     handles = [
         Line2D([], [], color=colour, marker=marker, ls="", ms=3, label=str(n))
         for n, (colour, marker) in SIZES.items()
@@ -305,6 +304,7 @@ def _frame_of_panel(axes: Axes, models: Sequence[str], chance: float | None) -> 
     """Axis, lines of the models, the band of HDC and the dashed line of chance."""
     axes.set(xlim=(0, 103), ylim=(-0.7, len(models) - 0.3))
     axes.set_xticks([0, 50, 100])
+    axes.set_xlabel("accuracy (%)", fontsize=6)
     axes.set_yticks(range(len(models)))
     axes.grid(axis="y", color="0.92", lw=0.5)
     axes.set_axisbelow(True)
@@ -326,7 +326,9 @@ def distances(figure: Figure, results: Results) -> None:
     """Histograms of intra- and inter-class distances, a panel a recording."""
     shown = recordings(results, "recording_distances")
     panels = figure.subplots(1, len(shown), squeeze=False, sharex=True)[0]
-    for letter, axes, (scene, measured) in zip(LETTERS, panels, shown.items(), strict=False):
+    for letter, axes, (scene, measured) in zip(
+        LETTERS, panels, shown.items(), strict=False
+    ):
         for kind, colour in (("intra", "#0072B2"), ("inter", "#D55E00")):
             part = measured.frame.query("kind == @kind")
             counts = part.groupby("low")["count"].sum()

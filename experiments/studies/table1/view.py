@@ -14,10 +14,11 @@ from matplotlib.lines import Line2D
 
 from experiments.records import configs
 from experiments.records.results import Group, Results, Run
-from experiments.reporting import estimates
+from experiments.reporting import estimates, published
 from experiments.reporting import rows as rows_of
 from experiments.reporting.columns import Column
 from experiments.reporting.estimates import ONE_SENSOR
+from experiments.reporting.measured import RIVAL
 from experiments.reporting.plot import (
     error_axis,
     error_bars,
@@ -33,8 +34,10 @@ from experiments.reporting.study import RUN, Quantity, Study
 from experiments.reporting.table import frame
 from experiments.reporting.text import number, percent
 
-PAPER = ("hdc", "softmax", "cnn1", "cnn3")
-LINES = (*PAPER, "softmax_dual")
+PAPER = published.models_of_table1()
+LINES = (*PAPER, RIVAL)
+AS_WRITTEN = "HDC as written here"
+WAYS = (AS_WRITTEN, ORDINARY)  # of computing HDC
 
 STUDY = Study(
     "table1",
@@ -345,7 +348,7 @@ def time_ratios(results: Results, group: Group) -> dict[str, list[float]]:
         own = {}
     times = {run.seeds: estimates.training_time(run) for run in group.runs}
     return {
-        "HDC as written here": [
+        AS_WRITTEN: [
             time / own[seeds] for seeds, time in times.items() if seeds in own
         ],
         ORDINARY: [time / ordinary for time in times.values()] if ordinary else [],

@@ -127,7 +127,9 @@ def figure(figure: Figure, results: Results) -> None:
     shown = measurements(results)
     panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
     drawn: dict[str, None] = {}
-    for letter, axes, (scene, measured) in zip(LETTERS, panels, shown.items(), strict=False):
+    for letter, axes, (scene, measured) in zip(
+        LETTERS, panels, shown.items(), strict=False
+    ):
         every = summary(measured.frame)
         lines = [("hdc", 0), *((model, 1) for model in models_of(every))]
         for model, extra in lines:
