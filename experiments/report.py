@@ -12,14 +12,12 @@ import argparse
 import itertools
 import os
 import sys
-from collections.abc import Container, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table as TerminalTable
 from rich.text import Text
 
 from experiments import studies
@@ -27,26 +25,19 @@ from experiments.records.files import REFERENCE, results_dir
 from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
 from experiments.reporting import comparison
+from experiments.reporting.against import Comparison, compare
 from experiments.reporting.page import page
 from experiments.reporting.page.page import Block, Picture, Section
 from experiments.reporting.rows import runs_table
 from experiments.reporting.study import Failure, Plot, Quantity, Study
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table
+from experiments.reporting.terminal import show_table1
 from experiments.reporting.text import printable
 from hdc.io import write_atomically
 
 WIDTH = 100  # columns of the terminal that Table I needs
 MOST_RUNS = 200  # that the page lists; runs.csv lists all
-SHOWN = (  # columns of it
-    *(
-        "model",
-        "published_training_time_s",
-        "training_time_s",
-        "published_test_accuracy",
-    ),
-    "test_accuracy_final",
-)
 
 
 @dataclass
@@ -71,21 +62,19 @@ class Answers:
         self.tables["comparison"] = [comparison.compare(quantities)]
         self.tables["runs"] = [runs_table(self.results)]
 
-    def draw(self, drawn: Path | None = None, others: Container[str] = ()) -> None:
-        """Draw every figure but some, or take it from a folder where it was drawn before."""
+    def draw(self, drawn: Path | None = None, behind: Results | None = None) -> None:
+        """Draw every figure, over other results where it can be, or take it from a folder where it
+        was drawn before."""
         for study in self.questions:
             self.pictures[study.name] = []
             for plot in study.plots_of(self.results, self.failures):
-                if plot.name not in others:
-                    self._draw(study, plot, drawn)
-
-    def _draw(self, study: Study, plot: Plot, drawn: Path | None) -> None:
-        try:
-            picture = Picture(plot, _drawn(plot, drawn))
-        except Exception as error:
-            self.failures.append(Failure(study.name, f"figure {plot.name}", error))
-        else:
-            self.pictures[study.name].append(picture)
+                try:
+                    picture = Picture(plot, _drawn(plot, drawn, behind))
+                except Exception as error:
+                    called = f"figure {plot.name}"
+                    self.failures.append(Failure(study.name, called, error))
+                else:
+                    self.pictures[study.name].append(picture)
 
     def failures_of(self, study: str) -> list[str]:
         """What failed of a study, a line each."""
@@ -119,7 +108,7 @@ class Answers:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Write everything, show Table I."""
+    """Write everything, show Table I once, and own numbers against the reference."""
     parser = argparse.ArgumentParser(
         prog="python -m experiments.report", description=__doc__
     )
@@ -164,20 +153,40 @@ def write(
         tex: write tables as LaTeX, too.
     """
     sets = answers_of(folder) if sets is None else sets
-    for answers in sets:
-        answers.draw(REFERENCE / "figures" if answers.name == "reference" else None)
+    *own, last = sets
+    for answers in own:  # own results are drawn over the reference
+        answers.draw(behind=last.results)
+    last.draw(REFERENCE / "figures" if last.name == "reference" else None)
+    against = _against(sets)
+    if against is not None:
+        sets[0].tables["against"] = [against.table()]
     sets[0].write(folder, tex)
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"
     write_atomically(path, page.render(_sections(sets), problems, about))
-    for answers in sets:
-        _show_table1(answers, console)
+    for table in sets[0].tables.get("table1", []):
+        if table.name == "table1":
+            show_table1(console, table, sets[0].name)
+    for line in against.lines() if against else ():
+        text = Text(printable(line), "yellow" if line.startswith("!") else "")
+        console.print(text, soft_wrap=True)
     for name, text in about.items():
         console.print(Text(printable(f"{name}: {text}"), "dim"))
     print_problems(console, sets)
     console.print(f"page: {os.path.relpath(path)}", soft_wrap=True)
     return path
+
+
+def _against(sets: Sequence[Answers]) -> Comparison | None:
+    """Own results against the reference; None unless both are there and share a number."""
+    if len(sets) < 2:
+        return None
+    mine, reference = (
+        list(itertools.chain(*answers.tables.values())) for answers in sets
+    )
+    compared = compare(mine, reference)
+    return compared if compared.cells else None
 
 
 def _sections(sets: Sequence[Answers]) -> list[Section]:
@@ -199,6 +208,9 @@ def _sections(sets: Sequence[Answers]) -> list[Section]:
     )
     sections.insert(sum(study.front for study in questions), compared)
     mine = sets[0]
+    if "against" in mine.tables:
+        blocks = _blocks("against", [mine])
+        sections.insert(0, Section("against", "Own against reference", "", blocks))
     if mine.name == "mine" and len(mine.results.runs) <= MOST_RUNS:
         sections.append(Section("runs", "Every run", "", _blocks("runs", [mine])))
     return sections
@@ -232,25 +244,13 @@ def _about(answers: Answers) -> str:
     return f"{counts}; {len(old)} by other code, {len(files)} files changed since: {files[0]} …"
 
 
-def _drawn(plot: Plot, folder: Path | None) -> bytes:
+def _drawn(plot: Plot, folder: Path | None, behind: Results | None) -> bytes:
     from experiments.reporting.plot import save  # --help does not wait for matplotlib
 
     file = folder and folder / f"{plot.name}.{plot.kind}"
-    return file.read_bytes() if file and file.exists() else save(plot.draw(), plot.kind)
-
-
-def _show_table1(answers: Answers, console: Console) -> None:
-    """Times and accuracies of Table I, of the paper and of a set of results."""
-    for table in (
-        table for table in answers.tables["table1"] if table.name == "table1"
-    ):
-        short = replace(table, shown=SHOWN)
-        shown = TerminalTable(
-            *short.heads, title=f"Table I, {answers.name}", box=box.SIMPLE_HEAD
-        )
-        for row in short.cells():
-            shown.add_row(*(Text(printable(cell)) for cell in row))
-        console.print(shown)
+    if file and file.exists():
+        return file.read_bytes()
+    return save(plot.draw(behind=behind), plot.kind)
 
 
 def print_problems(console: Console, sets: Sequence[Answers]) -> None:

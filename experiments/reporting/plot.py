@@ -303,10 +303,12 @@ def accuracy_curves(
     models: Sequence[str],
     key: str,
     also: Iterable[float] = (),
+    alpha: float = 1.0,
 ) -> None:
     """Accuracy in percent over a logarithmic axis; models are set apart by a few percent of x.
 
-    The axis spans what the rows ask for, measured or not, and the places in `also`.
+    The axis spans what the rows ask for, measured or not, and the places in `also`; `alpha` below 1
+    makes the curves pale.
     """
     axes.set_xscale("log")
     places = [*also, *(r[key] for r in rows if r[key])]
@@ -325,6 +327,7 @@ def accuracy_curves(
             100 * np.array([r[f"test_accuracy_final{end}"] for r in lines])
             for end in ("", "_low", "_high")
         )
-        bars(axes, model, x, y, [y - low, high - y], elinewidth=0.6, capsize=1.2)
+        look = {"elinewidth": 0.6, "capsize": 1.2, "alpha": alpha}
+        bars(axes, model, x, y, [y - low, high - y], **look)
     axes.set_ylim(min(15, lowest - 2), 102)
     axes.set_ylabel("test accuracy (%)")

@@ -42,14 +42,14 @@ class Plot:
     Attributes:
         name: stem of its file, and its anchor on the page.
         caption: also used as alternative text.
-        draw: makes the matplotlib figure.
+        draw: makes the matplotlib figure; ``draw(behind)`` over other results, if it can.
         commands: make its results again.
         kind: ``svg``, or ``webp`` for a figure made of pixels.
     """
 
     name: str
     caption: str
-    draw: Callable[[], Any]
+    draw: Callable[..., Any]
     commands: Sequence[str] = ()
     kind: str = "svg"
 
@@ -127,6 +127,7 @@ class Study:
         columns: Mapping[str, Column] | None = None,
         folded: bool = False,
         commands: Sequence[str] = (),
+        key: Sequence[str] = (),
     ) -> Decorator:
         """Register a function that gives the data frame of a table, or None where it has none.
 
@@ -138,7 +139,7 @@ class Study:
             title, note: may hold ``{frames}`` and ``{machine}`` of the measurement.
             of: name of the measurement, or of several on the same frames, whose rows the function
                 takes, followed by the config of the first; None for a function of the results.
-            shown, columns, folded, commands: as :class:`Table` has them.
+            shown, columns, folded, commands, key: as :class:`Table` has them.
         """
 
         def make(source: _Source, function: Callable[..., Any]) -> Iterator[Table]:
@@ -161,6 +162,7 @@ class Study:
                 source.fill(texts["note"]),
                 tuple(texts.get("commands", ())) or tuple(commands) or source.commands,
                 folded,
+                key,
             )
 
         return self._registering(Table, f"table {name}", of, make)
@@ -175,6 +177,7 @@ class Study:
         kind: str = "svg",
         needs: Callable[..., bool] = lambda *_: True,
         commands: Sequence[str] = (),
+        over: bool = False,
     ) -> Decorator:
         """Register a function that draws on a figure, whose first argument that is.
 
@@ -184,11 +187,13 @@ class Study:
             size: width and height in inches.
             kind: as :class:`Plot` has it.
             needs: of the function's other arguments: whether there is anything to draw.
+            over: whether the function takes ``behind``, other results that are drawn behind, or
+                None.
         """
 
         def make(source: _Source, function: Callable[..., Any]) -> Iterator[Plot]:
             if needs(*source.arguments):
-                draw = partial(_draw, function, source.arguments, size)
+                draw = partial(_draw, function, source.arguments, size, over)
                 made_by = tuple(commands) or source.commands
                 yield Plot(
                     f"{name}{source.suffix}", source.fill(caption), draw, made_by, kind
@@ -338,16 +343,18 @@ def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
 
 
 def _draw(
-    function: Callable[..., Any], arguments: tuple[Any, ...], size: tuple[float, float]
+    function: Callable[..., Any],
+    arguments: tuple[Any, ...],
+    size: tuple[float, float],
+    over: bool,
+    behind: Results | None = None,
 ) -> Any:
-    from experiments.reporting.plot import (
-        STYLE,
-        plt,
-    )  # --help does not wait for matplotlib
+    from experiments.reporting.plot import STYLE, plt  # --help need not wait for it
 
+    keywords = {"behind": behind} if over else {}
     with plt.rc_context(fname=STYLE):
         figure = plt.figure(figsize=size, layout="constrained")
-        function(figure, *arguments)
+        function(figure, *arguments, **keywords)
     return figure
 
 

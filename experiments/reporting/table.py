@@ -26,6 +26,8 @@ class Table:
         note: how to read it.
         commands: what makes it again.
         folded: whether the page shows it only when it is asked for.
+        key: names of the columns that tell its rows apart, by which own results are compared with
+            the reference; nothing is compared without.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Table:
     note: str = ""
     commands: Sequence[str] = ()
     folded: bool = False
+    key: Sequence[str] = ()
 
     @property
     def names(self) -> list[str]:

@@ -29,6 +29,7 @@ SHOWN = (
     "model", "n_train", "pixels", "seeds", "test_accuracy_final", "training_time_s",
     "predict_single_s", "model_bytes",
 )  # fmt: skip
+KEY = ("scene", "model", "n_train", "pixels")
 # Experiments that make the runs of a sweep, where it is not the one of its name alone.
 EXPERIMENTS = {"accuracy_vs_n": ("accuracy_vs_n", "accuracy_vs_n_cnn")}
 
@@ -57,7 +58,7 @@ def rows(results: Results, name: str) -> list[Row]:
 def _register(name: str, what: str) -> None:
     commands = [f"{RUN}{experiment}" for experiment in EXPERIMENTS.get(name, (name,))]
 
-    @STUDY.table(name, title=what, shown=SHOWN, commands=commands)
+    @STUDY.table(name, title=what, shown=SHOWN, commands=commands, key=KEY)
     def table(results: Results) -> pd.DataFrame:
         lines = rows(results, name)
         data = frame(lines)
@@ -97,22 +98,31 @@ def quantities(results: Results) -> Iterator[Quantity]:
 
 @STUDY.figure(
     "accuracy_vs_n",
-    caption="Test accuracy against the number of training samples (Fig. 5(b)).",
+    caption="Test accuracy against the number of training samples (Fig. 5(b)); pale: the "
+    "reference; dotted: chance.",
     size=(3.4, 5.6),
     needs=lambda results: bool(rows(results, "accuracy_vs_n")),
     commands=(f"{RUN}accuracy_vs_n", f"{RUN}accuracy_vs_n_cnn"),
+    over=True,
 )
-def accuracy_vs_n(figure: Figure, results: Results) -> None:
+def accuracy_vs_n(
+    figure: Figure, results: Results, behind: Results | None = None
+) -> None:
     """Test accuracy against the number of training samples (Fig. 5(b) of the paper)."""
     lines = rows(results, "accuracy_vs_n")
+    pale = rows(behind, "accuracy_vs_n") if behind is not None else []
     measured = list(dict.fromkeys(line["model"] for line in lines if line["seeds"]))
     above = [m for m in configs.models("paper", "fast") if m in measured]
-    below = ["hdc", *(m for m in measured if m not in above)]
+    below = [m for m in measured if m not in above]
     panels = figure.subplots(2, 1, sharex=True)
     for axes, models in zip(panels, (above, below), strict=True):
+        accuracy_curves(axes, pale, models, "n_train", [N_PUBLISHED], alpha=0.25)
         accuracy_curves(axes, lines, models, "n_train", [N_PUBLISHED])
         paper = [star("paper, Table I")] if models is above else []
         axes.legend(handles=[*map(handle, models), *paper], loc="lower right")
+        classes = len(results.group(lines[0]["scene"], "hdc").classes or [])
+        if classes:
+            axes.axhline(100 / classes, color="0.5", lw=0.7, ls=":", zorder=0)
     known = published.numbers()
     accuracies = [
         (model, known[f"table1/{model}_test_accuracy"].value)

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.reporting.routes import NO_RESULT, OURS, OURS_COMPILED
 from experiments.studies.benchmark.cases import Case
+from experiments.studies.benchmark.names import NO_RESULT, OURS, OURS_COMPILED
 from experiments.studies.benchmark.routes import OPERATIONS, Route, common_form
 
 SIZE = ("operation", "n", "d", "l")

@@ -19,7 +19,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from experiments.reporting import routes as names
+from experiments.studies.benchmark import names
 from experiments.studies.benchmark.cases import HELD_OUT, Case, pack_bits, unpack_bits
 from hdc import HDCClassifier, bits
 from hdc.encode import encode

@@ -271,7 +271,7 @@ def verdicts(rows: pd.DataFrame) -> dict[str, str]:
 def _complete(part: pd.DataFrame) -> bool:
     """Whether a claim can be judged: one on times needs HDC computed by every way."""
     timed = part[part.kind == TIMED].evidence
-    ways = set(timed.str.partition(", over ")[2])
+    ways = {name.partition(", over ")[2] for name in timed}
     return not ways or ways == set(WAYS)
 
 
@@ -363,6 +363,7 @@ def _verdict(claim: str, paper: str, word: str, part: pd.DataFrame) -> dict[str,
 
 STUDY.table(
     "claims_evidence",
+    key=("claim", "evidence"),
     title="Evidence for each claim",
     shown=("claim", "evidence", "kind", "quantity", "value", "unit", "n", "verdict"),
     columns={

@@ -57,7 +57,7 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 @STUDY.table(
-    "drift", of="drift", title="Recalibration and training again, on {frames}",
+    "drift", of="drift", key=_WAY, title="Recalibration and training again, on {frames}",
     shown=("order", "model", "update", *(f"new_{n}" for n in _SHOWN), f"old_{_SHOWN[0]}",
            f"old_{N_NEW}"),
     columns={

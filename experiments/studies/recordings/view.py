@@ -97,7 +97,12 @@ def summary(measured: Measured) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-@STUDY.table("recordings", title="Accuracy on public recordings", note=NOTE)
+@STUDY.table(
+    "recordings",
+    title="Accuracy on public recordings",
+    note=NOTE,
+    key=("recording", "n"),
+)
 def front(results: Results) -> pd.DataFrame | None:
     """The recordings, at the fewest, five and the largest number of frames per class."""
     found = recordings(results)
@@ -154,6 +159,7 @@ def _by_size(measured: Measured) -> Iterator[dict[str, Any]]:
 
 @STUDY.table(
     "recordings_fields",
+    key=("recording", "n"),
     title="One fibre seen through more input fields",
     note=f"{NOTE} More fields are more pixels of the same modes.",
     folded=True,

@@ -78,6 +78,7 @@ def groups(results: Results) -> list[Group]:
 @STUDY.table(
     EXPERIMENT,
     title="Every model on every scene",
+    key=("scene", "model", "n_train", "pixels"),
     note="Fitted: parameters of the scene were chosen by the accuracy of HDC on it. Each model "
     "on all pixels of a scene and the most training samples that it was given.",
     shown=(

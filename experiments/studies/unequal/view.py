@@ -72,6 +72,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 @STUDY.table(
     "unequal",
     title="More training frames in one class",
+    key=("recording", "n", "extra"),
     note="Changes of the test accuracy, on the same test frames, when one class has more training "
     "frames than the others. The majority of n frames whose hypervectors correlate by c multiplies "
     "every correlation, the floor of all frames too, by about √(2/π)·√(m/(1 + (m − 1)·c)), m = n "

@@ -91,6 +91,7 @@ def shown(lines: list[dict], results: Results, *names: str) -> pd.DataFrame | No
 @STUDY.table(
     "values",
     title="Mean absolute error of predicted values",
+    key=("recording", "answer", "split", "n"),
     columns=COLUMNS,
     note="A prototype of a bin stands for the mean of the bin's training frames; ridge regression "
     f"has the penalty of the least leave-one-out error. {NOTE}",
