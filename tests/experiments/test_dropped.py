@@ -16,7 +16,9 @@ from experiments.records.files import REFERENCE
 from experiments.records.results import Results
 from experiments.reporting.study import studies as studies_of
 
-FEW = 3  # draws that are kept of each measurement: enough to be shown, quick to be summed
+FEW = (
+    3  # draws that are kept of each measurement: enough to be shown, quick to be summed
+)
 RESULTS = Results(REFERENCE)
 
 
@@ -30,6 +32,11 @@ MODELS = sorted(
     {run.record.choices.model for run in RESULTS.runs}
     | {str(row["model"]) for m in MEASUREMENTS for row in m.rows if "model" in row}
 )
+EVERYWHERE = (
+    "hdc",
+    "softmax_dual",
+    "mean_image",
+)  # the others are slow to take out one by one
 NAMES = sorted({measured.record.name for measured in MEASUREMENTS})
 
 
@@ -59,7 +66,9 @@ def made_whole(results):
     """Every table, figure and number of every study is made; the names of the tables."""
     failures, names = [], []
     for study in studies_of(studies):
-        names += [table.csv() and table.name for table in study.tables_of(results, failures)]
+        names += [
+            table.csv() and table.name for table in study.tables_of(results, failures)
+        ]
         list(study.quantities_of(results, failures))
         for plot in study.plots_of(results, failures):
             plot.draw()
@@ -68,13 +77,18 @@ def made_whole(results):
     return names
 
 
-@pytest.mark.parametrize("model", MODELS)
+def slowly(names, quick):
+    """The names as parameters of a test, slow but for the quick ones."""
+    return [n if n in quick else pytest.param(n, marks=pytest.mark.slow) for n in names]
+
+
+@pytest.mark.parametrize("model", slowly(MODELS, EVERYWHERE))
 def test_a_model_that_is_missing_ends_nothing(model):
     names = made_whole(without_model(model))
     assert {"table1", "recordings", "unequal"} <= set(names)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", slowly(NAMES, ("benchmark", "recordings")))
 def test_a_measurement_that_is_missing_costs_its_own_tables(name):
     left = [measured for measured in MEASUREMENTS if measured.record.name != name]
     assert "table1" in made_whole(reduced(RESULTS.runs, left))

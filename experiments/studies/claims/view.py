@@ -107,7 +107,9 @@ def _slower(results: Results, models: Sequence[str]) -> Iterator[Evidence]:
 
 def _kind(measured: Measured) -> str:
     """The kind of the frames of a measurement."""
-    return kind_of(str(measured.frame.origin.iloc[0]))
+    if "origin" in measured.frame:
+        return kind_of(str(measured.frame.origin.iloc[0]))
+    return str(configs.scene_display(measured.record.scene)["kind"])
 
 
 def _fitted(scene: str) -> bool:
@@ -245,7 +247,9 @@ def evidence(results: Results) -> pd.DataFrame:
             shown = Estimate(*(factor * bound for bound in value))
             line = {**of, **shown.columns("value"), **rest, **found}
             rows.append({**line, "verdict": verdict, "value": shown.value})
-    return frame(rows)
+    return frame(
+        rows, () if rows else ("claim", "evidence", "kind", "value", "verdict")
+    )
 
 
 def verdicts(rows: pd.DataFrame) -> dict[str, str]:

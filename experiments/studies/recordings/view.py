@@ -123,7 +123,10 @@ def _about(scene: str, measured: Measured) -> dict[str, str]:
     frames = configs.scene_display(scene)["frames"]
     if saturated(measured):
         frames += "; saturated, ranks nothing"
-    return {"kind": kind_of(measured.frame.origin.iloc[0]), "frames": frames}
+    kind = configs.scene_display(scene)["kind"]
+    if "origin" in measured.frame:
+        kind = kind_of(measured.frame.origin.iloc[0])
+    return {"kind": kind, "frames": frames}
 
 
 def _wide(

@@ -116,13 +116,13 @@ def duplicated_samples(m: int = 50, c: float = 1.0) -> Any:
 
 
 @training_case(
-    "nearly separable frames, C = 10^8: full steps of Newton's method overshoot until exp(z) is ∞",
+    "nearly separable frames, C = 10^6: full steps of Newton's method overshoot until exp(z) is ∞",
     "Newton's method, full steps", "DualSoftmaxRegression", "relative", error=relative,
     tolerance=1e-6,
 )  # fmt: skip
-def steps_that_overshoot(c: float = 1e8) -> Any:
-    pixels = [[0, 2], [2, 0], [1, 0], [1, 1], [100, 100], [1, 0], [2, 20], [5, 20]]
-    labels = np.array([0, 1, 0, 0, 1, 0, 0, 0])
+def steps_that_overshoot(c: float = 1e6) -> Any:
+    pixels = [[0, 255], [2, 1], [0, 1], [1, 0], [255, 5], [0, 255], [20, 20]]
+    labels = np.array([0, 1, 0, 0, 0, 0, 0])
     frames = torch.tensor(pixels, dtype=torch.uint8)[:, None]
     x = np.column_stack([np.array(pixels) / 255, np.ones(len(pixels))])
     signed = x * (1 - 2 * labels)[:, None]
