@@ -169,8 +169,8 @@ def write(
         if table.name == "table1":
             show_table1(console, table, sets[0].name)
     for line in against.lines() if against else ():
-        text = Text(printable(line), "yellow" if line.startswith("!") else "")
-        console.print(text, soft_wrap=True)
+        style = "yellow" if line.startswith("!") else ""
+        console.print(Text(printable(line), style), soft_wrap=True)
     for name, text in about.items():
         console.print(Text(printable(f"{name}: {text}"), "dim"))
     print_problems(console, sets)

@@ -78,7 +78,11 @@ class Comparison:
         rows = []
         for verdict in (OUTSIDE, WITHIN, EQUAL):
             for cell in self.of(verdict):
-                line = {"table": cell.table, "row": cell.row, "column": cell.column}
+                line: dict[str, Any] = {
+                    "table": cell.table,
+                    "row": cell.row,
+                    "column": cell.column,
+                }
                 line |= {"own": cell.own, "reference": cell.reference}
                 line |= {"reference_low": cell.low, "reference_high": cell.high}
                 rows.append({**line, "verdict": verdict})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich import box
@@ -68,7 +68,7 @@ def show_table1(console: Console, table: Table, name: str) -> None:
     console.print(shown)
 
 
-def _about_table1(rows: list[Mapping[str, Any]], name: str) -> str:
+def _about_table1(rows: Sequence[Mapping[str, Any]], name: str) -> str:
     """What the table is of, in one line."""
     first = next((row for row in rows if row["seeds"]), None)
     if first is None:

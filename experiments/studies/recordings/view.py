@@ -286,7 +286,7 @@ def every_model(figure: Figure, results: Results) -> None:
         Line2D([], [], color=colour, marker=marker, ls="", ms=3, label=str(n))
         for n, (colour, marker) in SIZES.items()
     ]
-    where = {"loc": "outside lower center", "ncols": len(SIZES)}
+    where: Any = {"loc": "outside lower center", "ncols": len(SIZES)}
     figure.legend(handles=handles, title="frames per class", **where)
 
 

@@ -6,7 +6,7 @@ import pytest
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.records.results import Results
-from experiments.reporting.routes import ORDINARY_ROUTES
+from experiments.reporting import routes
 from experiments.studies.benchmark import measure as benchmark
 from experiments.studies.benchmark import names
 from experiments.studies.benchmark.cases import Case
@@ -170,4 +170,4 @@ def test_goals_are_judged(tmp_path, write_measurement):
 
 
 def test_ordinary_routes_are_known_by_the_names_of_the_benchmark():
-    assert ORDINARY_ROUTES == names.ORDINARY_ROUTES
+    assert routes.ORDINARY_ROUTES == names.ORDINARY_ROUTES

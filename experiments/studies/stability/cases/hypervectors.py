@@ -98,7 +98,7 @@ def violations(ones: np.ndarray, pixels: np.ndarray) -> int:
     tied = pixels == m
     only_here = np.count_nonzero(tied & of_frame & ~of_constant)
     only_there = np.count_nonzero(tied & of_constant & ~of_frame)
-    return wrong + min(only_here, only_there)
+    return int(wrong + min(only_here, only_there))
 
 
 def definition(make: Callable[[int], np.ndarray], dtype: str, d: int = D) -> Any:
