@@ -21,7 +21,7 @@ $(VENV): $(HARNESS)
 	$(INSTALL) '.[harness,test,compiled,peers,cluster]'
 	@touch $@
 
-table1: $(HARNESS)  ## run HDC and the baselines on the simulated touch scene, show Table I after each
+table1: $(HARNESS)  ## run HDC and the baselines on the simulated touch scene, show Table I
 	$(BIN)/python -m experiments.reproduce --table1
 
 benchmark: $(VENV)  ## time every route of the classifier beside its peers

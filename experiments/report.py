@@ -2,7 +2,8 @@
 
 Reads own results and the committed reference, never trains, and writes ``tables/``, ``figures/``
 and ``report.html`` into the folder of own results: paper, reference and mine side by side. A record
-that cannot be used is named and skipped.
+that cannot be used is named and skipped; a study that fails says so in its own section, and the
+others are made.
 """
 
 from __future__ import annotations
@@ -11,14 +12,12 @@ import argparse
 import itertools
 import os
 import sys
-from collections.abc import Container, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table as TerminalTable
 from rich.text import Text
 
 from experiments import studies
@@ -26,63 +25,69 @@ from experiments.records.files import REFERENCE, results_dir
 from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
 from experiments.reporting import comparison
+from experiments.reporting.against import Comparison, compare
 from experiments.reporting.page import page
 from experiments.reporting.page.page import Block, Picture, Section
 from experiments.reporting.rows import runs_table
-from experiments.reporting.study import Plot, Study
+from experiments.reporting.study import Failure, Plot, Quantity, Study
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table
+from experiments.reporting.terminal import show_table1
 from experiments.reporting.text import printable
 from hdc.io import write_atomically
 
 WIDTH = 100  # columns of the terminal that Table I needs
 MOST_RUNS = 200  # that the page lists; runs.csv lists all
-SHOWN = (  # columns of it
-    *(
-        "model",
-        "published_training_time_s",
-        "training_time_s",
-        "published_test_accuracy",
-    ),
-    "test_accuracy_final",
-)
 
 
 @dataclass
 class Answers:
-    """Tables and figures of every study for one set of results, ``reference`` or ``mine``."""
+    """Tables and figures of every study for one set of results, ``reference`` or ``mine``.
+
+    What fails is kept in ``failures`` by the name of its study; everything else is made.
+    """
 
     name: str
     results: Results
     questions: Sequence[Study]
     tables: dict[str, list[Table]] = field(default_factory=dict)
     pictures: dict[str, list[Picture]] = field(default_factory=dict)
+    failures: list[Failure] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        quantities: list[Quantity] = []
         for study in self.questions:
-            self.tables[study.name] = list(study.tables_of(self.results))
-        quantities = (
-            q for study in self.questions for q in study.quantities_of(self.results)
-        )
+            self.tables[study.name] = list(study.tables_of(self.results, self.failures))
+            quantities += study.quantities_of(self.results, self.failures)
         self.tables["comparison"] = [comparison.compare(quantities)]
         self.tables["runs"] = [runs_table(self.results)]
 
-    def draw(self, drawn: Path | None = None, others: Container[str] = ()) -> None:
-        """Draw every figure but some, or take it from a folder where it was drawn before."""
+    def draw(self, drawn: Path | None = None, behind: Results | None = None) -> None:
+        """Draw every figure, over other results where it can be, or take it from a folder where it
+        was drawn before."""
         for study in self.questions:
-            plots = (
-                plot for plot in study.plots_of(self.results) if plot.name not in others
-            )
-            self.pictures[study.name] = [
-                Picture(plot, _drawn(plot, drawn)) for plot in plots
-            ]
+            self.pictures[study.name] = []
+            for plot in study.plots_of(self.results, self.failures):
+                try:
+                    picture = Picture(plot, _drawn(plot, drawn, behind))
+                except Exception as error:
+                    called = f"figure {plot.name}"
+                    self.failures.append(Failure(study.name, called, error))
+                else:
+                    self.pictures[study.name].append(picture)
 
-    def write(self, folder: Path) -> list[Path]:
+    def failures_of(self, study: str) -> list[str]:
+        """What failed of a study, a line each."""
+        return [str(failure) for failure in self.failures if failure.study == study]
+
+    def write(self, folder: Path, tex: bool = False) -> list[Path]:
         """Write tables and figures as files, and remove those of an earlier report; the files."""
         texts = {}
         for table in itertools.chain(*self.tables.values()):
             if table.name != "runs":
                 texts[f"tables/{table.name}.md"] = table.markdown()
+                if tex:
+                    texts[f"tables/{table.name}.tex"] = table.tex()
             elif self.name == "reference":
                 continue  # runs.jsonl has them
             texts[f"tables/{table.name}.csv"] = table.csv()
@@ -91,10 +96,9 @@ class Answers:
         written = [folder / name for name in texts]
         (folder / "figures").mkdir(parents=True, exist_ok=True)
         for picture in itertools.chain(*self.pictures.values()):
-            written.append(
-                folder / "figures" / f"{picture.plot.name}.{picture.plot.kind}"
-            )
-            written[-1].write_bytes(picture.data)
+            path = folder / "figures" / f"{picture.plot.name}.{picture.plot.kind}"
+            path.write_bytes(picture.data)
+            written.append(path)
         there = {
             path for name in ("tables", "figures") for path in (folder / name).iterdir()
         }
@@ -104,53 +108,112 @@ class Answers:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Write everything, show Table I."""
+    """Write everything, show Table I once, and own numbers against the reference."""
     parser = argparse.ArgumentParser(
         prog="python -m experiments.report", description=__doc__
     )
-    parser.parse_args(arguments)
+    parser.add_argument(
+        "--strict", action="store_true", help="exit with 1 if a study failed"
+    )
+    parser.add_argument(
+        "--tex", action="store_true", help="write every table as LaTeX, too"
+    )
+    chosen = parser.parse_args(arguments)
+    console = Console(width=WIDTH, highlight=False)
     try:
-        write(results_dir(), Console(width=WIDTH, highlight=False))
+        sets = answers_of(results_dir())
+        write(results_dir(), console, sets, tex=chosen.tex)
     except (OSError, ValueError) as error:  # a full disk, a missing published.csv
         sys.exit(f"error: {error}")
+    if chosen.strict and any(answers.failures for answers in sets):
+        sys.exit(1)
 
 
-def write(folder: Path, console: Console) -> Path:
-    """Write tables, figures and the page into a folder of own results; the page's file."""
-    folder.mkdir(
-        parents=True, exist_ok=True
-    )  # a folder that cannot be written fails first
+def answers_of(folder: Path) -> list[Answers]:
+    """Own results and the reference; of an empty set only one's own, where both are empty."""
+    folder.mkdir(parents=True, exist_ok=True)  # one that cannot be written fails first
     questions = studies_of(studies)
-    reference = Answers("reference", Results(REFERENCE), questions)
     mine = Answers("mine", Results(folder), questions)
-    sets = [answers for answers in (mine, reference) if answers.results] or [mine]
-    mine.draw()
-    own = {picture.plot.name for picture in itertools.chain(*mine.pictures.values())}
-    reference.draw(
-        REFERENCE / "figures", own
-    )  # one's own figure stands for the reference's
-    (mine if mine.results else reference).write(folder)
-    sections = [
-        Section(s.name, s.title, s.question, _blocks(s.name, sets), s.front)
-        for s in questions
-    ]
-    compared = Section(
-        "comparison", "Every published number", "", _blocks("comparison", sets)
-    )
-    sections.insert(sum(study.front for study in questions), compared)
-    if mine in sets and len(mine.results.runs) <= MOST_RUNS:
-        sections.append(Section("runs", "Every run", "", _blocks("runs", [mine])))
+    reference = Answers("reference", Results(REFERENCE), questions)
+    return [answers for answers in (mine, reference) if answers.results] or [mine]
+
+
+def write(
+    folder: Path,
+    console: Console,
+    sets: Sequence[Answers] | None = None,
+    tex: bool = False,
+) -> Path:
+    """Write tables, figures and the page into a folder of own results; the page's file.
+
+    Args:
+        folder: of own results.
+        console: gets Table I, where the records are from, and what was left out.
+        sets: of :func:`answers_of` the folder, if they are there already.
+        tex: write tables as LaTeX, too.
+    """
+    sets = answers_of(folder) if sets is None else sets
+    *own, last = sets
+    for answers in own:  # own results are drawn over the reference
+        answers.draw(behind=last.results)
+    last.draw(REFERENCE / "figures" if last.name == "reference" else None)
+    against = _against(sets)
+    if against is not None:
+        sets[0].tables["against"] = [against.table()]
+    sets[0].write(folder, tex)
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"
-    write_atomically(path, page.render(sections, problems, about))
-    for answers in sets:
-        _show_table1(answers, console)
+    write_atomically(path, page.render(_sections(sets), problems, about))
+    for table in sets[0].tables.get("table1", []):
+        if table.name == "table1":
+            show_table1(console, table, sets[0].name)
+    for line in against.lines() if against else ():
+        style = "yellow" if line.startswith("!") else ""
+        console.print(Text(printable(line), style), soft_wrap=True)
     for name, text in about.items():
         console.print(Text(printable(f"{name}: {text}"), "dim"))
     print_problems(console, sets)
     console.print(f"page: {os.path.relpath(path)}", soft_wrap=True)
     return path
+
+
+def _against(sets: Sequence[Answers]) -> Comparison | None:
+    """Own results against the reference; None unless both are there and share a number."""
+    if len(sets) < 2:
+        return None
+    mine, reference = (
+        list(itertools.chain(*answers.tables.values())) for answers in sets
+    )
+    compared = compare(mine, reference)
+    return compared if compared.cells else None
+
+
+def _sections(sets: Sequence[Answers]) -> list[Section]:
+    """The parts of the page: a study each, every published number, and own runs."""
+    questions = sets[0].questions
+    sections = []
+    for study in questions:
+        failures = [
+            line for answers in sets for line in answers.failures_of(study.name)
+        ]
+        blocks = _blocks(study.name, sets)
+        sections.append(
+            Section(
+                study.name, study.title, study.question, blocks, study.front, failures
+            )
+        )
+    compared = Section(
+        "comparison", "Every published number", "", _blocks("comparison", sets)
+    )
+    sections.insert(sum(study.front for study in questions), compared)
+    mine = sets[0]
+    if "against" in mine.tables:
+        blocks = _blocks("against", [mine])
+        sections.insert(0, Section("against", "Own against reference", "", blocks))
+    if mine.name == "mine" and len(mine.results.runs) <= MOST_RUNS:
+        sections.append(Section("runs", "Every run", "", _blocks("runs", [mine])))
+    return sections
 
 
 def _blocks(name: str, sets: Sequence[Answers]) -> list[Block]:
@@ -177,36 +240,28 @@ def _about(answers: Answers) -> str:
     old = [record for record in records if record.outdated]
     if not old:
         return f"{counts}, all by this code"
-    files = sorted({name for record in old for name in record.outdated})
-    return f"{counts}; {len(old)} by other code, {len(files)} files changed since: {files[0]} …"
+    parts = sorted({name for record in old for name in record.outdated})
+    return f"{counts}; {len(old)} by other revisions, {len(parts)} changed since: {parts[0]} …"
 
 
-def _drawn(plot: Plot, folder: Path | None) -> bytes:
+def _drawn(plot: Plot, folder: Path | None, behind: Results | None) -> bytes:
     from experiments.reporting.plot import save  # --help does not wait for matplotlib
 
     file = folder and folder / f"{plot.name}.{plot.kind}"
-    return file.read_bytes() if file and file.exists() else save(plot.draw(), plot.kind)
-
-
-def _show_table1(answers: Answers, console: Console) -> None:
-    """Times and accuracies of Table I, of the paper and of a set of results."""
-    for table in (
-        table for table in answers.tables["table1"] if table.name == "table1"
-    ):
-        short = replace(table, shown=SHOWN)
-        shown = TerminalTable(
-            *short.heads, title=f"Table I, {answers.name}", box=box.SIMPLE_HEAD
-        )
-        for row in short.cells():
-            shown.add_row(*(Text(printable(cell)) for cell in row))
-        console.print(shown)
+    if file and file.exists():
+        return file.read_bytes()
+    return save(plot.draw(behind=behind), plot.kind)
 
 
 def print_problems(console: Console, sets: Sequence[Answers]) -> None:
+    """A line for each record that was left out and each study that failed."""
     for answers in sets:
         for problem in answers.results.problems:
             text = f"left out of {answers.name}: {printable(problem)}"
             console.print(escape(text), style="yellow", soft_wrap=True, emoji=False)
+        for failure in answers.failures:
+            text = f"{answers.name}: {printable(str(failure))}"
+            console.print(escape(text), style="red", soft_wrap=True, emoji=False)
 
 
 if __name__ == "__main__":

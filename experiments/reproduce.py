@@ -43,7 +43,7 @@ _INTERRUPTED = (
 WHAT = {
     "full": "everything",
     "quick": "everything with fewer seeds, without the long steps",
-    "table1": "Table I with one seed, shown after each model",
+    "table1": "Table I with one seed",
 }
 
 

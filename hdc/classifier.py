@@ -422,8 +422,10 @@ class HDCClassifier(Estimator):
     def components(
         cls, encoder: Any = "median", readout: Any = "majority", **_: Any
     ) -> tuple[type, ...]:
-        """The classes of the parts of a model with such parameters."""
-        return type(make_encoder(encoder)), type(make_readout(readout))
+        """The classes of the parts that such parameters give by name."""
+        given = {"encoder": encoder, "readout": readout}
+        named = [name for name in given if isinstance(given[name], str)]
+        return tuple(type(cls.parts[name](given[name])) for name in named)
 
     @property
     def counters_(self) -> Any:

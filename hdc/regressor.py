@@ -205,8 +205,10 @@ class HDCRegressor(Estimator):
     def components(
         cls, encoder: Any = "median", readout: Any = "ridge", **_: Any
     ) -> tuple[type, ...]:
-        """The classes of the parts of a model with such parameters."""
-        return type(make_encoder(encoder)), type(make_value_readout(readout))
+        """The classes of the parts that such parameters give by name."""
+        given = {"encoder": encoder, "readout": readout}
+        named = [name for name in given if isinstance(given[name], str)]
+        return tuple(type(cls.parts[name](given[name])) for name in named)
 
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         tensors = {"words": self._words, "values": self._values}

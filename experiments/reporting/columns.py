@@ -8,6 +8,7 @@ A table shows a column ``x`` that has ``x_low`` and ``x_high`` beside it as one 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +18,7 @@ import numpy as np
 from experiments.records import configs
 from experiments.records.results import Group
 from experiments.reporting import estimates, published
-from experiments.reporting.text import number, percent, points, size
+from experiments.reporting.text import kind_of, number, percent, points, size
 
 Row = Mapping[str, Any]
 
@@ -56,6 +57,19 @@ def display_name(model: str) -> str:
     """What a model is called in tables and figures; what was changed of it stays in brackets."""
     name, changed, rest = model.partition(" (")
     return configs.display(name)["name"] + changed + rest
+
+
+def scene_name(scene: str) -> str:
+    """What a scene is called in tables and figures; what was changed of it stays in brackets."""
+    name = re.match(r"[\w.-]*", scene)[0]  # type: ignore[index]  # matches any text
+    return str(configs.scene_display(name)["name"]) + scene[len(name) :]
+
+
+def model_columns(
+    models: Iterable[str], unit: str, show: Callable[[Any], str]
+) -> dict[str, Column]:
+    """A column for each model, with its name and the unit as its head."""
+    return {model: Column(f"{display_name(model)}{unit}", show) for model in models}
 
 
 def milliseconds(seconds: float) -> str:
@@ -123,6 +137,13 @@ def _published_ratio(group: Group, _: Group) -> float | None:
     return time / hdc if time and hdc else None
 
 
+def _kind(group: Group, _: Group) -> str:
+    """The kind of the frames; of a scene whose parameters were chosen by HDC's own accuracy, so."""
+    kind = str(same(kind_of(run.record.scene.origin) for run in group.runs))
+    fitted = configs.scene_display(group.scene)["fitted"]
+    return f"{kind}, fitted to the accuracy of HDC" if fitted else kind
+
+
 def _status(row: Row) -> str:
     return ", ".join(filter(None, [row.get("status"), row.get("stop")]))
 
@@ -167,7 +188,7 @@ COLUMNS: dict[str, Column] = {
         of=_median("predict_single_s")),
     "predict_batch_s_per_frame": Column("Prediction in a batch, ms per frame", milliseconds,
         of=_median("predict_batch_s_per_frame")),
-    "origin": Column("Frames", of=_same(lambda record: record.scene.origin)),
+    "origin": Column("Frames", of=_kind),
     "cpu": Column("Processor", of=_same(lambda record: record.environment.cpu)),
     "threads": Column("Threads", of=_same(lambda record: record.environment.threads)),
     "code": Column("Code", of=lambda group, _: group.runs[0].record.environment.short_commit),

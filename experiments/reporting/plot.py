@@ -44,6 +44,7 @@ PAPER: Any = {
 PRINTED = (
     12  # classes up to which every one is named, and its cells have room for numbers
 )
+LETTERS = "abcdefghijklmnopqrstuvwxyz"  # of panels
 _LINE = 60  # characters of a head's line
 
 
@@ -123,8 +124,13 @@ def title(
     figure.set_layout_engine("constrained")
 
 
+def wrapped(text: str, width: int) -> str:
+    """A name of the user's in lines of so many characters."""
+    return "\n".join(map(literal, textwrap.wrap(text, width)))
+
+
 def panel(axes: Axes, letter: str, title: str) -> None:
-    """``(a) title`` above the axes, from their left."""
+    """``(a) title`` above the axes, from their left; a title of several lines is ragged right."""
     axes.set_title(f"({letter}) {title}", loc="left", fontsize=6.5, pad=3)
 
 
@@ -297,10 +303,12 @@ def accuracy_curves(
     models: Sequence[str],
     key: str,
     also: Iterable[float] = (),
+    alpha: float = 1.0,
 ) -> None:
     """Accuracy in percent over a logarithmic axis; models are set apart by a few percent of x.
 
-    The axis spans what the rows ask for, measured or not, and the places in `also`.
+    The axis spans what the rows ask for, measured or not, and the places in `also`; `alpha` below 1
+    makes the curves pale.
     """
     axes.set_xscale("log")
     places = [*also, *(r[key] for r in rows if r[key])]
@@ -319,6 +327,7 @@ def accuracy_curves(
             100 * np.array([r[f"test_accuracy_final{end}"] for r in lines])
             for end in ("", "_low", "_high")
         )
-        bars(axes, model, x, y, [y - low, high - y], elinewidth=0.6, capsize=1.2)
+        look = {"elinewidth": 0.6, "capsize": 1.2, "alpha": alpha}
+        bars(axes, model, x, y, [y - low, high - y], **look)
     axes.set_ylim(min(15, lowest - 2), 102)
     axes.set_ylabel("test accuracy (%)")

@@ -57,6 +57,13 @@ def numbers() -> dict[str, Published]:
     return found
 
 
+def models_of_table1() -> tuple[str, ...]:
+    """The models of the paper's Table I, in its order."""
+    ends = "_training_time"
+    names = (name.removeprefix("table1/") for name in numbers() if name.endswith(ends))
+    return tuple(name.removesuffix(ends) for name in names)
+
+
 def value(name: str) -> float | None:
     """A number of the paper, a fraction where it has percent; None if it has none."""
     one = numbers().get(name)

@@ -42,14 +42,14 @@ class Plot:
     Attributes:
         name: stem of its file, and its anchor on the page.
         caption: also used as alternative text.
-        draw: makes the matplotlib figure.
+        draw: makes the matplotlib figure; ``draw(behind)`` over other results, if it can.
         commands: make its results again.
         kind: ``svg``, or ``webp`` for a figure made of pixels.
     """
 
     name: str
     caption: str
-    draw: Callable[[], Any]
+    draw: Callable[..., Any]
     commands: Sequence[str] = ()
     kind: str = "svg"
 
@@ -114,9 +114,7 @@ class Study:
     question: str
     order: float
     front: bool = False
-    _makers: list[tuple[type, Callable[[Results], Iterator[Any]]]] = field(
-        default_factory=list
-    )
+    _makers: list[_Maker] = field(default_factory=list)
 
     def table(
         self,
@@ -129,10 +127,11 @@ class Study:
         columns: Mapping[str, Column] | None = None,
         folded: bool = False,
         commands: Sequence[str] = (),
+        key: Sequence[str] = (),
     ) -> Decorator:
         """Register a function that gives the data frame of a table, or None where it has none.
 
-        Its ``attrs`` may hold ``title``, ``note``, ``shown`` and ``commands`` of their own.
+        Its ``attrs`` may hold ``title``, ``note``, ``shown``, ``columns``, ``commands`` of its own.
 
         Args:
             name: stem of its files; a measurement on other frames than the experiment's adds a
@@ -140,7 +139,7 @@ class Study:
             title, note: may hold ``{frames}`` and ``{machine}`` of the measurement.
             of: name of the measurement, or of several on the same frames, whose rows the function
                 takes, followed by the config of the first; None for a function of the results.
-            shown, columns, folded, commands: as :class:`Table` has them.
+            shown, columns, folded, commands, key: as :class:`Table` has them.
         """
 
         def make(source: _Source, function: Callable[..., Any]) -> Iterator[Table]:
@@ -151,6 +150,7 @@ class Study:
                 "title": title,
                 "note": note,
                 "shown": shown,
+                "columns": columns or {},
                 **data.attrs,
             }
             yield Table(
@@ -158,13 +158,14 @@ class Study:
                 source.fill(texts["title"]),
                 data,
                 tuple(texts["shown"]),
-                columns or {},
+                texts["columns"],
                 source.fill(texts["note"]),
                 tuple(texts.get("commands", ())) or tuple(commands) or source.commands,
                 folded,
+                key,
             )
 
-        return self._registering(Table, of, make)
+        return self._registering(Table, f"table {name}", of, make)
 
     def figure(
         self,
@@ -176,6 +177,7 @@ class Study:
         kind: str = "svg",
         needs: Callable[..., bool] = lambda *_: True,
         commands: Sequence[str] = (),
+        over: bool = False,
     ) -> Decorator:
         """Register a function that draws on a figure, whose first argument that is.
 
@@ -185,17 +187,19 @@ class Study:
             size: width and height in inches.
             kind: as :class:`Plot` has it.
             needs: of the function's other arguments: whether there is anything to draw.
+            over: whether the function takes ``behind``, other results that are drawn behind, or
+                None.
         """
 
         def make(source: _Source, function: Callable[..., Any]) -> Iterator[Plot]:
             if needs(*source.arguments):
-                draw = partial(_draw, function, source.arguments, size)
+                draw = partial(_draw, function, source.arguments, size, over)
                 made_by = tuple(commands) or source.commands
                 yield Plot(
                     f"{name}{source.suffix}", source.fill(caption), draw, made_by, kind
                 )
 
-        return self._registering(Plot, of, make)
+        return self._registering(Plot, f"figure {name}", of, make)
 
     def quantities(self, *, of: Of = None) -> Decorator:
         """Register a generator of :class:`Quantity`; of measurements on their own frames only."""
@@ -204,43 +208,79 @@ class Study:
             if not source.suffix:
                 yield from function(*source.arguments)
 
-        return self._registering(Quantity, of, make)
+        return self._registering(Quantity, "its numbers", of, make)
 
-    def tables_of(self, results: Results) -> Iterator[Table]:
-        """Its tables of these results."""
-        return self._answers(Table, results)
+    def tables_of(
+        self, results: Results, failures: list[Failure] | None = None
+    ) -> Iterator[Table]:
+        """Its tables of these results.
 
-    def plots_of(self, results: Results) -> Iterator[Plot]:
-        """Its figures of these results, not yet drawn."""
-        return self._answers(Plot, results)
+        Args:
+            results: records.
+            failures: takes what fails, so that the others are made all the same; None raises it.
+        """
+        return self._answers(Table, results, failures)
 
-    def quantities_of(self, results: Results) -> Iterator[Quantity]:
-        """Its numbers of these results."""
-        return self._answers(Quantity, results)
+    def plots_of(
+        self, results: Results, failures: list[Failure] | None = None
+    ) -> Iterator[Plot]:
+        """Its figures of these results, not yet drawn; `failures` as :meth:`tables_of`."""
+        return self._answers(Plot, results, failures)
 
-    def _answers(self, kind: type, results: Results) -> Iterator[Any]:
-        return (
-            answer
-            for of, make in self._makers
-            if of is kind
-            for answer in make(results)
-        )
+    def quantities_of(
+        self, results: Results, failures: list[Failure] | None = None
+    ) -> Iterator[Quantity]:
+        """Its numbers of these results; `failures` as :meth:`tables_of`."""
+        return self._answers(Quantity, results, failures)
+
+    def _answers(
+        self, kind: type, results: Results, failures: list[Failure] | None
+    ) -> Iterator[Any]:
+        for maker in self._makers:
+            if maker.kind is not kind:
+                continue
+            for source in _sources(results, maker.of):
+                try:
+                    yield from maker.make(source, maker.function)
+                except Exception as error:
+                    if failures is None:
+                        raise
+                    failures.append(Failure(self.name, maker.called, error))
 
     def _registering(
-        self, kind: type, of: Of, make: Callable[..., Iterator[Any]]
+        self, kind: type, called: str, of: Of, make: Callable[..., Iterator[Any]]
     ) -> Decorator:
         def register(function: Callable[..., Any]) -> Callable[..., Any]:
-            def answers(results: Results) -> Iterator[Any]:
-                return (
-                    a
-                    for source in _sources(results, of)
-                    for a in make(source, function)
-                )
-
-            self._makers.append((kind, answers))
+            self._makers.append(_Maker(kind, called, of, make, function))
             return function
 
         return register
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A table, figure or number of a study that could not be made, and why."""
+
+    study: str
+    called: str
+    error: Exception
+
+    def __str__(self) -> str:
+        """One line."""
+        words = " ".join(str(self.error).split())
+        kind = type(self.error).__name__
+        return f"study {self.study} failed at {self.called}: {kind}: {words}"
+
+
+@dataclass(frozen=True)
+class _Maker:
+    """A registered function: what it gives, what that is called, the measurements it takes."""
+
+    kind: type
+    called: str
+    of: Of
+    make: Callable[..., Iterator[Any]]
+    function: Callable[..., Any]
 
 
 @dataclass(frozen=True)
@@ -303,16 +343,18 @@ def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
 
 
 def _draw(
-    function: Callable[..., Any], arguments: tuple[Any, ...], size: tuple[float, float]
+    function: Callable[..., Any],
+    arguments: tuple[Any, ...],
+    size: tuple[float, float],
+    over: bool,
+    behind: Results | None = None,
 ) -> Any:
-    from experiments.reporting.plot import (
-        STYLE,
-        plt,
-    )  # --help does not wait for matplotlib
+    from experiments.reporting.plot import STYLE, plt  # --help need not wait for it
 
+    keywords = {"behind": behind} if over else {}
     with plt.rc_context(fname=STYLE):
         figure = plt.figure(figsize=size, layout="constrained")
-        function(figure, *arguments)
+        function(figure, *arguments, **keywords)
     return figure
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from experiments.records.configs import CONFIGS
 from experiments.reporting.columns import COLUMNS, Column, display_name
-from experiments.reporting.text import markdown_text, percent, printable
+from experiments.reporting.text import markdown_text, percent, printable, tex_text
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,8 @@ class Table:
         note: how to read it.
         commands: what makes it again.
         folded: whether the page shows it only when it is asked for.
+        key: names of the columns that tell its rows apart, by which own results are compared with
+            the reference; nothing is compared without.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Table:
     note: str = ""
     commands: Sequence[str] = ()
     folded: bool = False
+    key: Sequence[str] = ()
 
     @property
     def names(self) -> list[str]:
@@ -75,6 +78,18 @@ class Table:
         """Comma-separated values; a missing value is empty, numbers have six digits."""
         shown = self.data.map(_exact) if len(self.data) else self.data
         return shown.to_csv(index=False, lineterminator="\n")
+
+    def tex(self) -> str:
+        """The table as LaTeX, by pandas; it needs the package ``booktabs``."""
+        shown = pd.DataFrame(self.cells(), columns=self.heads)
+        escaped = shown.map(tex_text)
+        escaped.columns = [tex_text(head) for head in self.heads]
+        return escaped.to_latex(
+            index=False,
+            escape=False,
+            caption=tex_text(self.title),
+            label=f"tab:{self.name}",
+        )
 
     def markdown(self) -> str:
         """The table with its title above and its note below."""

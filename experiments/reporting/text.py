@@ -71,15 +71,31 @@ def markdown_text(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;")
 
 
-ORIGINS = {
-    "simulated": "simulated frames",
-    "computed": "frames computed from measured matrices",  # of a fibre; no camera took them
-    "measured": "measured frames",
-    "recorded": "recorded frames",
-}
+_TEX = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_",
+    "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+    "×": r"$\times$", "≥": r"$\geq$", "≤": r"$\leq$", "−": "$-$", "±": r"$\pm$", "∞": r"$\infty$",
+    "→": r"$\rightarrow$", "√": r"$\surd$", "Δ": r"$\Delta$", "λ": r"$\lambda$", "μ": r"$\mu$",
+    "µ": r"$\mu$", "σ": r"$\sigma$", "π": r"$\pi$", "φ": r"$\varphi$",
+}  # fmt: skip
+
+
+def tex_text(text: str) -> str:
+    """Text in which LaTeX finds no command; signs that its fonts lack are written as formulas."""
+    return "".join(_TEX.get(sign, sign) for sign in printable(" ".join(text.split())))
+
+
+CAPTURED, COMPUTED, SIMULATED = "captured", "computed", "simulated"
+
+
+def kind_of(origin: str) -> str:
+    """The kind of frames by their origin: ``captured`` by a camera, ``computed`` from measured
+    matrices of a fibre, or ``simulated``."""
+    return origin if origin in (COMPUTED, SIMULATED) else CAPTURED
 
 
 def frames_of(rows: Iterable[Mapping[str, Any]]) -> str:
-    """Origin of the frames of some rows: ``simulated frames``, ``measured frames`` …"""
-    origins = sorted({str(row["origin"]) for row in rows if row.get("origin")})
-    return " and ".join(ORIGINS.get(origin, f"{origin} frames") for origin in origins)
+    """The kinds of the frames of some rows: ``simulated frames``, ``captured frames`` …"""
+    kinds = sorted({kind_of(str(row["origin"])) for row in rows if row.get("origin")})
+    words = {COMPUTED: "frames computed from measured matrices"}
+    return " and ".join(words.get(kind, f"{kind} frames") for kind in kinds)

@@ -44,6 +44,17 @@ SIDES = {
     65: (5, 13),
     4097: (17, 241),
 }  # rows and columns of D pixels: neither fills its words
+OF_BITS = (
+    "hdc",
+    "hdc_below",
+    "hdc_integer",
+    "hdc_levels",
+    "hdc_quantile",
+    "hdc_random_ties",
+    "hdc_raster_ties",
+    "hdc_reference",
+    "hdc_trained",
+)  # models without a floating-point number that a processor may round otherwise
 DTYPES = {"uint8": torch.uint8, "uint16": torch.uint16, "float32": torch.float32}
 SHORT = StopRule(least_steps=1, most_steps=12, loss=1e-9)
 TOLERANCE = 1e-3  # of floating-point numbers, of their size or of one
@@ -161,7 +172,7 @@ def items() -> dict[str, Item]:
 def of_words() -> Iterator[tuple[str, Item]]:
     """Hypervectors and integer distances of HDC, exactly."""
     backends = ["numpy"] + (["compiled"] if bits_are_compiled() else [])
-    for name in ("hdc", "hdc_integer", "hdc_random_ties"):
+    for name in OF_BITS:
         part = configs.part("model", name)
         for dimension in SIDES:
             for dtype in DTYPES:
@@ -201,11 +212,7 @@ def hdc_numbers(
 
 def words_of(model: Any, frames: torch.Tensor) -> torch.Tensor:
     """Hypervectors of a model's encoder."""
-    if hasattr(model, "encoder_"):
-        return model.encoder_.encode(frames)
-    from hdc.encode import encode
-
-    return encode(frames, backend=model.backend)
+    return model.encoder_.encode(frames, backend=model.backend)
 
 
 def of_models() -> Iterator[tuple[str, Item]]:
@@ -221,7 +228,7 @@ def labels_of(config: Mapping[str, Any]) -> list[int | None]:
     scene = classes_of_frames()
     torch.manual_seed(0)
     model = instantiate(OmegaConf.create(dict(config)), "model")
-    train_until(model, SHORT, scene, np.arange(len(scene.labels)))
+    train_until(model, SHORT, scene.frames(np.arange(len(scene.labels))), scene.labels)
     return clear_labels(model.predict(between_classes(scene)))
 
 

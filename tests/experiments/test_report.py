@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 
+import pandas as pd
 import pytest
 from rich.console import Console
 
@@ -15,6 +16,7 @@ from experiments import report, studies
 from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
 from experiments.report import Answers
+from experiments.reporting.study import Study
 from experiments.reporting.study import studies as studies_of
 
 
@@ -149,3 +151,67 @@ def test_in_a_clone_it_writes_the_page_and_a_bad_folder_is_one_line(tmp_path):
     assert bad.returncode == 1
     assert bad.stderr.startswith("error: ")
     assert len(bad.stderr.splitlines()) == 1
+
+
+@pytest.fixture
+def a_study_that_fails(monkeypatch):
+    """Table I, and a study of which one table and one figure fail."""
+    broken = Study("broken", "Broken", "Does it end the report?", 0)
+
+    @broken.table("never", title="Never")
+    def never(results):
+        raise KeyError("a model\nthat is not there")
+
+    @broken.table("other", title="Other")
+    def other(results):
+        return pd.DataFrame({"x": [1]})
+
+    @broken.figure("drawn", caption="Never drawn.")
+    def drawn(figure, results):
+        raise ValueError("nothing to draw")
+
+    few = [study for study in studies_of(studies) if study.name == "table1"]
+    monkeypatch.setattr(report, "studies_of", lambda _: [*few, broken])
+
+
+def test_a_study_that_fails_costs_its_own_table_and_says_so_in_one_line(
+    tmp_path, write_run, alone, a_study_that_fails, monkeypatch
+):
+    write_run("hdc")
+    text, files = written(tmp_path)
+    lines = [line for line in text.splitlines() if "failed at" in line]
+    assert [line.partition(": ")[2] for line in lines] == [
+        "study broken failed at table never: KeyError: 'a model\\nthat is not there'",
+        "study broken failed at figure drawn: ValueError: nothing to draw",
+    ]
+    assert {"table1.csv", "other.csv"} <= set(files)
+    page = files["report.html"].decode()
+    assert page.count('class="failed"') == 2
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    report.main([])  # the report is whole: no error
+    with pytest.raises(SystemExit, match="1"):
+        report.main(["--strict"])
+
+
+def test_tables_become_latex_when_it_is_asked_for(tmp_path, write_run, alone):
+    write_run("hdc")
+    console = Console(file=io.StringIO())
+    report.write(tmp_path, console)
+    assert not list(tmp_path.glob("tables/*.tex"))
+    report.write(tmp_path, console, tex=True)
+    text = (tmp_path / "tables" / "table1.tex").read_text(encoding="utf-8")
+    assert text.startswith("\\begin{table}")
+    assert "Test, \\%" in text
+    assert "$\\times$ HDC" in text
+
+
+def test_own_numbers_outside_the_reference_are_named_and_table_1_stands_once(
+    tmp_path, write_run
+):
+    write_run("hdc", wrong=range(50))
+    text, files = written(tmp_path)
+    assert text.count("Table I,") == 1
+    assert "! table1: touch, hdc" in text
+    assert {row["verdict"] for row in rows_of(files["against_reference.csv"])} >= {
+        "outside"
+    }

@@ -7,10 +7,10 @@ import doctest
 import numpy as np
 import pytest
 import torch
+from hdc.encode import encode
 
 from hdc import HDCClassifier, HDCRegressor, bank
 from hdc.bank import Bank
-from hdc.encode import encode
 
 
 @pytest.fixture

@@ -7,11 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 import torch
+from hdc.encode import encode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdc import HDCClassifier, bits, classifier
-from hdc.encode import encode
 
 
 def touches(

@@ -7,13 +7,13 @@ import sys
 import numpy as np
 import pytest
 import torch
+from hdc.encode import encode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 import hdc
 from hdc import HDCClassifier, bits
-from hdc.encode import encode
 from hdc.prototypes import Counters
 
 needs_numba = pytest.mark.usefixtures("numba")

@@ -7,10 +7,10 @@ import warnings
 import numpy as np
 import pytest
 import torch
+from hdc.encode import encode
 
 from hdc import bits
 from hdc import encode as encoding
-from hdc.encode import encode
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame")
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from hdc.encode import encode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.linear_model import Ridge as PlainRidge
 
 from hdc import HDCClassifier, HDCRegressor, bits, readout
-from hdc.encode import encode
 
 
 def plain(x: np.ndarray, y: np.ndarray, penalty: float) -> PlainRidge:

@@ -7,9 +7,9 @@ import warnings
 import numpy as np
 import pytest
 import torch
+from hdc.encode import encode
 
 from hdc import HDCClassifier, bits
-from hdc.encode import encode
 from hdc.prototypes import Counters
 from hdc.rejection import EXTRAS, KEPT, Peers, Sample, deciding, p_values
 

@@ -68,6 +68,7 @@ class Section:
     text: str = ""
     blocks: Sequence[Block] = field(default_factory=list)
     open: bool = False  # not folded away at first
+    failures: Sequence[str] = ()  # what could not be made of it, a line each
 
 
 def render(

@@ -8,15 +8,12 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.records.results import Group, Results
 from experiments.reporting.columns import Column, milliseconds
+from experiments.reporting.routes import HEADLINE, of_route
 from experiments.reporting.study import Study
-from experiments.reporting.table import records
 from experiments.studies.benchmark import names
 from experiments.studies.benchmark.names import OPERATIONS, OURS_COMPILED
 
-ORDINARY = "HDC by ordinary routes"
-HEADLINE = {"n": 400, "d": 250_000, "l": 5}
 NOTE = (
     "The routes of a size ran in turns in one process; × hdc is the median over the turns. "
     "Results were compared before any timing with a reference in plain NumPy: “yes, ties aside” "
@@ -71,31 +68,26 @@ COLUMNS = {
 def goals(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """What was to be reached, as far as it was measured."""
     single = of_route(rows, "predict", OURS_COMPILED)
-    table = [
-        ("predict one frame: hdc, compiled, ms", "≤", 0.12, 1e3 * single["median_s"])
-    ]
+    name = "predict one frame: hdc, compiled, ms"
+    table = [_goal(name, "≤", 0.12, 1e3 * single["median_s"])]
     for operation, pair, bound, limit in GOALS:
         # Both were timed in turns with ours.
-        over, under = (
-            of_route(rows, operation, route)["ratio_to_ours"] for route in pair
-        )
-        table.append(
-            (f"{operation}: {pair[0]}, × {pair[1]}", bound, limit, over / under)
-        )
-    return pd.DataFrame(
-        [
-            {
-                "Goal": goal,
-                "Wanted": f"{bound} {limit:g}",
-                "Measured": float(value),
-                "Met": "yes"
-                if (value >= limit if bound == "≥" else value <= limit)
-                else "no",
-            }
-            for goal, bound, limit, value in table
-            if not math.isnan(value)
-        ]
-    )
+        over = of_route(rows, operation, pair[0])["ratio_to_ours"]
+        under = of_route(rows, operation, pair[1])["ratio_to_ours"]
+        name = f"{operation}: {pair[0]}, × {pair[1]}"
+        table.append(_goal(name, bound, limit, over / under))
+    return pd.DataFrame([line for line in table if not math.isnan(line["Measured"])])
+
+
+def _goal(name: str, bound: str, limit: float, value: float) -> dict[str, Any]:
+    """A row: what was wanted, what was measured, and whether it was met."""
+    met = value >= limit if bound == "≥" else value <= limit
+    return {
+        "Goal": name,
+        "Wanted": f"{bound} {limit:g}",
+        "Measured": float(value),
+        "Met": "yes" if met else "no",
+    }
 
 
 @STUDY.table(
@@ -115,45 +107,3 @@ def headline(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     return rows.sort_values(
         "operation", key=lambda x: x.map(OPERATIONS.index), kind="stable"
     )
-
-
-def ordinary_training_s(results: Results, group: Group) -> float | None:
-    """Seconds in which the faster of the ordinary routes makes prototypes of as many frames as a
-    group's, on its processor and as many threads; None where that was not measured."""
-    measured = results.measured("benchmark")
-    if measured is None or not group.runs:
-        return None
-    record, made_on = group.runs[0].record, measured.record.environment
-    if (made_on.cpu, made_on.threads) != (
-        record.environment.cpu,
-        record.environment.threads,
-    ):
-        return None
-    sizes = {
-        "n": record.n_train,
-        "d": math.prod(record.scene.shape),
-        "l": len(group.classes),
-    }
-    rows = (
-        of_route(measured.frame, "train", route, **sizes)
-        for route in names.ORDINARY_ROUTES
-    )
-    seconds = [
-        float(row["median_s"]) for row in rows if not math.isnan(row["median_s"])
-    ]
-    return min(seconds, default=None)
-
-
-def of_route(
-    rows: pd.DataFrame, operation: str, route: str, **sizes: int
-) -> dict[str, float]:
-    """Median and ratio of a route at these sizes, NaN where it was not measured.
-
-    A size that is not given is the headline's, or the only one that was measured.
-    """
-    rows = rows[(rows["operation"] == operation) & (rows["route"] == route)]
-    for key, value in (HEADLINE | sizes).items():
-        if key in sizes or rows[key].nunique() > 1:
-            rows = rows[rows[key] == value]
-    row = records(rows)[0] if len(rows) else {}
-    return {key: row.get(key) or math.nan for key in ("median_s", "ratio_to_ours")}

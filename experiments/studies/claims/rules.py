@@ -58,9 +58,10 @@ def combine(verdicts: Iterable[str]) -> str:
     return decided.pop() if len(decided) == 1 else PARTLY
 
 
-def judge(measured: Iterable[str], simulated: Iterable[str]) -> str:
-    """The verdict on a claim: that of measured evidence; simulated frames can only refute."""
-    word = combine(measured)
+def judge(deciding: Iterable[str], simulated: Iterable[str]) -> str:
+    """The verdict on a claim: that of captured and computed frames; simulated ones can only
+    refute."""
+    word = combine(deciding)
     if word != UNDECIDED:
         return word
     return NO if combine(simulated) == NO else UNDECIDED

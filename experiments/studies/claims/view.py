@@ -1,12 +1,11 @@
 """The paper's claims as data: for each piece of evidence a number, its interval and a verdict.
 
-Numbers come from other studies; :mod:`.rules` turns them into one of four words. The sentences are
-written by people, in claims.yaml.
+Numbers come from other studies; :mod:`.rules` turns them into one of four words, :mod:`.phrases`
+into what is said after it. The paper's sentences are in claims.yaml.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -16,6 +15,8 @@ import numpy as np
 import pandas as pd
 from omegaconf import OmegaConf
 
+from experiments.records import configs
+from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.estimates import (
@@ -24,20 +25,23 @@ from experiments.reporting.estimates import (
     mean_difference,
     mean_interval,
 )
+from experiments.reporting.measured import ENDS, RIVAL, SATURATED, saturated
 from experiments.reporting.study import RUN, Study, with_places
 from experiments.reporting.table import frame, records
-from experiments.reporting.text import number
+from experiments.reporting.text import CAPTURED, COMPUTED, SIMULATED, kind_of, number
 from experiments.studies.claims import rules
+from experiments.studies.claims.phrases import DECIDING, PHRASES
 from experiments.studies.claims.rules import NO, UNDECIDED, YES
 from experiments.studies.correlation.view import mean_contrast
 from experiments.studies.crossing.view import first_crossings, middle, tidy
 from experiments.studies.drift.view import accuracies as updated
-from experiments.studies.recordings.view import RIVAL, SATURATED, over_rival, recordings
+from experiments.studies.recordings.view import over_rival, recordings
+from experiments.studies.table1.view import WAYS, time_ratios
 from experiments.studies.table1.view import scene as scene_of_table1
-from experiments.studies.table1.view import time_ratios
 
 Evidence = dict[str, Any]
-MEASURED, SIMULATED, TIMED = "measured", "simulated", "timed"
+TIMED = "timed"  # kind of evidence that rests on times, besides the kinds of frames
+KINDS_SHOWN = (CAPTURED, COMPUTED, SIMULATED)
 HARD = ("finger", "spatial")  # simulated scenes on which not every model is right
 FLIPPED = 0.01  # share of flipped bits
 FEW = (1, 2, 3, 5)  # frames per class
@@ -46,12 +50,13 @@ LESS = f"HDC less {display_name(RIVAL)}"
 STUDY = Study(
     "claims",
     "The paper's claims",
-    "What did the paper claim, and what do measured and simulated frames say?",
+    "What did the paper claim, and what do captured, computed and simulated frames say? Captured: "
+    "by a camera; computed: from measured matrices of a fibre.",
     0,
     front=True,
 )
 
-# Claim: what the paper says, and a few words for each verdict.
+# Claim: what the paper says.
 CLAIMS: Any = OmegaConf.load(Path(__file__).with_name("claims.yaml"))
 
 
@@ -62,13 +67,13 @@ def _of_recordings(results: Results, sizes: Sequence[int] = ()) -> Iterator[Evid
     """HDC less its rival by the split that counts: mean over some numbers of frames per class, or
     at the most."""
     for scene, measured in recordings(results).items():
-        if measured.record.config["scene"].get("saturated"):
+        if saturated(measured):
             continue
         if found := over_rival(measured, sizes):
             values = zip(*(value for value, _ in found), strict=True)
             value = Estimate(*(float(np.mean(part)) for part in values))
             n = None if sizes else f"{found[0][1]} frames per class"
-            yield {"evidence": scene, "kind": MEASURED, "value": value, "n": n,
+            yield {"evidence": scene, "kind": _kind(measured), "value": value, "n": n,
                    "command": f"{RUN}recordings scene={scene}"}  # fmt: skip
 
 
@@ -77,7 +82,8 @@ def _of_scenes(results: Results) -> Iterator[Evidence]:
     for scene in (scene_of_table1(), *HARD, "tactile"):
         groups = [results.group(scene, model) for model in ("hdc", RIVAL)]
         if paired := difference(groups[0].runs, groups[1].runs):
-            row = {"evidence": scene, "value": paired, "n": f"{len(groups[0].runs)} seeds",
+            name = f"{scene}, fitted to HDC" if _fitted(scene) else scene
+            row = {"evidence": name, "value": paired, "n": f"{len(groups[0].runs)} seeds",
                    "command": f"{RUN}all_scenes scene={scene}"}  # fmt: skip
             if all(group.right.mean() >= SATURATED for group in groups):
                 row |= {"evidence": f"{scene}, saturated", "verdict": UNDECIDED}
@@ -89,26 +95,34 @@ def _slower(results: Results, models: Sequence[str]) -> Iterator[Evidence]:
     for model in models:
         ratios = time_ratios(results, results.group(scene_of_table1(), model))
         for way, runs in ratios.items():
-            median = (
-                float(np.median(runs)) if runs else math.nan
-            )  # a way that was not measured
-            bounds = (
-                (min(runs), max(runs)) if len(runs) > 1 else ()
-            )  # one run has no range
-            yield {"evidence": f"{display_name(model)}, over {way}", "kind": TIMED,
-                   "value": Estimate(median, *bounds), "verdict": rules.slower(runs),
-                   "n": f"{len(runs)} run{'s' * (len(runs) != 1)}"}  # fmt: skip
+            if not runs:  # a way that was not measured
+                continue
+            # One run has no range.
+            bounds = (min(runs), max(runs)) if len(runs) > 1 else ()
+            value = Estimate(float(np.median(runs)), *bounds)
+            count = "1 run" if len(runs) == 1 else f"{len(runs)} runs"
+            yield {"evidence": f"{display_name(model)}, over {way}", "kind": TIMED, "value": value,
+                   "verdict": rules.slower(runs), "n": count}  # fmt: skip
+
+
+def _kind(measured: Measured) -> str:
+    """The kind of the frames of a measurement."""
+    if "origin" in measured.frame:
+        return kind_of(str(measured.frame.origin.iloc[0]))
+    return str(configs.scene_display(measured.record.scene)["kind"])
+
+
+def _fitted(scene: str) -> bool:
+    """Whether parameters of a scene were chosen by the accuracy of HDC on it."""
+    return bool(configs.scene_display(scene)["fitted"])
 
 
 def _of_places(
     results: Results, name: str, read: Callable[[pd.DataFrame, str], Iterator[Evidence]]
 ) -> Iterator[Evidence]:
-    """Evidence of a measurement: on its own, simulated frames, and on others, measured ones."""
+    """Evidence of a measurement, on each kind of frames."""
     for suffix, measured in with_places(results, name):
-        of = {
-            "kind": MEASURED if suffix else SIMULATED,
-            "command": measured.record.command,
-        }
+        of = {"kind": _kind(measured), "command": measured.record.command}
         for row in read(measured.frame, suffix.lstrip("_")):
             yield {**of, "n": f"{measured.frame.seed.nunique()} seeds", **row}
 
@@ -117,7 +131,7 @@ def _few(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     """HDC less its rival, mean over N."""
     equal = tidy(rows).query("equal")
     by_seed = equal.pivot_table("accuracy", "seed", "model")
-    if RIVAL in by_seed:
+    if {"hdc", RIVAL} <= set(by_seed):
         value = mean_interval((by_seed["hdc"] - by_seed[RIVAL]).tolist())
         yield {
             "evidence": f"{place or 'touch'}, N up to {equal.n.max()}",
@@ -128,6 +142,8 @@ def _few(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
 def _first(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     """The N at which one experiment with HDC exceeds 90 %: median and 95 % of experiments."""
     first = first_crossings(rows).query("model == 'hdc'")["first"]
+    if not len(first):
+        return
     yield {"evidence": f"{place or 'touch'}, fitted", "value": middle(first),
            "n": f"{len(first)} experiments", "verdict": UNDECIDED}  # fmt: skip
 
@@ -227,92 +243,131 @@ def evidence(results: Results) -> pd.DataFrame:
         for found in read(results):
             value = found["value"]
             verdict = found.get("verdict") or getattr(rules, rule)(value)
-            shown = (
-                Estimate(*(100 * bound for bound in value))
-                if unit == "points"
-                else value
-            )
-            columns = {
-                **of,
-                **shown.columns("value"),
-                **rest,
-                **found,
-                "verdict": verdict,
-            }
-            rows.append({**columns, "value": shown.value})
-    return frame(rows)
+            factor = 100 if unit == "points" else 1
+            shown = Estimate(*(factor * bound for bound in value))
+            line = {**of, **shown.columns("value"), **rest, **found}
+            rows.append({**line, "verdict": verdict, "value": shown.value})
+    return frame(
+        rows, () if rows else ("claim", "evidence", "kind", "value", "verdict")
+    )
 
 
 def verdicts(rows: pd.DataFrame) -> dict[str, str]:
-    """The word for each claim: by times as they are, contrast by all evidence, others by the
-    measured one first."""
+    """The word for each claim of which there is evidence: by times as they are, contrast by all
+    evidence, others by captured and computed frames first."""
     words = {}
     for claim, part in rows.groupby("claim", sort=False):
-        of = {
-            kind: part[part.kind == kind].verdict.tolist()
-            for kind in (MEASURED, SIMULATED)
-        }
+        if not _complete(part):
+            continue
+        simulated = part[part.kind == SIMULATED].verdict.tolist()
+        deciding = part[part.kind.isin(DECIDING)].verdict.tolist()
         timed = part[part.kind == TIMED].verdict.tolist()
         if timed:
-            words[str(claim)] = (
-                UNDECIDED if UNDECIDED in timed else rules.combine(timed)
-            )
+            word = UNDECIDED if UNDECIDED in timed else rules.combine(timed)
         elif claim == "contrast":
-            words[str(claim)] = rules.combine(of[MEASURED] + of[SIMULATED])
+            word = rules.combine(deciding + simulated)
         else:
-            words[str(claim)] = rules.judge(of[MEASURED], of[SIMULATED])
+            word = rules.judge(deciding, simulated)
+        words[str(claim)] = word
     return words
+
+
+def _complete(part: pd.DataFrame) -> bool:
+    """Whether a claim can be judged: one on times needs HDC computed by every way."""
+    timed = part[part.kind == TIMED].evidence
+    ways = {name.partition(", over ")[2] for name in timed}
+    return not ways or ways == set(WAYS)
+
+
+def decided_by(claim: str, rows: pd.DataFrame) -> str:
+    """The kinds of frames, or times, that decide a claim, in words; those that may refute it."""
+    kinds = set(rows.kind)
+    if TIMED in kinds:
+        return "times"
+    found = [kind for kind in (*DECIDING, SIMULATED) if kind in kinds]
+    deciding = [kind for kind in found if kind != SIMULATED or claim == "contrast"]
+    if not deciding:
+        return "simulated frames, which can only refute"
+    return f"{' and '.join(deciding)} frames"
 
 
 def _text(row: Mapping[str, Any]) -> str:
     """A number with its name, its unit and its interval, to two digits."""
-    value, name = row["value"], row["evidence"]
+    name = row["evidence"]
     if row["unit"] == "1":  # of a bare number, the quantity has both values
         return f"{name}: {row['quantity']}"
-    bounds = [
-        value,
-        *(row[key] for key in ("value_low", "value_high") if row.get(key) is not None),
-    ]
-    points = row["unit"] == "points"
-    texts = [f"{x:+.{int(abs(x) < 10)}f}" if points else number(x, 2) for x in bounds]
-    shown = f"×{texts[0]}" if row["unit"] == "×" else f"{texts[0]} {row['unit']}"
-    text = f"{name}: {shown}" + f" [{', '.join(texts[1:])}]" * (len(texts) == 3)
-    return text.replace("-", "−")
+    value, low, high = (_digits(row, f"value{end}") for end in ENDS)
+    shown = f"×{value}" if row["unit"] == "×" else f"{value} {row['unit']}"
+    if low and high:
+        shown += f" [{low}, {high}]"
+    return f"{name}: {shown}".replace("-", "−")
+
+
+def _digits(row: Mapping[str, Any], key: str) -> str:
+    """A number of a row to two digits, points with their sign; nothing where it is unknown."""
+    number_of = row.get(key)
+    if number_of is None:
+        return ""
+    if row["unit"] != "points":
+        return number(number_of, 2)
+    decimals = 1 if abs(number_of) < 10 else 0
+    return f"{number_of:+.{decimals}f}"
+
+
+NOTE = (
+    "Points: accuracy of HDC less that of softmax regression at its optimum, the primary rival. "
+    "×: training time over HDC's, lowest to highest run. Simulated frames can refute a claim; they "
+    "cannot rank models. The rules are in docs/verdicts.md."
+)
 
 
 @STUDY.table(
     "claims",
     title="Verdicts",
-    shown=("paper", "verdict", "measured", "simulated"),
+    shown=("paper", "verdict", "decided_by", *KINDS_SHOWN),
     columns={
         "paper": Column("The paper says"),
         "verdict": Column("Verdict", lambda text: text[:1].upper() + text[1:]),
-        "measured": Column("Measured frames"),
-        "simulated": Column("Simulated frames, fitted to the paper"),
+        "decided_by": Column("Decided by"),
+        "captured": Column("Captured frames"),
+        "computed": Column("Computed frames"),
+        "simulated": Column("Simulated frames, fitted to the paper; times on them"),
     },
-    note="Points: accuracy of HDC less that of softmax regression at its optimum, the primary "
-    "rival. ×: training time over HDC's, lowest to highest run. Simulated frames can refute a "
-    "claim and rank nothing. The rules are in docs/verdicts.md.",
 )
-def claims(results: Results) -> pd.DataFrame:
-    """One row a claim."""
+def claims(results: Results) -> pd.DataFrame | None:
+    """One row a claim of which there is evidence; a claim that no study tests is named below."""
     every = evidence(results)
-    words, table = verdicts(every), []
-    for claim, phrases in CLAIMS.items():
-        word = words.get(claim, UNDECIDED)
-        verdict = ": ".join(filter(None, [word, phrases.get(word)]))
-        part = every[(every.claim == claim) & every.value.notna()]
-        table.append({
-            "claim": claim, "paper": phrases.paper, "word": word, "verdict": verdict,
-            **{name: "\n".join(map(_text, records(part[chosen]))) or "–"
-               for name, chosen in (("measured", part.kind == MEASURED),
-                                    ("simulated", part.kind != MEASURED))},
-        })  # fmt: skip
-    return pd.DataFrame(table)
+    words = verdicts(every) if len(every) else {}
+    table = []
+    for claim, paper in CLAIMS.items():
+        if claim in words:
+            part = every[every.claim == claim]
+            table.append(_verdict(claim, paper, words[claim], part))
+    if not table:
+        return None
+    tested = {source.claim for source in EVIDENCE}
+    untested = [paper for claim, paper in CLAIMS.items() if claim not in tested]
+    data = pd.DataFrame(table)
+    data.attrs["note"] = f"{NOTE} Not tested: {'; '.join(untested)}."
+    return data
+
+
+def _verdict(claim: str, paper: str, word: str, part: pd.DataFrame) -> dict[str, str]:
+    """The row of a claim."""
+    phrase = PHRASES[claim](part)
+    row = {"claim": claim, "paper": paper, "word": word}
+    row["verdict"] = f"{word}: {phrase}" if phrase else word
+    row["decided_by"] = decided_by(claim, part)
+    for kind in KINDS_SHOWN:
+        kinds = (kind, TIMED) if kind == SIMULATED else (kind,)
+        lines = [_text(line) for line in records(part[part.kind.isin(kinds)])]
+        row[kind] = "\n".join(lines) or "–"
+    return row
 
 
 STUDY.table(
     "claims_evidence",
+    key=("claim", "evidence"),
     title="Evidence for each claim",
     shown=("claim", "evidence", "kind", "quantity", "value", "unit", "n", "verdict"),
     columns={

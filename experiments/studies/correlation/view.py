@@ -12,7 +12,6 @@ import pandas as pd
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from experiments.protocol.correlations import contrast
 from experiments.reporting import published
@@ -22,6 +21,7 @@ from experiments.reporting.estimates import (
     mean_interval,
     one_sensor,
 )
+from experiments.reporting.measured import matrices
 from experiments.reporting.plot import PAPER, errors, matrix, panel, star
 from experiments.reporting.study import Quantity, Study
 
@@ -33,17 +33,6 @@ STUDY = Study(
     4,
 )
 SYMBOLS = {"speckle": "$C^s$", "hypervector": "$C^b$", "prototype": "$C^p$"}
-
-
-def matrices(
-    rows: pd.DataFrame, kind: str, samples: str
-) -> tuple[list[str], NDArray[np.float64], int]:
-    """Correlation matrices of a measurement: classes, C [seeds, L, L], samples per class."""
-    chosen = rows[(rows.kind == kind) & (rows.samples == samples)]
-    classes = list(chosen.class_i.unique())
-    # Rows are in the order in which they were made: by seed, row and column of the matrix.
-    values = chosen.value.to_numpy(float).reshape(-1, len(classes), len(classes))
-    return classes, values, int(chosen.n.iloc[0])
 
 
 def mean_contrast(rows: pd.DataFrame, kind: str, samples: str) -> Estimate:

@@ -57,7 +57,7 @@ def first_crossings(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 @STUDY.table(
-    "crossing", of="crossing",
+    "crossing", of="crossing", key=("model",),
     title=f"First N at which one experiment exceeds {LEVEL:.0%}, on {{frames}}",
     columns={"first": Column("First N, median [95 % of experiments]", _whole)},
     note=f"The paper: the accuracy exceeded {LEVEL:.0%} only when N > {_LIMIT:g}. Asked at "

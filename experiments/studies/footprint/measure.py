@@ -6,7 +6,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import torch
 
@@ -17,12 +17,17 @@ from experiments.studies.footprint import probe
 
 @experiment(revision=1, timed=True)
 def footprint(
-    run: Run, scenes: Sequence[str], models: Sequence[str], frames: int
+    run: Run,
+    scenes: Sequence[str],
+    models: Sequence[str],
+    frames: int,
+    needed: Mapping[str, Mapping[str, Sequence[str]]] | None = None,
 ) -> Iterator[Row]:
     """One row: a scene and a model in a process of their own (:mod:`…footprint.probe`).
 
     ``first_prediction_s`` since the import of torch, which took ``torch_s`` of it; ``peak_bytes``;
-    the modules ``loaded`` of those watched. Arguments: configs/experiment/footprint.yaml.
+    the modules ``loaded`` of those watched. ``status``: ``ok``, or which module is loaded that
+    neither the scene nor the model needs. Arguments: configs/experiment/footprint.yaml.
     """
     environment = {**os.environ, "OMP_NUM_THREADS": str(torch.get_num_threads())}
     for scene in scenes:
@@ -32,9 +37,20 @@ def footprint(
             answer = subprocess.check_output(
                 command, cwd=ROOT, env=environment, text=True
             )
-            yield {
-                "scene": scene,
-                "model": model,
-                "n": frames,
-                **json.loads(answer.splitlines()[-1]),
-            }
+            row = json.loads(answer.splitlines()[-1])
+            if too_much := unneeded(row, scene, model, needed or {}):
+                row["status"] = f"fails: loads {', '.join(too_much)}"
+            yield {"scene": scene, "model": model, "n": frames, **row}
+
+
+def unneeded(
+    row: Row, scene: str, model: str, needed: Mapping[str, Mapping[str, Sequence[str]]]
+) -> list[str]:
+    """Modules that were loaded and that neither the scene nor the model needs, as far as it is
+    said what both need."""
+    of_scene = needed.get("scenes", {}).get(scene)
+    of_model = needed.get("models", {}).get(model)
+    if of_scene is None or of_model is None:
+        return []
+    allowed = {*of_scene, *of_model}
+    return [name for name in row.get("loaded", "").split() if name not in allowed]

@@ -76,7 +76,7 @@ def _peers(readout: str, model: HDCClassifier) -> dict[str, Any]:
             "harness": _Trained(NearestNeighbour()),
             "scikit-learn": _OnBits(nearest, bool),
         }
-    alpha = model.readout_.linear_.penalty
+    alpha = model.readout_.linear_.penalty  # type: ignore[attr-defined]
     return {
         "harness": _Trained(BitReadout(alpha=alpha)),
         "scikit-learn": _OnBits(RidgeClassifier(alpha, solver="cholesky"), np.float32),

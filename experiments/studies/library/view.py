@@ -6,9 +6,9 @@ import pandas as pd
 
 from experiments.records.results import Results
 from experiments.reporting.columns import Column
+from experiments.reporting.measured import by_scene
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import number
-from experiments.studies.recordings.view import by_scene
 
 STUDY = Study(
     "library",

@@ -1,80 +1,79 @@
-"""Every model on measured recordings: accuracies, where information is lost, distances."""
+"""Every model on public recordings: accuracies, what theory expects of them, distances."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
+from experiments.records import configs
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
-from experiments.reporting.columns import Column
-from experiments.reporting.estimates import Estimate, mean_interval
-from experiments.reporting.plot import errors, head, panel
+from experiments.reporting.columns import (
+    Column,
+    display_name,
+    model_columns,
+    scene_name,
+)
+from experiments.reporting.estimates import Estimate
+from experiments.reporting.measured import (
+    ENDS,
+    RIVAL,
+    SATURATED,
+    by_scene,
+    models_of,
+    over_units,
+    saturated,
+)
+from experiments.reporting.plot import LETTERS, errors, head, literal, panel, wrapped
 from experiments.reporting.study import RUN, Study
-from experiments.reporting.text import number, percent, points
+from experiments.reporting.text import kind_of, number, percent, points
 
 STUDY = Study(
     "recordings",
-    "Measured recordings",
-    "On frames that others measured with optical sensors of several kinds: does HDC recognise "
-    "better than its rivals, where does it lose information, and where does the median gain?",
+    "Public recordings",
+    "On frames of optical sensors of several kinds, captured or computed by others: does HDC "
+    "recognise better than its rivals?",
     0.5,
     front=True,
 )
-SATURATED = 0.995  # accuracy from which a recording cannot tell models apart
-RIVAL = "softmax_dual"  # the primary rival, named beforehand: the paper's own, at its optimum
-# By what a model keeps of the frames: grey values, bits, one template a class.
-STEPS = {
-    "ridge": "ridge, greys",
-    "ridge_standardised": "ridge, standardised",
-    RIVAL: "softmax optimum",
-    "linear_bits": "ridge, bits",
-    "nearest_neighbour": "1-NN, bits",
-    "mean_image": "mean image",
-    "mean_image_standardised": "mean, standardised",
-    "hdc_integer": "counts of bits",
-    "hdc": "majority: HDC",
+# Frames per class that the figure shows, with colour and marker.
+SIZES = {
+    1: ("#56B4E9", "o"),
+    5: ("#0072B2", "s"),
+    20: ("#E69F00", "D"),
+    50: ("black", "^"),
 }
-SHOWN_N = (1, 5, 20, 50)
-FIELDS = {
-    "fibre_grouped": 1,
-    "fibre_4_fields": 4,
-    "fibre_16_fields": 16,
-}  # input fields
-KINDS = {
-    "diffuser": "laser speckle behind ground glass",
-    "fibre_grouped": "multimode fibre, pressed; 3,362 pixels of 110 modes, computed from measured "
-    "matrices",
-    "fibre_2": "second fibre; computed from measured matrices",
-    "fibre_3": "third fibre; computed from measured matrices",
-    "spr": "specklegrams of a fibre sensor",
-    "gelsight": "camera under an elastomer with markers; no speckle",
-    "tactip": "camera under a skin with pins; no speckle",
+COLUMNS = {
+    "recording": Column("Recording", scene_name),
+    "kind": Column("Kind"),
+    "frames": Column("Frames"),
+    "n": Column("Frames per class"),
 }
+NOTE = (
+    "Split by time, session, group or position, as each recording states, so that near copies of a "
+    "test frame do not train. Brackets: Student over seeds (input fields, fibres) for fibres, the "
+    "central 95 % of draws for cameras, each of which is one sensor. Standardised: each frame with "
+    "mean 0 and deviation 1. Captured: by a camera; computed: from measured matrices of a fibre, "
+    f"with an assumed noise. Primary rival, named beforehand: {display_name(RIVAL)}."
+)
 
 
 def recordings(results: Results, name: str = "recordings") -> dict[str, Measured]:
-    """:func:`by_scene` in the order of :data:`KINDS`; one fibre counts once, by one field."""
+    """Finished measurements by the name of their scene; a fibre counts once, by one input field."""
     found = by_scene(results, name)
-    known = [scene for scene in KINDS if scene in found]
-    return {
-        scene: found[scene]
-        for scene in [*known, *sorted(set(found) - {*known, *FIELDS})]
-    }
+    return {scene: found[scene] for scene in found if fields_of(found[scene]) == 1}
 
 
-def by_scene(results: Results, name: str) -> dict[str, Measured]:
-    """Finished measurements by the name of their scene; of several of one scene the one whose
-    config was changed least."""
-    found: dict[str, Measured] = {}
-    for measured in results.measurements:  # those changed least come first
-        if measured.record.name == name:
-            found.setdefault(measured.record.scene, measured)
-    return found
+def fields_of(measured: Measured) -> int:
+    """How many input fields of a fibre a frame shows side by side; 1 of any other scene."""
+    scene = measured.record.config.get("scene") or {}
+    return int(scene.get("n_fields", 1))
 
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
@@ -87,128 +86,123 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     return every.groupby(["split", "model", "n", "unit"]).accuracy.mean().reset_index()
 
 
-def estimate(values: Sequence[float], seeds: bool) -> Estimate:
-    """Mean with Student's interval over seeds; of draws from one recording, which share frames,
-    with the central 95 % of the draws."""
-    if seeds:
-        return mean_interval(list(values))
-    low, high = np.quantile(values, (0.025, 0.975))
-    return Estimate(float(np.mean(values)), float(low), float(high))
-
-
 def summary(measured: Measured) -> pd.DataFrame:
     """``model``, ``n`` and accuracy with its interval, by the split that counts."""
     every = accuracies(measured.frame).query("split == 'counts'")
     seeds = measured.frame.seed.nunique() > 1
     table = []
     for (model, n), part in every.groupby(["model", "n"]):
-        table.append(
-            {
-                "model": model,
-                "n": n,
-                **estimate(part.accuracy, seeds).columns("accuracy"),
-            }
-        )
+        estimate = over_units(part.accuracy, seeds)
+        table.append({"model": model, "n": n, **estimate.columns("accuracy")})
     return pd.DataFrame(table)
 
 
-COLUMNS = {
-    "recording": Column("Recording"),
-    "frames": Column("Frames"),
-    "n": Column("Frames per class"),
-    "hdc": Column("HDC, %", percent),
-    "mean_image": Column("Mean image, %", percent),
-    "linear_bits": Column("Ridge on the same bits, %", percent),
-    "softmax_dual": Column("Softmax at its optimum, %", percent),
-    "softmax_dual_standardised": Column(
-        "Softmax at its optimum, standardised frames, %", percent
-    ),
-    "nearest_neighbour": Column("Nearest neighbour on bits, %", percent),
-    "softmax": Column("Softmax, published recipe, two draws, %", percent),
-}
-NOTE = (
-    "Split by time, session, group or position, as each recording states, so that near copies of a "
-    "test frame do not train. Brackets: Student over seeds (input fields, fibres) for fibres, the "
-    "central 95 % of draws for cameras, each of which is one sensor. Standardised: each frame with "
-    "mean 0 and deviation 1. Primary rival, named beforehand: softmax regression at its optimum."
-)
-
-
 @STUDY.table(
-    "recordings", title="Accuracy on measured recordings", note=NOTE, columns=COLUMNS
+    "recordings",
+    title="Accuracy on public recordings",
+    note=NOTE,
+    key=("recording", "n"),
 )
 def front(results: Results) -> pd.DataFrame | None:
-    """The recordings, at the fewest, a middle and the largest number of frames per class."""
+    """The recordings, at the fewest, five and the largest number of frames per class."""
+    found = recordings(results)
     table = []
-    for scene, measured in recordings(results).items():
-        saturated = measured.record.config["scene"].get("saturated")
-        frames = KINDS.get(scene, "recording") + "; saturated, ranks nothing" * bool(
-            saturated
-        )
+    for scene, measured in found.items():
+        about = {"recording": scene, "kind": "", "frames": ""}
+        first = {**about, **_about(scene, measured)}
         for k, line in enumerate(_by_size(measured)):
-            table.append({"recording": scene, "frames": "" if k else frames, **line})
+            table.append({**(about if k else first), **line})
     if not table:
         return None
+    commands = [f"{RUN}recordings scene={scene}" for scene in found]
+    return _wide(table, COLUMNS, found.values(), commands)
+
+
+def _about(scene: str, measured: Measured) -> dict[str, str]:
+    """The kind of the frames, and what they are."""
+    frames = configs.scene_display(scene)["frames"]
+    if saturated(measured):
+        frames += "; saturated, ranks nothing"
+    kind = configs.scene_display(scene)["kind"]
+    if "origin" in measured.frame:
+        kind = kind_of(measured.frame.origin.iloc[0])
+    return {"kind": kind, "frames": frames}
+
+
+def _wide(
+    table: Sequence[Mapping[str, Any]],
+    columns: Mapping[str, Column],
+    found: Any,
+    commands: Sequence[str],
+) -> pd.DataFrame:
+    """The rows with the columns of what they are first, then each model's value, then bounds."""
+    models = list(dict.fromkeys(m for one in found for m in models_of(one.frame)))
     data = pd.DataFrame(table)
-    names = [name for name in COLUMNS if name in data]
-    data.attrs["shown"] = names
-    data.attrs["commands"] = [
-        f"{RUN}recordings scene={scene}" for scene in recordings(results)
-    ]
-    return data[[*names, *(c for c in data if c.endswith(("_low", "_high")))]]
+    data.attrs["columns"] = {**columns, **model_columns(models, ", %", percent)}
+    names = [name for name in data.attrs["columns"] if name in data]
+    data.attrs |= {"shown": names, "commands": commands}
+    bounds = [name + end for name in models for end in ENDS[1:] if name + end in data]
+    return data[[*names, *bounds]]
 
 
-def _by_size(measured: Measured) -> list[dict[str, Any]]:
+def _by_size(measured: Measured) -> Iterator[dict[str, Any]]:
     """Accuracies by the split that counts at the fewest, five and the most frames per class."""
     lines = summary(measured)
-    sizes, table = sorted(lines.n.unique()), []
-    for n in dict.fromkeys((sizes[0], *[n for n in sizes if n == 5], sizes[-1])):
+    if not len(lines):
+        return
+    sizes = sorted(lines.n.unique())
+    middle = [n for n in sizes if n == 5]
+    for n in dict.fromkeys((sizes[0], *middle, sizes[-1])):
         line = {"n": n}
         for model, part in lines[lines.n == n].set_index("model").iterrows():
-            if model in COLUMNS:
-                line |= {
-                    f"{model}{end}": part[f"accuracy{end}"]
-                    for end in ("", "_low", "_high")
-                }
-        table.append(line)
-    return table
+            for end in ENDS:
+                line[f"{model}{end}"] = part[f"accuracy{end}"]
+        yield line
 
 
 @STUDY.table(
     "recordings_fields",
+    key=("recording", "n"),
     title="One fibre seen through more input fields",
-    columns={"fields": Column("Input fields"), "pixels": Column("Pixels"), **COLUMNS},
-    note=NOTE + " More fields are more pixels of the same 110 modes.",
+    note=f"{NOTE} More fields are more pixels of the same modes.",
     folded=True,
 )
 def fields(results: Results) -> pd.DataFrame | None:
-    """The first fibre by the number of input fields."""
-    found, table = by_scene(results, "recordings"), []
-    for scene, count in FIELDS.items():
-        if scene in found:
-            side = found[scene].record.config["scene"]["side"]
-            lines = _by_size(found[scene])
-            table += [
-                {"fields": count, "pixels": 2 * side**2 * count, **line}
-                for line in lines
-            ]
+    """Each fibre that was seen through several numbers of input fields, by that number."""
+    found = by_scene(results, "recordings")
+    several = [_fibre(found[name]) for name in found if fields_of(found[name]) > 1]
+    chosen = [name for name in found if _fibre(found[name]) in several]
+    table = []
+    for scene in sorted(chosen, key=lambda name: fields_of(found[name])):
+        count, side = (
+            fields_of(found[scene]),
+            found[scene].record.config["scene"]["side"],
+        )
+        about = {"recording": scene, "fields": count, "pixels": 2 * side**2 * count}
+        table += [{**about, **line} for line in _by_size(found[scene])]
     if not table:
         return None
-    data = pd.DataFrame(table)
-    data.attrs["shown"] = [
-        "fields",
-        "pixels",
-        *(name for name in COLUMNS if name in data),
-    ]
-    data.attrs["commands"] = [f"{RUN}recordings scene={scene}" for scene in FIELDS]
-    return data
+    columns = {
+        "recording": COLUMNS["recording"],
+        "fields": Column("Input fields"),
+        "pixels": Column("Pixels"),
+        "n": COLUMNS["n"],
+    }
+    commands = [f"{RUN}recordings scene={scene}" for scene in chosen]
+    return _wide(table, columns, [found[scene] for scene in chosen], commands)
+
+
+def _fibre(measured: Measured) -> dict[str, Any]:
+    """What the scene of a measurement is, whatever the number of input fields."""
+    scene = measured.record.config.get("scene") or {}
+    return {key: scene[key] for key in scene if key != "n_fields"}
 
 
 @STUDY.table(
     "recording_theory",
-    title="Theory from ten frames of every class, and what was measured",
+    title="Theory from ten frames of every class, and the accuracy that was found",
     columns={
-        "recording": Column("Recording"),
+        "recording": Column("Recording", scene_name),
         "n": Column("Frames per class"),
         "hdc": Column("HDC, %", percent),
         "hdc_theory": Column("HDC by theory, %", percent),
@@ -222,26 +216,13 @@ def fields(results: Results) -> pd.DataFrame | None:
     "central 95 % of 20 choices of the ten. Mean image: compared by correlation. Cost of the bit: "
     "mean image less HDC.",
     folded=True,
-)  # fmt: skip
-def foretold(results: Results) -> pd.DataFrame | None:
+)
+def expected_by_theory(results: Results) -> pd.DataFrame | None:
     """A row for each recording and n of which both theory and a measurement are there."""
     table, benches = [], recordings(results)
     for scene, expected in recordings(results, "recording_theory").items():
-        if scene not in benches:
-            continue
-        lines = accuracies(benches[scene].frame).query("split == 'random'")
-        measured = lines.groupby(["n", "model"]).accuracy.mean().unstack()
-        rows = expected.frame.assign(cost=lambda frame: frame.mean_image - frame.hdc)
-        for n, part in rows.groupby("n"):
-            if n in measured.index:
-                hdc, image = measured.loc[n, ["hdc", "correlation"]]
-                line = {"recording": scene, "n": n, "hdc": hdc, "mean_image": image}
-                line |= {"cost": image - hdc}
-                for name in ("hdc", "mean_image", "cost"):
-                    line |= estimate(part[name].tolist(), seeds=False).columns(
-                        f"{name}_theory"
-                    )
-                table.append(line)
+        if scene in benches:
+            table += list(_theory_beside(scene, expected, benches[scene]))
     if not table:
         return None
     data = pd.DataFrame(table)
@@ -251,56 +232,102 @@ def foretold(results: Results) -> pd.DataFrame | None:
     return data
 
 
+def _theory_beside(
+    scene: str, expected: Measured, bench: Measured
+) -> Iterator[dict[str, Any]]:
+    """Rows of one recording; none where one of the two models of the theory was not measured."""
+    pair = ["hdc", "correlation"]
+    lines = accuracies(bench.frame).query("split == 'random' and model in @pair")
+    found = (
+        lines.groupby(["n", "model"]).accuracy.mean().unstack().reindex(columns=pair)
+    )
+    rows = expected.frame.assign(cost=lambda frame: frame.mean_image - frame.hdc)
+    for n, part in rows.groupby("n"):
+        if n not in found.index or found.loc[n].isna().any():
+            continue
+        hdc, image = found.loc[n]
+        line = {"recording": scene, "n": n, "hdc": hdc, "mean_image": image}
+        line["cost"] = image - hdc
+        for name in ("hdc", "mean_image", "cost"):
+            estimate = over_units(part[name].tolist(), seeds=False)
+            line |= estimate.columns(f"{name}_theory")
+        yield line
+
+
 @STUDY.figure(
     "recordings",
-    caption="Where information is lost: accuracy by what a model keeps of the frames, on each "
-    "measured recording that is not saturated. Left of the line models that weigh pixels or keep "
-    "all frames, right of it one template per class. Split by time, group or position; bars: 95 %.",
-    size=(7.0, 3.1),
-    needs=lambda results: bool(recordings(results)),
+    caption="Accuracy of every model on each public recording that is not saturated, by the "
+    "number of training frames per class. Grey band: HDC; dashed: chance. Models are in the order "
+    "of their mean at the most frames. Split by time, group or position; bars: 95 %.",
+    size=(7.0, 4.0),
+    needs=lambda results: bool(unsaturated(results)),
 )
-def lost(figure: Figure, results: Results) -> None:
-    """Accuracy by what a model keeps of the frames, a panel per recording, a line per n."""
-    shown = {
-        scene: measured
-        for scene, measured in recordings(results).items()
-        if not measured.record.config["scene"].get("saturated")
-    }
-    panels = figure.subplots(1, max(1, len(shown)), sharey=True, squeeze=False)[0]
-    colours, markers = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00"), "osD^"
-    looks = dict(zip(SHOWN_N, zip(colours, markers, strict=True), strict=True))
-    for k, (axes, (scene, measured)) in enumerate(
-        zip(panels, shown.items(), strict=False)
-    ):
-        lines = summary(measured)
-        for n, (colour, marker) in looks.items():
+def every_model(figure: Figure, results: Results) -> None:
+    """A panel per recording, a line per model, a marker per number of frames."""
+    shown = unsaturated(results)
+    summaries = {scene: summary(measured) for scene, measured in shown.items()}
+    models = _by_mean(summaries.values())
+    panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    letters = iter(LETTERS)
+    for axes, (scene, lines) in zip(panels, summaries.items(), strict=True):
+        for n, (colour, marker) in SIZES.items():
             at = lines[lines.n == n].set_index("model")
-            places = [i for i, model in enumerate(STEPS) if model in at.index]
-            values = at.loc[[list(STEPS)[i] for i in places]]
-            y, spread = errors(
-                values[["accuracy", "accuracy_low", "accuracy_high"]], 100
-            )
-            axes.errorbar(places, y, yerr=np.maximum(spread, 0), color=colour, marker=marker,
-                          ls=":", lw=0.6, ms=3, elinewidth=0.5, label=f"{n}")  # fmt: skip
-        axes.axvline(4.5, color="0.7", lw=0.6)
-        axes.set_xticks(range(len(STEPS)), STEPS.values(), rotation=90, fontsize=6.5)
-        axes.set_ylim(0, 103)
-        panel(axes, "abcdefgh"[k], scene)
-    panels[0].set_ylabel("accuracy (%)")
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(
-        handles,
-        labels,
-        title="frames per class",
-        loc="outside lower center",
-        ncols=len(labels),
-    )
+            places = [k for k, model in enumerate(models) if model in at.index]
+            values = at.loc[[models[k] for k in places]]
+            x, spread = errors(values[[f"accuracy{end}" for end in ENDS]], 100)
+            look = {"color": colour, "marker": marker, "ls": "", "ms": 2.6}
+            axes.errorbar(x, places, xerr=np.maximum(spread, 0), elinewidth=0.5, **look)
+        _frame_of_panel(axes, models, _chance(shown[scene].frame))
+        panel(axes, next(letters), wrapped(scene_name(scene), 14))
+    panels[0].set_yticks(range(len(models)), [literal(display_name(m)) for m in models])
+    for label, model in zip(panels[0].get_yticklabels(), models, strict=True):
+        label.set(fontsize=6, fontweight="bold" if model == "hdc" else "normal")
+    handles = [
+        Line2D([], [], color=colour, marker=marker, ls="", ms=3, label=str(n))
+        for n, (colour, marker) in SIZES.items()
+    ]
+    where: Any = {"loc": "outside lower center", "ncols": len(SIZES)}
+    figure.legend(handles=handles, title="frames per class", **where)
+
+
+def unsaturated(results: Results) -> dict[str, Measured]:
+    """The recordings that can tell models apart."""
+    found = recordings(results)
+    return {scene: found[scene] for scene in found if not saturated(found[scene])}
+
+
+def _by_mean(summaries: Any) -> list[str]:
+    """Models, the least accurate first, by their mean over recordings at the most frames."""
+    most = [lines[lines.n == lines.n.max()] for lines in summaries]
+    means = pd.concat(most).groupby("model").accuracy.mean().sort_values()
+    every = pd.concat(list(summaries)).model.unique()
+    return [*(model for model in every if model not in means.index), *means.index]
+
+
+def _chance(rows: pd.DataFrame) -> float | None:
+    """Accuracy of guessing, in percent; None where the rows do not have the number of classes."""
+    return 100 / rows.n_classes.iloc[0] if "n_classes" in rows else None
+
+
+def _frame_of_panel(axes: Axes, models: Sequence[str], chance: float | None) -> None:
+    """Axis, lines of the models, the band of HDC and the dashed line of chance."""
+    axes.set(xlim=(0, 103), ylim=(-0.7, len(models) - 0.3))
+    axes.set_xticks([0, 50, 100])
+    axes.set_xlabel("accuracy (%)", fontsize=6)
+    axes.set_yticks(range(len(models)))
+    axes.grid(axis="y", color="0.92", lw=0.5)
+    axes.set_axisbelow(True)
+    if "hdc" in models:
+        at = models.index("hdc")
+        axes.axhspan(at - 0.5, at + 0.5, color="0.88", lw=0, zorder=0)
+    if chance is not None:
+        axes.axvline(chance, color="0.4", lw=0.7, ls="--", zorder=0)
 
 
 @STUDY.figure(
     "recording_distances",
     caption="Hamming distances between hypervectors of frames of one class (intra) and of two "
-    "(inter), and their separation d′.",
+    "(inter), and their separation d′. Unrelated frames differ in half of their pixels.",
     size=(7.0, 2.6),
     needs=lambda results: bool(recordings(results, "recording_distances")),
 )
@@ -308,24 +335,19 @@ def distances(figure: Figure, results: Results) -> None:
     """Histograms of intra- and inter-class distances, a panel a recording."""
     shown = recordings(results, "recording_distances")
     panels = figure.subplots(1, len(shown), squeeze=False, sharex=True)[0]
-    for k, (axes, (scene, measured)) in enumerate(
-        zip(panels, shown.items(), strict=True)
+    for letter, axes, (scene, measured) in zip(
+        LETTERS, panels, shown.items(), strict=False
     ):
         for kind, colour in (("intra", "#0072B2"), ("inter", "#D55E00")):
-            part = (
-                measured.frame.query("kind == @kind")
-                .groupby("low", as_index=False)["count"]
-                .sum()
-            )
-            axes.step(part.low, part["count"] / part["count"].sum(), where="post", color=colour,
-                      lw=0.9, label=kind)  # fmt: skip
-        panel(
-            axes,
-            "abcdefgh"[k],
-            f"{scene}\nd′ = {number(separation(measured.frame), 2)}",
-        )
+            part = measured.frame.query("kind == @kind")
+            counts = part.groupby("low")["count"].sum()
+            look = {"color": colour, "lw": 0.9, "label": kind}
+            axes.step(counts.index, counts / counts.sum(), where="post", **look)
+        separated = number(separation(measured.frame), 2)
+        panel(axes, letter, f"{wrapped(scene_name(scene), 22)}\nd′ = {separated}")
         axes.set_yticks([])
-        axes.set_xlabel("share of bits", fontsize=6)
+        axes.set_xlabel("share of bits that differ", fontsize=6)
+    panels[0].set_ylabel("share of pairs", fontsize=6)
     panels[0].legend()
     head(figure, "Hamming distances between frames of one class and of two", [])
 
@@ -341,8 +363,11 @@ def over_rival(
     measured: Measured, sizes: Sequence[int] = ()
 ) -> list[tuple[Estimate, int]]:
     """HDC's accuracy less that of the primary rival, by the split that counts, and n: each of these
-    frames a class that was asked for, or the most at which one is below :data:`SATURATED`."""
+    frames a class that was asked for, or the most at which one is below :data:`SATURATED`; nothing
+    where one of the two was not measured."""
     rows = measured.frame[measured.frame.model.isin(("hdc", RIVAL))]
+    if rows.model.nunique() < 2:
+        return []
     every = accuracies(rows).query("split == 'counts'")
     chosen = [n for n in sizes if n in set(every.n)]
     if not sizes:
@@ -351,4 +376,5 @@ def over_rival(
         chosen = [int(max(open_sizes)) if len(open_sizes) else int(least.index.min())]
     at = every.pivot(index=["n", "unit"], columns="model", values="accuracy")
     seeds = rows.seed.nunique() > 1
-    return [(estimate((at["hdc"] - at[RIVAL])[n].tolist(), seeds), n) for n in chosen]
+    less = at["hdc"] - at[RIVAL]
+    return [(over_units(less[n].tolist(), seeds), n) for n in chosen]

@@ -75,7 +75,7 @@ def _level(row: Mapping[str, Any]) -> str:
 
 
 @STUDY.table(
-    "robustness", of="robustness",
+    "robustness", of="robustness", key=("disturbance", "level"),
     title="Test accuracy, %, when something goes wrong after training, on {frames}",
     columns={
         "disturbance": Column("Disturbance", lambda name: LEVELS[name][0]),

@@ -1,6 +1,6 @@
 """Every model on every scene: accuracies and confusions; Figs. 5(a), 6, 7 and 9.
 
-Scenes of measured optics come before simulated ones.
+Scenes of captured and computed frames come before simulated ones.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ from experiments.records.results import Group, Results
 from experiments.reporting import estimates
 from experiments.reporting import rows as rows_of
 from experiments.reporting.estimates import ONE_SENSOR
+from experiments.reporting.measured import matrices
 from experiments.reporting.plot import (
     CONFUSION_MAP,
+    LETTERS,
     PRINTED,
     head,
     literal,
@@ -31,14 +33,12 @@ from experiments.reporting.plot import (
 from experiments.reporting.rows import row
 from experiments.reporting.study import RUN, WIDTH, Quantity, Study, with_places
 from experiments.reporting.table import frame
-from experiments.reporting.text import frames_of
-from experiments.studies.correlation.view import matrices
+from experiments.reporting.text import SIMULATED, frames_of
 
 EXPERIMENT = "all_scenes"
 SPATIAL_CORRELATION = (
     f"{RUN}correlation scene=spatial 'task.kinds=[prototype]' 'task.samples=[held-out]'"
 )
-LETTERS = "abcdefghijklmnopqrstuvwxyz"
 # Which figure of the paper shows the confusion of a scene.
 PAPER = {
     "touch": "Fig. 5(a)",
@@ -56,8 +56,8 @@ STUDY = Study(
 
 
 def groups(results: Results) -> list[Group]:
-    """The runs of each scene and model on all pixels with the most training samples, measured
-    scenes first, HDC first in each."""
+    """The runs of each scene and model on all pixels with the most training samples, simulated
+    scenes last, HDC first in each."""
     whole: dict[tuple[str, str], Group] = {}
     for group in results.groups():
         key = group.scene, group.model
@@ -69,7 +69,7 @@ def groups(results: Results) -> list[Group]:
 
     def place(group: Group) -> tuple[bool, int, str, bool]:
         at = order.index(group.scene) if group.scene in order else len(order)
-        simulated = group.runs[0].record.scene.origin == "simulated"
+        simulated = group.runs[0].record.scene.origin == SIMULATED
         return simulated, at, group.scene, group.model.partition(" (")[0] != "hdc"
 
     return sorted(whole.values(), key=place)
@@ -78,8 +78,9 @@ def groups(results: Results) -> list[Group]:
 @STUDY.table(
     EXPERIMENT,
     title="Every model on every scene",
-    note="Fibre: frames computed from measured transmission matrices. Each model on all pixels of "
-    "a scene and the most training samples that it was given.",
+    key=("scene", "model", "n_train", "pixels"),
+    note="Fitted: parameters of the scene were chosen by the accuracy of HDC on it. Each model "
+    "on all pixels of a scene and the most training samples that it was given.",
     shown=(
         "scene", "origin", "model", "seeds", "test_accuracy_final", "over_hdc", "training_time_s",
         "training_time_over_hdc", "predict_single_s", "model_bytes", "status",

@@ -6,7 +6,12 @@ from collections.abc import Iterator
 
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.studies.stability.case import CASES
-from experiments.studies.stability.cases import correlations, hypervectors, training  # noqa: F401  (their cases register themselves)
+from experiments.studies.stability.cases import (  # noqa: F401  (their cases register themselves)
+    correlations,
+    hypervectors,
+    sensor,
+    training,
+)
 
 
 @experiment(revision=1)

@@ -35,7 +35,7 @@ def stiffness(
     batch: int,
     steps: int,
     epochs: int,
-    exponents: Sequence[int],
+    exponents: Sequence[float],
     penalty: float,
 ) -> Iterator[Row]:
     """One row: descent of softmax regression at one learning rate.
@@ -80,7 +80,7 @@ def stiffness(
         ):
             least = floor if start == "optimum" else 0.0
             for k in sorted(exponents):
-                rate = 2 / float(lambda_max) * 2 ** (k / 2 + 0.25)
+                rate = 2 / float(lambda_max) * 2.0 ** (k / 2 + 0.25)
                 losses = descend(gram, targets, rate, seed=seed, **how)
                 yield {
                     "origin": made.origin, "pixels": name, "method": method, "start": start,

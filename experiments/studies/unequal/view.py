@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
-from experiments.reporting.columns import Column
-from experiments.reporting.plot import head, panel, style_of
+from experiments.reporting.columns import (
+    Column,
+    display_name,
+    model_columns,
+    scene_name,
+)
+from experiments.reporting.measured import ENDS, by_scene, models_of, over_units
+from experiments.reporting.plot import LETTERS, head, literal, panel, style_of
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import percent, points
-from experiments.studies.recordings.view import by_scene, estimate
 
 STUDY = Study(
     "unequal",
@@ -21,11 +29,15 @@ STUDY = Study(
     "by which rule, and does the remedy cost anything?",
     2.7,
 )
-NAMES = {
-    "hdc": "HDC as published", "hdc_balanced": "HDC, balanced", "hdc_random_ties": "random ties",
-    "hdc_integer": "integer prototypes", "ridge": "ridge, greys", "mean_image": "mean image",
-}  # fmt: skip
-ENDS = ("", "_low", "_high")
+COLUMNS = {
+    "recording": Column("Frames", scene_name),
+    "n": Column("n of each class"),
+    "extra": Column("More of one class"),
+    "equal": Column("HDC, equal classes, %", percent),
+    "to_larger": Column(
+        "Answers of HDC as published that name the larger class, %", percent
+    ),
+}
 
 
 def measurements(results: Results) -> dict[str, Measured]:
@@ -42,18 +54,17 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     every["accuracy"] = every.right.astype(float) / every.n_test
     every["to_larger"] = every.to_larger.astype(float) / every.n_test
     keys = ["model", "n", "unit"]
-    every = (
-        every.groupby([*keys, "extra"])[["accuracy", "to_larger"]].mean().reset_index()
-    )
+    shares = every.groupby([*keys, "extra"])[["accuracy", "to_larger"]]
+    every = shares.mean().reset_index()
     equal = every[every.extra == 0].set_index(keys).accuracy
-    every["change"] = (
-        every.accuracy - equal.reindex(every.set_index(keys).index).to_numpy()
-    )
+    before = equal.reindex(every.set_index(keys).index).to_numpy()
+    every["change"] = every.accuracy - before
     table = []
     for (n, extra, model), part in every.groupby(["n", "extra", "model"]):
         line = {"n": n, "extra": extra, "model": model}
         for name, least in (("accuracy", 0), ("change", -1), ("to_larger", 0)):
-            line |= estimate(part[name].tolist(), seeds).within(least, 1).columns(name)
+            estimate = over_units(part[name].tolist(), seeds)
+            line |= estimate.within(least, 1).columns(name)
         table.append(line)
     return pd.DataFrame(table)
 
@@ -61,6 +72,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 @STUDY.table(
     "unequal",
     title="More training frames in one class",
+    key=("recording", "n", "extra"),
     note="Changes of the test accuracy, on the same test frames, when one class has more training "
     "frames than the others. The majority of n frames whose hypervectors correlate by c multiplies "
     "every correlation, the floor of all frames too, by about √(2/π)·√(m/(1 + (m − 1)·c)), m = n "
@@ -68,88 +80,84 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     "frames has a larger one, and takes frames of the others. Balanced, the library's default: a "
     "class counts as if it had as many frames as the smallest. Brackets: Student over sensors or "
     "input fields; of one camera or sensor, the central 95 % of draws.",
-    columns={
-        "recording": Column("Frames"),
-        "n": Column("n of each class"),
-        "extra": Column("More of one class"),
-        "equal": Column("HDC, equal classes, %", percent),
-        "to_larger": Column(
-            "Answers of HDC as published that name the larger class, %", percent
-        ),
-        **{model: Column(f"{name}, points", points) for model, name in NAMES.items()},
-    },
 )
 def table(results: Results) -> pd.DataFrame | None:
     """A row for each scene, n and number of further frames: what they change."""
-    lines = []
-    for scene, measured in measurements(results).items():
-        every = summary(measured.frame).set_index("model")
-        for (n, extra), at in every[every.extra > 0].groupby(["n", "extra"]):
-            equal = every[(every.n == n) & (every.extra == 0)]
-            line = {"recording": scene, "n": n, "extra": extra}
-            for end in ENDS:
-                line[f"equal{end}"] = equal.loc["hdc", f"accuracy{end}"]
-                line[f"to_larger{end}"] = at.loc["hdc", f"to_larger{end}"]
-                line |= {
-                    f"{model}{end}": at.loc[model, f"change{end}"] for model in NAMES
-                }
-            lines.append(line)
+    found = measurements(results)
+    lines: list[dict[str, Any]] = []
+    for scene, measured in found.items():
+        lines += [{"recording": scene, **line} for line in _changes(measured.frame)]
     if not lines:
         return None
+    models = list(
+        dict.fromkeys(m for one in found.values() for m in models_of(one.frame))
+    )
+    columns = {**COLUMNS, **model_columns(models, ", points", points)}
     data = pd.DataFrame(lines)
-    data.attrs["shown"] = [name for name in data if not name.endswith(ENDS[1:])]
-    data.attrs["commands"] = [
-        f"{RUN}unequal scene={scene}" for scene in measurements(results)
-    ]
+    data = data[[name + end for name in columns for end in ENDS if name + end in data]]
+    data.attrs["columns"] = columns
+    data.attrs["shown"] = [name for name in columns if name in data]
+    data.attrs["commands"] = [f"{RUN}unequal scene={scene}" for scene in found]
     return data
 
 
-LINES = {  # label: model, further frames, colour, line
-    "HDC, equal classes": ("hdc", 0, "black", "-"),
-    "HDC as published, one more": ("hdc", 1, style_of("hdc")[0], "-"),
-    "HDC, random ties, one more": ("hdc_random_ties", 1, style_of("hdc")[0], ":"),
-    "HDC, balanced, one more": ("hdc_balanced", 1, "#009E73", "--"),
-    "mean image, one more": ("mean_image", 1, style_of("mean_image")[0], "-."),
-}
+def _changes(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """The rows of one scene: every model's change, and where the answers of HDC go."""
+    every = summary(rows).set_index("model")
+    for (n, extra), at in every[every.extra > 0].groupby(["n", "extra"]):
+        equal = every[(every.n == n) & (every.extra == 0)]
+        line = {"n": n, "extra": extra}
+        for end in ENDS:
+            if "hdc" in at.index:
+                line[f"equal{end}"] = equal.loc["hdc", f"accuracy{end}"]
+                line[f"to_larger{end}"] = at.loc["hdc", f"to_larger{end}"]
+            for model in at.index:
+                line[f"{model}{end}"] = at.loc[model, f"change{end}"]
+        yield line
 
 
 @STUDY.figure(
     "unequal",
-    caption="Test accuracy against the number of training frames of each class, with and without "
-    "one more in one class: HDC as published and by two remedies, and mean images.",
-    size=(7.0, 2.8),
+    caption="Test accuracy against the number of training frames of each class: HDC with as many "
+    "of every class, dashed, and each model with one more in one class.",
+    size=(7.0, 3.0),
     needs=lambda results: bool(measurements(results)),
 )
 def figure(figure: Figure, results: Results) -> None:
-    """A panel a scene, a line a rule."""
+    """A panel a scene, a line a model."""
     shown = measurements(results)
     panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
-    for k, (axes, (scene, measured)) in enumerate(
-        zip(panels, shown.items(), strict=True)
+    drawn: dict[str, None] = {}
+    for letter, axes, (scene, measured) in zip(
+        LETTERS, panels, shown.items(), strict=False
     ):
         every = summary(measured.frame)
-        for model, extra, colour, line in LINES.values():
+        lines = [("hdc", 0), *((model, 1) for model in models_of(every))]
+        for model, extra in lines:
             part = every[(every.model == model) & (every.extra == extra)]
-            axes.plot(
-                part.n,
-                100 * part.accuracy,
-                color=colour,
-                ls=line,
-                marker="o",
-                ms=2,
-                lw=1,
-            )
+            look = _look(model, extra)
+            axes.plot(part.n, 100 * part.accuracy, ms=2, lw=1, **look)
             low, high = 100 * part.accuracy_low, 100 * part.accuracy_high
-            axes.fill_between(part.n, low, high, color=colour, alpha=0.1, lw=0)
+            band = {"color": look["color"], "alpha": 0.1, "lw": 0}
+            axes.fill_between(part.n, low, high, **band)
+            drawn.setdefault(model)
         ticks = [n for n in (2, 5, 10, 20) if n in set(every.n)]
         axes.set(xscale="log", xlabel="frames of each class", ylim=(0, 103))
         axes.set_xticks(ticks, map(str, ticks))
         axes.minorticks_off()
-        panel(axes, "abcdefgh"[k], scene)
+        panel(axes, letter, literal(scene_name(scene)))
     panels[0].set_ylabel("test accuracy (%)")
-    handles = [
-        Line2D([], [], color=c, ls=s, label=name)
-        for name, (_, _, c, s) in LINES.items()
-    ]
+    handles = [Line2D([], [], label="HDC, equal classes", **_look("hdc", 0))]
+    for model in drawn:
+        name = literal(f"{display_name(model)}, one more")
+        handles.append(Line2D([], [], label=name, **_look(model, 1)))
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
     head(figure, "One more frame in one class", [])
+
+
+def _look(model: str, extra: int) -> dict[str, Any]:
+    """Colour, marker and line of a model; of equal classes a dashed line in black."""
+    if extra == 0:
+        return {"color": "black", "marker": "o", "ls": "--"}
+    colour, marker, line = style_of(model)
+    return {"color": colour, "marker": marker, "ls": line}

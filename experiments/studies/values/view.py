@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pandas as pd
 
 from experiments.records.results import Results
-from experiments.reporting.columns import Column
+from experiments.reporting.columns import Column, scene_name
+from experiments.reporting.measured import ENDS, over_units, saturated
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import number, percent
-from experiments.studies.recordings.view import estimate
 
 STUDY = Study(
     "values",
@@ -20,7 +21,7 @@ STUDY = Study(
     2.8,
 )
 COLUMNS = {
-    "recording": Column("Frames"),
+    "recording": Column("Frames", scene_name),
     "answer": Column("Answer"),
     "split": Column(
         "Split", lambda split: "as recorded" if split == "counts" else split
@@ -38,6 +39,7 @@ COLUMNS = {
     "refused": Column("Known frames refused, %", percent),
     "unknown_refused": Column("Unknown frames refused, %", percent),
 }
+PROMISED = ("covered", "size", "refused", "unknown_refused")
 SHARES = ("covered", "refused", "unknown_refused")
 NOTE = (
     "As recorded: split by time, session or position. Brackets: Student over sensors or input "
@@ -53,11 +55,9 @@ def measured(
     for measurement in sorted(every, key=lambda m: m.record.scene):
         rows = measurement.frame
         answer = "labels" if name == "coverage" else f"{rows.value[0]}, {rows.unit[0]}"
-        saturated = ", saturated" * bool(
-            measurement.record.config["scene"].get("saturated")
-        )
+        note = ", saturated" if saturated(measurement) else ""
         yield (
-            {"recording": f"{measurement.record.scene}{saturated}", "answer": answer},
+            {"recording": f"{measurement.record.scene}{note}", "answer": answer},
             rows,
         )
 
@@ -66,26 +66,32 @@ def means(rows: pd.DataFrame, column: str, name: str) -> dict[str, float]:
     """Mean of a column with its interval: over seeds where there are several, else over draws."""
     several = rows.seed.nunique() > 1
     of = rows.groupby("seed" if several else "draw")[column].mean()
-    value = estimate(
-        of.astype(float).round(9).tolist(), several
-    )  # 9: no rounding errors as errors
-    return (value.within(0, 1) if column in SHARES else value).columns(name)
+    units = of.astype(float).round(9)  # rounding errors are no errors
+    value = over_units(units.tolist(), several)
+    if column in SHARES:
+        value = value.within(0, 1)
+    return value.columns(name)
 
 
 def shown(lines: list[dict], results: Results, *names: str) -> pd.DataFrame | None:
     """Rows of a table, and the commands that make them; None without any."""
+    if not lines:
+        return None
     data = pd.DataFrame(lines)
-    data.attrs["shown"] = [name for name in COLUMNS if name in data]
+    plain = [str(name) for name in data if not str(name).endswith(ENDS[1:])]
+    own = [name for name in plain if name not in COLUMNS]  # a model of the user's
+    data.attrs["shown"] = [*(name for name in COLUMNS if name in data), *own]
     every = [m for m in results.measurements if m.record.name in names]
     data.attrs["commands"] = sorted(
         f"{RUN}{m.record.name} scene={m.record.scene}" for m in every
     )
-    return data if lines else None
+    return data
 
 
 @STUDY.table(
     "values",
     title="Mean absolute error of predicted values",
+    key=("recording", "answer", "split", "n"),
     columns=COLUMNS,
     note="A prototype of a bin stands for the mean of the bin's training frames; ridge regression "
     f"has the penalty of the least leave-one-out error. {NOTE}",
@@ -114,22 +120,24 @@ def errors(results: Results) -> pd.DataFrame | None:
 def coverage(results: Results) -> pd.DataFrame | None:
     """A row for each scene, answer, split and promise."""
     lines = []
-    for name in ("coverage", "values"):
-        for about, rows in measured(results, name):
-            if name == "values":
-                rows = rows[(rows.model == "regressor") & (rows.n == rows.n.max())]
-                rows = rows.rename(columns={"width": "size"})
-            columns = [c for c in list(COLUMNS)[-4:] if c in rows]
-            rows = rows.explode(["alpha", *columns])
-            for (split, alpha), part in rows.groupby(["split", "alpha"], sort=False):
-                line = {
-                    **about,
-                    "split": split,
-                    "n": part.n.iloc[0],
-                    "promised": 1 - alpha,
-                }
-                for column in columns:
-                    if part[column].notna().all():
-                        line |= means(part, column, column)
-                lines.append(line)
+    for about, rows in measured(results, "coverage"):
+        lines += [{**about, **line} for line in _promises(rows)]
+    for about, rows in measured(results, "values"):
+        rows = rows[(rows.model == "regressor") & (rows.n == rows.n.max())]
+        renamed = rows.rename(columns={"width": "size"})
+        lines += [{**about, **line} for line in _promises(renamed)]
     return shown(lines, results, "coverage", "values")
+
+
+def _promises(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """A row for each split and promise; none where nothing was promised."""
+    if not len(rows):
+        return
+    columns = [column for column in PROMISED if column in rows]
+    every = rows.explode(["alpha", *columns])
+    for (split, alpha), part in every.groupby(["split", "alpha"], sort=False):
+        line = {"split": split, "n": part.n.iloc[0], "promised": 1 - alpha}
+        for column in columns:
+            if part[column].notna().all():
+                line |= means(part, column, column)
+        yield line

@@ -5,11 +5,12 @@ import math
 import pytest
 
 from experiments.records import configs
+from experiments.records.files import REFERENCE
 from experiments.records.results import Results
 from experiments.reporting.estimates import Estimate
-from experiments.studies.claims import rules, view
+from experiments.reporting.measured import RIVAL
+from experiments.studies.claims import phrases, rules, view
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
-from experiments.studies.recordings.view import RIVAL
 
 NAN = math.nan
 
@@ -183,9 +184,34 @@ def test_flipped_bits_cost_accuracy_or_do_not(
     assert list(values.values()) == [pytest.approx(flipped - 100)]
 
 
-def test_every_claim_has_a_row_and_one_of_four_words(tmp_path, write_run):
+def test_only_what_was_measured_has_a_row(tmp_path, write_run):
     write_run("hdc")
-    table, evidence = view.STUDY.tables_of(Results(tmp_path))
-    assert list(table.data.claim) == list(view.CLAIMS)
-    assert set(table.data.word) <= {YES, NO, PARTLY, UNDECIDED}
-    assert set(evidence.data.claim) <= set(view.CLAIMS)
+    assert view.claims(Results(tmp_path)) is None
+    write_run("cnn1", curve=[{"training_s": 90.0, "loss": 1.0, "train_accuracy": 0.95}])
+    results = Results(tmp_path)
+    assert set(view.evidence(results).claim) == {"networks"}
+    assert view.claims(results) is None  # HDC by ordinary routes was not timed
+
+
+def test_every_claim_of_the_reference_has_one_of_four_words_and_numbers_after_it():
+    table = view.claims(Results(REFERENCE))
+    assert set(table.claim) == set(view.CLAIMS) - {"objects"}
+    assert "Not tested: Touched objects" in table.attrs["note"]
+    assert set(table.word) <= {YES, NO, PARTLY, UNDECIDED}
+    assert set(table.claim) <= set(phrases.PHRASES)
+    for row in table.to_dict("records"):
+        assert row["verdict"].startswith(f"{row['word']}: ")
+        assert (
+            any(sign.isdigit() for sign in row["verdict"]) or row["claim"] == "contrast"
+        )
+
+
+def test_words_after_a_verdict_follow_the_numbers(record, tmp_path):
+    def said():
+        results = Results(tmp_path)
+        return view.claims(results).set_index("claim").verdict["accuracy"]
+
+    record("gelsight", 80, 60)
+    assert "on 1 of 1 recording, behind by as much on 0" in said()
+    record("diffuser", 60, 80)
+    assert "on 1 of 2 recordings, behind by as much on 1" in said()

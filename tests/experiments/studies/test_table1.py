@@ -143,15 +143,16 @@ def test_the_figure_has_the_papers_points_and_an_end_for_each_run(
 ):
     for seed in range(5):
         write_run("hdc", seed=seed, wrong=[0] if seed == 0 else [])  # 1 of 500
-    assert "training time (s)" in drawn(STUDY)["error_vs_time"]
+    assert "training time, × HDC" in drawn(STUDY)["error_vs_time"]
     (plot,) = STUDY.plots_of(Results(tmp_path))
     axes = plot.draw().axes[0]
     stars = {
-        (float(line.get_xdata()[0]), round(float(line.get_ydata()[0]), 6))
+        (round(float(line.get_xdata()[0]), 6), round(float(line.get_ydata()[0]), 6))
         for line in axes.lines
         if line.get_marker() == "*"
     }
-    assert {(170.0, 0.1), (101.3, 0.07), (441.3, 0.07)} < stars
+    published = {(round(170 / 1.24, 6), 0.1), (round(101.3 / 1.24, 6), 0.07)}
+    assert published | {(round(441.3 / 1.24, 6), 0.07)} < stars  # over HDC's 1.24 s
     errors = np.concatenate(
         [np.asarray(line.get_ydata(), float) for line in axes.lines]
     )

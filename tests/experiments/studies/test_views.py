@@ -1,11 +1,12 @@
 """Committed tables are those of the committed rows, and every figure of a study can be drawn."""
 
+import ast
 import importlib
 
 import pytest
 from matplotlib import pyplot as plt
 
-from experiments.records.files import REFERENCE
+from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
 
 STUDIES = (
@@ -35,3 +36,23 @@ def test_committed_tables_and_figures_follow_from_the_committed_rows(study, resu
         assert figure.get_figwidth() == 3.4
         assert 0 <= box.x0 < box.x1 <= 3.42  # a hair of a label may stand over
     plt.close("all")
+
+
+def test_no_view_lists_a_model_or_a_recording_and_only_claims_look_at_other_studies():
+    names = {"ridge", "mean_image", "hdc_balanced", "linear_bits", "nearest_neighbour"}
+    names |= {"diffuser", "fibre_grouped", "gelsight", "tactip", "spr"}
+    for path in (ROOT / "experiments" / "studies").glob("*/view.py"):
+        tree, study = ast.parse(path.read_text(encoding="utf-8")), path.parent.name
+        keys = set()
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Tuple | ast.List):
+                keys |= {e.value for e in node.elts if isinstance(e, ast.Constant)}
+            if isinstance(node, ast.ImportFrom) and study != "claims":
+                other = (node.module or "").removeprefix("experiments.studies.")
+                if other != node.module:
+                    assert other.partition(".")[0] == study, f"{study} imports {other}"
+        if study not in (
+            "claims",
+            "values",
+        ):  # which name their evidence, their methods
+            assert not keys & names, study

@@ -1,4 +1,5 @@
-"""Packed hypervectors: balance, distances, majority and counters; the reference is integers."""
+"""Packed hypervectors: bits, distances, majority and counters; references are the definition of a
+hypervector, and integers."""
 
 from __future__ import annotations
 
@@ -8,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import torch
-from hdc.encode import encode
 from torch import Tensor
 
 from experiments.studies.stability.case import case, differing
 from hdc import HDCClassifier, bits
+from hdc.encoders import Median
 from hdc.prototypes import Counters
 
 D = 250_000  # pixels of a frame in the paper
@@ -79,20 +80,46 @@ FRAMES: tuple[tuple[str, str, Callable[[int], np.ndarray], str], ...] = (
 )  # fmt: skip
 
 
-def balance(pixels: Callable[[int], np.ndarray], dtype: str, d: int = D) -> Any:
-    """Ones of a frame's hypervector against ⌊D/2⌋."""
-    frame = torch.from_numpy(pixels(d).astype(dtype))
-    return (
-        lambda: (frame > frame.median()).sum(),
-        lambda: bits.count_ones(encode(frame[None])),
-        d // 2,
-    )
+def violations(ones: np.ndarray, pixels: np.ndarray) -> int:
+    """Bits that break the definition of a hypervector: bool [2, D] of a frame [D] and of a constant
+    one, where every pixel ties.
+
+    Exactly k = ⌊D/2⌋ pixels are ones; with the k-th largest value m, those above m are ones and
+    those below m zeros; and ties go by one order of the pixels, the same for all frames. So the
+    ties that become ones in either frame contain those of the other, among the pixels that tie in
+    both.
+    """
+    k = len(pixels) // 2
+    m = np.sort(pixels)[len(pixels) - k]
+    of_frame, of_constant = ones
+    wrong = np.count_nonzero(~of_frame & (pixels > m))
+    wrong += np.count_nonzero(of_frame & (pixels < m))
+    wrong += sum(abs(int(row.sum()) - k) for row in ones)
+    tied = pixels == m
+    only_here = np.count_nonzero(tied & of_frame & ~of_constant)
+    only_there = np.count_nonzero(tied & of_constant & ~of_frame)
+    return int(wrong + min(only_here, only_there))
+
+
+def definition(make: Callable[[int], np.ndarray], dtype: str, d: int = D) -> Any:
+    """A frame and a constant one: their bits by comparison with the median, and by the encoder."""
+    frame = torch.from_numpy(make(d).astype(dtype))
+    both = torch.stack([frame, frame[:1].expand(d)])
+
+    def naive() -> np.ndarray:
+        return torch.stack([row > row.median() for row in both]).numpy()
+
+    def ours() -> np.ndarray:
+        return bits.unpack(Median().encode(both), d).numpy().astype(bool)
+
+    return naive, ours, frame.numpy()
 
 
 for _name, _extreme, _pixels, _dtype in FRAMES:
     hypervector_case(
-        _extreme, "pixel > median", "hdc.encode", "bits", name=f"balance {_name}"
-    )(partial(balance, _pixels, _dtype))  # fmt: skip
+        _extreme, "pixel > median", "hdc.encoders.Median", "bits", name=f"definition {_name}",
+        error=violations,
+    )(partial(definition, _pixels, _dtype))  # fmt: skip
 
 
 def tail_bits(d: int) -> Any:

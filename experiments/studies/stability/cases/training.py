@@ -8,6 +8,8 @@ from typing import Any
 import mpmath
 import numpy as np
 import torch
+from scipy.optimize import minimize
+from scipy.special import expit
 from torch import Tensor
 
 from baselines.correlation import CorrelationClassifier
@@ -111,6 +113,48 @@ def duplicated_samples(m: int = 50, c: float = 1.0) -> Any:
         return float(scores[0] - scores[1])
 
     return naive, ours, float(2 * beta)
+
+
+@training_case(
+    "nearly separable frames, C = 10^6: full steps of Newton's method overshoot until exp(z) is ∞",
+    "Newton's method, full steps", "DualSoftmaxRegression", "relative", error=relative,
+    tolerance=1e-6,
+)  # fmt: skip
+def steps_that_overshoot(c: float = 1e6) -> Any:
+    pixels = [[0, 255], [2, 1], [0, 1], [1, 0], [255, 5], [0, 255], [20, 20]]
+    labels = np.array([0, 1, 0, 0, 0, 0, 0])
+    frames = torch.tensor(pixels, dtype=torch.uint8)[:, None]
+    x = np.column_stack([np.array(pixels) / 255, np.ones(len(pixels))])
+    signed = x * (1 - 2 * labels)[:, None]
+    penalty = np.diag(
+        [0.5, 0.5, 0.0]
+    )  # ¼|v|² of the difference v of the classes' weights
+
+    # F(v, b) = C Σ log(1 + e^{−z}) + ¼|v|²: scikit-learn's objective of two classes.
+    def objective(w: np.ndarray) -> float:
+        return c * np.logaddexp(0, -signed @ w).sum() + w @ penalty @ w / 2
+
+    def gradient(w: np.ndarray) -> np.ndarray:
+        return -c * signed.T @ expit(-signed @ w) + penalty @ w
+
+    def hessian(w: np.ndarray) -> np.ndarray:
+        p = expit(signed @ w)
+        return c * (signed.T * p * (1 - p)) @ signed + penalty
+
+    def naive() -> float:
+        w = np.zeros(3)
+        for _ in range(100):
+            w -= np.linalg.solve(hessian(w), gradient(w))
+        return objective(w)
+
+    def ours() -> float:
+        return DualSoftmaxRegression(C=c, tol=1e-14).fit(frames, labels).objective_
+
+    exact = minimize(
+        objective, np.zeros(3), method="trust-exact", jac=gradient, hess=hessian,
+        options={"gtol": 1e-3, "maxiter": 5000},
+    )  # fmt: skip
+    return naive, ours, exact.fun
 
 
 @training_case(

@@ -1,0 +1,68 @@
+"""What several studies read from measurements: by scene, over seeds or draws, as matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from experiments.records import configs
+from experiments.records.measurement import Measured
+from experiments.records.results import Results
+from experiments.reporting.estimates import Estimate, mean_interval
+
+RIVAL = "softmax_dual"  # the primary rival, named beforehand: the paper's own, at its optimum
+SATURATED = 0.995  # accuracy from which frames cannot tell models apart
+ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
+
+
+def by_scene(results: Results, name: str) -> dict[str, Measured]:
+    """Finished measurements by the name of their scene, in the order of their places; of several
+    of one scene the one whose config was changed least."""
+    found: dict[str, Measured] = {}
+    for measured in results.measurements:  # those changed least come first
+        if measured.record.name == name:
+            found.setdefault(measured.record.scene, measured)
+    ordered = sorted(found, key=lambda scene: (place_of(scene), scene))
+    return {scene: found[scene] for scene in ordered}
+
+
+def place_of(scene: str) -> float:
+    """The place of a scene among the others."""
+    return float(configs.scene_display(scene)["place"])
+
+
+def saturated(measured: Measured) -> bool:
+    """Whether the frames of a measurement cannot tell models apart, as its scene says."""
+    scene = measured.record.config.get("scene") or {}
+    return bool(scene.get("saturated"))
+
+
+def models_of(rows: pd.DataFrame) -> list[str]:
+    """The models of some rows: HDC first, then the primary rival, others in the order of rows."""
+    first = ("hdc", RIVAL)
+    models = [str(model) for model in rows["model"].unique()]
+    front = [model for model in first if model in models]
+    return [*front, *(model for model in models if model not in first)]
+
+
+def over_units(values: Sequence[float], seeds: bool) -> Estimate:
+    """Mean with Student's interval over seeds; of draws from one recording, which share frames,
+    with the central 95 % of the draws."""
+    if seeds:
+        return mean_interval(list(values))
+    low, high = np.quantile(values, (0.025, 0.975))
+    return Estimate(float(np.mean(values)), float(low), float(high))
+
+
+def matrices(
+    rows: pd.DataFrame, kind: str, samples: str
+) -> tuple[list[str], NDArray[np.float64], int]:
+    """Correlation matrices of a measurement: classes, C [seeds, L, L], samples per class."""
+    chosen = rows[(rows.kind == kind) & (rows.samples == samples)]
+    classes = list(chosen.class_i.unique())
+    # Rows are in the order in which they were made: by seed, row and column of the matrix.
+    values = chosen.value.to_numpy(float).reshape(-1, len(classes), len(classes))
+    return classes, values, int(chosen.n.iloc[0])
