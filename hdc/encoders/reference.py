@@ -15,7 +15,7 @@ from hdc.encoders.ranks import check_frames, warn_of_constant
 
 FRACTION = 16  # bits after the point of a standardised pixel
 _LARGEST = 18  # bits that floating-point pixels are scaled to
-CHUNK = 16  # frames at a time; 8 bytes a pixel, several times
+_STEP = 2**22  # pixels of several frames at a time; 8 bytes each, several times
 
 
 class Reference(Encoder):
@@ -83,8 +83,9 @@ class Reference(Encoder):
     def zero(self, frames: Any) -> Self:
         """Take the mean of these standardised frames [N, H, W] or [N, D] as the reference."""
         total: Any = 0
-        for start in range(0, len(frames), CHUNK):
-            part = torch.as_tensor(frames[start : start + CHUNK])
+        step = _frames_at_a_time(frames)
+        for start in range(0, len(frames), step):
+            part = torch.as_tensor(frames[start : start + step])
             total = total + standardised(part).sum(0, dtype=torch.int64)
         self.reference_ = total // len(frames)
         return self
@@ -103,8 +104,9 @@ class Reference(Encoder):
         reference = self.reference_.to(frames.device, torch.int32)
         constant: list[int] = []
         words = []
-        for start in range(0, max(1, len(frames)), CHUNK):
-            part = frames[start : start + CHUNK]
+        step = _frames_at_a_time(frames)
+        for start in range(0, max(1, len(frames)), step):
+            part = frames[start : start + step]
             values = standardised(part, first + start)
             flat = ~values.any(1)
             constant += [start + i for i in flat.nonzero().flatten().tolist()]
@@ -126,6 +128,11 @@ class Reference(Encoder):
                 f"reference: expected {n_pixels} pixels, found {len(reference)}"
             )
         self.reference_ = reference
+
+
+def _frames_at_a_time(frames: Any) -> int:
+    n_pixels = math.prod(frames.shape[1:])
+    return max(1, _STEP // max(1, n_pixels))
 
 
 def standardised(frames: Tensor, first: int = 0) -> Tensor:

@@ -28,10 +28,10 @@ from omegaconf import OmegaConf
 from rich.console import Console
 
 from experiments.protocol import data
+from experiments.protocol.evaluate import train_until
 from experiments.protocol.experiment import Run
 from experiments.protocol.model import instantiate
 from experiments.protocol.stop import StopRule
-from experiments.protocol.trial import train_until
 from experiments.records import configs
 from experiments.records.revision import revisions
 from experiments.records.rows import unpack_labels
