@@ -18,6 +18,7 @@ FIELDS = {
 _LONGEST = {
     "text": r"[^/]+",
     "anything": r"[^/]*",
+    "word": r"[^\W\d_]+",
     "whole": r"\d+",
     "number": r"\d+(?:\.\d+)?",
     "signed": r"[-+]?\d+(?:\.\d+)?",
@@ -25,10 +26,12 @@ _LONGEST = {
 _SHORTEST = {
     "text": r"[^/]+?",
     "anything": r"[^/]*?",
+    "word": r"[^\W\d_]+?",
     "whole": r"\d+?",
     "number": r"\d+?(?:\.\d+?)??",
     "signed": r"[-+]??\d+?(?:\.\d+?)??",
 }
+_FORMS = {"d": "whole", "w": "word"}
 _FREE = ("text", "anything")
 # Beside free text a number is as long as it can be: "wood12" is wood and 12, not wood1 and 2.
 _BEFORE = {
@@ -47,7 +50,7 @@ class Template:
     """A template such as ``{session}/{label}/*_{order}.png``.
 
     Fields are ``label``, ``session`` and ``group`` (any text within a name, or a whole number as
-    ``{session:d}``), ``order`` and ``value`` (numbers); ``*`` is any text within a name.
+    ``{session:d}``, or letters alone as ``{label:w}``), ``order`` and ``value`` (numbers); ``*`` is any text within a name.
 
     Raises:
         SettingError: a field is unknown or there twice.
@@ -76,7 +79,8 @@ class Template:
             raise SettingError(
                 f"template: expected one reading of each path, found two of {file}: "
                 f"{_shown(fields)}; or {_shown(longest.groupdict())} (a field that is a whole "
-                "number is written {session:d}; a manifest.csv says it file by file)"
+                "number is written {session:d}, one of letters alone {label:w}; a manifest.csv says it "
+                "file by file)"
             )
         return fields
 
@@ -116,8 +120,8 @@ class Template:
         self._require(name in FIELDS)
         if not colon:
             return FIELDS[name], name
-        self._require(form == "d" and FIELDS[name] == "text")
-        return "whole", name
+        self._require(form in _FORMS and FIELDS[name] == "text")
+        return _FORMS[form], name
 
     def _require(self, condition: bool) -> None:
         known = ", ".join(f"{{{name}}}" for name in FIELDS)

@@ -159,7 +159,7 @@ def test_labels_of_other_names_are_one_class_and_groups_stay_whole(root):
     for k, name in enumerate(names):
         write(root / "data" / f"{name}.png", np.full((3, 3), k, np.uint8))
     scene = touches(
-        template="{label}_{group}_{order}.png",
+        template="{label:w}_{group}_{order}.png",
         folders=["data"],
         rename={"Toshion": "Torsion"},
         unknown=["Both"],

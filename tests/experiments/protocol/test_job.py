@@ -42,7 +42,7 @@ def test_a_run_says_what_it_was_and_what_came_out(
 
 
 IDENTITY = ["seed.run=1", "seed.pixels=7", "split.kind=ordered", "split.n_train=20",
-            "data.pixels=100", "model.ties=one", "scene.subsample=2"]  # fmt: skip
+            "data.pixels=100", "model.readout.ties=one", "scene.subsample=2"]  # fmt: skip
 
 
 def test_the_id_is_a_function_of_config_and_data(carry_out, recording):

@@ -79,7 +79,7 @@ def test_what_learns_in_one_pass_ends_by_itself_whatever_the_rule(tmp_path, writ
 
 
 CHANGED = {
-    "model.ties": ("one", ("touch", 'hdc (ties="one")')),
+    "model.readout.ties": ("one", ("touch", 'hdc (readout.ties="one")')),
     "scene.sensor.seed": (9, None),  # a seed: another repetition
     "scene.samples_per_class": (20, ("touch (samples_per_class=20)", "hdc")),
     "split.kind": ("ordered", ('touch (kind="ordered")', "hdc")),

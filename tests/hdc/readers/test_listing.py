@@ -291,6 +291,11 @@ def test_a_template_that_reads_a_name_in_two_ways_is_refused(tmp_path, pixels):
         ("{label}{session}.png", "abc.png", None),
         ("*_{label}_*.png", "a_x_y_x_b.png", None),
         ("{label}-{value}.png", "a--5.png", None),
+        (
+            "{label:w}_{group}_{order}.png",
+            "Both_Shear_T_2.png",
+            {"label": "Both", "group": "Shear_T", "order": "2"},
+        ),
     ],
 )
 def test_readings_of_a_name(template, name, expected):
