@@ -148,12 +148,19 @@ class Case:
 
 
 def threshold(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Exactly half of the pixels [D] as ones, and the pixels that equal the median: of those the
-    first become ones, as many as are needed."""
+    """Exactly half of the pixels [D] as ones, and the pixels that equal the median.
+
+    Of those as many become ones as are needed, pixel 64·w + b by the key ((b + h(w)) mod 64, w)
+    with h(w) = (w·0x9E3779B1 mod 2³²) >> 26.
+    """
     ones = len(pixels) // 2
     level = np.partition(pixels, len(pixels) - ones)[len(pixels) - ones]
     passed, equal = pixels > level, pixels == level
-    passed[np.flatnonzero(equal)[: ones - int(passed.sum())]] = True
+    ties = np.flatnonzero(equal)
+    word, bit = np.divmod(ties, 64)
+    turn = (bit + ((word * 0x9E3779B1 % 2**32) >> 26)) % 64
+    in_order = ties[np.lexsort((word, turn))]
+    passed[in_order[: ones - int(passed.sum())]] = True
     return passed, equal
 
 

@@ -60,12 +60,18 @@ def test_a_result_is_right_and_a_changed_one_is_not(operation):
             )  # exact to the last bit
 
 
+def tie_key(j):
+    """Place of pixel 64·w + b among equal ones, by the definition of ``spread``."""
+    w, b = divmod(j, 64)
+    return (b + (w * 0x9E3779B1 % 2**32 >> 26)) % 64, w
+
+
 def test_the_reference_splits_ties_as_defined():
     case = Case("encode", 12, 1000, 3)
     expected, ties = case.expected
     for pixels, packed, free in zip(case.pixels.numpy(), expected, ties, strict=True):
         ones = np.unpackbits(packed, count=1000, bitorder="little")
-        order = np.lexsort((np.arange(1000), -pixels.astype(int)))
+        order = sorted(range(1000), key=lambda j, x=pixels: (-int(x[j]), tie_key(j)))
         assert set(np.flatnonzero(ones)) == set(order[:500])
         tied = np.flatnonzero(np.unpackbits(free, count=1000, bitorder="little"))
         assert set(pixels[tied]) == {np.sort(pixels)[500]}

@@ -17,10 +17,9 @@ MODELS = {
     for n in ("hdc", "hdc_random_ties", "hdc_integer", "ridge")
 }
 MODELS |= {
-    "hdc_balanced": configs.part("model", "hdc"),
+    "hdc_balanced": configs.part("model", "hdc_balanced"),
     "mean_image": configs.part("model", "mean_image"),
 }
-MODELS["hdc_balanced"] = {"model": {**MODELS["hdc"]["model"], "balance": True}}
 SPLIT = {"kind": "random", "test_fraction": 0.5, "group": None}
 
 
