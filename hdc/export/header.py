@@ -9,12 +9,10 @@ from string import Template
 
 import numpy as np
 
+from hdc.export.banner import WIDTH, banner, has_window
 from hdc.export.plan import Plan
-from hdc.readouts import LDA, Majority
+from hdc.readouts import LDA
 
-MARK = "Made by hdc export"
-"""What the files of an export say near their beginning; no others are replaced."""
-_WIDTH = 88
 _FIRST_RULES = {
     "raster": ("Ties: the first pixels of the frame become ones.", "missing"),
     "below": (
@@ -36,7 +34,7 @@ def header(plan: Plan, file: str, origin: str) -> str:
     return piece(
         "header.h",
         plan,
-        banner=_banner(plan, file, origin),
+        banner=banner(plan, file, origin),
         sizes=_sizes(plan),
         pixel=f"uint{plan.sizes.pixel_bits}_t",
         fields=_fields(plan),
@@ -59,7 +57,7 @@ def rows_of(numbers: Sequence[str], indent: int = 4) -> str:
     """Numbers, as many on a line as there is room for."""
     return textwrap.fill(
         ", ".join(numbers),
-        _WIDTH,
+        WIDTH,
         initial_indent=" " * indent,
         subsequent_indent=" " * indent,
     )
@@ -72,107 +70,6 @@ def quoted(text: str) -> str:
         plain = 32 <= byte < 127 and chr(byte) not in '"\\?'
         characters.append(chr(byte) if plain else f"\\{byte:03o}")
     return f'"{"".join(characters)}"'
-
-
-# What it says of itself --------------------------------------------------------------------------
-
-
-def _banner(plan: Plan, file: str, origin: str) -> str:
-    sizes = plan.sizes
-    paragraphs = [
-        f"{file}: which of {sizes.classes} classes a frame is of, in whole numbers.",
-        f"{MARK} from {origin}. Encoder {plan.encoder!r}, read-out {plan.readout!r}.",
-        _frames_expected(plan),
-        f"Bits: that of pixel j and threshold t is bit i = t * {sizes.ranked} + j of "
-        f"{sizes.dimension}; bit i is bit (i mod 64) of word i / 64, the least significant being bit 0. "
-        + _words_kept(plan),
-        _score_meaning(plan),
-    ]
-    if plan.share is not None:
-        paragraphs.append(_rejection_meaning(plan))
-    if plan.left_out:
-        listed = ", ".join(plan.left_out)
-        paragraphs.append(f"Classes without training frames are left out: {listed}.")
-    paragraphs += [
-        f"It takes {sizes.constant_bytes} bytes of tables and {sizes.scratch_bytes} of memory "
-        f"({plan.name}_scratch), the frame of {sizes.frame_bytes} bytes aside, and allocates "
-        "nothing. C99 or C++11. Include it in one source file: each that does has its own tables.",
-    ]
-    lines = []
-    for text in paragraphs:
-        lines += [
-            "",
-            *textwrap.wrap(_comment(text), _WIDTH - 3, break_long_words=False),
-        ]
-    lines += [
-        "",
-        f"    static {plan.name}_scratch scratch;",
-        f"    int c = {plan.name}_predict(&scratch, frame);",
-        f"    const char *name = {plan.name}_classes[c];",
-    ]
-    body = "\n".join(f" * {line}".rstrip() for line in lines[2:])
-    return f"/* {lines[1]}\n{body}\n */"
-
-
-def _comment(text: str) -> str:
-    """Text that ends no comment of C and begins none."""
-    printable = "".join(c if c.isprintable() else "?" for c in text)
-    return printable.replace("*/", "* /").replace("/*", "/ *")
-
-
-def _frames_expected(plan: Plan) -> str:
-    sizes, window = plan.sizes, plan.window
-    if len(plan.frame_shape) == 1:
-        text = f"Frames: {sizes.pixels} numbers of {sizes.pixel_bits} bits"
-    else:
-        height, width = plan.frame_shape
-        text = (
-            f"Frames: {height} rows of {width} grey pixels of {sizes.pixel_bits} bits, row by row "
-            "from the top, each from the left"
-        )
-    if window.crop is not None:
-        x, y, width, height = window.crop
-        text += f"; of an image, the {width} x {height} pixels from x = {x}, y = {y} on"
-    if window.subsample > 1:
-        text += f"; one of {window.subsample} on both axes, from the first on"
-    if _has_window(plan):
-        return f"{text}. {plan.name}_window cuts them out."
-    return f"{text}."
-
-
-def _words_kept(plan: Plan) -> str:
-    every = plan.sizes.every
-    if every == 1:
-        return "Bits of the last word beyond these are 0."
-    return (
-        f"Only the words 0, {every}, {2 * every} ... are kept and compared, {plan.sizes.compared} "
-        "bits; the ranks of pixels are those in the whole frame."
-    )
-
-
-def _score_meaning(plan: Plan) -> str:
-    if isinstance(plan.readout, LDA):
-        return (
-            "Scores: discriminants in the units of hdc.readouts.LDA, the same as in Python. The "
-            "largest wins, of equal ones the first."
-        )
-    same = "the same as in Python"
-    if plan.sizes.every > 1:
-        same = "of the words that are kept"
-    return (
-        f"Scores: minus the Hamming distance to each prototype, {same}. The largest wins, of equal "
-        "ones the first."
-    )
-
-
-def _rejection_meaning(plan: Plan) -> str:
-    assert plan.share is not None
-    return (
-        f"{plan.name}_known: whether a frame is no farther from the majority of some class than "
-        f"training frames were that were left out of it, but for a share of {float(plan.share):g}. "
-        "Python compares anew for each frame, with a guarantee; this is one distance a class, "
-        "without. After drift more frames are refused."
-    )
 
 
 # Numbers and tables ------------------------------------------------------------------------------
@@ -307,7 +204,7 @@ def _encoding(plan: Plan) -> str:
 def _classes(plan: Plan) -> str:
     parts = [piece("popcount.h", plan)]
     weighted = isinstance(plan.readout, LDA)
-    if not weighted or plan.share is not None:
+    if not weighted or plan.sizes.extra:
         parts.append(piece("distance.h", plan))
     parts.append(piece("score_weights.h" if weighted else "score_prototypes.h", plan))
     return "\n".join(parts).rstrip()
@@ -317,17 +214,12 @@ def _after(plan: Plan) -> str:
     """Functions beside the prediction."""
     parts = []
     if plan.share is not None:
-        distance = f"{plan.name}_distance(s->hypervector, {plan.name}_majority[c])"
-        if isinstance(plan.readout, Majority):
-            distance = "-s->scores[c]"
+        distance = "-s->scores[c]"
+        if plan.sizes.extra:
+            distance = f"{plan.name}_distance(s->hypervector, {plan.name}_majority[c])"
         parts.append(piece("known.h", plan, distance=distance))
-    if _has_window(plan):
+    if has_window(plan):
         x, y = (plan.window.crop or (0, 0))[:2]
         step = plan.window.subsample
         parts.append(piece("window.h", plan, x0=x, y0=y, step=step))
     return "".join(parts)
-
-
-def _has_window(plan: Plan) -> bool:
-    cut = plan.window.crop is not None or plan.window.subsample > 1
-    return cut and len(plan.frame_shape) == 2

@@ -19,6 +19,7 @@ from hdc.export.thresholds import distance_thresholds
 from hdc.parameters import check_choice
 from hdc.readers import Window
 from hdc.readouts import LDA, Counts, Majority, Neighbours, Ridge, Trained
+from hdc.readouts.majority import EXTRAS
 from hdc.rejection import Peers
 
 PIXEL_BITS = (8, 16)
@@ -101,7 +102,12 @@ class Plan:
             )
         counts = model.counts_.tolist()
         names = [str(label) for label in model.classes_.tolist()]
-        rows = tuple(row for row, n in enumerate(counts) if n > 0)
+        rows = [row for row, n in enumerate(counts) if n > 0]
+        share = None if reject is None else _exact_share(reject)
+        tables = _encoding(encoder, model.n_features_in_)
+        tables |= _classes(readout, rows, model.dimension_, subsample)
+        if share is not None:
+            tables |= _rejection(model, rows, subsample, share)
         sizes = Sizes(
             pixels=model.n_features_in_,
             ranked=_ranked(encoder, model.n_features_in_),
@@ -109,22 +115,21 @@ class Plan:
             thresholds=len(encoder.quantiles),
             classes=len(rows),
             ties=encoder.ties,
-            planes=readout.weights_.shape[1] if isinstance(readout, LDA) else 1,
+            planes=tables["weights"].shape[1] if "weights" in tables else 1,
             every=subsample,
-            extra=int(reject is not None and not isinstance(readout, Majority)),
-            rejects=reject is not None,
+            extra=int("majority" in tables),
+            rejects=share is not None,
         )
-        share = None if reject is None else _exact_share(reject)
         return cls(
             name=name,
             encoder=encoder,
             readout=readout,
             classes=tuple(names[row] for row in rows),
-            rows=rows,
+            rows=tuple(rows),
             left_out=tuple(names[row] for row, n in enumerate(counts) if n == 0),
             frame_shape=tuple(model.frame_shape_),
             window=window or Window(),
-            tables=_tables(model, list(rows), sizes, share),
+            tables=tables,
             share=share,
             sizes=sizes,
         )
@@ -170,30 +175,22 @@ def _ranked(encoder: RankEncoder, n_pixels: int) -> int:
     return encoder.dimension(n_pixels) // len(encoder.quantiles)
 
 
-def _tables(
-    model: HDCClassifier, rows: list[int], sizes: Sizes, share: Fraction | None
-) -> dict[str, np.ndarray]:
-    """The tables of a header, by name."""
-    encoder, readout = model.encoder_, model.readout_
-    assert isinstance(encoder, RankEncoder)
-    tables = {"ones": np.array(encoder.ones(sizes.ranked), np.int64)}
-    if sizes.has_lit:
-        assert isinstance(encoder, Levels)
+def _encoding(encoder: RankEncoder, n_pixels: int) -> dict[str, np.ndarray]:
+    """Tables of the encoder."""
+    ranked = _ranked(encoder, n_pixels)
+    tables = {"ones": np.array(encoder.ones(ranked), np.int64)}
+    if isinstance(encoder, Levels) and ranked < n_pixels:
         tables["lit"] = _kept(bits.pack(encoder.lit_.cpu()), 1)
-    if isinstance(readout, LDA):
-        tables |= _weights(readout, rows, sizes.dimension)
-    else:
-        assert isinstance(readout, Majority | Trained)
-        tables["prototypes"] = _kept(readout.prototypes_[rows], sizes.every)
-    if share is None:
-        return tables
-    if not isinstance(readout, Majority):
-        tables["majority"] = _kept(model.prototypes_[rows], sizes.every)
-    thresholds = distance_thresholds(
-        _peers(model, rows, sizes.every), share, sizes.compared
-    )
-    tables["thresholds"] = np.array(thresholds, np.int64)
     return tables
+
+
+def _classes(
+    readout: Majority | Trained | LDA, rows: list[int], dimension: int, every: int
+) -> dict[str, np.ndarray]:
+    """Tables of the read-out."""
+    if isinstance(readout, LDA):
+        return _weights(readout, rows, dimension)
+    return {"prototypes": _kept(readout.prototypes_[rows], every)}
 
 
 def _kept(words: Tensor, every: int) -> np.ndarray:
@@ -221,12 +218,21 @@ def _weights(readout: LDA, rows: list[int], dimension: int) -> dict[str, np.ndar
     }
 
 
-def _peers(model: HDCClassifier, rows: list[int], every: int) -> list[Peers]:
-    """Kept frames of each class, of every so many words."""
-    deciding = model._majority.deciding()[..., ::every]
+def _rejection(
+    model: HDCClassifier, rows: list[int], every: int, share: Fraction
+) -> dict[str, np.ndarray]:
+    """Thresholds, and the prototypes that they are of where the scores are of others."""
+    deciding = model._majority.deciding()[rows]
     labels = model.classes_.tolist()
     peers = []
-    for row in rows:
+    for row, prototypes in zip(rows, deciding[..., ::every], strict=True):
         kept = model._sample.of(labels[row])[:, ::every]
-        peers.append(Peers.of(kept.contiguous(), deciding[row].contiguous()))
-    return peers
+        peers.append(Peers.of(kept.contiguous(), prototypes.contiguous()))
+    thresholds = distance_thresholds(peers, share, model.dimension_)
+    tables = {"thresholds": np.array(thresholds, np.int64)}
+    # Those of classes of unequal size are thinned for the scores, and whole for rejection.
+    whole = deciding[:, EXTRAS.index(0)]
+    readout = model.readout_
+    if not isinstance(readout, Majority) or not whole.equal(readout.prototypes_[rows]):
+        tables["majority"] = _kept(whole, every)
+    return tables

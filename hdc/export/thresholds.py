@@ -3,9 +3,8 @@
 The model's own rejection (:mod:`hdc.rejection`) asks, for every new frame x, how far each kept
 training frame would be from the prototype with x in its place. A board has no room for that. Here
 kept frames are compared once with the prototype made without them, and a new frame with the
-prototype as it is: the jackknife, without x (Barber et al., Ann. Statist. 49, 486 (2021), Sec. 1).
-It has no guarantee for every distribution, unlike conformal prediction; with some tens of training
-frames a class the two nearly always agree.
+prototype as it is: the jackknife, which unlike conformal prediction guarantees nothing for every
+distribution (Barber et al., Ann. Statist. 49, 486 (2021), Sec. 1).
 """
 
 from __future__ import annotations
@@ -39,8 +38,8 @@ def distance_thresholds(
     pool = _deviations(held_out)
     if any(len(own) == 0 for own in held_out) or share * (len(pool) + 1) < 1:
         warnings.warn(
-            f"{float(share):g} of known frames: expected two kept frames of each class or more, and "
-            f"{math.ceil(1 / share) - 1} in all, found {len(pool)}; no frame is refused",
+            f"{float(share):g} of known frames: expected at least two kept frames of each class, "
+            f"and {math.ceil(1 / share) - 1} in all, found {len(pool)}; no frame is refused",
             stacklevel=2,
         )
         return [farthest] * len(peers)

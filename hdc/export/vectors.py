@@ -10,7 +10,6 @@ import torch
 from hdc.classifier import HDCClassifier
 from hdc.export.header import piece, rows_of
 from hdc.export.plan import Plan
-from hdc.readouts import LDA
 
 _START, _PRIME = 0xCBF29CE484222325, 0x100000001B3  # of FNV-1a with 64 bits
 
@@ -92,23 +91,23 @@ def answer(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of constant frames and ties, which are wanted
         words = plan.encoder.encode(torch.from_numpy(pixels).to(model.device))
-    if plan.sizes.every == 1 or isinstance(plan.readout, LDA):
-        scores = plan.readout.scores(words).numpy(force=True)[0, list(plan.rows)]
     kept = words.numpy(force=True).view(np.uint64)[0, :: plan.sizes.every]
     if plan.sizes.every > 1:
-        scores = -distances(kept, plan.tables["prototypes"])
-    return kept, scores
+        return kept, -distances(kept, plan.tables["prototypes"])
+    scores = plan.readout.scores(words).numpy(force=True)
+    return kept, scores[0, list(plan.rows)]
 
 
 def is_known(plan: Plan, words: np.ndarray) -> bool:
     """Whether words uint64 [W] are near enough to some class."""
     if plan.share is None:
         return True
-    prototypes = plan.tables.get("majority", plan.tables.get("prototypes"))
-    return bool((distances(words, prototypes) <= plan.tables["thresholds"]).any())
+    table = "majority" if "majority" in plan.tables else "prototypes"
+    near = distances(words, plan.tables[table]) <= plan.tables["thresholds"]
+    return bool(near.any())
 
 
-def distances(words: np.ndarray, prototypes: np.ndarray | None) -> np.ndarray:
+def distances(words: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
     """Hamming distances int64 [L] of words uint64 [W] to prototypes uint64 [L, W]."""
     return np.bitwise_count(words ^ prototypes).sum(1, dtype=np.int64)
 

@@ -1,4 +1,4 @@
-/* Scores: a whole weight q from -7 to 7 for each bit, stored as q + 8 in four planes. With
+/* Scores: each bit has a whole weight q from -7 to 7, as q + 8 in four planes. With
    bits of +1 and -1 the sum of q times bit is 2 (sum of q + 8 over ones - 8 ones) less
    what no frame changes, which is in the bias. */
 static inline void ${name}_score(${name}_scratch *s)

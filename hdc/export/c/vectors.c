@@ -1,8 +1,8 @@
 /* ${file}: does ${header} answer as Python does?
  *
  * Made by hdc export. It makes $n frames by a formula, and compares hypervector, scores
- * and class with those of the model in Python. The program ends with 0 if all agree, else
- * with the number of the first frame that differs, counted from 1:
+ * and class with those of the model in Python. The program ends with 0 if all agree,
+ * else with the number of the first frame that differs, counted from 1:
  *
  *     cc -std=c99 -o ${name}_test ${file} && ./${name}_test
  *
