@@ -86,8 +86,8 @@ def _bit_order(plan: Plan) -> str:
     if every == 1:
         return f"{order} What is left of the last word is 0."
     return (
-        f"{order} Only the words 0, {every}, {2 * every} ... are kept and compared, {plan.sizes.compared} "
-        "bits; the ranks of pixels are those in the whole frame."
+        f"{order} Only the words 0, {every}, {2 * every} ... are kept and compared, "
+        f"{sizes.compared} bits; the ranks of pixels are those in the whole frame."
     )
 
 

@@ -72,7 +72,7 @@ class Sizes:
         if self.planes > 1:
             total += 2 * 8 * self.classes  # a scale and a bias of each class
         if self.rejects:
-            total += 4 * self.classes
+            total += 8 * self.classes
         if self.has_lit:
             total += 8 * bits.words_for(self.pixels)
         return total

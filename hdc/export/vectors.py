@@ -94,7 +94,7 @@ def answer(
     kept = words.numpy(force=True).view(np.uint64)[0, :: plan.sizes.every]
     if plan.sizes.every > 1:
         return kept, -distances(kept, plan.tables["prototypes"])
-    scores = plan.readout.scores(words).numpy(force=True)
+    scores: np.ndarray = plan.readout.scores(words).numpy(force=True)
     return kept, scores[0, list(plan.rows)]
 
 
