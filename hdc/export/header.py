@@ -63,6 +63,19 @@ def rows_of(numbers: Sequence[str], indent: int = 4) -> str:
     )
 
 
+def nested(table: np.ndarray, depth: int = 1) -> str:
+    """Rows of a table between braces, as deep as it has axes."""
+    if table.ndim > 1:
+        blank = " " * (4 * depth)
+        inner = [nested(part, depth + 1) for part in table]
+        return ",\n".join(f"{blank}{{\n{text}\n{blank}}}" for text in inner)
+    if table.dtype == np.uint64:
+        numbers = [f"0x{word:016x}" for word in table.tolist()]
+    else:
+        numbers = [str(number) for number in table.tolist()]
+    return rows_of(numbers, 4 * depth)
+
+
 def quoted(text: str) -> str:
     """A string of C; other than plain characters as the octal numbers of their UTF-8 bytes."""
     characters = []
@@ -161,7 +174,7 @@ def _tables(plan: Plan) -> str:
         if name not in plan.tables:
             continue
         start = f"static const {kind} {plan.name}_{name}{shape} = {{"
-        content = _nested(plan.tables[name])
+        content = nested(plan.tables[name])
         parts.append(f"/* {meanings[name]} */\n{start}\n{content}\n}};")
     return "\n\n".join(parts)
 
@@ -170,19 +183,6 @@ def _names(plan: Plan) -> str:
     start = f"static const char *const {plan.name}_classes[{plan.name.upper()}_CLASSES] = {{"
     lines = [f"    {quoted(name)}," for name in plan.classes]
     return "\n".join([start, *lines, "};"])
-
-
-def _nested(table: np.ndarray, depth: int = 1) -> str:
-    """Rows of a table between braces, as deep as it has axes."""
-    if table.ndim > 1:
-        blank = " " * (4 * depth)
-        inner = [_nested(part, depth + 1) for part in table]
-        return ",\n".join(f"{blank}{{\n{text}\n{blank}}}" for text in inner)
-    if table.dtype == np.uint64:
-        numbers = [f"0x{word:016x}" for word in table.tolist()]
-    else:
-        numbers = [str(number) for number in table.tolist()]
-    return rows_of(numbers, 4 * depth)
 
 
 # Functions ---------------------------------------------------------------------------------------

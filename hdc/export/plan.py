@@ -26,6 +26,8 @@ PIXEL_BITS = (8, 16)
 """Bits of a pixel that a header can be made for."""
 ENCODERS = (Median, Quantile, Levels)
 READOUTS = (Majority, Trained, LDA)
+PLANES = 4
+"""Hypervectors that hold the weights of a class of LDA."""
 _WEIGHT_OFFSET = 8  # LDA.weights_ are q + 8
 _WHY_NOT: dict[type, str] = {
     Counts: "the cosines of which need roots",
@@ -93,16 +95,10 @@ class Plan:
         check_name(name)
         check_choice("bits", pixel_bits, PIXEL_BITS)
         encoder, readout = model.encoder_, model.readout_
-        if subsample < 1:
-            raise ValueError(f"subsample: expected an integer ≥ 1, found {subsample}")
-        if subsample > 1 and isinstance(readout, LDA):
-            raise ValueError(
-                "subsample: expected 1 with the read-out lda, whose weights were fitted to all "
-                f"bits together, found {subsample}; hdc train --subsample makes a smaller model"
-            )
-        counts = model.counts_.tolist()
-        names = [str(label) for label in model.classes_.tolist()]
-        rows = [row for row, n in enumerate(counts) if n > 0]
+        _check_subsample(subsample, readout)
+        known = model.counts_ > 0
+        rows = np.flatnonzero(known).tolist()
+        names = np.array([str(label) for label in model.classes_.tolist()])
         share = None if reject is None else _exact_share(reject)
         tables = _encoding(encoder, model.n_features_in_)
         tables |= _classes(readout, rows, model.dimension_, subsample)
@@ -115,7 +111,7 @@ class Plan:
             thresholds=len(encoder.quantiles),
             classes=len(rows),
             ties=encoder.ties,
-            planes=tables["weights"].shape[1] if "weights" in tables else 1,
+            planes=PLANES if "weights" in tables else 1,
             every=subsample,
             extra=int("majority" in tables),
             rejects=share is not None,
@@ -124,9 +120,9 @@ class Plan:
             name=name,
             encoder=encoder,
             readout=readout,
-            classes=tuple(names[row] for row in rows),
+            classes=tuple(names[known].tolist()),
             rows=tuple(rows),
-            left_out=tuple(names[row] for row, n in enumerate(counts) if n == 0),
+            left_out=tuple(names[~known].tolist()),
             frame_shape=tuple(model.frame_shape_),
             window=window or Window(),
             tables=tables,
@@ -160,6 +156,16 @@ def _check_exportable(model: Any) -> None:
         raise ValueError(
             "export: expected the read-out majority, trained or lda, found "
             f"{model.readout_!r}, {why}"
+        )
+
+
+def _check_subsample(subsample: int, readout: Any) -> None:
+    if subsample < 1:
+        raise ValueError(f"subsample: expected an integer ≥ 1, found {subsample}")
+    if subsample > 1 and isinstance(readout, LDA):
+        raise ValueError(
+            "subsample: expected 1 with the read-out lda, whose weights were fitted to all bits "
+            f"together, found {subsample}; hdc train --subsample makes a smaller model"
         )
 
 

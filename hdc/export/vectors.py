@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from hdc.classifier import HDCClassifier
-from hdc.export.header import piece, rows_of
+from hdc.export.header import nested, piece, rows_of
 from hdc.export.plan import Plan
 
 _START, _PRIME = 0xCBF29CE484222325, 0x100000001B3  # of FNV-1a with 64 bits
@@ -33,10 +33,6 @@ def test_vectors(
         scores.append(row)
         labels.append(str(int(row.argmax())))
         known.append(str(int(is_known(plan, words))))
-    rows = [
-        f"    {{\n{rows_of([str(s) for s in row.tolist()], 8)}\n    }}"
-        for row in scores
-    ]
     known_table, compare_known = "", ""
     if plan.share is not None:
         known_table = (
@@ -55,7 +51,7 @@ def test_vectors(
         n=n,
         bits=plan.sizes.pixel_bits,
         digests=rows_of(digests),
-        scores=",\n".join(rows),
+        scores=nested(np.stack(scores)),
         labels=rows_of(labels),
         known=known_table,
         compare_known=compare_known,
@@ -74,14 +70,14 @@ def frame(plan: Plan, number: int) -> np.ndarray:
     x ^= x >> np.uint64(16)
     kind = number % 4
     if kind == 0:
-        x >>= np.uint64(32 - plan.sizes.pixel_bits)
+        pixels = x >> np.uint64(32 - plan.sizes.pixel_bits)
     elif kind == 1:
-        x = 100 + x % np.uint64(5)
+        pixels = 100 + x % np.uint64(5)
     elif kind == 2:
-        x = 50 + 100 * (x % np.uint64(8) < 1 + number // 4 % 7)
+        pixels = np.where(x % np.uint64(8) < 1 + number // 4 % 7, 150, 50)
     else:
-        x = np.full_like(x, number)
-    return x.astype(f"uint{plan.sizes.pixel_bits}")[None]
+        pixels = np.full_like(x, number)
+    return pixels.astype(f"uint{plan.sizes.pixel_bits}")[None]
 
 
 def answer(
@@ -94,8 +90,8 @@ def answer(
     kept = words.numpy(force=True).view(np.uint64)[0, :: plan.sizes.every]
     if plan.sizes.every > 1:
         return kept, -distances(kept, plan.tables["prototypes"])
-    scores: np.ndarray = plan.readout.scores(words).numpy(force=True)
-    return kept, scores[0, list(plan.rows)]
+    scores = plan.readout.scores(words)[0, list(plan.rows)]
+    return kept, scores.numpy(force=True)
 
 
 def is_known(plan: Plan, words: np.ndarray) -> bool:

@@ -167,12 +167,15 @@ def test_any_readout(readout, encoder, options, gcc, tmp_path, kinds_of_frames):
     queries = np.concatenate([kinds_of_frames(4097), frames])
     answers = compiled(gcc, tmp_path, Plan.of(model, "touch"), queries, *options)
     assert_equal_to_python(answers, model, queries)
-    assert (model.classes_[answers.classes[-len(frames) :]] == model.predict(frames)).all()
+    assert (
+        model.classes_[answers.classes[-len(frames) :]] == model.predict(frames)
+    ).all()
     assert len(np.unique(answers.classes)) == 4
 
 
 @pytest.mark.parametrize(
-    ("readout", "dtype"), [("majority", "uint16"), ("trained", "uint8"), ("lda", "uint8")]
+    ("readout", "dtype"),
+    [("majority", "uint16"), ("trained", "uint8"), ("lda", "uint8")],
 )
 def test_a_camera_of_250000_pixels(readout, dtype, gcc, tmp_path, camera_frames):
     frames = camera_frames(12, dtype=dtype)
@@ -215,7 +218,9 @@ def test_classes_without_frames_are_left_out(gcc, tmp_path):
     plan = Plan.of(model, "touch")
     assert (plan.classes, plan.left_out) == (("b", "d"), ("a", "c"))
     answers = compiled(gcc, tmp_path, plan, frames)
-    assert np.array_equal(np.array(plan.classes)[answers.classes], model.predict(frames))
+    assert np.array_equal(
+        np.array(plan.classes)[answers.classes], model.predict(frames)
+    )
 
 
 @pytest.mark.parametrize("readout", ["majority", "trained"])
@@ -296,7 +301,9 @@ def test_rejection_by_distances_of_left_out_frames(readout, unequal, gcc, tmp_pa
         own, n = masks[labels == c], (labels == c).sum()
         kept = model._sample.of(c)
         places = [
-            next(i for i in range(n) if (bits.pack(torch.from_numpy(own[i])) == k).all())
+            next(
+                i for i in range(n) if (bits.pack(torch.from_numpy(own[i])) == k).all()
+            )
             for k in kept
         ]
         distances = sorted((leave_one_out(own, i) for i in places), reverse=True)
@@ -329,7 +336,9 @@ def test_few_frames_of_a_class_are_judged_with_those_of_others():
 
 def test_too_few_frames_refuse_none_and_say_so():
     model, _ = trained_on(100, classes=2)
-    with pytest.warns(UserWarning, match="expected .* 99 in all, found 16; no frame is"):
+    with pytest.warns(
+        UserWarning, match="expected .* 99 in all, found 16; no frame is"
+    ):
         plan = Plan.of(model, "touch", reject=0.01)
     assert plan.tables["thresholds"].tolist() == [100, 100]
 
@@ -395,8 +404,14 @@ def test_code_takes_less_than_the_page_says(gcc, tmp_path):
 
 
 CASES = [
-    ("100 × 100 × 8 bits, 10 classes, median, majority", Sizes(10_000, 10_000, 8, 1, 10)),
-    ("500 × 500 × 8 bits, 10 classes, median, majority", Sizes(250_000, 250_000, 8, 1, 10)),
+    (
+        "100 × 100 × 8 bits, 10 classes, median, majority",
+        Sizes(10_000, 10_000, 8, 1, 10),
+    ),
+    (
+        "500 × 500 × 8 bits, 10 classes, median, majority",
+        Sizes(250_000, 250_000, 8, 1, 10),
+    ),
     ("the same with `--subsample 8`", Sizes(250_000, 250_000, 8, 1, 10, every=8)),
     ("the same with 16 bits", Sizes(250_000, 250_000, 16, 1, 10)),
     (
@@ -444,7 +459,10 @@ def test_programs_of_the_page_compile(tmp_path):
     subprocess.run(command, cwd=tmp_path, check=True)
     (tmp_path / "frames.raw").write_bytes(np.ascontiguousarray(frames[:3]).tobytes())
     done = subprocess.run(
-        [tmp_path / "program", "frames.raw"], cwd=tmp_path, capture_output=True, check=True
+        [tmp_path / "program", "frames.raw"],
+        cwd=tmp_path,
+        capture_output=True,
+        check=True,
     )
     known = model.is_known(frames[:3], 0.1)
     found = np.where(known, model.predict(frames[:3]).astype(str), "none")

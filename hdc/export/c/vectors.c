@@ -42,7 +42,7 @@ static void ${name}_test_fill(uint32_t k)
         } else if (k % 4 == 1) {
             x = 100 + x % 5;
         } else if (k % 4 == 2) {
-            x = 50 + 100 * (x % 8 < 1 + k / 4 % 7);
+            x = x % 8 < 1 + k / 4 % 7 ? 150 : 50;
         } else {
             x = k;
         }
