@@ -16,6 +16,7 @@ import numpy as np
 
 import hdc
 from hdc.command import answers, work
+from hdc.command.export import export
 from hdc.io import check_replaceable
 from hdc.readers import Window
 from hdc.readers.batches import Batches
@@ -389,3 +390,6 @@ def info(model: Path) -> None:
         counts = zip(found.classes_, found.counts_, strict=True)
         rows["classes"] = {str(c): int(n) for c, n in counts}
     click.echo(json.dumps(rows, ensure_ascii=False, indent=2))
+
+
+cli.add_command(export)

@@ -1,0 +1,126 @@
+"""``hdc export``: a model as a header of C99."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hdc.command import work
+from hdc.io import write_atomically
+
+_FILE = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("model", type=_FILE)
+@click.option(
+    "-o",
+    "--output",
+    type=_FILE,
+    required=True,
+    help="Header to write, such as touch.h.",
+)
+@click.option(
+    "--bits",
+    type=click.Choice(["8", "16"]),
+    default="8",
+    help="Bits of a pixel of the frames; a model has no such number.",
+)
+@click.option(
+    "--subsample",
+    type=click.IntRange(1),
+    default=1,
+    metavar="N",
+    help="Compare only every N-th word of 64 bits: 1/N of the table, less exact.",
+)
+@click.option(
+    "--reject",
+    type=click.FloatRange(0, 0.5, min_open=True),
+    metavar="RATE",
+    help="Tell frames unlike every class; about this share of known ones is refused, too.",
+)
+@click.option(
+    "--test-vectors",
+    type=click.IntRange(0),
+    default=0,
+    metavar="N",
+    help="Write a program beside it that compares N frames with Python.",
+)
+def export(
+    model: Path,
+    output: Path,
+    bits: str,
+    subsample: int,
+    reject: float | None,
+    test_vectors: int,
+) -> None:
+    """Write a MODEL as one header of C99, for a robot or a small board.
+
+    For the encoders median, quantile and levels, and the read-outs majority, trained and lda. The
+    header has no floating point, allocates nothing and calls no library.
+    """
+    from hdc import export as exporting
+
+    name = _name(output)
+    program = output.with_name(f"{output.stem}_test.c")
+    _check_replaceable(output)
+    if test_vectors:
+        _check_replaceable(program)
+    found, window = work.load(model)
+    try:
+        plan = exporting.Plan.of(found, name, int(bits), subsample, reject, window)
+    except ValueError as error:
+        raise ValueError(f"{model}: {error}") from error
+    for line in _size_lines(plan):
+        click.echo(line)
+    origin = f"{model.name}, trained {found.metadata_.get('trained', 'in Python')}"
+    write_atomically(output, exporting.header(plan, output.name, origin))
+    click.echo(f"{output}: written")
+    if test_vectors:
+        text = exporting.test_vectors(
+            plan, found, output.name, program.name, test_vectors
+        )
+        write_atomically(program, text)
+        click.echo(f"{program}: written, {test_vectors} frames")
+
+
+def _name(output: Path) -> str:
+    """The beginning of all names in a header, from its file's name."""
+    name = re.sub(r"\W+", "_", output.stem, flags=re.ASCII)
+    if output.suffix not in (".h", ".hpp") or not re.match(r"[A-Za-z]", name):
+        raise ValueError(
+            f"{output}: expected a header such as touch.h, its name beginning with a letter"
+        )
+    return name
+
+
+def _check_replaceable(path: Path) -> None:
+    """Raise an OSError where there is no folder, or a file that no export wrote."""
+    from hdc.export.banner import MARK
+
+    if not path.parent.is_dir():
+        raise FileNotFoundError(
+            f"{path.parent}: expected a folder to write {path.name} in"
+        )
+    if not path.exists():
+        return
+    if not path.is_file() or MARK.encode() not in path.read_bytes()[:1000]:
+        raise FileExistsError(
+            f"{path}: expected no file or one of hdc export, found another; not replaced"
+        )
+
+
+def _size_lines(plan: Any) -> list[str]:
+    """What the header will take."""
+    sizes = plan.sizes
+    return [
+        f"classes: {sizes.classes}, frames of {work.size(plan.frame_shape)} of "
+        f"{sizes.pixel_bits} bits, {sizes.compared} bits compared",
+        f"tables: {sizes.constant_bytes} bytes",
+        f"memory: {sizes.scratch_bytes} bytes, and {sizes.frame_bytes} of the frame",
+        f"operations a frame: {sizes.pixel_steps} of a pixel, {sizes.word_steps} of a word of 64 "
+        "bits",
+    ]

@@ -1,0 +1,244 @@
+"""What of a model is exported: its tables and numbers, or why it cannot be."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Self
+
+import numpy as np
+from torch import Tensor
+
+from hdc import bits
+from hdc.classifier import HDCClassifier
+from hdc.encoders import Levels, Median, Quantile
+from hdc.encoders.ranks import RankEncoder
+from hdc.export.sizes import Sizes
+from hdc.export.thresholds import distance_thresholds
+from hdc.parameters import check_choice
+from hdc.readers import Window
+from hdc.readouts import LDA, Counts, Majority, Neighbours, Ridge, Trained
+from hdc.readouts.majority import EXTRAS
+from hdc.rejection import Peers
+
+PIXEL_BITS = (8, 16)
+"""Bits of a pixel that a header can be made for."""
+ENCODERS = (Median, Quantile, Levels)
+READOUTS = (Majority, Trained, LDA)
+PLANES = 4
+"""Hypervectors that hold the weights of a class of LDA."""
+_WEIGHT_OFFSET = 8  # LDA.weights_ are q + 8
+_WHY_NOT: dict[type, str] = {
+    Counts: "the cosines of which need roots",
+    Ridge: "the weights of which are no whole numbers",
+    Neighbours: "which keeps every training frame",
+}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a header is made of; :meth:`of` a model.
+
+    Attributes:
+        name: beginning of all names in the header.
+        encoder, readout: the parts of the model.
+        classes: names of the L classes that have training frames, in the order of the model.
+        rows: their rows in the model.
+        left_out: names of the others, which no frame can be of.
+        frame_shape: (H, W) or (D,) of the frames.
+        window: how training frames were cut out of images.
+        tables: by name, uint64 [L, W] (weights [L, 4, W], lit [W]) of hypervectors, int64 [L] or
+            [T] of numbers.
+        share: of frames of known classes that may be refused; None without rejection.
+        sizes: what it takes.
+    """
+
+    name: str
+    encoder: RankEncoder
+    readout: Majority | Trained | LDA
+    classes: tuple[str, ...]
+    rows: tuple[int, ...]
+    left_out: tuple[str, ...]
+    frame_shape: tuple[int, ...]
+    window: Window
+    tables: dict[str, np.ndarray]
+    share: Fraction | None
+    sizes: Sizes
+
+    @classmethod
+    def of(
+        cls,
+        model: Any,
+        name: str,
+        pixel_bits: int = 8,
+        subsample: int = 1,
+        reject: float | None = None,
+        window: Window | None = None,
+    ) -> Self:
+        """The plan of a trained model.
+
+        Args:
+            model: an :class:`hdc.HDCClassifier`.
+            name: beginning of all names in the header, an identifier of C.
+            pixel_bits: of the frames, one of :data:`PIXEL_BITS`.
+            subsample: compare only every n-th word of 64 bits; the frame stays whole.
+            reject: share of frames of known classes that may be refused, in (0, 1); None exports
+                no rejection.
+            window: how training frames were cut out of images.
+
+        Raises:
+            ValueError: for a model, an encoder or a read-out that is not exported, or an argument
+                that is not allowed.
+        """
+        _check_exportable(model)
+        check_name(name)
+        check_choice("bits", pixel_bits, PIXEL_BITS)
+        encoder, readout = model.encoder_, model.readout_
+        _check_subsample(subsample, readout)
+        known = model.counts_ > 0
+        rows = np.flatnonzero(known).tolist()
+        names = np.array([str(label) for label in model.classes_.tolist()])
+        share = None if reject is None else _exact_share(reject)
+        tables = _encoding(encoder, model.n_features_in_)
+        tables |= _classes(readout, rows, model.dimension_, subsample)
+        if share is not None:
+            tables |= _rejection(model, rows, subsample, share)
+        sizes = Sizes(
+            pixels=model.n_features_in_,
+            ranked=_ranked(encoder, model.n_features_in_),
+            pixel_bits=pixel_bits,
+            thresholds=len(encoder.quantiles),
+            classes=len(rows),
+            ties=encoder.ties,
+            planes=PLANES if "weights" in tables else 1,
+            every=subsample,
+            extra=int("majority" in tables),
+            rejects=share is not None,
+        )
+        return cls(
+            name=name,
+            encoder=encoder,
+            readout=readout,
+            classes=tuple(names[known].tolist()),
+            rows=tuple(rows),
+            left_out=tuple(names[~known].tolist()),
+            frame_shape=tuple(model.frame_shape_),
+            window=window or Window(),
+            tables=tables,
+            share=share,
+            sizes=sizes,
+        )
+
+
+def check_name(name: str) -> None:
+    """Raise ValueError for what cannot begin a name in C."""
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+        raise ValueError(
+            f"name: expected letters, digits and _, a letter first, found {name!r}"
+        )
+
+
+def _check_exportable(model: Any) -> None:
+    if not isinstance(model, HDCClassifier):
+        raise ValueError(
+            f"export: expected a classifier, found {type(model).__name__}, whose values need "
+            "floating point"
+        )
+    model._check_is_trained()
+    if type(model.encoder_) not in ENCODERS:
+        raise ValueError(
+            "export: expected the encoder median, quantile or levels, which rank pixels, found "
+            f"{model.encoder_!r}"
+        )
+    if type(model.readout_) not in READOUTS:
+        why = _WHY_NOT.get(type(model.readout_), "which export does not know")
+        raise ValueError(
+            "export: expected the read-out majority, trained or lda, found "
+            f"{model.readout_!r}, {why}"
+        )
+
+
+def _check_subsample(subsample: int, readout: Any) -> None:
+    if subsample < 1:
+        raise ValueError(f"subsample: expected an integer ≥ 1, found {subsample}")
+    if subsample > 1 and isinstance(readout, LDA):
+        raise ValueError(
+            "subsample: expected 1 with the read-out lda, whose weights were fitted to all bits "
+            f"together, found {subsample}; hdc train --subsample makes a smaller model"
+        )
+
+
+def _exact_share(reject: float) -> Fraction:
+    """The share as it is written: 0.05 is 1/20."""
+    share = Fraction(str(reject))
+    if not 0 < share < 1:
+        raise ValueError(f"reject: expected a share in (0, 1), found {reject!r}")
+    return share
+
+
+def _ranked(encoder: RankEncoder, n_pixels: int) -> int:
+    return encoder.dimension(n_pixels) // len(encoder.quantiles)
+
+
+def _encoding(encoder: RankEncoder, n_pixels: int) -> dict[str, np.ndarray]:
+    """Tables of the encoder."""
+    ranked = _ranked(encoder, n_pixels)
+    tables = {"ones": np.array(encoder.ones(ranked), np.int64)}
+    if isinstance(encoder, Levels) and ranked < n_pixels:
+        tables["lit"] = _kept(bits.pack(encoder.lit_.cpu()), 1)
+    return tables
+
+
+def _classes(
+    readout: Majority | Trained | LDA, rows: list[int], dimension: int, every: int
+) -> dict[str, np.ndarray]:
+    """Tables of the read-out."""
+    if isinstance(readout, LDA):
+        return _weights(readout, rows, dimension)
+    return {"prototypes": _kept(readout.prototypes_[rows], every)}
+
+
+def _kept(words: Tensor, every: int) -> np.ndarray:
+    """Every so many of the words [..., W], as uint64."""
+    return np.ascontiguousarray(words.numpy(force=True)[..., ::every]).view(np.uint64)
+
+
+def _weights(readout: LDA, rows: list[int], dimension: int) -> dict[str, np.ndarray]:
+    """Weights, and the scales and biases of the sum Σ (q + 8)·v − 8·|v| over the bits v.
+
+    With bits of ±1, q·x = 2·(Σ (q + 8)·v − 8·|v|) − Σ (q + 8) + 8·D.
+    """
+    weights = readout.weights_[rows]
+    ones = bits.count_ones(weights).tolist()
+    scales = readout.scales_[rows].tolist()
+    offsets = readout.offsets_[rows].tolist()
+    biases = []
+    for of_planes, scale, offset in zip(ones, scales, offsets, strict=True):
+        total = sum(n << plane for plane, n in enumerate(of_planes))
+        biases.append(offset + scale * (_WEIGHT_OFFSET * dimension - total))
+    return {
+        "weights": _kept(weights, 1),
+        "scales": np.array(scales, np.int64),
+        "biases": np.array(biases, np.int64),
+    }
+
+
+def _rejection(
+    model: HDCClassifier, rows: list[int], every: int, share: Fraction
+) -> dict[str, np.ndarray]:
+    """Thresholds, and the prototypes that they are of where the scores are of others."""
+    deciding = model._majority.deciding()[rows]
+    labels = model.classes_.tolist()
+    peers = []
+    for row, prototypes in zip(rows, deciding[..., ::every], strict=True):
+        kept = model._sample.of(labels[row])[:, ::every]
+        peers.append(Peers.of(kept.contiguous(), prototypes.contiguous()))
+    thresholds = distance_thresholds(peers, share, model.dimension_)
+    tables = {"thresholds": np.array(thresholds, np.int64)}
+    # Those of classes of unequal size are thinned for the scores, and whole for rejection.
+    whole = deciding[:, EXTRAS.index(0)]
+    readout = model.readout_
+    if not isinstance(readout, Majority) or not whole.equal(readout.prototypes_[rows]):
+        tables["majority"] = _kept(whole, every)
+    return tables

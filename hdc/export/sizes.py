@@ -1,0 +1,109 @@
+"""What an exported model takes: bytes of constants and of memory, and operations a frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hdc import bits
+
+_COUNTS = 256 * 4  # bytes of a count of each value of a byte
+_TURNS = 64 * 4  # bytes of a count of each turn of the order "spread"
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Numbers that follow from the kind of a model and the size of its frames.
+
+    Args:
+        pixels: of a frame.
+        ranked: pixels that become bits; fewer than all where an encoder looks at lit ones only.
+        pixel_bits: 8 or 16.
+        thresholds: bits a pixel.
+        classes: that have training frames.
+        ties: rule of the encoder, one of :data:`hdc.encoders.ties.TIES`.
+        planes: hypervectors that the read-out has of a class: a prototype, or four of weights.
+        every: only every so many words of a hypervector are compared.
+        extra: hypervectors of a class that rejection compares with, besides.
+        rejects: whether there are thresholds of rejection.
+    """
+
+    pixels: int
+    ranked: int
+    pixel_bits: int
+    thresholds: int
+    classes: int
+    ties: str = "spread"
+    planes: int = 1
+    every: int = 1
+    extra: int = 0
+    rejects: bool = False
+
+    @property
+    def dimension(self) -> int:
+        """Bits of a whole hypervector."""
+        return self.thresholds * self.ranked
+
+    @property
+    def words(self) -> int:
+        """Words of a hypervector that are kept and compared."""
+        return -(-bits.words_for(self.dimension) // self.every)
+
+    @property
+    def compared(self) -> int:
+        """Bits in these words."""
+        last = (self.words - 1) * self.every * bits.WORD
+        return (self.words - 1) * bits.WORD + min(bits.WORD, self.dimension - last)
+
+    @property
+    def has_lit(self) -> bool:
+        """Whether only some of the pixels are ranked."""
+        return self.ranked < self.pixels
+
+    @property
+    def frame_bytes(self) -> int:
+        """Bytes of a frame, which the caller holds."""
+        return self.pixels * self.pixel_bits // 8
+
+    @property
+    def constant_bytes(self) -> int:
+        """Bytes of all tables; the names of the classes come on top."""
+        total = 8 * self.words * self.classes * (self.planes + self.extra)
+        total += 4 * self.thresholds
+        if self.planes > 1:
+            total += 2 * 8 * self.classes  # a scale and a bias of each class
+        if self.rejects:
+            total += 8 * self.classes
+        if self.has_lit:
+            total += 8 * bits.words_for(self.pixels)
+        return total
+
+    @property
+    def scratch_bytes(self) -> int:
+        """Bytes of the structure that a prediction works with."""
+        total = 8 * self.words + 8 * self.classes + _COUNTS
+        if self.pixel_bits == 16:
+            total += _COUNTS
+        if self.ties == "spread":
+            total += _TURNS
+        if self.has_lit:
+            total += self.ranked * self.pixel_bits // 8
+        return -(-total // 8) * 8  # a structure ends where its widest member may begin
+
+    @property
+    def pixel_steps(self) -> int:
+        """Times that a pixel is read and counted or compared, for one frame, at most."""
+        passes = 1  # of a threshold, its bits
+        if self.pixel_bits == 16:
+            passes += 1  # the counts of low bytes
+        if self.ties == "spread":
+            passes += 1  # the turns of its ties
+        steps = self.ranked * (1 + self.thresholds * passes)
+        return steps + self.pixels if self.has_lit else steps
+
+    @property
+    def word_steps(self) -> int:
+        """Words of 64 bits combined with a table and counted, for one frame."""
+        steps = self.words * self.classes * (self.planes + self.extra)
+        if self.planes > 1:
+            steps += self.words  # the ones of the hypervector
+        return steps

@@ -1,0 +1,116 @@
+"""Test vectors beside a header: frames by a formula, and what Python answers to them."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import torch
+
+from hdc.classifier import HDCClassifier
+from hdc.export.header import nested, piece, rows_of
+from hdc.export.plan import Plan
+
+_START, _PRIME = 0xCBF29CE484222325, 0x100000001B3  # of FNV-1a with 64 bits
+
+
+def test_vectors(
+    plan: Plan, model: HDCClassifier, header: str, file: str, n: int
+) -> str:
+    """A program of C that compares a header with the model on n frames.
+
+    Args:
+        plan: what the header was made of.
+        model: the model.
+        header: name of the header.
+        file: name of the program.
+        n: how many frames, at least one.
+    """
+    digests, scores, labels, known = [], [], [], []
+    for number in range(n):
+        words, row = answer(plan, model, frame(plan, number))
+        digests.append(f"0x{digest(words):016x}")
+        scores.append(row)
+        labels.append(str(int(row.argmax())))
+        known.append(str(int(is_known(plan, words))))
+    known_table, compare_known = "", ""
+    if plan.share is not None:
+        known_table = (
+            f"\nstatic const int {plan.name}_test_known[{plan.name.upper()}_TESTS] = {{\n"
+            f"{rows_of(known)}\n}};\n"
+        )
+        compare_known = (
+            f"        if ({plan.name}_known(s) != {plan.name}_test_known[k]) {{\n"
+            "            return k + 1;\n        }\n"
+        )
+    return piece(
+        "vectors.c",
+        plan,
+        file=file,
+        header=header,
+        n=n,
+        bits=plan.sizes.pixel_bits,
+        digests=rows_of(digests),
+        scores=nested(np.stack(scores)),
+        labels=rows_of(labels),
+        known=known_table,
+        compare_known=compare_known,
+    )
+
+
+def frame(plan: Plan, number: int) -> np.ndarray:
+    """A frame [1, D] of the formula that the program has, too."""
+    places = np.arange(plan.sizes.pixels, dtype=np.uint64)
+    low = np.uint64(0xFFFFFFFF)
+    x = (places * np.uint64(0x9E3779B1) + np.uint64(number * 0x85EBCA6B)) & low
+    x ^= x >> np.uint64(16)
+    x = (x * np.uint64(0x7FEB352D)) & low
+    x ^= x >> np.uint64(15)
+    x = (x * np.uint64(0x846CA68B)) & low
+    x ^= x >> np.uint64(16)
+    kind = number % 4
+    if kind == 0:
+        pixels = x >> np.uint64(32 - plan.sizes.pixel_bits)
+    elif kind == 1:
+        pixels = 100 + x % np.uint64(5)
+    elif kind == 2:
+        pixels = np.where(x % np.uint64(8) < 1 + number // 4 % 7, 150, 50)
+    else:
+        pixels = np.full_like(x, number)
+    return pixels.astype(f"uint{plan.sizes.pixel_bits}")[None]
+
+
+def answer(
+    plan: Plan, model: HDCClassifier, pixels: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What the model says of a frame [1, D]: words uint64 [W] that are kept, scores int64 [L]."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of constant frames and ties, which are wanted
+        words = plan.encoder.encode(torch.from_numpy(pixels).to(model.device))
+    kept = words.numpy(force=True).view(np.uint64)[0, :: plan.sizes.every]
+    if plan.sizes.every > 1:
+        return kept, -distances(kept, plan.tables["prototypes"])
+    scores = plan.readout.scores(words)[0, list(plan.rows)]
+    return kept, scores.numpy(force=True)
+
+
+def is_known(plan: Plan, words: np.ndarray) -> bool:
+    """Whether words uint64 [W] are near enough to some class."""
+    if plan.share is None:
+        return True
+    table = "majority" if "majority" in plan.tables else "prototypes"
+    near = distances(words, plan.tables[table]) <= plan.tables["thresholds"]
+    return bool(near.any())
+
+
+def distances(words: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
+    """Hamming distances int64 [L] of words uint64 [W] to prototypes uint64 [L, W]."""
+    return np.bitwise_count(words ^ prototypes).sum(1, dtype=np.int64)
+
+
+def digest(words: np.ndarray) -> int:
+    """FNV-1a over words."""
+    found = _START
+    for word in words.tolist():
+        found = (found ^ word) * _PRIME % 2**64
+    return found
