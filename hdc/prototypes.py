@@ -85,9 +85,16 @@ class Counters:
         kept = torch.from_numpy(np.empty((len(chosen), width), np.int64))
         places = torch.full((len(frames),), -1)
         places[list(chosen)] = torch.arange(len(chosen))
-        arrays = [x.numpy() for x in (self.planes, order, n.cumsum(0), places, kept)]
-        images = frames.reshape(len(frames), -1).numpy()
-        equal, split = compiled.count_uint8(images, *arrays, n_ones, ties)
+        equal, split = compiled.count_uint8(
+            frames.reshape(len(frames), -1).numpy(),
+            self.planes.numpy(),
+            order.numpy(),
+            n.cumsum(0).numpy(),
+            places.numpy(),
+            kept.numpy(),
+            n_ones,
+            ties,
+        )
         self.n = self.n + n
         return kept, equal, split
 
@@ -133,9 +140,8 @@ class Counters:
         scaled.reserve(max(scaled.n.tolist(), default=0))
         for c, weight in enumerate(weights):
             total = torch.zeros_like(self.planes[c, :1])
-            for (
-                bit
-            ) in f"{weight:b}":  # Horner's scheme: twice what there is, and once more
+            # Horner's scheme: twice what there is, and once more.
+            for bit in f"{weight:b}":
                 total = torch.cat((torch.zeros_like(total[:1]), total))
                 total = planes.add(total, self.planes[c]) if bit == "1" else total
             kept = min(len(total), scaled.planes.shape[1])  # the planes above are empty
@@ -258,7 +264,7 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
         The votes, and how many a new hypervector of each class has.
     """
     check_probability(p)
-    share = Fraction(p).limit_denominator(_P_STEPS)
+    share = Fraction(float(p)).limit_denominator(_P_STEPS)
     of_old, of_new = [], []
     for n_old, n_new in zip(old.n.tolist(), new.n.tolist(), strict=True):
         a, b = (share.denominator - share.numerator) * n_new, share.numerator * n_old

@@ -338,8 +338,13 @@ def _by_counting(pixels: Tensor, ones: Sequence[int]) -> list[_Level]:
     levels = []
     for of_level in found:
         above, equal, missing, n_equal = zip(*of_level, strict=True)
-        words = (torch.from_numpy(np.stack(part)) for part in (above, equal))
-        levels.append(_Level(*words, torch.tensor(missing), torch.tensor(n_equal)))
+        level = _Level(
+            torch.from_numpy(np.stack(above)),
+            torch.from_numpy(np.stack(equal)),
+            torch.tensor(missing),
+            torch.tensor(n_equal),
+        )
+        levels.append(level)
     return levels
 
 

@@ -21,6 +21,7 @@ from torch import Tensor
 
 from hdc import bits
 from hdc.io import check_tensors
+from hdc.parameters import is_number
 from hdc.readouts.base import Readout
 from hdc.readouts.products import dot, gram
 from hdc.readouts.values import ValueReadout
@@ -165,7 +166,7 @@ class RidgeValues(ValueReadout):
 
 def check_penalty(penalty: Any) -> None:
     """Raise ValueError for a penalty that is neither None nor a number above zero."""
-    if penalty is not None and not (isinstance(penalty, int | float) and penalty > 0):
+    if penalty is not None and not (is_number(penalty) and penalty > 0):
         raise ValueError(
             f"penalty: expected a number above zero or None, found {penalty!r}"
         )
