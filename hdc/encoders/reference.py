@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Self
@@ -51,7 +52,7 @@ class Reference(Encoder):
     def parts(self) -> Mapping[str, Callable[[Any], Any]]:  # type: ignore[override]
         from hdc.encoders import make_encoder
 
-        return {"base": make_encoder}
+        return {"base": functools.partial(make_encoder, what="base")}
 
     @property
     def base_(self) -> Encoder:
