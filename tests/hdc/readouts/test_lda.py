@@ -78,14 +78,13 @@ def test_scores_are_whole_and_those_of_floats_but_for_four_bits(alpha: float) ->
     expected = asked[0] @ weights + offsets
     scores = model.scores(asked[1])
     assert scores.dtype == torch.int64
-    found = (
-        scores.numpy()
-        / 2**20
-        * (np.abs(expected).max() / np.abs(scores.numpy() / 2**20).max())
-    )
+    found = scores.numpy().astype(float)
     correlations = [np.corrcoef(found[:, c], expected[:, c])[0, 1] for c in range(4)]
     assert min(correlations) > 0.98
-    assert (found.argmax(1) == expected.argmax(1)).mean() > 0.97
+    first, second = np.sort(expected, 1)[:, :-3:-1].T
+    clear = first - second > np.median(first - second)
+    assert clear.sum() >= 140
+    assert (found.argmax(1) == expected.argmax(1))[clear].all()
 
 
 def test_scores_are_the_stated_function_of_the_stored_integers() -> None:
@@ -139,7 +138,8 @@ def test_the_shrinkage_is_kept_and_set() -> None:
     _, words, rows = problem(60, 130, 4, 6)
     for given in (0, 0.25, 1, np.float32(0.5)):
         assert float(LDA(given).fit(words, rows, 4, 130).shrinkage_) == float(given)
-    assert 0 < float(LDA("oas").fit(words, rows, 4, 130).shrinkage_) < 1
+    _, alpha, _ = dual(words, rows, 130, "oas")
+    assert float(LDA("oas").fit(words, rows, 4, 130).shrinkage_) == alpha
     for given in (-0.1, 1.1, "x", None, True, float("nan")):
         message = r"shrinkage: expected one of ledoit_wolf, oas, or a share in \[0, 1\], found"
         with pytest.raises(ValueError, match=message):

@@ -16,7 +16,7 @@ from hdc import HDCClassifier, bits
 from hdc.readouts import Ridge
 from hdc.readouts import ridge as ridges
 from hdc.readouts.products import gram
-from hdc.readouts.ridge import PENALTIES, Linear, solve
+from hdc.readouts.ridge import PENALTIES, Dual, Linear, solve
 
 
 def plain(x: np.ndarray, y: np.ndarray, penalty: float) -> PlainRidge:
@@ -43,7 +43,8 @@ def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(
 ) -> None:
     x, words, y = problem(n, d, t, seed)
     queries, asked, _ = problem(5, d, t, seed + 1)
-    model, residuals, dual = solve(words, y, d)
+    model, residuals = solve(words, y, d)
+    dual = Dual.of(words, d, model.penalty, "numpy")
     whole = plain(x, y.numpy(), model.penalty)
     weights = np.atleast_2d(whole.coef_)
     rounding = np.abs(weights).max(1) / 254 * d  # half a step of 8 bits, at every pixel
