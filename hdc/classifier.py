@@ -245,12 +245,12 @@ class HDCClassifier(Estimator):
                 recalibrated.
             AttributeError: as :meth:`partial_fit`.
         """
+        for model in (self, other):
+            model._check_counts("merge")
         mine, theirs = _kind(self), _kind(other)
         if mine != theirs:
             raise ValueError(f"merge: expected a {mine}, found a {theirs}")
         Estimator._check_is_trained(other)
-        for model in (self, other):
-            model._check_counts("merge")
         if not hasattr(self, "readout_"):
             self._columns = other._columns
             self._take_encoder(other)

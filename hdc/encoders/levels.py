@@ -9,8 +9,8 @@ from typing import Any, Self
 import torch
 from torch import Tensor
 
-from hdc import bits
-from hdc.encoders.ranks import RankEncoder
+from hdc import bits, inputs
+from hdc.encoders.ranks import RankEncoder, check_finite
 from hdc.io import check_tensors
 from hdc.parameters import check_integer, is_number
 
@@ -69,13 +69,15 @@ class Levels(RankEncoder):
         """Learn which pixels are lit, where `lit` asks for it.
 
         Raises:
-            ValueError: if fewer than two pixels are lit.
+            ValueError: if fewer than two pixels are lit, or a pixel is not finite.
         """
         if not self.learns:
             return self
         total: Any = 0
         for start in range(0, len(frames), CHUNK):
-            part = torch.as_tensor(frames[start : start + CHUNK]).flatten(1).cpu()
+            part = inputs.tensor(frames[start : start + CHUNK]).flatten(1).cpu()
+            if part.is_floating_point():
+                check_finite(part, start)
             total = total + part.double().sum(0)
         lit = total >= self.lit * total.mean()
         if lit.sum() < 2:

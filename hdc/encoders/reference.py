@@ -11,8 +11,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from hdc import inputs
 from hdc.encoders.base import Encoder
-from hdc.encoders.ranks import check_frames, warn_of_constant
+from hdc.encoders.ranks import check_finite, check_frames, warn_of_constant
 from hdc.io import check_tensors
 
 FRACTION = 16  # bits after the point of a standardised pixel
@@ -95,7 +96,7 @@ class Reference(Encoder):
             raise ValueError("frames: expected at least one frame, found none")
         total: Any = 0
         for start in range(0, len(frames), CHUNK):
-            part = torch.as_tensor(frames[start : start + CHUNK])
+            part = inputs.tensor(frames[start : start + CHUNK])
             total = total + standardised(part, start).sum(0, dtype=torch.int64)
         self.reference_ = total // len(frames)
         return self
@@ -164,12 +165,8 @@ def _integers(pixels: Tensor, first: int) -> Tensor:
     if pixels.dtype in (torch.uint8, torch.int8, torch.int16, torch.uint16):
         return pixels.to(torch.int64)
     values = pixels.double()
-    finite = values.isfinite().all(1)
-    if not finite.all():
-        index = int((~finite).nonzero()[0])
-        raise ValueError(
-            f"frames[{first + index}]: expected finite pixels, found others"
-        )
+    if len(values):
+        check_finite(values, first)
     mantissas, exponents = torch.frexp(values)
     _, largest = torch.frexp(values.abs().amax(1, keepdim=True))
     # Powers of two from a table: those that torch computes are of 32 bits, and end at 2¹²⁷.
