@@ -154,8 +154,8 @@ def drifted(n: int = 90) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Frames of two sessions, the second under a strong pattern that all frames have in common."""
     rng = np.random.default_rng(0)
     labels = np.arange(n) % 6
-    fields = rng.normal(0, 1, (6, 1500))
-    pattern = rng.normal(0, 4, 1500)
+    fields = rng.normal(0, 0.4, (6, 1500))
+    pattern = rng.normal(0, 20, 1500)
     old, new = (fields[labels] + rng.normal(0, 1, (n, 1500)) for _ in range(2))
     return 100 + old, 100 + new + pattern, labels
 
