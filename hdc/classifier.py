@@ -540,8 +540,8 @@ class HDCClassifier(Estimator):
         for name, tensor in mine.state().items():
             if not torch.equal(tensor, learned[name]):
                 raise ValueError(
-                    f"merge: the encoders {mine!r} have learned different frames; give both the "
-                    "same reference, or fit anew"
+                    f"merge: expected two encoders {mine!r} that have learned the same, found "
+                    "two that have learned of different frames; fit anew on all of them"
                 )
 
     def _check_is_trained(self) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any, Self
 
-import torch
 from torch import Tensor
 
 from hdc import bits, inputs

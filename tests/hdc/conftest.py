@@ -70,7 +70,7 @@ def kinds_of_frames(d: int, dtype: str = "uint8", seed: int = 0) -> np.ndarray:
 
 
 def order_of_pixels(d: int, ties: str) -> np.ndarray:
-    """The place of each pixel [D] among equal ones: the first place is the first to become a one."""
+    """The place of each pixel [D] among equal ones: that of place 0 is the first to be a one."""
     keys = []
     for j in range(d):
         word, bit = divmod(j, 64)
@@ -130,8 +130,8 @@ def _brightest():
 
 @pytest.fixture
 def hard():
-    """hard(n, seed, drift) → frames [n, 2000] in which four classes differ little from what all have
-    in common, and their labels."""
+    """hard(n, seed, drift) → frames [n, 2000] of four classes, which differ little from what all
+    have in common, and their labels."""
 
     def make(n: int, seed: int, drift: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         rng = np.random.default_rng(7)

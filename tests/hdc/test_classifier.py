@@ -208,7 +208,7 @@ def test_equal_distances_go_to_the_first_class() -> None:
     assert model.predict(query).tolist() == ["a"]
 
 
-# Parameters of parts -------------------------------------------------------------------------------
+# Parameters of parts ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

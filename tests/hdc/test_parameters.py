@@ -50,7 +50,7 @@ def test_setting_leaves_the_object_that_was_given() -> None:
     "name", ["tie", "encoder__tie", "device__x", "encoder__base__at"]
 )
 def test_names_that_are_none_are_listed(name: str) -> None:
-    with pytest.raises(ValueError, match="set_params: expected one of .*, found '"):
+    with pytest.raises(ValueError, match=r"set_params: expected one of .*, found '"):
         HDCClassifier().set_params(**{name: 1})
 
 
@@ -117,7 +117,7 @@ def test_methods_that_are_there_for_some() -> None:
     assert not hasattr(Switch(False), "shine")
     assert getattr(Switch(False), "shine", 7) == 7
     with pytest.raises(
-        UnavailableError, match="^shine: expected it to be on, found off$"
+        UnavailableError, match=r"^shine: expected it to be on, found off$"
     ):
         Switch(False).shine(3)
     assert issubclass(UnavailableError, AttributeError)

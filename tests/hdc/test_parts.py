@@ -37,7 +37,7 @@ def test_every_encoder_with_every_read_out(
     sets = model.predict_set(queries, 0.1)
     assert np.mean([y in found for y, found in zip(truth, sets, strict=True)]) > 0.75
     assert model.is_known(queries, 0.1).mean() > 0.75
-    assert not model.is_known(255 - queries, 0.1).any()
+    assert model.is_known(255 - queries, 0.1).mean() < 0.1
     compiled = HDCClassifier(encoder, readout, backend="compiled").fit(frames, labels)
     model.save(tmp_path / "m")
     loaded = HDCClassifier.load(tmp_path / "m")
@@ -61,7 +61,7 @@ def test_every_combination_goes_on_learning_or_says_why_not(
     first, second = (frames[:40], labels[:40]), (frames[40:], labels[40:])
     if not isinstance(make_readout(readout), Updatable):
         for name in ("partial_fit", "merge"):
-            message = f"^{name}: expected a read-out that learns batch by batch, found .*; fit anew$"
+            message = rf"^{name}: expected a read-out that learns batch by batch, found .*; fit"
             with pytest.raises(AttributeError, match=message):
                 getattr(HDCClassifier(encoder, readout), name)
         return
@@ -69,10 +69,10 @@ def test_every_combination_goes_on_learning_or_says_why_not(
     assert parts.counts_.tolist() == [20] * 4
     merged = HDCClassifier(encoder, readout).fit(*first)
     other = HDCClassifier(encoder, readout).fit(*second)
-    learns = make_encoder(encoder).learns and not isinstance(encoder, Levels)
-    if learns:  # two references
+    if make_encoder(encoder).learns:  # two references, or other lit pixels
         with pytest.raises(
-            ValueError, match="^merge: the encoders .* have learned different"
+            ValueError,
+            match=r"^merge: expected two encoders .* that have learned the same",
         ):
             merged.merge(other)
         assert parts.score(queries, truth) > 0.9
@@ -103,12 +103,12 @@ def test_every_combination_recalibrates_or_says_why_not(encoder, readout: str) -
         assert model.is_known(new, 0.2).mean() > 0.5
     elif zeroes:
         with pytest.raises(
-            ValueError, match="^recalibrate: expected another read-out than "
+            ValueError, match=r"^recalibrate: expected another read-out than "
         ):
             model.recalibrate(new, truth)
     else:
         with pytest.raises(
-            AttributeError, match="^recalibrate: expected another read-out than"
+            AttributeError, match=r"^recalibrate: expected another read-out than"
         ):
             model.recalibrate  # noqa: B018
 
@@ -278,9 +278,17 @@ def test_where_the_module_is_missing_one_line_says_so(
             ValueError,
             "expected a class, found 'laboratory.torch', which is",
         ),
-        ("laboratory.Mean", TypeError, "or an object of hdc.*, found Mean"),
-        ("pathlib.Path", TypeError, "or an object of hdc.*, found "),
-        (7, TypeError, "or an object of hdc.*, found 7"),
+        (
+            "laboratory.Mean",
+            TypeError,
+            r"expected .* object of hdc.*, found 'laboratory.Mean'$",
+        ),
+        (
+            "pathlib.Path",
+            TypeError,
+            r"expected .* object of hdc.*, found 'pathlib.Path'$",
+        ),
+        (7, TypeError, r"expected .* object of hdc.*, found 7$"),
         (Levels, TypeError, "expected an object, found the class Levels"),
     ],
 )

@@ -241,4 +241,4 @@ def test_labels_need_a_read_out_that_adapts() -> None:
     model = HDCClassifier(readout="lda").fit(old, labels)
     assert not hasattr(model, "recalibrate")
     model = HDCClassifier(readout=Ridge(1.0)).fit(old, labels)
-    assert model.recalibrate(new[:30], labels[:30]).score(new, labels) > 0.9
+    assert model.recalibrate(new[:30], labels[:30]).score(new, labels) > 0.8

@@ -224,6 +224,26 @@ def test_too_many_frames_are_named(monkeypatch) -> None:
 # Flips --------------------------------------------------------------------------------------------
 
 
+def test_a_flipped_bit_moves_a_score_by_its_weight_alone() -> None:
+    """A bit of plane p of one weight is 2^p steps; a bit of the query twice the weight."""
+    _, words, rows = problem(60, 333, 4, 12)
+    model = LDA().fit(words, rows, 4, 333)
+    before = model.scores(words)
+    for pixel, plane in ((0, 3), (77, 0), (332, 2)):
+        word, bit = divmod(pixel, 64)
+        flip = torch.tensor(1) << bit
+        model.weights_[1, plane, word] ^= flip
+        model._ones = bits.count_ones(model.weights_)
+        moved = (model.scores(words) - before).abs()
+        assert (moved[:, 1] == 2**plane * model.scales_[1]).all()
+        assert not moved[:, [0, 2, 3]].any()
+        model.weights_[1, plane, word] ^= flip
+        model._ones = bits.count_ones(model.weights_)
+        queries = words.clone()
+        queries[:, word] ^= flip
+        assert ((model.scores(queries) - before).abs() <= 14 * model.scales_).all()
+
+
 @pytest.mark.parametrize(("share", "lost"), [(0.01, 0.06), (0.05, 0.2)])
 def test_flips_of_stored_bits_cost_little(share: float, lost: float, hard) -> None:
     """A flipped plane moves a weight by at most 8 of 15 steps: no flip decides alone."""

@@ -12,7 +12,8 @@ from hdc.readouts import Neighbours
 
 
 def plain_winner(distances: list[int], rows: list[int], k: int) -> int:
-    """The class of most of the k nearest frames; equal distances by class, equal votes by distance."""
+    """The class of most of the k nearest frames; equal distances go by class, equal votes by
+    distance."""
     nearest = sorted(zip(distances, rows, strict=True))[:k]
     votes = [row for _, row in nearest]
     best = max(votes.count(row) for row in votes)
