@@ -18,6 +18,7 @@ from torch import Tensor
 
 from hdc import bits, inputs, products
 from hdc.encoders import Encoder, Median, encode_with
+from hdc.parameters import check_choice
 from hdc.products import Moments
 from hdc.readouts.products import gram
 
@@ -129,7 +130,7 @@ class Bank:
             train, queries: indices of frames.
             pixels: one of :data:`KERNELS`.
         """
-        inputs.check_option("pixels", pixels, KERNELS)
+        check_choice("pixels", pixels, KERNELS)
         rows, n = np.concatenate([train, queries]), len(train)
         if pixels == "bits":
             part = self.bits[np.ix_(rows, train)]

@@ -18,9 +18,37 @@ from hdc.encoders.ranks import RankEncoder, ties_of
 from hdc.estimator import CHUNK, Estimator, check_share
 from hdc.inputs import Label
 from hdc.io import check_tensors
+from hdc.parameters import available_unless, describe
 from hdc.readouts import READOUTS, Counting, Counts, Majority, Updatable, make_readout
 from hdc.readouts.base import Readout
 from hdc.rejection import KEPT, RATE, Peers, Sample, p_values
+
+
+def _whole_only(model: HDCClassifier) -> str | None:
+    """Why the read-out of a model does not learn batch by batch, if it does not."""
+    try:
+        readout = make_readout(model.readout)
+    except (TypeError, ValueError) as error:
+        return str(error)
+    if isinstance(readout, Updatable):
+        return None
+    return (
+        f"expected a read-out that learns batch by batch, found {readout!r}, which needs all "
+        "frames at once; fit anew"
+    )
+
+
+def _fixed(model: HDCClassifier) -> str | None:
+    """Why a model does not adapt to new frames in any way, if it does not."""
+    try:
+        readout, encoder = make_readout(model.readout), make_encoder(model.encoder)
+    except (TypeError, ValueError) as error:
+        return str(error)
+    if hasattr(readout, "adapt") or isinstance(encoder, Reference):
+        return None
+    return (
+        f"expected another read-out than {readout!r}, or encoder 'reference'; fit anew"
+    )
 
 
 class HDCClassifier(Estimator):
@@ -78,9 +106,8 @@ class HDCClassifier(Estimator):
     _majority: Counting  # prototypes for distances and rejection: the read-out's own, if it counts
     _index: dict[Label, int]  # label → row
     _sample: Sample
-    _waiting: list[
-        tuple[Tensor, Tensor]
-    ]  # hypervectors and rows of a read-out that wants all
+    _waiting: list[tuple[Tensor, Tensor]]
+    """Hypervectors and rows of a read-out that wants all."""
     _peers: list[Peers | None] | None  # of sample and prototypes, made when asked for
     _recalibrated: bool
 
@@ -133,6 +160,7 @@ class HDCClassifier(Estimator):
         frames, labels = self._samples(frames, y)
         classes = inputs.classes_of(labels)
         inputs.check_two_classes(classes)
+        inputs.check_discrete(labels)
         self._start(frames, classes.tolist())
         backend = self._backend(frames)
         rows = torch.tensor([self._index[label] for label in labels])
@@ -169,6 +197,7 @@ class HDCClassifier(Estimator):
             raise ValueError("frames: expected at least one frame, found none")
         return frames, labels
 
+    @available_unless(_whole_only)
     def partial_fit(self, frames: Any, y: Any, classes: Any = None) -> Self:
         """Learn a further batch of frames; a label not met before becomes a new class.
 
@@ -181,11 +210,11 @@ class HDCClassifier(Estimator):
             classes: all labels that may come; those without samples are never predicted.
 
         Raises:
-            ValueError: as :meth:`fit`, for a label not among `classes`, for a read-out that needs
-                all frames at once, or after :meth:`recalibrate`, whose prototypes are not those of
-                counted frames.
+            ValueError: as :meth:`fit`, for a label not among `classes`, or after
+                :meth:`recalibrate`, whose prototypes are not those of counted frames.
+            AttributeError: for a read-out that needs all frames at once; ``hasattr`` is False.
         """
-        self._check_learns("partial_fit")
+        self._check_counts("partial_fit")
         frames, labels = self._samples(frames, y)
         allowed = labels
         if classes is not None:
@@ -205,6 +234,7 @@ class HDCClassifier(Estimator):
             self._adopt(model)
         return self
 
+    @available_unless(_whole_only)
     def merge(self, other: HDCClassifier) -> Self:
         """Learn what another model was trained on: bit for bit the model of all frames.
 
@@ -213,13 +243,14 @@ class HDCClassifier(Estimator):
         Raises:
             ValueError: for a model of another kind, frame shape or encoder, not trained, or
                 recalibrated.
+            AttributeError: as :meth:`partial_fit`.
         """
-        kinds = [_kind(model) for model in (self, other)]
-        if kinds[0] != kinds[1]:
-            raise ValueError(f"merge: expected a {kinds[0]}, found a {kinds[1]}")
-        Estimator._check_is_trained(other)
         for model in (self, other):
-            model._check_learns("merge")
+            model._check_counts("merge")
+        mine, theirs = _kind(self), _kind(other)
+        if mine != theirs:
+            raise ValueError(f"merge: expected a {mine}, found a {theirs}")
+        Estimator._check_is_trained(other)
         if not hasattr(self, "readout_"):
             self._columns = other._columns
             self._take_encoder(other)
@@ -230,12 +261,13 @@ class HDCClassifier(Estimator):
         labels = other.classes_.tolist()
         self._know(labels)
         places = [self._index[label] for label in labels]
-        for mine, theirs in zip(self._updated(), other._updated(), strict=True):
-            mine.merge(theirs, places)
+        for own, others in zip(self._updated(), other._updated(), strict=True):
+            own.merge(others, places)
         self._sample.merge(other._sample)
         self._settle()
         return self
 
+    @available_unless(_fixed)
     def recalibrate(
         self,
         frames: Any,
@@ -281,12 +313,13 @@ class HDCClassifier(Estimator):
         inputs.check_among(labels, self._index)
         words = torch.cat(list(self._encoded(frames)))
         rows = torch.tensor([self._index[label] for label in labels])
-        changed = copy.copy(self.readout_)
+        changed: Any = copy.copy(self.readout_)
         counting = self._majority is self.readout_
         changed.backend = self._backend(frames)
-        changed.adapt(words, rows, p, seed, method)  # type: ignore[attr-defined]
-        majority: Any = changed if counting else copy.copy(self._majority)
+        changed.adapt(words, rows, p, seed, method)
+        majority = changed
         if not counting:
+            majority = copy.copy(self._majority)
             majority.adapt(words, rows, p, seed, method)
         sample = Sample()
         sample.add(words, labels)
@@ -333,18 +366,15 @@ class HDCClassifier(Estimator):
             reject: answer None, in an array of objects, for a frame that :meth:`is_known` does not
                 know: the share of frames of known classes that may be lost so; True for 5 %.
         """
-        share = (
-            None if reject is False else check_share(RATE if reject is True else reject)
-        )
+        share = _rejected_share(reject)
         self._check_is_trained()
         labels = []
         for words in self._encoded(frames):
             found = self.classes_[self._scores_of(words).argmax(1).numpy(force=True)]
             if share is not None:
                 found = found.astype(object)
-                found[p_values(self._known_peers(), words, share).max(1) <= share] = (
-                    None
-                )
+                likeness = p_values(self._known_peers(), words, share).max(1)
+                found[likeness <= share] = None
             labels.append(found)
         return np.concatenate(labels)
 
@@ -459,11 +489,12 @@ class HDCClassifier(Estimator):
         tensors |= _prefixed("readout", self.readout_.stored())
         if self._majority is not self.readout_:
             tensors |= _prefixed("majority", self._majority.stored())
-        return {
+        header = {
             "classes": classes,
             "seen": seen,
             "recalibrated": self._recalibrated,
-        }, tensors
+        }
+        return header, tensors
 
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
         classes, seen = header["classes"], header["seen"]
@@ -480,6 +511,9 @@ class HDCClassifier(Estimator):
         groups = {"readout": self.readout_}
         if self._majority is not self.readout_:
             groups["majority"] = self._majority
+        for name in tensors:
+            if name != "sample" and name.partition(".")[0] not in groups:
+                raise ValueError(f"a tensor {name!r}")
         for prefix, part in groups.items():
             own = _without_prefix(prefix, tensors)
             part.restore(own, len(classes), self.dimension_)
@@ -490,36 +524,30 @@ class HDCClassifier(Estimator):
 
     # Parts ---------------------------------------------------------------------------------------
 
-    def _check_learns(self, action: str) -> None:
-        if getattr(self, "_recalibrated", False):
+    def _check_counts(self, action: str) -> None:
+        """Raise ValueError for a trained model whose prototypes are not those of its frames."""
+        if not hasattr(self, "readout_"):
+            return
+        Estimator._check_is_trained(self)
+        if self._recalibrated:
             raise ValueError(
                 f"{action}: expected a model that was not recalibrated; fit anew"
-            )
-        readout = getattr(self, "readout_", None) or make_readout(self.readout)
-        if not isinstance(readout, Updatable):
-            raise ValueError(
-                f"{action}: expected a read-out that learns batch by batch, found {readout!r}, "
-                "which needs all frames at once; fit anew"
             )
 
     def _check_same_encoder(self, other: HDCClassifier) -> None:
         mine, theirs = self.encoder_, other.encoder_
-        if repr(mine) != repr(theirs):
+        if describe(mine, ENCODERS) != describe(theirs, ENCODERS):
             raise ValueError(f"merge: expected the encoder {mine!r}, found {theirs!r}")
         learned = theirs.state()
         for name, tensor in mine.state().items():
             if not torch.equal(tensor, learned[name]):
                 raise ValueError(
-                    f"merge: the encoders {mine!r} have learned different frames; give both the "
-                    "same reference, or fit anew"
+                    f"merge: expected two encoders {mine!r} that have learned the same, found "
+                    "two that have learned of different frames; fit anew on all of them"
                 )
 
     def _check_is_trained(self) -> None:
         super()._check_is_trained()
-        for name in self.parts:
-            given, used = getattr(self, name), getattr(self, f"_{name}_of")
-            if given is not used:
-                raise ValueError(f"{name}: changed after training; call fit again")
         inputs.check_two_classes(self.classes_)
 
     def _start(self, frames: Any, classes: Sequence[Label]) -> None:
@@ -530,7 +558,6 @@ class HDCClassifier(Estimator):
     def _begin(self, classes: Sequence[Label]) -> None:
         """Be ready to count for these classes, with an encoder that has learned."""
         self.readout_ = make_readout(self.readout).unlearned()
-        self._encoder_of, self._readout_of = self.encoder, self.readout
         self.classes_ = inputs.label_array(classes, len(classes))
         self._index = {label: row for row, label in enumerate(self.classes_.tolist())}
         counting = isinstance(self.readout_, Counting)
@@ -640,6 +667,13 @@ class HDCClassifier(Estimator):
             ]
             self._peers = peers
         return peers
+
+
+def _rejected_share(reject: bool | float) -> float | None:
+    """The share of known frames that may be lost, of the argument of ``predict``; None: none."""
+    if not isinstance(reject, bool | np.bool_):
+        return check_share(reject)
+    return RATE if reject else None
 
 
 def _kind(model: HDCClassifier) -> str:

@@ -10,6 +10,7 @@ import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from math import prod
+from numbers import Integral
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -29,9 +30,7 @@ class Estimator(Parametrised, ABC):
     """Parameters by name, tags, chunks of frames, and how an untrained model is refused."""
 
     _estimator_type: str
-    _known: ClassVar[
-        Mapping[str, Mapping[str, type]]
-    ]  # our own parts, by parameter and name
+    _known: ClassVar[Mapping[str, Mapping[str, type]]]  # our own classes of each part
     encoder: Any
     readout: Any
     device: str
@@ -41,7 +40,10 @@ class Estimator(Parametrised, ABC):
     n_features_in_: int
     dimension_: int
     metadata_: dict[str, Any]
-    _columns: list[str] | None = None  # of the data frame that the model learned from
+    _columns: list[str | int] | None = (
+        None  # of the data frame that the model learned from
+    )
+    _used: dict[str, Any]  # the parameters of the parts that were trained
 
     def _check_parameters(self) -> None:
         for name, make in self.parts.items():
@@ -49,14 +51,27 @@ class Estimator(Parametrised, ABC):
         self._backend()
 
     def _check_is_trained(self) -> None:
-        if not hasattr(
-            self, "dimension_"
-        ):  # scikit-learn's kind of error where it is loaded
+        """Raise for a model that has learned nothing, or whose parts were set since."""
+        if not hasattr(self, "dimension_"):
+            # scikit-learn's kind of error where it is loaded
             module = sys.modules.get("sklearn.exceptions")
             kind = getattr(module, "NotFittedError", ValueError)
             raise kind(
                 f"{type(self).__name__}: expected a trained model; call fit first"
             )
+        for name, used in self._used.items():
+            if getattr(self, name) is not used:
+                raise ValueError(f"{name}: changed after training; call fit again")
+
+    @property
+    def feature_names_in_(self) -> np.ndarray:
+        """Names of the columns of training, object [D], where all are text."""
+        names = self._columns or [0]
+        if not all(isinstance(name, str) for name in names):
+            raise AttributeError(
+                f"{type(self).__name__}: expected training on a data frame with names, found none"
+            )
+        return np.array(names, dtype=object)
 
     def _set_shape(self, shape: Sequence[int]) -> None:
         self.frame_shape_ = tuple(shape)
@@ -68,13 +83,18 @@ class Estimator(Parametrised, ABC):
         if encoder.learns:
             encoder.fit(frames)
         self._set_shape(frames.shape[1:])
-        self.encoder_ = encoder
-        self.dimension_ = encoder.dimension(self.n_features_in_)
+        self._use_encoder(encoder)
 
     def _take_encoder(self, other: Estimator) -> None:
         """Take over the trained encoder of another model, and the shape of its frames."""
         self._set_shape(other.frame_shape_)
-        self.encoder_, self.dimension_ = other.encoder_, other.dimension_
+        self._use_encoder(other.encoder_)
+
+    def _use_encoder(self, encoder: Encoder) -> None:
+        """Encode by this from now on; the parameters of now are those of training."""
+        self.encoder_ = encoder
+        self.dimension_ = encoder.dimension(self.n_features_in_)
+        self._used = {name: getattr(self, name) for name in self.parts}
 
     def _backend(self, frames: Any = None) -> str:
         """The backend to encode frames with, or (None) one that is loaded already."""
@@ -87,19 +107,13 @@ class Estimator(Parametrised, ABC):
         Raises:
             ValueError: for other columns, or pixels that are masked.
         """
-        columns = (
-            [str(name) for name in frames.columns]
-            if hasattr(frames, "columns")
-            else None
-        )
+        columns = _columns_of(frames)
         if training and not hasattr(self, "dimension_"):
             self._columns = columns
         self._check_columns(columns)
-        if np.ma.is_masked(frames):
-            raise ValueError("frames: expected all pixels, found masked ones")
         return inputs.indexable(frames, getattr(self, "frame_shape_", None))
 
-    def _check_columns(self, columns: list[str] | None) -> None:
+    def _check_columns(self, columns: list[str | int] | None) -> None:
         if None not in (columns, self._columns) and columns != self._columns:
             raise ValueError(
                 "frames: expected the columns of training in its order, found others"
@@ -155,11 +169,13 @@ class Estimator(Parametrised, ABC):
             TypeError: for metadata that are no JSON.
             FileNotFoundError: for a folder that does not exist.
             FileExistsError: where something other than a saved model has the name.
+            ValueError: for a model that could not be loaded again, such as one with a read-out of a
+                class that is not at the top of a module; nothing is written.
         """
         self._check_is_trained()
-        metadata = dict(
-            getattr(self, "metadata_", {}) if metadata is None else metadata
-        )
+        if metadata is None:
+            metadata = getattr(self, "metadata_", {})
+        metadata = dict(metadata)
         # Not the backend: the best one depends on the machine, and the model does not.
         parameters: dict[str, Any] = {"device": str(self.device)}
         for name, make in self.parts.items():
@@ -167,13 +183,23 @@ class Estimator(Parametrised, ABC):
         header, tensors = self._stored()
         learned = self.encoder_.state().items()
         tensors |= {f"encoder.{name}": tensor for name, tensor in learned}
+        header = {"kind": type(self).__name__, **header}
         header |= {"parameters": parameters, "frame_shape": self.frame_shape_}
-        header["columns"] = self._columns
-        kind = type(self).__name__
-        io.write_model(
-            Path(path), {"kind": kind, **header, "metadata": metadata}, tensors
-        )
+        header |= {"columns": self._columns, "metadata": metadata}
+        io.write_model(Path(path), header, tensors, self._check_loads)
         self.metadata_ = metadata
+
+    def _check_loads(
+        self, header: Mapping[str, Any], tensors: dict[str, Tensor]
+    ) -> None:
+        """Raise ValueError for what :meth:`load` would refuse."""
+        try:
+            self._rebuilt(header, tensors)
+        except Exception as error:
+            kind = type(self).__name__
+            raise ValueError(
+                f"a {kind} that could not be loaded again: {error}"
+            ) from error
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -184,50 +210,55 @@ class Estimator(Parametrised, ABC):
         """
         try:
             header, tensors = io.read_model(Path(path))
-            if header["kind"] != cls.__name__:
-                raise ValueError(
-                    f"a saved {header['kind']}; load it with {header['kind']}.load"
-                )
-            parameters = dict(header["parameters"])
-            for name in cls.parts:
-                parameters[name] = rebuild(parameters[name], name, cls._known[name])
-            model = cls(**parameters)
-            if model.device.startswith("cuda") and not torch.cuda.is_available():
+            kind = header["kind"]
+            if kind != cls.__name__:
+                raise ValueError(f"a saved {kind}; load it with {kind}.load")
+            device = header["parameters"]["device"]
+            if device.startswith("cuda") and not torch.cuda.is_available():
+                header["parameters"]["device"] = "cpu"
                 warnings.warn(
                     f"{path}: trained on a GPU, not here: on the CPU", stacklevel=2
                 )
-                model.device = "cpu"
-            model._check_parameters()
-            shape = header["frame_shape"]
-            if not 1 <= len(shape) <= 2 or not all(
-                type(n) is int and n > 0 for n in shape
-            ):
-                raise ValueError(f"frame_shape {shape!r}")
-            model._set_shape(shape)
-            model._restore_encoder(tensors)
-            model._restore(header, tensors)
-            model._columns = header.get("columns")
-            model.metadata_ = dict(header["metadata"])
-            return model
+            return cls._rebuilt(header, tensors)
         except FileNotFoundError:
             raise
-        except (
-            Exception
-        ) as error:  # a hostile header reaches numpy and torch in many ways
+        # A hostile header reaches numpy and torch in many ways.
+        except Exception as error:
             raise ValueError(
                 f"{path}: expected a saved {cls.__name__}, found {error}"
             ) from error
 
+    @classmethod
+    def _rebuilt(cls, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> Self:
+        """The model of a header and tensors, which may be anything; errors of any kind."""
+        parameters = dict(header["parameters"])
+        for name in cls.parts:
+            parameters[name] = rebuild(parameters[name], name, cls._known[name])
+        model = cls(**parameters)
+        if torch.device(model.device).type == "meta":
+            raise ValueError(f"device {model.device!r}, which has no memory")
+        model._check_parameters()
+        shape = header["frame_shape"]
+        whole = all(type(n) is int and n > 0 for n in shape)
+        if not whole or not 1 <= len(shape) <= 2:
+            raise ValueError(f"frame_shape {shape!r}")
+        model._set_shape(shape)
+        own = dict(tensors)
+        model._restore_encoder(own)
+        model._restore(header, own)
+        model._columns = header.get("columns")
+        model.metadata_ = dict(header["metadata"])
+        return model
+
     def _restore_encoder(self, tensors: dict[str, Tensor]) -> None:
+        """Have the encoder learn its own of the tensors, which are taken out."""
         encoder = make_encoder(self.encoder).unlearned()
-        learned = {
-            name.removeprefix("encoder."): tensors.pop(name)
-            for name in list(tensors)
-            if name.startswith("encoder.")
-        }
+        learned = {}
+        for name in list(tensors):
+            if name.startswith("encoder."):
+                learned[name.removeprefix("encoder.")] = tensors.pop(name)
         encoder.restore(learned, self.n_features_in_)
-        self.encoder_ = encoder
-        self.dimension_ = encoder.dimension(self.n_features_in_)
+        self._use_encoder(encoder)
 
     @abstractmethod
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
@@ -257,16 +288,25 @@ class Estimator(Parametrised, ABC):
         )
 
 
+def _columns_of(frames: Any) -> list[str | int] | None:
+    """Names of the columns of a data frame; None for frames that are none."""
+    if not hasattr(frames, "columns"):
+        return None
+    return [_column_name(name) for name in frames.columns]
+
+
+def _column_name(name: Any) -> str | int:
+    """A name that JSON has: a number stays one."""
+    return int(name) if isinstance(name, Integral) else str(name)
+
+
 def check_share(share: Any) -> float:
     """A share of frames that may be missed, as a float.
 
     Raises:
         ValueError: if it is not in (0, 1).
     """
-    if (
-        isinstance(share, bool)
-        or not isinstance(share, float | np.floating)
-        or not 0 < share < 1
-    ):
+    is_float = isinstance(share, float | np.floating)
+    if not is_float or not 0 < share < 1:
         raise ValueError(f"reject, alpha: expected a share in (0, 1), found {share!r}")
     return float(share)

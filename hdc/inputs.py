@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
@@ -11,6 +13,11 @@ import torch
 from torch import Tensor
 
 Label = str | int | float | bool
+_VALUES = {"frames": "pixels", "labels": "labels", "targets": "numbers"}
+_LARGEST_TARGET = 1e300  # sums of larger ones overflow
+_CONTINUOUS = (
+    30  # frames whose fractional labels all differ that are no classes any more
+)
 
 
 class FrameSource(Protocol):
@@ -31,25 +38,48 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
 
     Raises:
         TypeError: for a sparse matrix.
-        ValueError: for frames of different sizes, or a single row of pixels.
+        ValueError: for frames of different sizes, a single row of pixels, frames of more than one
+            channel, or masked pixels.
     """
     if hasattr(frames, "toarray"):
         raise TypeError(
             "frames: expected a dense array, found a sparse one; use its toarray()"
         )
     if hasattr(frames, "iloc") or not hasattr(frames, "shape"):
-        frames = frames if hasattr(frames, "__array__") else list(frames)
-        if isinstance(frames, list) and len({np.shape(frame) for frame in frames}) > 1:
-            raise ValueError("frames: expected frames of one shape, found several")
-        frames = np.asarray(frames)
-    if len(frames.shape) == 1 and frames.shape[0]:
+        frames = _as_array(frames)
+    _check_unmasked("frames", frames)
+    found = tuple(frames.shape)
+    if len(found) == 1 and found[0]:
         raise ValueError(
-            f"frames: expected shape [N, H, W] or [N, D], found {tuple(frames.shape)}; "
+            f"frames: expected shape [N, H, W] or [N, D], found {found}; "
             "Reshape your data: of one frame, frames[None] is a batch"
+        )
+    if len(found) > 3:
+        raise ValueError(
+            f"frames: expected shape [N, H, W] or [N, D], found {found}; "
+            "take one channel of each frame"
         )
     if shape and len(shape) == 2 and tuple(frames.shape) == shape and shape[0] > 1:
         return tensor(frames)[None]
     return frames
+
+
+def _as_array(frames: Any) -> np.ndarray:
+    """A sequence of frames of one shape, or a data frame, as one array."""
+    if not hasattr(frames, "__array__"):
+        frames = list(frames)
+        for frame in frames:
+            _check_unmasked("frames", frame)
+        if len({np.shape(frame) for frame in frames}) > 1:
+            raise ValueError("frames: expected frames of one shape, found several")
+    return np.asarray(frames)
+
+
+def _check_unmasked(name: str, values: Any) -> None:
+    """Raise ValueError for an array of numpy of which some values are masked."""
+    if np.ma.is_masked(values):
+        what = _VALUES[name]
+        raise ValueError(f"{name}: expected all {what}, found masked ones")
 
 
 def tensor(frames: Any) -> Tensor:
@@ -57,8 +87,9 @@ def tensor(frames: Any) -> Tensor:
 
     Raises:
         TypeError: for values that are no numbers.
-        ValueError: for complex numbers, or frames without pixels.
+        ValueError: for complex numbers, masked pixels, or frames without pixels.
     """
+    _check_unmasked("frames", frames)
     if not isinstance(frames, Tensor):
         array = np.asarray(frames)
         if array.dtype == object:
@@ -104,12 +135,12 @@ def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> 
 
 
 def label_array(labels: Any, n: int) -> np.ndarray:
-    """Labels [n], each a str, int, float or bool, as an array.
+    """Labels [n], each a str, int, float or bool, as an array; those of a column [n, 1], too.
 
     Raises:
-        ValueError: for a wrong number of labels, another type, or NaN.
+        ValueError: for a wrong number of labels, another type, NaN, or masked ones.
     """
-    labels = _one_a_frame("labels", labels, n)
+    labels = _without_column(_one_a_frame("labels", labels, n))
     if isinstance(labels, np.ndarray):
         items = labels.tolist()
     else:
@@ -119,18 +150,51 @@ def label_array(labels: Any, n: int) -> np.ndarray:
             raise ValueError(
                 f"labels[{i}]: expected a str, int, float or bool, found {label!r}"
             )
-    array = (
-        np.array(items) if len(set(map(type, items))) == 1 else np.array(items, object)
-    )
+    of_one_type = len(set(map(type, items))) == 1
+    array = np.array(items) if of_one_type else np.array(items, object)
     # numpy drops null characters at the end of a string.
     return array if array.tolist() == items else np.array(items, object)
+
+
+def _without_column(labels: Any) -> Any:
+    """Labels [n] of a column [n, 1], with a warning."""
+    if not isinstance(labels, np.ndarray) or labels.ndim != 2 or labels.shape[1] != 1:
+        return labels
+    module = sys.modules.get("sklearn.exceptions")
+    kind = getattr(module, "DataConversionWarning", UserWarning)
+    warnings.warn(
+        "A column-vector y was passed when a 1d array was expected; its labels are taken",
+        kind,
+        stacklevel=5,
+    )
+    return labels[:, 0]
+
+
+def check_discrete(labels: Sequence[Label]) -> None:
+    """Refuse labels that are a continuous quantity, not classes.
+
+    Numbers such as depths of 0.5 mm may be labels. Where each of many frames has a number of its
+    own, with a fraction, there is nothing to classify.
+
+    Raises:
+        ValueError: for more than 30 floats with fractions of which no two are equal.
+    """
+    n = len(labels)
+    if n <= _CONTINUOUS or len(set(labels)) < n:
+        return
+    if all(isinstance(label, float) and label % 1 for label in labels):
+        raise ValueError(
+            f"labels: expected classes, found {n} different numbers for {n} frames (Unknown label "
+            "type: continuous); HDCRegressor predicts numbers"
+        )
 
 
 def targets(values: Any, n: int) -> np.ndarray:
     """Numbers to predict, float64 [n] or [n, T].
 
     Raises:
-        ValueError: for a wrong number of them, or values that are not finite numbers.
+        ValueError: for a wrong number of them, masked ones, or values that are not finite numbers
+            below 1e300 in size.
     """
     values = _one_a_frame("targets", values, n)
     array = np.asarray(values, dtype=np.float64)
@@ -138,6 +202,9 @@ def targets(values: Any, n: int) -> np.ndarray:
         raise ValueError(f"targets: expected shape [N] or [N, T], found {array.shape}")
     if not np.isfinite(array).all():
         raise ValueError("targets: expected finite numbers, found NaN or infinity in y")
+    if array.size and np.abs(array).max() > _LARGEST_TARGET:
+        found = np.abs(array).max()
+        raise ValueError(f"targets: expected numbers up to 1e300, found {found:g}")
     return array
 
 
@@ -149,7 +216,13 @@ def _one_a_frame(name: str, values: Any, n: int) -> Any:
         )
     if isinstance(values, Tensor):
         values = values.numpy(force=True)
-    values = np.asarray(values) if hasattr(values, "__array__") else list(values)
+    _check_unmasked(name, values)
+    if hasattr(values, "__array__"):
+        values = np.asarray(values)
+    else:
+        values = list(values)
+        for value in values:
+            _check_unmasked(name, value)
     if len(values) != n:
         raise ValueError(f"{name}: expected {n}, one a frame, found {len(values)}")
     if np.iscomplexobj(values):

@@ -11,7 +11,7 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -72,12 +72,23 @@ def check_replaceable(path: Path) -> None:
 
 
 def write_model(
-    path: Path, header: Mapping[str, Any], tensors: Mapping[str, Tensor]
+    path: Path,
+    header: Mapping[str, Any],
+    tensors: Mapping[str, Tensor],
+    check: Callable[[Mapping[str, Any], dict[str, Tensor]], object],
 ) -> None:
     """Save the header and the tensors of a model.
 
+    Args:
+        path: name of the file.
+        header: values of JSON, of which "metadata" are the user's.
+        tensors: by name.
+        check: raises ValueError for a header, as a file has it, and tensors that no model is made
+            of; nothing is written then.
+
     Raises:
         TypeError: for metadata that are no JSON.
+        ValueError: naming the file, as of `check`.
         FileNotFoundError, FileExistsError: as :func:`check_replaceable`.
         OSError: as :func:`write_atomically`.
     """
@@ -92,6 +103,10 @@ def write_model(
         ) from error
     header = {"format": FORMAT, **header}
     stored = {name: t.cpu().contiguous() for name, t in tensors.items()}
+    try:
+        check(json.loads(json.dumps(header)), stored)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
     text = json.dumps({**header, "sha256": _digest(header, stored)})
     write_atomically(path, save(stored, {"model": text}))
 
@@ -124,9 +139,8 @@ def read_model(
             content = {name: file.get_tensor(name) for name in names}
     except FileNotFoundError:
         raise
-    except (
-        Exception
-    ) as error:  # a hostile file reaches safetensors, torch and json in many ways
+    # A hostile file reaches safetensors, torch and json in many ways.
+    except Exception as error:
         raise ValueError(str(error)) from error
     found = header.get("format") if isinstance(header, dict) else None
     if found in _EARLIER:  # its encoder gave ties to other pixels

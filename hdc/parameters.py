@@ -10,8 +10,12 @@ from __future__ import annotations
 import copy
 import importlib
 import inspect
+import math
+import numbers
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
+
+Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 class Parametrised:
@@ -22,8 +26,8 @@ class Parametrised:
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Constructor parameters by name; with `deep`, those of the parts as ``part__name``."""
-        names = inspect.signature(type(self).__init__).parameters
-        found = {name: getattr(self, name) for name in names if name != "self"}
+        names = _parameters_of(type(self))
+        found = {name: getattr(self, name) for name in names}
         if deep:
             for name, make in self.parts.items():
                 inner = make(found[name]).get_params()
@@ -59,8 +63,49 @@ class Parametrised:
 
     def __repr__(self) -> str:
         parameters = self.get_params(deep=False).items()
-        listed = ", ".join(f"{name}={value!r}" for name, value in parameters)
+        listed = ", ".join(f"{name}={_shown(value)}" for name, value in parameters)
         return f"{type(self).__name__}({listed})"
+
+
+def _parameters_of(kind: type) -> list[str]:
+    """Names of the parameters of a constructor; ``*args`` of one that is inherited are none."""
+    named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    parameters = inspect.signature(kind).parameters.values()
+    return [parameter.name for parameter in parameters if parameter.kind in named]
+
+
+class UnavailableError(AttributeError, ValueError):
+    """A method that an object of these parameters does not have."""
+
+
+def available_unless(reason: Callable[[Any], str | None]) -> Callable[[Method], Method]:
+    """A decorator: the method is there only where `reason` of the object is None.
+
+    Elsewhere ``hasattr`` is False, as scikit-learn expects of a method that always raises, and
+    asking for the method raises :class:`UnavailableError` with the reason, one line.
+    """
+
+    def decorate(method: Method) -> Method:
+        return _Available(method, reason)  # type: ignore[return-value]
+
+    return decorate
+
+
+class _Available:
+    """The descriptor of :func:`available_unless`."""
+
+    def __init__(self, method: Callable[..., Any], reason: Callable[[Any], str | None]):
+        self.__doc__ = method.__doc__
+        self._method = method
+        self._reason = reason
+
+    def __get__(self, owner: Any, kind: type | None = None) -> Any:
+        if owner is None:
+            return self._method
+        reason = self._reason(owner)
+        if reason is not None:
+            raise UnavailableError(f"{self._method.__name__}: {reason}")
+        return self._method.__get__(owner, kind)
 
 
 def make_part(part: Any, what: str, known: Mapping[str, type], base: type) -> Any:
@@ -76,16 +121,22 @@ def make_part(part: Any, what: str, known: Mapping[str, type], base: type) -> An
         ValueError: for a name that is not known, or a module that cannot be imported.
         TypeError: for a class in place of an object, or an object of another kind.
     """
-    if isinstance(part, str):
-        part = find_class(part, what, known)()
     if isinstance(part, type):
         raise TypeError(f"{what}: expected an object, found the class {part.__name__}")
-    if not isinstance(part, base):
-        expected = (
-            f"expected one of {', '.join(known)}, or an object of {base.__module__}"
-        )
-        raise TypeError(f"{what}: {expected}.{base.__name__}, found {part!r}")
-    return part
+    kind = find_class(part, what, known) if isinstance(part, str) else type(part)
+    if not issubclass(kind, base):
+        listed = ", ".join(known)
+        expected = f"one of {listed}, or an object of {base.__module__}.{base.__name__}"
+        raise TypeError(f"{what}: expected {expected}, found {part!r}")
+    if not isinstance(part, str):
+        return part
+    try:
+        return kind()
+    except TypeError as error:
+        expected = "a class that is made without arguments, or an object"
+        raise TypeError(
+            f"{what}: expected {expected}, found {part!r}: {error}"
+        ) from error
 
 
 def find_class(name: str, what: str, known: Mapping[str, type]) -> type:
@@ -124,17 +175,48 @@ def check_choice(name: str, value: Any, choices: tuple[Any, ...]) -> None:
         raise ValueError(f"{name}: expected one of {listed}, found {value!r}")
 
 
+def check_integer(name: str, value: Any, least: int, most: int | None = None) -> None:
+    """Raise ValueError, naming it, for a parameter that is no whole number in a range."""
+    whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    if whole and least <= value and (most is None or value <= most):
+        return
+    expected = f"≥ {least}" if most is None else f"from {least} to {most}"
+    raise ValueError(f"{name}: expected an integer {expected}, found {value!r}")
+
+
+def is_number(value: Any) -> bool:
+    """Whether a parameter is a real and finite number, and no bool."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return False
+    return math.isfinite(value)
+
+
 def describe(part: Parametrised, known: Mapping[str, type]) -> dict[str, Any]:
     """Class and parameters of a part, and of its own parts, as JSON; what is no JSON is None."""
     parameters = part.get_params(deep=False)
     for name, value in parameters.items():
         if name in part.parts:
             parameters[name] = describe(part.parts[name](value), known)
-        elif not isinstance(value, str | int | float | bool | None):
-            parameters[name] = (
-                getattr(value, "item", lambda: None)() if _is_scalar(value) else None
-            )
+        else:
+            parameters[name] = _as_json(value)
     return {"class": name_of(part, known), "parameters": parameters}
+
+
+def _as_json(value: Any) -> str | int | float | bool | None:
+    """A value as JSON has it: numpy's numbers as Python's, fractions as text, others as None."""
+    if isinstance(value, str | int | float | bool | None):
+        return value
+    if _is_scalar(value):
+        return value.item()
+    return str(value) if isinstance(value, numbers.Rational) else None
+
+
+def _shown(value: Any) -> str:
+    """A parameter in one line; an array by its shape."""
+    shape = getattr(value, "shape", ())
+    if shape == ():
+        return repr(value)
+    return f"<{type(value).__name__} of shape {tuple(shape)}>"
 
 
 def rebuild(

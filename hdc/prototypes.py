@@ -140,9 +140,8 @@ class Counters:
         scaled.reserve(max(scaled.n.tolist(), default=0))
         for c, weight in enumerate(weights):
             total = torch.zeros_like(self.planes[c, :1])
-            for (
-                bit
-            ) in f"{weight:b}":  # Horner's scheme: twice what there is, and once more
+            # Horner's scheme: twice what there is, and once more.
+            for bit in f"{weight:b}":
                 total = torch.cat((torch.zeros_like(total[:1]), total))
                 total = planes.add(total, self.planes[c]) if bit == "1" else total
             kept = min(len(total), scaled.planes.shape[1])  # the planes above are empty
@@ -265,7 +264,7 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
         The votes, and how many a new hypervector of each class has.
     """
     check_probability(p)
-    share = Fraction(p).limit_denominator(_P_STEPS)
+    share = Fraction(float(p)).limit_denominator(_P_STEPS)
     of_old, of_new = [], []
     for n_old, n_new in zip(old.n.tolist(), new.n.tolist(), strict=True):
         a, b = (share.denominator - share.numerator) * n_new, share.numerator * n_old

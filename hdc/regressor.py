@@ -99,6 +99,7 @@ class HDCRegressor(Estimator):
         """
         if not hasattr(self, "readout_"):
             return self.fit(frames, y)
+        self._check_is_trained()
         if self._recalibrated:
             raise ValueError(
                 "partial_fit: expected a model that was not recalibrated; fit anew"
@@ -122,8 +123,7 @@ class HDCRegressor(Estimator):
         readout = copy.copy(self.readout_)
         readout.backend = self._backend()
         readout.adapt(words, values)
-        self.readout_, self._words, self._values = readout, words, values
-        self._recalibrated = True
+        self._take(readout, words, values, recalibrated=True)
         return self
 
     def _pairs(self, frames: Any, y: Any) -> tuple[Tensor, Tensor]:
@@ -148,9 +148,14 @@ class HDCRegressor(Estimator):
         readout = make_value_readout(self.readout).unlearned()
         readout.backend = self._backend()
         readout.fit(words, values, self.dimension_)
-        self.readout_, self._words, self._values = readout, words, values
-        self._encoder_of, self._readout_of = self.encoder, self.readout
-        self._recalibrated = False
+        self._take(readout, words, values, recalibrated=False)
+
+    def _take(
+        self, readout: ValueReadout, words: Tensor, values: Tensor, recalibrated: bool
+    ) -> None:
+        """Become the model of a trained read-out, at once: nobody sees a half of it."""
+        learned = {"readout_": readout, "_words": words, "_values": values}
+        vars(self).update(learned | {"_recalibrated": recalibrated})
 
     @property
     def residuals_(self) -> np.ndarray:
@@ -194,12 +199,10 @@ class HDCRegressor(Estimator):
         """R², the share of the variance that is predicted, averaged over targets."""
         found = self.predict(frames)
         values = inputs.targets(y, len(found)).reshape(found.shape)
-        error = ((values - found) ** 2).sum(0)
-        spread = ((values - values.mean(0)) ** 2).sum(0)
-        flat = np.where(error == 0, 1.0, 0.0)
-        return float(
-            np.mean(np.where(spread > 0, 1 - error / np.maximum(spread, 1e-300), flat))
-        )
+        shares = []
+        for truth, answers in zip(_table(values).T, _table(found).T, strict=True):
+            shares.append(_predicted_share(truth, answers))
+        return float(np.mean(shares))
 
     @classmethod
     def components(
@@ -223,22 +226,31 @@ class HDCRegressor(Estimator):
         shapes = {"words": (n, width), "values": (n, n_targets)}
         check_tensors({"words": words, "values": values}, shapes, floats=("values",))
         bits.check_padding(words, self.dimension_)
-        self._one, self._recalibrated = (
-            bool(header["one"]),
-            bool(header["recalibrated"]),
-        )
-        self._words, self._values = words.to(self.device), values
-        self.readout_ = make_value_readout(self.readout).unlearned()
-        self._encoder_of, self._readout_of = self.encoder, self.readout
-        own = {
-            name.removeprefix("readout."): tensor for name, tensor in tensors.items()
-        }
-        self.readout_.restore(own, self._words, values, self.dimension_)
+        self._one = bool(header["one"])
+        words = words.to(self.device)
+        readout = make_value_readout(self.readout).unlearned()
+        own = {name.removeprefix("readout."): found for name, found in tensors.items()}
+        readout.restore(own, words, values, self.dimension_)
+        self._take(readout, words, values, bool(header["recalibrated"]))
 
 
 def _table(values: np.ndarray) -> Tensor:
     """Numbers [N] or [N, T] as float64 [N, T]."""
     return torch.from_numpy(values.reshape(len(values), -1))
+
+
+def _predicted_share(values: Tensor, found: Tensor) -> float:
+    """R² of numbers [Q]; of equal ones 1 where they are predicted, else 0.
+
+    In units of their spread, lest squares of numbers near 1e200 or 1e-200 be none.
+    """
+    deviations = values - values.mean()
+    errors = values - found
+    unit = deviations.abs().max()
+    if unit == 0:
+        return float((errors == 0).all())
+    error = ((errors / unit) ** 2).sum()
+    return float(1 - error / ((deviations / unit) ** 2).sum())
 
 
 def _ends(without: Tensor, residuals: Tensor, alpha: float) -> tuple[Tensor, Tensor]:

@@ -32,13 +32,13 @@ ENCODERS: dict[str, type[Encoder]] = {
 """Our own encoders by name."""
 
 
-def make_encoder(part: Any) -> Encoder:
-    """An encoder of a name, a dotted name ``"module.Class"``, or an object.
+def make_encoder(part: Any, what: str = "encoder") -> Encoder:
+    """An encoder of a name, a dotted name ``"module.Class"``, or an object; `what` names errors.
 
     Raises:
         ValueError, TypeError: as of :func:`hdc.parameters.make_part`.
     """
-    return make_part(part, "encoder", ENCODERS, Encoder)  # type: ignore[return-value]
+    return make_part(part, what, ENCODERS, Encoder)  # type: ignore[return-value]
 
 
 def encode_with(

@@ -59,3 +59,5 @@ class Encoder(Parametrised, ABC):
         Raises:
             ValueError: for tensors that do not fit.
         """
+        if tensors:
+            raise ValueError(f"tensors of an encoder that learns none: {list(tensors)}")

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any, Self
 
-import torch
 from torch import Tensor
 
-from hdc import bits
-from hdc.encoders.ranks import RankEncoder
+from hdc import bits, inputs
+from hdc.encoders.ranks import RankEncoder, check_finite
+from hdc.io import check_tensors
+from hdc.parameters import check_integer, is_number
 
 CHUNK = 64  # training frames summed at a time
 
@@ -58,11 +59,8 @@ class Levels(RankEncoder):
         return tuple(Fraction(t, steps) for t in range(1, steps))
 
     def check(self) -> None:
-        if type(self.thresholds) is not int or not 1 <= self.thresholds <= 255:
-            raise ValueError(
-                f"thresholds: expected an integer from 1 to 255, found {self.thresholds!r}"
-            )
-        if not 0 <= self.lit < 1:
+        check_integer("thresholds", self.thresholds, 1, 255)
+        if not is_number(self.lit) or not 0 <= self.lit < 1:
             raise ValueError(f"lit: expected a share in [0, 1), found {self.lit!r}")
         super().check()
 
@@ -70,13 +68,15 @@ class Levels(RankEncoder):
         """Learn which pixels are lit, where `lit` asks for it.
 
         Raises:
-            ValueError: if fewer than two pixels are lit.
+            ValueError: if fewer than two pixels are lit, or a pixel is not finite.
         """
         if not self.learns:
             return self
         total: Any = 0
         for start in range(0, len(frames), CHUNK):
-            part = torch.as_tensor(frames[start : start + CHUNK]).flatten(1).cpu()
+            part = inputs.tensor(frames[start : start + CHUNK]).flatten(1).cpu()
+            if part.is_floating_point():
+                check_finite(part, start)
             total = total + part.double().sum(0)
         lit = total >= self.lit * total.mean()
         if lit.sum() < 2:
@@ -105,5 +105,8 @@ class Levels(RankEncoder):
         return {"lit": bits.pack(self.lit_)} if self.learns else {}
 
     def restore(self, tensors: Mapping[str, Tensor], n_pixels: int) -> None:
-        if self.learns:
-            self.lit_ = bits.unpack(tensors["lit"], n_pixels)
+        if not self.learns:
+            return super().restore(tensors, n_pixels)
+        check_tensors(tensors, {"lit": (bits.words_for(n_pixels),)})
+        bits.check_padding(tensors["lit"], n_pixels)
+        self.lit_ = bits.unpack(tensors["lit"], n_pixels)

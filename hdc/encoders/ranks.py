@@ -226,16 +226,20 @@ def _pixels(frames: Tensor, first: int) -> Tensor:
         return pixels
     if pixels.dtype not in (torch.float32, torch.float64):
         pixels = pixels.float()  # exact
+    check_finite(pixels, first)
+    return pixels
+
+
+def check_finite(pixels: Tensor, first: int) -> None:
+    """Raise ValueError for floats [B, D] that are not finite, naming the frame."""
     # On the CPU without torch's threads: waiting for a busy core takes longer than the frame.
     values = pixels.numpy() if pixels.device.type == "cpu" else pixels
-    if not (math.isfinite(values.min()) and math.isfinite(values.max())):  # NaN is both
-        index = int((~pixels.isfinite().all(1)).nonzero()[0])
-        value = pixels[index][~pixels[index].isfinite()][0].item()
-        found = "NaN" if math.isnan(value) else value
-        raise ValueError(
-            f"frames[{first + index}]: expected finite pixels, found {found}"
-        )
-    return pixels
+    if math.isfinite(values.min()) and math.isfinite(values.max()):  # NaN is both
+        return
+    index = int((~pixels.isfinite().all(1)).nonzero()[0])
+    value = pixels[index][~pixels[index].isfinite()][0].item()
+    found = "NaN" if math.isnan(value) else value
+    raise ValueError(f"frames[{first + index}]: expected finite pixels, found {found}")
 
 
 class _Level(NamedTuple):
@@ -338,9 +342,13 @@ def _by_counting(pixels: Tensor, ones: Sequence[int]) -> list[_Level]:
     levels = []
     for of_level in found:
         above, equal, missing, n_equal = zip(*of_level, strict=True)
-        words = [torch.from_numpy(np.stack(part)) for part in (above, equal)]
-        counts = torch.tensor(missing), torch.tensor(n_equal)
-        levels.append(_Level(words[0], words[1], *counts))
+        level = _Level(
+            torch.from_numpy(np.stack(above)),
+            torch.from_numpy(np.stack(equal)),
+            torch.tensor(missing),
+            torch.tensor(n_equal),
+        )
+        levels.append(level)
     return levels
 
 

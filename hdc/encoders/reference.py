@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Self
@@ -10,12 +11,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from hdc import inputs
 from hdc.encoders.base import Encoder
-from hdc.encoders.ranks import check_frames, warn_of_constant
+from hdc.encoders.ranks import check_finite, check_frames, warn_of_constant
+from hdc.io import check_tensors
 
 FRACTION = 16  # bits after the point of a standardised pixel
 _LARGEST = 18  # bits that floating-point pixels are scaled to
 _STEP = 2**22  # pixels of several frames at a time; 8 bytes each, several times
+# A pixel below the first is rounded to 0.
+_POWERS = [2.0**k for k in range(-2, _LARGEST + 1)]
 
 
 class Reference(Encoder):
@@ -47,7 +52,7 @@ class Reference(Encoder):
     def parts(self) -> Mapping[str, Callable[[Any], Any]]:  # type: ignore[override]
         from hdc.encoders import make_encoder
 
-        return {"base": make_encoder}
+        return {"base": functools.partial(make_encoder, what="base")}
 
     @property
     def base_(self) -> Encoder:
@@ -81,12 +86,18 @@ class Reference(Encoder):
         return self.zero(given[None])
 
     def zero(self, frames: Any) -> Self:
-        """Take the mean of these standardised frames [N, H, W] or [N, D] as the reference."""
+        """Take the mean of these standardised frames [N, H, W] or [N, D] as the reference.
+
+        Raises:
+            ValueError: for no frames, or pixels that are not finite.
+        """
+        if len(frames) == 0:
+            raise ValueError("frames: expected at least one frame, found none")
         total: Any = 0
         step = _frames_at_a_time(frames)
         for start in range(0, len(frames), step):
-            part = torch.as_tensor(frames[start : start + step])
-            total = total + standardised(part).sum(0, dtype=torch.int64)
+            part = inputs.tensor(frames[start : start + step])
+            total = total + standardised(part, start).sum(0, dtype=torch.int64)
         self.reference_ = total // len(frames)
         return self
 
@@ -101,6 +112,8 @@ class Reference(Encoder):
         out: Tensor | None = None,
     ) -> Tensor:
         """As of :meth:`hdc.encoders.ranks.RankEncoder.encode`, of the differences."""
+        from hdc.encoders import encode_with
+
         reference = self.reference_.to(frames.device, torch.int32)
         constant: list[int] = []
         words = []
@@ -110,7 +123,8 @@ class Reference(Encoder):
             values = standardised(part, first + start)
             flat = ~values.any(1)
             constant += [start + i for i in flat.nonzero().flatten().tolist()]
-            words.append(self.base_.encode(values - reference))
+            difference = values - reference
+            words.append(encode_with(self.base_, difference, first + start, "numpy"))
         warn_of_constant(constant, first)
         whole = torch.cat(words)
         if out is None:
@@ -122,12 +136,8 @@ class Reference(Encoder):
         return {"reference": self.reference_}
 
     def restore(self, tensors: Mapping[str, Tensor], n_pixels: int) -> None:
-        reference = tensors["reference"]
-        if tuple(reference.shape) != (n_pixels,):
-            raise ValueError(
-                f"reference: expected {n_pixels} pixels, found {len(reference)}"
-            )
-        self.reference_ = reference
+        check_tensors(tensors, {"reference": (n_pixels,)})
+        self.reference_ = tensors["reference"]
 
 
 def _frames_at_a_time(frames: Any) -> int:
@@ -152,8 +162,8 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
         for total, square in zip(sums.tolist(), squares, strict=True)
     ]
     divisors = torch.tensor(deviations, dtype=torch.float64, device=frames.device)
-    numerators = (n_pixels * pixels - sums[:, None]) * 2.0**FRACTION
-    return (numerators.double() / divisors[:, None]).floor().to(torch.int32)
+    numerators = (n_pixels * pixels - sums[:, None]).double() * 2**FRACTION
+    return (numerators / divisors[:, None]).floor().to(torch.int32)
 
 
 def _integers(pixels: Tensor, first: int) -> Tensor:
@@ -161,11 +171,11 @@ def _integers(pixels: Tensor, first: int) -> Tensor:
     if pixels.dtype in (torch.uint8, torch.int8, torch.int16, torch.uint16):
         return pixels.to(torch.int64)
     values = pixels.double()
-    finite = values.isfinite().all(1)
-    if not finite.all():
-        index = int((~finite).nonzero()[0])
-        raise ValueError(
-            f"frames[{first + index}]: expected finite pixels, found others"
-        )
-    _, exponents = torch.frexp(values.abs().amax(1))
-    return torch.ldexp(values, (_LARGEST - exponents)[:, None]).round().to(torch.int64)
+    if len(values):
+        check_finite(values, first)
+    mantissas, exponents = torch.frexp(values)
+    _, largest = torch.frexp(values.abs().amax(1, keepdim=True))
+    # Powers of two from a table: those that torch computes are of 32 bits, and end at 2¹²⁷.
+    powers = torch.tensor(_POWERS, dtype=torch.float64, device=values.device)
+    places = (exponents - largest + len(_POWERS) - 1).clamp(min=0)
+    return (mantissas * powers[places.long()]).round().to(torch.int64)

@@ -22,13 +22,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from typing import Self
+from typing import Any, Self
 
 import torch
 from torch import Tensor
 
 from hdc import bits
 from hdc.io import check_tensors
+from hdc.parameters import is_number
 from hdc.prototypes import Counters
 from hdc.readouts.base import NOWHERE, Readout
 from hdc.readouts.products import combinations, dot, gram
@@ -66,10 +67,10 @@ class LDA(Readout):
         self.shrinkage = shrinkage
 
     def check(self) -> None:
-        given = self.shrinkage
-        if given in SHRINKAGES:
+        given: Any = self.shrinkage
+        if isinstance(given, str) and given in SHRINKAGES:
             return
-        if isinstance(given, str | bool) or not 0 <= given <= 1:
+        if not is_number(given) or not 0 <= given <= 1:
             expected = f"one of {', '.join(SHRINKAGES)}, or a share in [0, 1]"
             raise ValueError(f"shrinkage: expected {expected}, found {given!r}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from numbers import Integral
 from typing import Any, Self
 
 import torch
@@ -35,15 +36,16 @@ class Counting(Updatable):
     counters_: Counters
     prototypes_: Tensor
     recalibrated_: bool
-    _size: (
-        int | None
-    )  # samples per class that prototypes count as; −1: none are made yet
+    _size: int | None
+    """Samples per class that prototypes count as; −1: none are made yet."""
     _changed: set[int]  # classes that have samples that their prototypes have not
     _deciding: Tensor | None  # [L, 5, W], see EXTRAS, where counters do not tell them
 
     def check(self) -> None:
         check_choice("ties", self.ties, bits.TIES)
         check_choice("balance", self.balance, (True, False))
+        if isinstance(self.seed, bool) or not isinstance(self.seed, Integral):
+            raise ValueError(f"seed: expected an integer, found {self.seed!r}")
 
     def start(self, n_classes: int, dimension: int, device: torch.device | str) -> Self:
         """Be ready to count for so many classes."""
@@ -78,9 +80,8 @@ class Counting(Updatable):
     def settle(self) -> None:
         """Make the prototypes of classes that have more samples, or all where that changes them."""
         counters, size = self.counters_, self._common_size()
-        prototypes = torch.empty_like(
-            self.prototypes_
-        )  # others may be reading the ones of before
+        # Others may be reading the ones of before.
+        prototypes = torch.empty_like(self.prototypes_)
         planes.plain(prototypes)[:] = planes.plain(self.prototypes_)
         changed = self._changed if size == self._size else range(len(counters.n))
         for c in changed:
@@ -192,22 +193,17 @@ class Counting(Updatable):
             "prototypes": self.prototypes_,
             "recalibrated": torch.tensor(int(self.recalibrated_)),
         }
-        return (
-            tensors
-            if self._deciding is None
-            else {**tensors, "deciding": self._deciding}
-        )
+        if self._deciding is not None:
+            tensors["deciding"] = self._deciding
+        return tensors
 
     def restore(
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
     ) -> None:
-        counts, n, width = (
-            tensors["planes"],
-            tensors["n"].cpu(),
-            bits.words_for(dimension),
-        )
+        counts, n = tensors["planes"], tensors["n"].cpu()
+        width = bits.words_for(dimension)
         expected = {
-            "planes": (n_classes, counts.shape[1], width),
+            "planes": (n_classes, max(1, counts.shape[1]), width),
             "n": (n_classes,),
             "prototypes": (n_classes, width),
             "recalibrated": (),
@@ -221,10 +217,8 @@ class Counting(Updatable):
                 bits.check_padding(tensors[name], dimension)
         self.start(n_classes, dimension, counts.device)
         self.counters_.planes, self.counters_.n = counts, n
-        self.prototypes_, self._deciding = (
-            tensors["prototypes"],
-            tensors.get("deciding"),
-        )
+        self.prototypes_ = tensors["prototypes"]
+        self._deciding = tensors.get("deciding")
         self.recalibrated_ = bool(tensors["recalibrated"])
         self._size, self._changed = self._common_size(), set()
 

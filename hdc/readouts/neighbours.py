@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Self
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import bits
 from hdc.io import check_tensors
+from hdc.parameters import check_integer
 from hdc.readouts.base import Updatable
 
 
@@ -37,7 +37,7 @@ class Neighbours(Updatable):
         self.n_neighbours = n_neighbours
 
     def check(self) -> None:
-        check_neighbours(self.n_neighbours)
+        check_integer("n_neighbours", self.n_neighbours, 1)
 
     def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
         self._n_classes, self._dimension = n_classes, dimension
@@ -104,9 +104,3 @@ class Neighbours(Updatable):
         bits.check_padding(tensors["frames"], dimension)
         self._n_classes, self._dimension = n_classes, dimension
         self.frames_, self.rows_ = tensors["frames"], rows
-
-
-def check_neighbours(k: object) -> None:
-    """Raise ValueError for a number of neighbours that is none."""
-    if isinstance(k, bool) or not isinstance(k, int | np.integer) or k < 1:
-        raise ValueError(f"n_neighbours: expected an integer ≥ 1, found {k!r}")

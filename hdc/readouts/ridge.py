@@ -21,6 +21,7 @@ from torch import Tensor
 
 from hdc import bits
 from hdc.io import check_tensors
+from hdc.parameters import is_number
 from hdc.readouts.base import Readout
 from hdc.readouts.products import dot, gram
 from hdc.readouts.values import ValueReadout
@@ -100,7 +101,7 @@ class RidgeValues(ValueReadout):
     linear_: Linear
     residuals_: Tensor
     _words: Tensor
-    _dual: Dual | None  # made again where a file does not have it
+    _dual: Dual | None  # made when intervals are asked for
 
     def __init__(self, penalty: float | None = None):
         self.penalty = penalty
@@ -121,7 +122,8 @@ class RidgeValues(ValueReadout):
         )
 
     def _learn(self, fitted: Fit, words: Tensor) -> Self:
-        self.linear_, self.residuals_, self._dual, self._words = *fitted, words
+        self.linear_, self.residuals_ = fitted.linear, fitted.residuals
+        self._words, self._dual = words, None
         return self
 
     def values(self, words: Tensor) -> Tensor:
@@ -129,20 +131,13 @@ class RidgeValues(ValueReadout):
 
     def without(self, words: Tensor) -> tuple[Tensor, Tensor]:
         """f₋ᵢ is the fit to targets of which f₋ᵢ(x_i) replaces y_i: f(x) − f₋ᵢ(x) = S_i(x)·r_i."""
+        dimension, penalty = self.linear_.dimension, self.linear_.penalty
         if self._dual is None:
-            self._dual = self._dual_again()
+            self._dual = Dual.of(self._words, dimension, penalty, self.backend)
         centre = self.values(words)
-        products = gram(words, self._words, self.linear_.dimension, self.backend)
+        products = gram(words, self._words, dimension, self.backend)
         smoother = self._dual.smoother(products)
         return centre, centre[:, None] - smoother[..., None] * self.residuals_
-
-    def _dual_again(self) -> Dual:
-        products = gram(self._words, self._words, self.linear_.dimension, self.backend)
-        means = products.mean(1)
-        products -= means
-        products -= means[:, None] - means.mean()
-        products.diagonal().add_(self.linear_.penalty)
-        return Dual(torch.cholesky_inverse(torch.linalg.cholesky(products)), means)
 
     def stored(self) -> dict[str, Tensor]:
         return {**self.linear_.tensors(), "residuals": self.residuals_}
@@ -165,7 +160,7 @@ class RidgeValues(ValueReadout):
 
 def check_penalty(penalty: Any) -> None:
     """Raise ValueError for a penalty that is neither None nor a number above zero."""
-    if penalty is not None and not (isinstance(penalty, int | float) and penalty > 0):
+    if penalty is not None and not (is_number(penalty) and penalty > 0):
         raise ValueError(
             f"penalty: expected a number above zero or None, found {penalty!r}"
         )
@@ -232,6 +227,16 @@ class Dual(NamedTuple):
     inverse: Tensor  # (K + λ)⁻¹, float64 [N, N]
     means: Tensor  # of each row of the Gram matrix, [N]
 
+    @classmethod
+    def of(cls, words: Tensor, dimension: int, penalty: float, backend: str) -> Dual:
+        """Of training frames int64 [N, W] and the penalty λ of their fit."""
+        products = gram(words, words, dimension, backend)
+        means = products.mean(1)
+        products -= means
+        products -= means[:, None] - means.mean()
+        products.diagonal().add_(penalty)
+        return cls(torch.cholesky_inverse(torch.linalg.cholesky(products)), means)
+
     def smoother(self, products: Tensor) -> Tensor:
         """S_i(x) from products of Q frames with the training frames: float64 [Q, N]."""
         shift = self.means - self.means.mean()
@@ -244,7 +249,6 @@ class Fit(NamedTuple):
 
     linear: Linear
     residuals: Tensor
-    dual: Dual
 
 
 def solve(
@@ -289,7 +293,7 @@ def solve(
         intercepts = intercepts + prior.intercepts
     planes, scales = _quantised(words, dual, dimension, prior)
     linear = Linear(planes, scales, intercepts, chosen, dimension)
-    return Fit(linear, residuals * unit, Dual(inverse, means))
+    return Fit(linear, residuals * unit)
 
 
 def least_error(

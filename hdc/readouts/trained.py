@@ -10,6 +10,7 @@ from torch import Tensor
 
 from hdc import bits
 from hdc.io import check_tensors
+from hdc.parameters import check_integer, is_number
 from hdc.readouts.base import Readout
 from hdc.readouts.products import combinations
 
@@ -41,12 +42,11 @@ class Trained(Readout):
         self.passes = passes
 
     def check(self) -> None:
-        if not 0 <= self.margin < 1:
+        if not is_number(self.margin) or not 0 <= self.margin < 1:
             raise ValueError(
                 f"margin: expected a share in [0, 1), found {self.margin!r}"
             )
-        if type(self.passes) is not int or self.passes < 0:
-            raise ValueError(f"passes: expected an integer ≥ 0, found {self.passes!r}")
+        check_integer("passes", self.passes, 0)
 
     def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
         """See :meth:`hdc.readouts.base.Readout.fit`; 4·L·D bytes are needed meanwhile."""
@@ -99,12 +99,9 @@ class Trained(Readout):
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
     ) -> None:
         width = bits.words_for(dimension)
-        check_tensors(
-            tensors, {"prototypes": (n_classes, width), "empty": (n_classes,)}
-        )
+        shapes = {"prototypes": (n_classes, width), "empty": (n_classes,)}
+        check_tensors(tensors, shapes)
         bits.check_padding(tensors["prototypes"], dimension)
-        self.prototypes_, self._empty = (
-            tensors["prototypes"],
-            tensors["empty"].cpu() != 0,
-        )
+        self.prototypes_ = tensors["prototypes"]
+        self._empty = tensors["empty"].cpu() != 0
         self._dimension = dimension

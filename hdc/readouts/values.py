@@ -12,8 +12,7 @@ from torch import Tensor
 
 from hdc import bits
 from hdc.io import check_tensors
-from hdc.parameters import Parametrised
-from hdc.readouts.neighbours import check_neighbours
+from hdc.parameters import Parametrised, check_integer
 
 
 class ValueReadout(Parametrised, ABC):
@@ -88,7 +87,7 @@ class NeighbourValues(ValueReadout):
         self.n_neighbours = n_neighbours
 
     def check(self) -> None:
-        check_neighbours(self.n_neighbours)
+        check_integer("n_neighbours", self.n_neighbours, 1)
 
     def fit(self, words: Tensor, values: Tensor, dimension: int) -> Self:
         self._words, self._targets, self._dimension = words, values, dimension
@@ -128,9 +127,7 @@ class NeighbourValues(ValueReadout):
         values: Tensor,
         dimension: int,
     ) -> None:
+        check_tensors(tensors, {"residuals": tuple(values.shape)}, ("residuals",))
         residuals = tensors["residuals"].cpu()
-        check_tensors(
-            {"residuals": residuals}, {"residuals": tuple(values.shape)}, ("residuals",)
-        )
         self._words, self._targets, self._dimension = words, values, dimension
         self.residuals_ = residuals

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -67,16 +69,42 @@ def kinds_of_frames(d: int, dtype: str = "uint8", seed: int = 0) -> np.ndarray:
     return rng.permutation(np.concatenate(frames).clip(low, high)).astype(dtype)
 
 
-def upper_half(frames: np.ndarray) -> np.ndarray:
-    """Mask [N, D] of the ⌊D/2⌋ largest pixels of each frame, equal ones in raster order.
+def order_of_pixels(d: int, ties: str) -> np.ndarray:
+    """The place of each pixel [D] among equal ones: that of place 0 is the first to be a one."""
+    keys = []
+    for j in range(d):
+        word, bit = divmod(j, 64)
+        rotation = (word * 0x9E3779B1 % 2**32) >> 26
+        spread = ((bit + rotation) % 64, word)
+        keys.append(spread if ties == "spread" else (0, j))
+    places = np.empty(d, int)
+    for place, j in enumerate(sorted(range(d), key=keys.__getitem__)):
+        places[j] = place
+    return places
 
-    By a stable sort of the frame read backwards: the last of equal pixels is the first in raster.
+
+def brightest(
+    frames: np.ndarray, quantile: Fraction | str = "1/2", ties: str = "spread"
+) -> np.ndarray:
+    """Mask [N, D] of the ⌊(1 − q)·D⌋ largest pixels of each frame, by sorting all of them.
+
+    Of equal pixels the first in the order of ties comes first; with ``below`` those that equal the
+    threshold are ones where they all fit, and none of them otherwise.
     """
-    backwards = frames.reshape(len(frames), -1)[:, ::-1]
-    d = backwards.shape[1]
-    order = np.argsort(backwards, axis=1, kind="stable")
-    mask = np.zeros(backwards.shape, bool)
-    np.put_along_axis(mask, d - 1 - order[:, d - d // 2 :], True, axis=1)
+    frames = frames.reshape(len(frames), -1)
+    d = frames.shape[1]
+    n_ones = int((1 - Fraction(quantile)) * d)
+    places = order_of_pixels(d, ties)
+    mask = np.zeros(frames.shape, bool)
+    for row, frame in zip(mask, frames, strict=True):
+        falling = np.lexsort((-places, frame))[::-1]
+        row[falling[:n_ones]] = True
+        if (
+            ties == "below"
+            and n_ones
+            and frame[falling[n_ones - 1]] == frame[falling[n_ones]]
+        ):
+            row[:] = frame > frame[falling[n_ones]]
     return mask
 
 
@@ -90,6 +118,31 @@ def _kinds_of_frames():
     return kinds_of_frames
 
 
-@pytest.fixture(name="upper_half")
-def _upper_half():
-    return upper_half
+@pytest.fixture(name="order_of_pixels")
+def _order_of_pixels():
+    return order_of_pixels
+
+
+@pytest.fixture(name="brightest")
+def _brightest():
+    return brightest
+
+
+@pytest.fixture
+def hard():
+    """hard(n, seed, drift) → frames [n, 2000] of four classes, which differ little from what all
+    have in common, and their labels."""
+
+    def make(n: int, seed: int, drift: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        rng = np.random.default_rng(7)
+        common = rng.normal(0, 3, 2000)
+        fields = rng.normal(0, 0.5, (4, 2000))
+        moved = drift * rng.normal(0, 3, 2000)
+        rng = np.random.default_rng(seed)
+        labels = np.arange(n) % 4
+        modes = np.random.default_rng(8).normal(0, 1, (3, 2000))
+        shared = rng.normal(0, 1, (n, 3)) @ modes
+        noise = rng.normal(0, 1, (n, 2000))
+        return common + moved + fields[labels] + shared + noise, labels
+
+    return make

@@ -7,11 +7,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 import torch
-from hdc.encode import encode
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from hdc import HDCClassifier, bits, classifier
+from hdc import HDCClassifier
+from hdc.readouts import Majority, Neighbours
+from hdc.readouts.majority import METHODS
 
 
 def touches(
@@ -31,7 +30,7 @@ def test_a_refused_first_batch_changes_nothing() -> None:
     before = model.prototypes_.clone()
     with pytest.raises(ValueError, match="expected D = 144 pixels"):
         model.partial_fit(frames[:, :5], labels)
-    for method in classifier.METHODS:
+    for method in METHODS:
         with pytest.raises(ValueError, match="p: expected"):
             model.recalibrate(frames, labels, p=-1, method=method)
     assert torch.equal(model.prototypes_, before)
@@ -90,19 +89,6 @@ def test_training_yields_once_all_classes_have_been_seen() -> None:
     assert seen == [768, 900]
 
 
-@given(st.integers(1, 12), st.integers(2, 40), st.integers(0, 99))
-@settings(max_examples=40, deadline=None)
-def test_integer_prototypes_against_floats(n: int, d: int, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    frames = np.stack([rng.permutation(d) for _ in range(2 * n)]).astype(np.uint8)
-    labels = np.arange(2 * n) % 2
-    model = HDCClassifier(prototype="integer").fit(frames, labels)
-    v = 2 * bits.unpack(encode(torch.from_numpy(frames)), d).double() - 1
-    c = torch.stack([v[torch.from_numpy(labels == k)].sum(0) for k in range(2)])
-    expected = -(v @ c.T) / c.norm(dim=1).clamp(min=1)
-    torch.testing.assert_close(model._scores(frames), expected)
-
-
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
 def test_same_bits_on_an_accelerator() -> None:
     frames, labels = touches()
@@ -120,19 +106,19 @@ def test_same_bits_on_an_accelerator() -> None:
             "expected at least one frame",
         ),
         (
-            lambda f, y, _: HDCClassifier("x").fit(f, y),
+            lambda f, y, _: HDCClassifier(readout=Majority("x")).fit(f, y),
             "ties: expected one of zero, one, random",
         ),
         (
-            lambda f, y, _: HDCClassifier(prototype="x").fit(f, y),
-            "prototype: expected one of bin",
+            lambda f, y, _: HDCClassifier("x").fit(f, y),
+            "encoder: expected one of median, quantile, levels, reference, or",
         ),
         (
             lambda f, y, _: HDCClassifier(readout="x").fit(f, y),
-            "readout: expected one of proto",
+            "readout: expected one of majority, counts, ridge, neighbours, lda, trained, or",
         ),
         (
-            lambda f, y, _: HDCClassifier(n_neighbours=0).fit(f, y),
+            lambda f, y, _: HDCClassifier(readout=Neighbours(0)).fit(f, y),
             "n_neighbours: expected an int",
         ),
         (
@@ -163,12 +149,12 @@ def test_bad_input_gets_one_clear_error(call, message: str) -> None:
 # Classes and their prototypes --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("prototype", classifier.PROTOTYPES)
+@pytest.mark.parametrize("readout", ["majority", "counts"])
 def test_told_classes_are_known_and_never_predicted_without_samples(
-    prototype: str, tmp_path
+    readout: str, tmp_path
 ) -> None:
     frames, labels = touches()
-    model = HDCClassifier(prototype=prototype)
+    model = HDCClassifier(readout=readout)
     model.partial_fit(frames[labels == 1], labels[labels == 1], classes=[3, 0, 1, 2])
     assert model.classes_.tolist() == [0, 1, 2, 3]
     assert model.counts_.tolist() == [0, 20, 0, 0]
@@ -183,7 +169,7 @@ def test_told_classes_are_known_and_never_predicted_without_samples(
     assert (
         HDCClassifier.load(tmp_path / "m").predict(queries) == model.predict(queries)
     ).all()
-    whole = HDCClassifier(prototype=prototype).fit(frames, labels)
+    whole = HDCClassifier(readout=readout).fit(frames, labels)
     assert torch.equal(model.prototypes_[:3], whole.prototypes_)
     with pytest.raises(
         ValueError, match=r"labels: expected classes among \[0, 1\], found 2"
@@ -220,3 +206,103 @@ def test_equal_distances_go_to_the_first_class() -> None:
     query = np.array([[9, 9, 0, 0]], np.uint8)
     assert model.distances(query).tolist() == [[2, 2]]
     assert model.predict(query).tolist() == ["a"]
+
+
+# Parameters of parts ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"readout": "ridge"},
+        {"readout__seed": 3},
+        {"encoder": "levels"},
+        {"encoder__ties": "raster"},
+    ],
+)
+def test_parts_that_were_set_after_training_are_named(change: dict) -> None:
+    frames, labels = touches()
+    other = HDCClassifier().fit(frames, labels)
+    name = next(iter(change)).partition("__")[0]
+    message = f"^{name}: changed after training; call fit again$"
+    for call in (
+        lambda m: m.predict(frames),
+        lambda m: m.is_known(frames),
+        lambda m: m.decision_function(frames),
+        lambda m: m.partial_fit(frames, labels),
+        lambda m: m.merge(other),
+        lambda m: other.merge(m),
+    ):
+        model = HDCClassifier().fit(frames, labels)
+        model.set_params(**change)
+        if change == {"readout": "ridge"}:  # which neither merges nor goes on learning
+            message = f"^{name}: changed after|^merge: |^partial_fit: "
+        with pytest.raises(ValueError, match=message):
+            call(model)
+    assert model.fit(frames, labels).score(frames, labels) > 0.9
+
+
+def test_numpy_numbers_are_taken_for_plain_ones(tmp_path) -> None:
+    frames, labels = touches()
+    model = HDCClassifier().fit(frames, labels)
+    mixed = np.concatenate([frames, 255 - frames])
+    expected = model.predict(mixed, reject=True).tolist()
+    assert model.predict(mixed, reject=np.bool_(True)).tolist() == expected
+    plain = model.predict(mixed, reject=np.bool_(False))
+    assert plain.tolist() == model.predict(mixed).tolist()
+    for share in (np.float32(0.25), np.float64(0.25)):
+        assert np.array_equal(model.is_known(mixed, share), model.is_known(mixed, 0.25))
+    for method in METHODS:
+        models = [HDCClassifier().fit(frames, labels) for _ in range(2)]
+        for some, p in zip(models, (0.5, np.float32(0.5)), strict=True):
+            some.recalibrate(255 - frames, labels, p=p, method=method)
+        assert torch.equal(models[0].prototypes_, models[1].prototypes_)
+
+
+@pytest.mark.parametrize(
+    ("readout", "learns", "adapts"),
+    [
+        ("majority", True, True),
+        ("counts", True, True),
+        ("neighbours", True, True),
+        ("ridge", False, True),
+        ("lda", False, False),
+        ("trained", False, False),
+        ("nonsense", False, False),
+    ],
+)
+def test_methods_that_always_raise_are_absent(
+    readout: str, learns: bool, adapts: bool
+) -> None:
+    model = HDCClassifier(readout=readout)
+    assert hasattr(model, "partial_fit") == hasattr(model, "merge") == learns
+    assert hasattr(model, "recalibrate") == adapts
+    assert HDCClassifier.partial_fit.__doc__.startswith("Learn a further batch")
+    if not learns:
+        message = (
+            r"^(merge|partial_fit): .*(found LDA|found Tr|found Ri|one of majority, )"
+        )
+        for name in ("partial_fit", "merge"):
+            for kind in (AttributeError, ValueError):
+                with pytest.raises(kind, match=message):
+                    getattr(model, name)
+
+
+def test_own_threads_of_work_see_whole_prototypes_while_training_yields() -> None:
+    """What a user sees between two chunks is a model of all frames so far."""
+    frames, labels = touches(600)
+    model = HDCClassifier()
+    for report in model.train(frames, labels):
+        n = report["samples_seen"]
+        expected = HDCClassifier().fit(frames[:n], labels[:n])
+        assert torch.equal(model.prototypes_, expected.prototypes_)
+
+
+@pytest.mark.parametrize("readout", ["ridge", "lda", "trained"])
+def test_a_read_out_that_wants_all_frames_has_them_once(readout: str) -> None:
+    frames, labels = touches(600)
+    model = HDCClassifier(readout=readout)
+    assert [r["samples_seen"] for r in model.train(frames, labels)] == [600]
+    whole = HDCClassifier(readout=readout).fit(frames, labels)
+    found, expected = model.decision_function(frames), whole.decision_function(frames)
+    assert np.array_equal(found, expected)

@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import sys
+import warnings
 
 import numpy as np
 import pytest
 import torch
-from hdc.encode import encode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 import hdc
 from hdc import HDCClassifier, bits
+from hdc.encoders import Levels, Median, Quantile
+from hdc.encoders.ties import TIES
 from hdc.prototypes import Counters
+from hdc.readouts import Counts, Majority
 
 needs_numba = pytest.mark.usefixtures("numba")
-NEAR = "ignore:.*constant frame"
+NEAR = "ignore:.*constant frame|.*of the pixels of a frame"
+
+
+def encode(
+    frames: torch.Tensor, first: int = 0, backend: str = "numpy"
+) -> torch.Tensor:
+    return Median().encode(frames, first, backend)
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +60,11 @@ def frames_of(n: int, d: int, spread: float = 20.0) -> torch.Tensor:
 
 
 @needs_numba
+@pytest.mark.parametrize("ties", TIES)
 @pytest.mark.parametrize("said", [0, 100, 255])
-def test_any_sample_gives_the_same(said: int, kinds_of_frames, upper_half) -> None:
+def test_any_sample_gives_the_same(
+    said: int, ties: str, kinds_of_frames, brightest
+) -> None:
     """The sample says where to look first, and nothing else: it may be as wrong as can be."""
     from hdc import compiled
 
@@ -60,11 +72,17 @@ def test_any_sample_gives_the_same(said: int, kinds_of_frames, upper_half) -> No
         frames = kinds_of_frames(d)
         first = np.arange(d // 64)
         frames[:, 64 * first + (first * 0x9E37_79B1 >> 8) % 64] = said
-        constant = np.flatnonzero((frames == frames[:, :1]).all(1)).tolist()
+        expected = brightest(frames, "1/2", ties)
         words = np.zeros((len(frames), bits.words_for(d)), np.int64)
-        assert compiled.encode_uint8(frames, words) == constant
+        equal, split = compiled.encode_uint8(frames, words, [d // 2], ties)
         found = bits.unpack(torch.from_numpy(words), d).numpy()
-        assert np.array_equal(found, upper_half(frames))
+        assert np.array_equal(found, expected)
+        falling = np.sort(-frames.astype(int), axis=1)
+        threshold = falling[:, d // 2 - 1]
+        tied = falling[:, d // 2] == threshold
+        assert split[:, 0].tolist() == tied.tolist()
+        n_equal = (frames == -threshold[:, None]).sum(1)
+        assert equal[tied, 0].tolist() == n_equal[tied].tolist()
 
 
 def both(frames: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -99,6 +117,7 @@ def test_same_words_and_same_counts_of_any_frames(
 
 
 @needs_numba
+@pytest.mark.filterwarnings("ignore:.*of the pixels of a frame")
 def test_constant_frames_are_named_and_have_half_ones(threads: int) -> None:
     frames = frames_of(40, 9000)
     frames[3], frames[39] = 0, 255
@@ -112,19 +131,19 @@ def test_constant_frames_are_named_and_have_half_ones(threads: int) -> None:
 
 @needs_numba
 @pytest.mark.parametrize("ties", bits.TIES)
-@pytest.mark.parametrize("prototype", ["binary", "integer"])
-def test_the_same_model(ties: str, prototype: str, threads: int) -> None:
+@pytest.mark.parametrize("readout", [Majority, Counts])
+def test_the_same_model(ties: str, readout: type, threads: int) -> None:
     frames = frames_of(300, 500, spread=60).view(300, 20, 25)
     labels = np.random.default_rng(0).choice(["c", "a", "b"], 300)
     models = [
-        HDCClassifier(ties=ties, prototype=prototype, seed=4, backend=backend).fit(
+        HDCClassifier(readout=readout(ties, seed=4), backend=backend).fit(
             frames, labels
         )
         for backend in bits.BACKENDS
     ]
     assert torch.equal(models[0].prototypes_, models[1].prototypes_)
     assert np.array_equal(models[0].predict(frames), models[1].predict(frames))
-    if prototype == "binary":
+    if readout is Majority:
         for model in models:
             model.recalibrate(frames[:40], labels[:40], 0.5, seed=1)
         assert np.array_equal(models[0].distances(frames), models[1].distances(frames))
@@ -132,7 +151,8 @@ def test_the_same_model(ties: str, prototype: str, threads: int) -> None:
 
 def test_without_numba_the_parameter_is_named(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "numba", None)
-    monkeypatch.delitem(sys.modules, "hdc.compiled", raising=False)
+    for name in [name for name in sys.modules if name.startswith("hdc.compiled")]:
+        monkeypatch.delitem(sys.modules, name)
     monkeypatch.delattr(hdc, "compiled", raising=False)
     message = r"backend: 'compiled' expects numba \(pip install 'speckle-hdc\[compiled\]'\), found"
     frames = frames_of(4, 100)
@@ -178,7 +198,7 @@ def test_one_read_counts_and_keeps_what_two_do(
     frames, n_classes, n_threads, data
 ) -> None:
     """Wherever the classes are cut among threads, and whichever hypervectors are kept."""
-    from hdc import compiled
+    from hdc.compiled import operations
 
     n, d = frames.shape
     images, labels = (
@@ -190,27 +210,61 @@ def test_one_read_counts_and_keeps_what_two_do(
     twice, once = (Counters(n_classes, d, backend=b) for b in bits.BACKENDS)
     before = torch.get_num_threads()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiled, "_SHARE_BYTES", 1)
+        patch.setattr(operations, "_SHARE_BYTES", 1)
         torch.set_num_threads(n_threads)
         try:
             for _ in range(2):
                 twice.add(words, labels)
-                kept, constant = once.add_frames(images, labels, chosen)
+                kept, equal, _ = once.add_frames(
+                    images, labels, chosen, d // 2, "spread"
+                )
         finally:
             torch.set_num_threads(before)
     assert torch.equal(once.planes, twice.planes)
     assert torch.equal(once.n, twice.n)
     assert torch.equal(kept, words[chosen])
-    assert constant == np.flatnonzero((frames == frames[:, :1]).all(1)).tolist()
+    constant = (frames == frames[:, :1]).all(1)
+    assert (equal[:, 0] == d).tolist() == constant.tolist()
 
 
 @needs_numba
+@pytest.mark.parametrize(
+    "encoder", ["median", Quantile("2/3", "raster"), Levels(3)], ids=repr
+)
 @pytest.mark.parametrize("balance", [True, False])
-def test_a_model_trained_in_one_read_is_the_same(balance: bool, tmp_path) -> None:
+def test_a_model_trained_in_one_read_is_the_same(
+    balance: bool, encoder, tmp_path
+) -> None:
     frames, labels = frames_of(400, 70), np.arange(400) % 7 % 3
     files = []
     for backend in bits.BACKENDS:
-        model = HDCClassifier(backend=backend, balance=balance).fit(frames, labels)
+        readout = Majority(balance=balance)
+        model = HDCClassifier(encoder, readout, backend=backend).fit(frames, labels)
         model.save(tmp_path / backend)
         files.append((tmp_path / backend).read_bytes())
     assert files[0] == files[1]
+
+
+@needs_numba
+@pytest.mark.parametrize("backend", bits.BACKENDS)
+def test_frames_in_colour_are_refused_by_both(backend: str) -> None:
+    frames = np.zeros((6, 8, 9, 3), np.uint8)
+    message = r"frames: expected shape \[N, H, W\] or \[N, D\], found \(6, 8, 9, 3\)"
+    for call in ("fit", "partial_fit"):
+        model = HDCClassifier(backend=backend)
+        with pytest.raises(ValueError, match=message):
+            getattr(model, call)(frames, [0, 1] * 3)
+        with pytest.raises(ValueError, match=message):
+            getattr(model, call)(torch.from_numpy(frames), [0, 1] * 3)
+
+
+@needs_numba
+@pytest.mark.parametrize("backend", bits.BACKENDS)
+def test_models_warn_of_two_valued_frames_once(backend: str) -> None:
+    frames = (np.random.default_rng(0).random((600, 90)) < 0.3).astype(np.uint8)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model = HDCClassifier(backend=backend).fit(frames, np.arange(600) % 2)
+        model.predict(frames)
+    assert len(caught) == 1
+    assert "of the pixels of a frame equal its threshold" in str(caught[0].message)

@@ -17,19 +17,9 @@ from sklearn.utils.estimator_checks import check_estimator
 
 import hdc
 from hdc import HDCClassifier, HDCRegressor, bits
-
-NOT_MET = {
-    "check_classifiers_regression_target": "numbers of any kind are labels, such as depths in mm",
-    "check_supervised_y_2d": "labels in a column are refused",
-}
-WITHOUT_PARTIAL_FIT = dict.fromkeys(
-    (
-        "check_fit_score_takes_y",
-        "check_n_features_in_after_fitting",
-        "check_estimators_partial_fit_n_features",
-    ),
-    "ridge regression of classes keeps no frames to solve with again",
-)
+from hdc.encoders import Quantile
+from hdc.encoders.ties import TIES
+from hdc.readouts import LDA, NeighbourValues
 
 
 def touches(
@@ -44,43 +34,50 @@ def touches(
 
 
 @pytest.mark.parametrize(
-    ("model", "not_met"),
+    "model",
     [
-        (HDCClassifier(), NOT_MET),
-        (HDCClassifier(prototype="integer"), NOT_MET),
-        (HDCClassifier(readout="neighbours"), NOT_MET),
-        (HDCClassifier(readout="ridge"), NOT_MET | WITHOUT_PARTIAL_FIT),
-        (HDCRegressor(), {}),
-        (HDCRegressor("neighbours", 3), {}),
+        HDCClassifier(),
+        HDCClassifier(readout="counts"),
+        HDCClassifier(readout="neighbours"),
+        HDCClassifier(readout="ridge"),
+        HDCClassifier(Quantile("2/3"), LDA(0.5)),
+        HDCClassifier("levels", "trained"),
+        HDCClassifier("reference"),
+        HDCRegressor(),
+        HDCRegressor("levels", NeighbourValues(3)),
     ],
-    ids=lambda x: repr(x)[:50],
+    ids=lambda x: repr(x)[:60],
 )
-def test_all_checks_but_those_declared_are_met(model, not_met: dict) -> None:
+def test_all_checks_are_met(model) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        checks = check_estimator(model, expected_failed_checks=not_met, on_fail=None)
-    failed = {check["check_name"] for check in checks if check["status"] == "failed"}
-    assert not failed
-    assert {
-        check["check_name"] for check in checks if check["status"] == "xfail"
-    } == set(not_met)
+        checks = check_estimator(model, on_fail=None)
+    failed = {
+        c["check_name"]: c["exception"] for c in checks if c["status"] == "failed"
+    }
+    assert failed == {}
+    assert not [check for check in checks if check["status"] == "xfail"]
+    names = {check["check_name"] for check in checks}
+    assert {"check_supervised_y_2d", "check_estimators_dtypes"} <= names
 
 
 def test_parameters_are_set_and_searched() -> None:
     frames, labels = touches()
-    model = HDCClassifier().set_params(ties="one", seed=3)
+    model = HDCClassifier().set_params(readout__ties="one", readout__seed=3)
     assert repr(clone(model)) == (
-        "HDCClassifier(ties='one', prototype='binary', readout='prototype', balance=True, "
-        "n_neighbours=1, seed=3, device='cpu', backend='auto')"
+        "HDCClassifier(encoder='median', readout=Majority(ties='one', balance=True, seed=3), "
+        "device='cpu', backend='auto')"
     )
     assert is_classifier(model)
     assert not hasattr(clone(model.fit(frames, labels)), "prototypes_")
     with pytest.raises(
-        ValueError, match=r"set_params: expected one of ties, .*found 'tie'"
+        ValueError, match=r"set_params: expected one of encoder, .*found 'tie'"
     ):
         model.set_params(tie="one")
-    grid = GridSearchCV(model, {"ties": list(bits.TIES)}, cv=3).fit(frames, labels)
+    search = {"readout__ties": list(bits.TIES), "encoder__ties": list(TIES)}
+    grid = GridSearchCV(model, search, cv=3).fit(frames, labels)
     assert grid.best_score_ > 0.9
+    assert set(grid.best_params_) == set(search)
     _, _, scores = learning_curve(
         model,
         frames,

@@ -216,3 +216,114 @@ def test_other_columns_are_refused_after_any_training(streamed: bool, tmp_path) 
     assert (
         HDCClassifier().fit(frames, labels).score(other, labels) < 1
     )  # an array has no names
+
+
+def test_names_of_columns_are_kept() -> None:
+    pandas = pytest.importorskip("pandas")
+    frames, labels = touches()
+    names = [f"pixel {j}" for j in range(120)]
+    table = pandas.DataFrame(frames.reshape(60, -1), columns=names)
+    for model in (HDCClassifier(), HDCRegressor(), HDCClassifier("levels", "lda")):
+        assert not hasattr(model, "feature_names_in_")
+        model.fit(table, labels)
+        assert model.feature_names_in_.tolist() == names
+        assert model.feature_names_in_.dtype == object
+        model.fit(frames, labels)
+        assert not hasattr(model, "feature_names_in_")
+    model.fit(pandas.DataFrame(frames.reshape(60, -1)), labels)  # named by numbers
+    assert not hasattr(model, "feature_names_in_")
+
+
+# Masked values ------------------------------------------------------------------------------------
+
+
+class Slices:
+    """A source of frames whose slices are masked from frame 40 on."""
+
+    def __init__(self, frames: np.ndarray) -> None:
+        self.frames, self.shape = frames, frames.shape
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def __getitem__(self, index):
+        part = np.ma.array(self.frames)[index]
+        places = np.arange(len(self.frames))[index]
+        part[places >= 40] = np.ma.masked
+        return part
+
+
+@pytest.mark.parametrize("encoder", ["median", "reference"])
+@pytest.mark.parametrize("kind", ["array", "list", "source"])
+def test_masked_frames_are_refused(kind: str, encoder: str) -> None:
+    frames, labels = touches()
+    masked = np.ma.array(frames)
+    masked[7, 3, 3] = np.ma.masked
+    given = {"array": masked, "list": list(masked), "source": Slices(frames)}[kind]
+    message = "frames: expected all pixels, found masked ones"
+    for model in (HDCClassifier(encoder), HDCRegressor(encoder)):
+        with pytest.raises(ValueError, match=message):
+            model.fit(given, labels)
+        model.fit(frames, labels)
+        with pytest.raises(ValueError, match=message):
+            model.predict(given)
+
+
+def test_masked_labels_and_targets_are_refused() -> None:
+    """A masked −9999 is a missing value, no depth."""
+    frames, labels = touches()
+    mask = np.arange(60) == 5
+    with pytest.raises(
+        ValueError, match="labels: expected all labels, found masked ones"
+    ):
+        HDCClassifier().fit(frames, np.ma.array(labels, mask=mask))
+    values = np.ma.array(np.where(mask, -9999.0, labels), mask=mask)
+    for targets in (values, list(values[:, None])):
+        with pytest.raises(
+            ValueError, match="targets: expected all numbers, found masked"
+        ):
+            HDCRegressor().fit(frames, targets)
+    model = HDCRegressor().fit(frames, labels)
+    for call in (model.partial_fit, model.recalibrate, model.score):
+        with pytest.raises(
+            ValueError, match="targets: expected all numbers, found masked"
+        ):
+            call(frames, values)
+    unmasked = np.ma.array(labels, mask=False)
+    assert HDCClassifier().fit(np.ma.array(frames), unmasked).score(frames, labels) == 1
+
+
+# What scikit-learn asks of labels -----------------------------------------------------------------
+
+
+def test_labels_in_a_column_are_taken_with_a_warning() -> None:
+    frames, labels = touches()
+    with pytest.warns(
+        UserWarning, match="A column-vector y was passed when a 1d array"
+    ):
+        model = HDCClassifier().fit(frames, labels[:, None])
+    assert model.predict(frames).tolist() == labels.tolist()
+    with pytest.raises(ValueError, match=r"labels\[0\]: expected a str"):
+        HDCClassifier().fit(frames, np.stack([labels, labels], 1))
+
+
+def test_depths_are_labels_and_a_continuous_quantity_is_none() -> None:
+    frames, labels = touches()
+    depths = labels / 4 + 0.1
+    assert (
+        HDCClassifier().fit(frames, depths).predict(frames).tolist() == depths.tolist()
+    )
+    few = np.arange(30) / 8 + 0.1  # one frame a depth
+    assert HDCClassifier().fit(frames[:30], few).classes_.tolist() == few.tolist()
+    many = np.arange(60) / 8 + 0.1
+    message = "labels: expected classes, found 60 different numbers for 60 frames .*continuous"
+    with pytest.raises(ValueError, match=message):
+        HDCClassifier().fit(frames, many)
+    assert (
+        len(HDCClassifier().fit(frames, np.arange(60.0)).classes_) == 60
+    )  # whole numbers
+    streamed = HDCClassifier()
+    for start in range(0, 60, 20):
+        batch = slice(start, start + 20)
+        streamed.partial_fit(frames[batch], many[batch])
+    assert len(streamed.classes_) == 60

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, io
+from hdc import HDCClassifier, HDCRegressor, io
+from hdc.encoders import Levels
+from hdc.readouts import Majority
 
 safetensors = pytest.importorskip("safetensors.torch")
 posix = pytest.mark.skipif(os.name != "posix", reason="permissions and pipes of POSIX")
@@ -32,18 +34,16 @@ def test_whatever_step_of_a_write_fails_the_old_or_the_new_model_loads(
     tmp_path: Path, full_disk
 ) -> None:
     path = tmp_path / "m"
-    models = [trained(), trained(ties="one", seed=1)]
+    models = [trained(), trained(readout=Majority("one", seed=1))]
     for k in range(100):
         models[0].save(path)
         if (error := full_disk(k, lambda: models[1].save(path))) is None:
             break
         assert "No space left" in str(error)
         loaded = HDCClassifier.load(path)
-        assert loaded.get_params() in [model.get_params() for model in models]
-        assert np.array_equal(
-            loaded.distances(QUERIES),
-            models[loaded.get_params()["seed"]].distances(QUERIES),
-        )
+        expected = models[loaded.get_params()["readout__seed"]]
+        assert loaded.readout.get_params() == expected.readout_.get_params()
+        assert np.array_equal(loaded.distances(QUERIES), expected.distances(QUERIES))
         assert len(list(tmp_path.iterdir())) == 1 or k == 4  # the temporary file stays
     assert k == 5  # folder, file, flush, name, and the temporary file
 
@@ -94,19 +94,20 @@ def test_a_missing_folder_is_named(tmp_path: Path) -> None:
 # Models that come back ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("prototype", ["binary", "integer"])
+@pytest.mark.parametrize("readout", ["majority", "counts"])
 @pytest.mark.parametrize(
     "names", [[0, 1], ["a\0", "é"], [0.5, float("inf")], [True, False], [2**70, -1]]
 )
-def test_labels_come_back(tmp_path: Path, prototype: str, names: list) -> None:
+def test_labels_come_back(tmp_path: Path, readout: str, names: list) -> None:
     frames = QUERIES[:6]
-    model = HDCClassifier(prototype=prototype).fit(frames, names * 3)
+    model = HDCClassifier(readout=readout).fit(frames, names * 3)
     model.save(tmp_path / "m")
     loaded = HDCClassifier.load(tmp_path / "m")
     assert loaded.classes_.tolist() == model.classes_.tolist()
     assert loaded.classes_.dtype == model.classes_.dtype
     assert loaded.frame_shape_ == (5, 7)
-    assert np.array_equal(loaded._scores(QUERIES), model._scores(QUERIES))
+    found = loaded.decision_function(QUERIES)
+    assert np.array_equal(found, model.decision_function(QUERIES))
     for m in (model, loaded):  # training goes on
         m.partial_fit(QUERIES[:2], names)
     assert torch.equal(loaded.prototypes_, model.prototypes_)
@@ -153,10 +154,8 @@ def test_flipped_bits_are_refused_or_harmless(tmp_path: Path) -> None:
             continue
         assert torch.equal(model.prototypes_, good.prototypes_)
         assert torch.equal(model.counters_.planes, good.counters_.planes)
-        assert (model.get_params(), model.metadata_) == (
-            good.get_params(),
-            good.metadata_,
-        )
+        assert repr(model.readout) == repr(good.readout_)
+        assert model.metadata_ == good.metadata_
 
 
 def rewrite(path: Path, tensors: dict | None = None, **changes) -> None:
@@ -175,8 +174,26 @@ BAD_HEADERS = [
     {"frame_shape": [5, 13]}, {"frame_shape": [5, -7]}, {"frame_shape": [10**30, 10**30]},
     {"frame_shape": []}, {"frame_shape": "57"}, {"frame_shape": [5.0, 7.0]},
     {"frame_shape": [True, 35]}, {"parameters": None},
-    {"parameters": {"ties": "never"}}, {"parameters": {"colour": 1}},
-    {"parameters": {"device": "nowhere"}}, {"parameters": {"ties": ["zero"]}},
+    {"parameters": {"colour": 1}}, {"parameters": {}}, {"columns": 3, "kind": "Model"},
+    {"recalibrated": None, "seen": None},
+]  # fmt: skip
+PARAMETERS = {
+    "device": "cpu",
+    "encoder": {"class": "median", "parameters": {"ties": "spread"}},
+    "readout": {
+        "class": "majority",
+        "parameters": {"ties": "zero", "balance": True, "seed": 0},
+    },
+}
+BAD_PARTS = [
+    ("encoder", "median", {"ties": "never"}), ("encoder", "median", {"ties": ["spread"]}),
+    ("encoder", "median", {"colour": 1}), ("encoder", "nothing", {}),
+    ("encoder", "os.system", {}), ("encoder", "pathlib.Path", {}), ("encoder", "no.such.Thing", {}),
+    ("encoder", "levels", {"thresholds": 10**9}), ("encoder", "majority", {}),
+    ("encoder", "hdc.HDCClassifier", {}), ("encoder", None, {}),
+    ("readout", "majority", {"ties": "never"}), ("readout", "majority", {"seed": "x"}),
+    ("readout", "majority", {"balance": 3}), ("readout", "median", {}), ("readout", "ridge", {}),
+    ("readout", "counts", {"seed": 1.5}),
 ]  # fmt: skip
 
 
@@ -187,16 +204,152 @@ def test_headers_that_do_not_fit_are_refused(tmp_path: Path, changes: dict) -> N
         HDCClassifier.load(tmp_path / "m")
 
 
+def test_the_parts_of_these_headers_fit(tmp_path: Path) -> None:
+    """The tests around refuse what they change, not what they write."""
+    rewrite(tmp_path / "m", parameters=PARAMETERS)
+    assert np.array_equal(
+        HDCClassifier.load(tmp_path / "m").predict(QUERIES), trained().predict(QUERIES)
+    )
+
+
+@pytest.mark.parametrize(("part", "name", "parameters"), BAD_PARTS, ids=repr)
+def test_parts_that_do_not_fit_are_refused(
+    tmp_path: Path, part: str, name: str, parameters: dict
+) -> None:
+    described = {part: {"class": name, "parameters": parameters}}
+    rewrite(tmp_path / "m", parameters=PARAMETERS | described)
+    with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
+        HDCClassifier.load(tmp_path / "m")
+
+
+@pytest.mark.parametrize("device", ["nowhere", "meta", 3, None])
+def test_devices_without_memory_are_refused(tmp_path: Path, device) -> None:
+    rewrite(tmp_path / "m", parameters=PARAMETERS | {"device": device})
+    with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
+        HDCClassifier.load(tmp_path / "m")
+
+
+def test_a_model_of_version_1_0_is_refused_by_its_version(tmp_path: Path) -> None:
+    header = {"format": "hdc-model-3", "kind": "HDCClassifier", "metadata": {}}
+    content = safetensors.save({"n": torch.ones(3)}, {"model": json.dumps(header)})
+    (tmp_path / "old").write_bytes(content)
+    for model in (HDCClassifier, HDCRegressor):
+        with pytest.raises(ValueError, match="train it again") as caught:
+            model.load(tmp_path / "old")
+        assert str(caught.value) == (
+            f"{tmp_path / 'old'}: expected a saved {model.__name__}, found a model of version 1.0, "
+            "which this one cannot ask; train it again"
+        )
+
+
 def long(*shape: int) -> torch.Tensor:
     return torch.zeros(shape, dtype=torch.int64)
 
 
 BAD_TENSORS = {
-    "negative counts": {"n": torch.tensor([4, -4, 4])},
-    "other type": {"prototypes": torch.zeros(3, 1)},
-    "too wide": {"prototypes": long(3, 2)},
+    "negative counts": {"readout.n": torch.tensor([4, -4, 4])},
+    "no counts": {"readout.n": long(3)},
+    "other type": {"readout.prototypes": torch.zeros(3, 1)},
+    "too wide": {"readout.prototypes": long(3, 2)},
+    "bits beyond D": {"readout.prototypes": long(3, 1) - 1},
+    "planes with bits beyond D": {"readout.planes": long(3, 3, 1) - 1},
+    "no planes": {"readout.planes": long(3, 0, 1)},
+    "a sample with bits beyond D": {"sample": long(12, 1) - 1},
+    "a sample too short": {"sample": long(11, 1)},
     "another tensor": {"extra": long(1)},
+    "another tensor of the read-out": {"readout.extra": long(1)},
+    "another read-out": {"majority.n": long(3)},
+    "an encoder that learned": {"encoder.lit": long(1)},
 }
+OTHER_PARTS = {
+    "a row that is no class": ("median", "neighbours", {"readout.rows": long(12) - 1}),
+    "a row beyond": ("median", "neighbours", {"readout.rows": long(12) + 3}),
+    "no frames": (
+        "median",
+        "neighbours",
+        {"readout.rows": long(0), "readout.frames": long(0, 1)},
+    ),
+    "weights beyond D": ("median", "lda", {"readout.weights": long(3, 4, 1) - 1}),
+    "a scale of text": ("median", "lda", {"readout.scales": torch.zeros(3)}),
+    "not finite": (
+        "median",
+        "lda",
+        {"readout.shrinkage": torch.tensor(torch.nan).double()},
+    ),
+    "seven planes": ("median", "ridge", {"readout.weights": long(3, 7, 1)}),
+    "an endless scale": (
+        "median",
+        "ridge",
+        {"readout.scales": torch.full((3,), torch.inf).double()},
+    ),
+    "prototypes beyond D": (
+        "median",
+        "trained",
+        {"readout.prototypes": long(3, 1) - 1},
+    ),
+    "a small reference": ("reference", "majority", {"encoder.reference": long(34)}),
+    "a reference of floats": (
+        "reference",
+        "majority",
+        {"encoder.reference": torch.zeros(35)},
+    ),
+    "lit pixels beyond D": (Levels(3, 0.5), "majority", {"encoder.lit": long(1) - 1}),
+}
+
+
+@pytest.mark.parametrize("what", OTHER_PARTS)
+def test_tensors_of_other_parts_are_checked(tmp_path: Path, what: str) -> None:
+    encoder, readout, changes = OTHER_PARTS[what]
+    for tensors in ({}, changes):
+        trained(encoder=encoder, readout=readout).save(tmp_path / "m")
+        header, content = io.read_model(tmp_path / "m")
+        assert set(changes) <= set(content)
+        text = {"model": json.dumps(header)}
+        (tmp_path / "m").write_bytes(safetensors.save(content | tensors, text))
+        if not tensors:
+            HDCClassifier.load(tmp_path / "m")
+    with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
+        HDCClassifier.load(tmp_path / "m")
+
+
+@pytest.mark.parametrize("readout", ["ridge", "neighbours"])
+@pytest.mark.parametrize(
+    "tensors",
+    [
+        {"words": long(12, 1) - 1},
+        {"words": long(11, 1)},
+        {"values": torch.zeros(11, 1).double()},
+        {"values": torch.full((12, 1), torch.nan).double()},
+        {"readout.residuals": torch.zeros(3, 1).double()},
+        {"extra": long(1)},
+    ],
+    ids=repr,
+)
+def test_tensors_of_a_regressor_are_checked(
+    tmp_path: Path, tensors, readout: str
+) -> None:
+    frames = np.random.default_rng(0).integers(0, 255, (12, 5, 7), dtype=np.uint8)
+    HDCRegressor(readout=readout).fit(frames, np.arange(12.0)).save(tmp_path / "m")
+    header, content = io.read_model(tmp_path / "m")
+    text = {"model": json.dumps(header)}
+    (tmp_path / "m").write_bytes(safetensors.save(content | tensors, text))
+    with pytest.raises(ValueError, match=r"m: expected a saved HDCRegressor, found"):
+        HDCRegressor.load(tmp_path / "m")
+
+
+def test_a_model_that_would_not_load_replaces_none(tmp_path: Path) -> None:
+    class Mine(Majority):
+        pass
+
+    trained().save(tmp_path / "m")
+    before = (tmp_path / "m").read_bytes()
+    with pytest.raises(
+        ValueError,
+        match=r"m: a HDCClassifier that could not be loaded again: readout: expected a cl",
+    ):
+        trained(readout=Mine()).save(tmp_path / "m")
+    assert (tmp_path / "m").read_bytes() == before
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 @pytest.mark.parametrize("what", BAD_TENSORS)
@@ -222,7 +375,7 @@ def test_folders_pipes_and_missing_files(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="for machines without CUDA")
 def test_a_model_from_an_accelerator_loads_without_one(tmp_path: Path) -> None:
-    rewrite(tmp_path / "m", parameters={"device": "cuda"})
+    rewrite(tmp_path / "m", parameters=PARAMETERS | {"device": "cuda"})
     with pytest.warns(UserWarning, match="trained on a GPU, not here"):
         model = HDCClassifier.load(tmp_path / "m")
     assert model.device == "cpu"

@@ -21,6 +21,7 @@ from hypothesis.stateful import (
 
 from hdc import HDCClassifier, bits
 from hdc.prototypes import Counters
+from hdc.readouts import Majority
 
 D = 77
 batches = st.lists(
@@ -38,7 +39,15 @@ def frames_of(batch: list) -> tuple[np.ndarray, list[str]]:
 
 
 def hypervector(frame: np.ndarray) -> np.ndarray:
-    ones = np.argsort(-frame.ravel().astype(int), kind="stable")[: D // 2]
+    """The ⌊D/2⌋ largest pixels; equal ones by ((b + h(w)) mod 64, w) of pixel 64·w + b.
+
+    h(0) is 0, and h(1) is 0x9E3779B1 >> 26 = 39.
+    """
+    keys = [
+        (-int(pixel), (j % 64 + 39 * (j // 64)) % 64, j)
+        for j, pixel in enumerate(frame.ravel())
+    ]
+    ones = [j for *_, j in sorted(keys)[: D // 2]]
     return np.isin(np.arange(D), ones)
 
 
@@ -60,11 +69,11 @@ class Calls(RuleBasedStateMachine):
     @initialize(balance=st.booleans())
     def begin(self, balance: bool) -> None:
         self.model, self.classes, self.prototypes = (
-            HDCClassifier(balance=balance),
+            HDCClassifier(readout=Majority(balance=balance)),
             {},
             {},
         )
-        self.recalibrated = False
+        self.recalibrated, self.balance = False, balance
 
     def learn(self, batch: list, call) -> None:
         if self.recalibrated:
@@ -74,7 +83,7 @@ class Calls(RuleBasedStateMachine):
         call()
         for frame, label in zip(*frames_of(batch), strict=True):
             self.classes.setdefault(label, []).append(hypervector(frame))
-        self.prototypes = majorities(self.classes, self.model.balance)
+        self.prototypes = majorities(self.classes, self.balance)
 
     @rule(batch=batches)
     def fit(self, batch: list) -> None:
@@ -91,7 +100,8 @@ class Calls(RuleBasedStateMachine):
 
     @rule(batch=batches)
     def merge(self, batch: list) -> None:
-        other = HDCClassifier().partial_fit(*frames_of(batch))
+        readout = Majority(balance=self.balance)
+        other = HDCClassifier(readout=readout).partial_fit(*frames_of(batch))
         self.learn(batch, lambda: self.model.merge(other))
 
     @precondition(lambda self: len(self.prototypes) > 1)
@@ -103,7 +113,7 @@ class Calls(RuleBasedStateMachine):
         for frame, label in zip(*frames_of(batch), strict=True):
             new.setdefault(label, []).append(hypervector(frame))
         self.model.recalibrate(*frames_of(batch), p=1)
-        self.prototypes |= majorities(new, self.model.balance)
+        self.prototypes |= majorities(new, self.balance)
         self.recalibrated = True
 
     @precondition(lambda self: len(self.prototypes) > 1)

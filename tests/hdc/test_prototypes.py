@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdc import bits
-from hdc.prototypes import Counters, recalibrate
+from hdc.prototypes import Counters, merged, replaced_bits
+from hdc.readouts import Majority
 
 
 def vectors(n: int, d: int, seed: int = 0) -> torch.Tensor:
@@ -81,18 +82,56 @@ def test_disagreeing_sizes_are_named() -> None:
         counters.merge(Counters(2, 65))
 
 
+def replaced(n_classes: int, d: int, p: float, seed: int) -> torch.Tensor:
+    return bits.unpack(replaced_bits(n_classes, d, p, seed), d)
+
+
+@pytest.mark.parametrize("p", [0.0, 0.1, 0.5, 1.0])
+def test_replaced_bits_are_drawn_class_by_class_with_their_probability(
+    p: float,
+) -> None:
+    drawn = replaced(3, 10_001, p, 2)
+    spread = (p * (1 - p) / 10_001) ** 0.5
+    assert ((drawn.double().mean(1) - p).abs() <= 5 * spread).all()
+    assert torch.equal(drawn, replaced(3, 10_001, p, 2))
+    if 0 < p < 1:
+        assert not torch.equal(drawn, replaced(3, 10_001, p, 3))
+        both = (
+            (drawn[0] & drawn[1]).double().mean()
+        )  # the classes are drawn independently
+        assert abs(float(both) - p * p) < 0.02
+    assert torch.equal(replaced(2, 10_001, p, 2), drawn[:2])
+
+
 def test_recalibrated_bits_come_from_either_side() -> None:
-    stored, new = bits.pack(vectors(3, 10_001)), bits.pack(vectors(3, 10_001, 1))
-    mixed = recalibrate(stored, new, 10_001, 0.5, seed=2)
-    assert not ((mixed ^ stored) & (mixed ^ new)).any()
-    assert not ((mixed ^ stored) & ~(stored ^ new)).any()
-    assert not torch.equal(mixed, recalibrate(stored, new, 10_001, 0.5, seed=3))
-    rows = bits.hamming(stored, mixed).diagonal() / bits.hamming(stored, new).diagonal()
-    assert ((rows - 0.5).abs() < 0.05).all()
-    # The classes are drawn independently.
-    ones, zeros = bits.pack(torch.ones(2, 10_001).bool()), torch.zeros(2, 157).long()
-    first, second = recalibrate(zeros, ones, 10_001, 0.5)
-    assert abs(bits.hamming(first[None], second[None]).item() / 10_001 - 0.5) < 0.05
+    """What :meth:`hdc.readouts.Majority.adapt` makes of old and new prototypes."""
+    rows = torch.arange(6) % 3
+    old, new = bits.pack(vectors(6, 10_001)), bits.pack(vectors(6, 10_001, 1))
+    model = Majority().fit(old, rows, 3, 10_001)
+    stored = model.prototypes_.clone()
+    fresh = Majority().fit(new, rows, 3, 10_001).prototypes_
+    model.adapt(new, rows, 0.5, 2, "replace")
+    mixed = model.prototypes_
+    assert not ((mixed ^ stored) & (mixed ^ fresh)).any()
+    changed = (
+        bits.hamming(stored, mixed).diagonal() / bits.hamming(stored, fresh).diagonal()
+    )
+    assert ((changed - 0.5).abs() < 0.05).all()
+    again = Majority().fit(old, rows, 3, 10_001)
+    again.adapt(new, rows, 0.5, 3, "replace")
+    assert not torch.equal(again.prototypes_, mixed)
+    again = Majority().fit(old, rows, 3, 10_001)
+    again.adapt(new, rows, 1, 3, "replace")
+    assert torch.equal(again.prototypes_, fresh)
+
+
+@pytest.mark.parametrize("p", [-0.1, 1.1, float("nan")])
+def test_probabilities_outside_are_named(p: float) -> None:
+    message = r"p: expected a probability in \[0, 1\], found"
+    with pytest.raises(ValueError, match=message):
+        replaced_bits(2, 64, p, 0)
+    with pytest.raises(ValueError, match=message):
+        merged(Counters(2, 64), Counters(2, 64), p)
 
 
 def test_a_class_without_samples_is_named() -> None:
@@ -131,7 +170,6 @@ def test_what_is_drawn_from_one_seed_is_drawn_apart() -> None:
     """Seed 0 broke the ties of class 1,000,003 as seed 1 those of class 0, and so on."""
     d = 64 * 40
     counters = Counters(1, d)
-    ones, zeros = torch.full((3, 40), -1), torch.zeros(3, 40).long()
     drawn = [
         *(
             counters._tie_breaker(*pair)
@@ -141,8 +179,8 @@ def test_what_is_drawn_from_one_seed_is_drawn_apart() -> None:
             counters._tie_breaker(seed, 0)
             for seed in (-1, -5, 2**32 + 5, 2**62, 2**64 - 5)
         ),
-        *recalibrate(zeros, ones, d, 0.5, seed=0),
-        *recalibrate(zeros, ones, d, 0.5, seed=1),
+        *replaced_bits(3, d, 0.5, seed=0),
+        *replaced_bits(3, d, 0.5, seed=1),
         bits.random_hypervector(d, 0),
     ]
     distances = bits.hamming(torch.stack(drawn), torch.stack(drawn)) / d

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 import torch
 
 from hdc import HDCClassifier, bits
-from hdc.classifier import METHODS
+from hdc.encoders import Reference
 from hdc.prototypes import Counters, merged
+from hdc.readouts import Majority, Ridge
+from hdc.readouts.majority import METHODS
 
 
 def sessions(n: int = 60, classes: int = 3, side: int = 24, seed: int = 1):
@@ -107,12 +111,12 @@ def test_a_changed_environment_is_learnt_and_the_old_one_kept(method: str) -> No
 
 def test_integer_prototypes_merge_and_refuse_replacement() -> None:
     (old, new), labels = sessions()
-    model = HDCClassifier(prototype="integer").fit(old, labels)
-    with pytest.raises(ValueError, match="expected 'merge' for integer prototypes"):
+    model = HDCClassifier(readout="counts").fit(old, labels)
+    with pytest.raises(ValueError, match="method: expected one of merge, found 'repl"):
         model.recalibrate(new, labels)
-    before = model._scores(new).numpy().min(1).mean()
+    before = model.decision_function(new).max(1).mean()
     model.recalibrate(new[:9], labels[:9], method="merge")
-    assert model._scores(new).numpy().min(1).mean() < before
+    assert model.decision_function(new).max(1).mean() > before
     assert model.score(new, labels) == 1
     assert model.is_known(new).mean() > 0.8
 
@@ -120,7 +124,7 @@ def test_integer_prototypes_merge_and_refuse_replacement() -> None:
 def test_classes_without_new_frames_keep_their_prototypes() -> None:
     (old, new), labels = sessions()
     for method in METHODS:
-        model = HDCClassifier(ties="random").fit(old, labels)
+        model = HDCClassifier(readout=Majority("random")).fit(old, labels)
         before = model.prototypes_.clone()
         model.recalibrate(new[labels == 1], labels[labels == 1], p=0.7, method=method)
         changed = (model.prototypes_ != before).any(1)
@@ -141,3 +145,100 @@ def test_what_cannot_be_recalibrated_is_named() -> None:
     for method in METHODS:
         with pytest.raises(ValueError, match="p: expected a probability"):
             model.recalibrate(new, labels, p=1.5, method=method)
+
+
+# Without labels -----------------------------------------------------------------------------------
+
+
+def drifted(n: int = 90) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Frames of two sessions, the second under a strong pattern that all frames have in common."""
+    rng = np.random.default_rng(0)
+    labels = np.arange(n) % 6
+    fields = rng.normal(0, 0.4, (6, 1500))
+    pattern = rng.normal(0, 20, 1500)
+    old, new = (fields[labels] + rng.normal(0, 1, (n, 1500)) for _ in range(2))
+    return 100 + old, 100 + new + pattern, labels
+
+
+@pytest.mark.parametrize(
+    "readout", ["majority", "counts", "ridge", "neighbours", "lda", "trained"]
+)
+@pytest.mark.parametrize("base", ["median", "levels"])
+def test_a_reference_is_zeroed_again_without_labels(base: str, readout: str) -> None:
+    old, new, labels = drifted()
+    model = HDCClassifier(Reference(base), readout).fit(old, labels)
+    before = {k: v.clone() for k, v in model.readout_.state().items()}
+    prototypes = model.prototypes_.clone()
+    assert model.score(new, labels) < 0.6
+    assert model.recalibrate(new[::2]) is model
+    assert model.score(new[1::2], labels[1::2]) > 0.95
+    fresh = Reference().fit(new[::2])
+    assert torch.equal(model.encoder_.reference_, fresh.reference_)
+    for name, tensor in model.readout_.state().items():
+        assert torch.equal(tensor, before[name])
+    assert torch.equal(model.prototypes_, prototypes)
+    assert model.is_known(new[1::2], 0.2).mean() > 0.5
+
+
+def test_frames_of_one_class_are_warned_of() -> None:
+    old, new, labels = drifted()
+    model = HDCClassifier("reference", "lda").fit(old, labels)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model.recalibrate(new)
+    message = (
+        "recalibrate: the 15 frames are put into [12] of 6 classes; they have to show"
+    )
+    with pytest.warns(UserWarning, match=message):
+        model.recalibrate(
+            np.repeat(new[labels == 2][:1], 15, 0) + np.arange(1500) / 1e6
+        )
+
+
+def test_a_frame_without_touch_is_zeroed_by_another() -> None:
+    old, new, labels = drifted()
+    rest = np.full((1, 1500), 100.0) + np.random.default_rng(1).normal(
+        0, 0.01, (1, 1500)
+    )
+    pattern = (new - old).mean(0)
+    model = HDCClassifier(Reference(frame=rest[0])).fit(old, labels)
+    with pytest.warns(UserWarning, match="are put into 1 of 6 classes"):
+        model.recalibrate(rest + pattern)
+    expected = Reference().zero(rest + pattern).reference_
+    assert torch.equal(model.encoder_.reference_, expected)
+
+
+def test_other_encoders_cannot_be_zeroed() -> None:
+    (old, new), labels = sessions()
+    for encoder in ("median", "quantile", "levels"):
+        model = HDCClassifier(encoder).fit(old, labels)
+        before = model.distances(new)
+        with pytest.raises(
+            ValueError,
+            match="recalibrate: expected labels y, or a model with encoder 'ref",
+        ):
+            model.recalibrate(new)
+        assert np.array_equal(model.distances(new), before)
+    model = HDCClassifier("reference").fit(old, labels)
+    reference = model.encoder_.reference_.clone()
+    for frames, message in (
+        (new[:0], "frames: expected at least one frame, found none"),
+        (new[:, :5], "expected D = 576 pixels"),
+        (np.where(new > 300, 1, np.nan), r"frames\[0\]: expected finite pixels"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            model.recalibrate(frames)
+        assert torch.equal(model.encoder_.reference_, reference)
+
+
+def test_labels_need_a_read_out_that_adapts() -> None:
+    old, new, labels = drifted()
+    model = HDCClassifier("reference", "lda").fit(old, labels)
+    with pytest.raises(
+        ValueError, match="recalibrate: expected another read-out than LDA"
+    ):
+        model.recalibrate(new, labels)
+    model = HDCClassifier(readout="lda").fit(old, labels)
+    assert not hasattr(model, "recalibrate")
+    model = HDCClassifier(readout=Ridge(1.0)).fit(old, labels)
+    assert model.recalibrate(new[:30], labels[:30]).score(new, labels) > 0.8

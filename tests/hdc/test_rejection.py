@@ -7,11 +7,12 @@ import warnings
 import numpy as np
 import pytest
 import torch
-from hdc.encode import encode
 
 from hdc import HDCClassifier, bits
+from hdc.encoders import Median
 from hdc.prototypes import Counters
-from hdc.rejection import EXTRAS, KEPT, Peers, Sample, deciding, p_values
+from hdc.readouts.majority import EXTRAS, deciding_prototypes
+from hdc.rejection import KEPT, Peers, Sample, p_values
 
 D = 4096
 
@@ -83,7 +84,10 @@ def test_p_values_are_shares_of_kept_frames_as_unlike_as_the_query(
         torch.cat(words),
         torch.arange(4).repeat_interleave(torch.tensor([19, 19, 3, 1])),
     )
-    peers = [Peers.of(w, deciding(counters, c, "zero", 0)) for c, w in enumerate(words)]
+    peers = [
+        Peers.of(w, deciding_prototypes(counters, c, "zero", 0))
+        for c, w in enumerate(words)
+    ]
     assert len(peers[3].held_out) == 0
     assert np.isnan(peers[3].mean)
     assert [p.held_out.mean() for p in peers[:3]] == pytest.approx([0, 0, 0])
@@ -98,7 +102,7 @@ def test_too_small_a_share_is_named() -> None:
     words = torch.arange(39).reshape(-1, 1)
     counters = Counters(1, 14)
     counters.add(words, torch.zeros(39, dtype=torch.int64))
-    peers = [None, Peers.of(words, deciding(counters, 0, "zero", 0))]
+    peers = [None, Peers.of(words, deciding_prototypes(counters, 0, "zero", 0))]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         p_values(peers, words, 1 / 40)
@@ -214,7 +218,7 @@ def test_recalibrated_models_compare_with_the_new_frames() -> None:
             .fit(old, labels)
             .recalibrate(new, labels[:20], 0.6, 1, method)
         )
-        d, d_i = model._known_peers()[0].compare(encode(torch.from_numpy(x)))
+        d, d_i = model._known_peers()[0].compare(Median().encode(torch.from_numpy(x)))
         assert d.tolist() == model.distances(x)[:, 0].tolist()
         for i, place in enumerate(range(0, 20, 5)):
             exchanged = new.copy()
@@ -246,9 +250,8 @@ def test_what_is_kept_does_not_depend_on_batches_and_has_a_share_of_each_time() 
 def test_decisions_are_shares_of_pixels() -> None:
     frames, labels = Speckle(0).frames(50)
     model = HDCClassifier().fit(frames, labels)
-    np.testing.assert_allclose(
-        model.decision_function(frames), -model.distances(frames) / D
-    )
+    expected = -model.distances(frames) / D
+    np.testing.assert_allclose(model.decision_function(frames), expected)
     two = labels < 2
     model.fit(frames[two], labels[two])
     distances = model.distances(frames)

@@ -1,4 +1,4 @@
-"""Classes of unequal size: as published, and counted as if all had the smallest number."""
+"""Majority and counts with classes of unequal size: as published, and as if all had as many."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import torch
 
 from hdc import HDCClassifier, bits
 from hdc.prototypes import Counters
+from hdc.readouts import Counts, Majority
 
 
 def frames_of(numbers: list[int], seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -19,19 +20,19 @@ def frames_of(numbers: list[int], seed: int) -> tuple[np.ndarray, np.ndarray]:
     return 2 * fields[5] + 0.45 * fields[labels] + noise, labels
 
 
-@pytest.mark.parametrize("prototype", ["binary", "integer"])
+@pytest.mark.parametrize("readout", [Majority, Counts])
 @pytest.mark.parametrize("more", [1, 3, 40])
-def test_one_larger_class_costs_nothing(more: int, prototype: str) -> None:
+def test_one_larger_class_costs_nothing(more: int, readout: type) -> None:
     """With one frame more in a class, the published rule names that class for nearly all frames."""
     scores = []
     for seed in range(4):
         test = frames_of([60] * 5, seed)
-        equal = HDCClassifier(prototype=prototype, balance=False).fit(
+        equal = HDCClassifier(readout=readout(balance=False)).fit(
             *frames_of([4] * 5, seed)
         )
         unequal = frames_of([4, 4 + more, 4, 4, 4], seed)
         models = [
-            HDCClassifier(prototype=prototype, balance=b).fit(*unequal)
+            HDCClassifier(readout=readout(balance=b)).fit(*unequal)
             for b in (False, True)
         ]
         scores.append([model.score(*test) for model in (equal, *models)])
@@ -41,16 +42,17 @@ def test_one_larger_class_costs_nothing(more: int, prototype: str) -> None:
     assert balanced > equal_score - 0.03
 
 
-@pytest.mark.parametrize("prototype", ["binary", "integer"])
+@pytest.mark.parametrize("readout", [Majority, Counts])
 @pytest.mark.parametrize("ties", bits.TIES)
-def test_equal_classes_are_as_published(ties: str, prototype: str) -> None:
+def test_equal_classes_are_as_published(ties: str, readout: type) -> None:
     frames, labels = frames_of([6] * 5, 0)
     models = [
-        HDCClassifier(ties, prototype, balance=b).fit(frames, labels)
+        HDCClassifier(readout=readout(ties, balance=b)).fit(frames, labels)
         for b in (True, False)
     ]
     assert torch.equal(models[0].prototypes_, models[1].prototypes_)
-    assert torch.equal(models[0]._scores(frames), models[1]._scores(frames))
+    scores = [model.decision_function(frames) for model in models]
+    assert np.array_equal(*scores)
     for model in models:  # and whatever the frames of before
         model.partial_fit(frames[:3], labels[:3]).partial_fit(frames, labels)
     assert not torch.equal(models[0].prototypes_, models[1].prototypes_)
@@ -81,3 +83,19 @@ def test_thinned_counts_are_those_of_random_subsets() -> None:
     for c in range(2):
         expected = thinned.prototype(c, "one")
         assert torch.equal(counters.prototype(c, "one", seed=3, size=size), expected)
+
+
+def test_parameters_that_do_not_fit_are_named() -> None:
+    frames, labels = frames_of([2] * 5, 0)
+    for readout in (Majority, Counts):
+        for parameters, message in (
+            ({"ties": "half"}, "ties: expected one of zero, one, random, found 'half'"),
+            ({"balance": "x"}, "balance: expected one of True, False, found 'x'"),
+            ({"seed": "x"}, "seed: expected an integer, found 'x'"),
+            ({"seed": 1.5}, "seed: expected an integer, found 1.5"),
+        ):
+            with pytest.raises(ValueError, match=message):
+                HDCClassifier(readout=readout(**parameters)).fit(frames, labels)
+    model = HDCClassifier(readout=Majority("random", seed=np.int64(3)))
+    expected = HDCClassifier(readout=Majority("random", seed=3)).fit(frames, labels)
+    assert torch.equal(model.fit(frames, labels).prototypes_, expected.prototypes_)

@@ -1,0 +1,96 @@
+"""Levels: what their bits mean, and the choice of lit pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from hdc import HDCClassifier, bits
+from hdc.encoders import Levels, Median
+
+
+def test_distances_are_those_of_ranks() -> None:
+    """With T + 1 pixels, all different, the distance is the L1 distance of their ranks."""
+    rng = np.random.default_rng(0)
+    frames = np.stack([rng.permutation(8) for _ in range(12)]).astype(np.uint8)
+    words = Levels(7).encode(torch.from_numpy(frames))
+    expected = np.abs(frames[:, None].astype(int) - frames).sum(2)
+    assert np.array_equal(bits.hamming(words, words).numpy(), expected)
+
+
+def test_one_threshold_is_the_median() -> None:
+    frames = torch.from_numpy(np.random.default_rng(0).integers(0, 99, (5, 333)))
+    assert torch.equal(Levels(1).encode(frames), Median().encode(frames))
+
+
+def test_lit_pixels_alone_are_ranked() -> None:
+    rng = np.random.default_rng(0)
+    frames = rng.integers(50, 200, (30, 10, 20)).astype(np.uint8)
+    dark = rng.random((10, 20)) < 0.4
+    frames[:, dark] = rng.integers(0, 4, (30, dark.sum()))
+    encoder = Levels(3, lit=0.2).fit(frames)
+    assert np.array_equal(encoder.lit_.numpy(), ~dark.ravel())
+    assert encoder.dimension(200) == 3 * (~dark).sum()
+    lit = torch.from_numpy(frames[:, ~dark])
+    assert torch.equal(encoder.encode(torch.from_numpy(frames)), Levels(3).encode(lit))
+    frames[:, dark] = 255  # whatever the others are
+    assert torch.equal(encoder.encode(torch.from_numpy(frames)), Levels(3).encode(lit))
+
+
+def test_which_pixels_are_lit_is_by_the_mean_of_all_training_frames() -> None:
+    """More frames than are summed at a time."""
+    frames = np.zeros((150, 4), np.uint8)
+    frames[:75, 0] = 160  # mean 80
+    frames[:, 1] = 20
+    frames[149, 2] = 90  # mean 0.6
+    frames[:, 3] = 59
+    mean = (80 + 20 + 0.6 + 59) / 4  # 39.9
+    for share, expected in (
+        (0.01, [1, 1, 1, 1]),
+        (0.02, [1, 1, 0, 1]),
+        (0.6, [1, 0, 0, 1]),
+    ):
+        assert Levels(3, lit=share).fit(frames).lit_.int().tolist() == expected
+        assert all((frames.mean(0) >= share * mean) == np.array(expected, bool))
+    with pytest.raises(
+        ValueError, match="lit: expected at least two lit pixels, found 1"
+    ):
+        Levels(lit=0.99).fit(np.array([[0, 0, 9]]))
+
+
+@pytest.mark.parametrize("backend", ["numpy", "compiled"])
+def test_a_model_keeps_its_lit_pixels(backend: str, tmp_path) -> None:
+    rng = np.random.default_rng(0)
+    frames = rng.integers(0, 200, (300, 9, 11)).astype(np.uint8)
+    frames[:, :4] //= 50
+    labels = np.arange(300) % 3
+    model = HDCClassifier(Levels(5, lit=0.5), backend=backend).fit(frames, labels)
+    assert model.dimension_ == 5 * 5 * 11
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert torch.equal(loaded.encoder_.lit_, model.encoder_.lit_)
+    assert np.array_equal(loaded.distances(frames), model.distances(frames))
+    assert "lit" in model.state_tensors()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"thresholds": 0}, "thresholds: expected an integer from 1 to 255, found 0"),
+        (
+            {"thresholds": 256},
+            "thresholds: expected an integer from 1 to 255, found 256",
+        ),
+        (
+            {"thresholds": 2.0},
+            "thresholds: expected an integer from 1 to 255, found 2.0",
+        ),
+        ({"lit": 1}, r"lit: expected a share in \[0, 1\), found 1"),
+        ({"lit": -0.1}, r"lit: expected a share in \[0, 1\), found -0.1"),
+        ({"lit": "x"}, r"lit: expected a share in \[0, 1\), found 'x'"),
+    ],
+)
+def test_parameters_that_do_not_fit_are_named(parameters: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        HDCClassifier(Levels(**parameters)).fit(np.eye(4), [0, 1, 0, 1])

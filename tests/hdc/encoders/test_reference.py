@@ -1,0 +1,157 @@
+"""Frames relative to a reference: against Python's integers and fractions."""
+
+from __future__ import annotations
+
+import warnings
+from fractions import Fraction
+from math import floor, isqrt
+
+import numpy as np
+import pytest
+import torch
+
+from hdc import HDCClassifier, bits
+from hdc.encoders import Levels, Median, Quantile, Reference
+from hdc.encoders.reference import standardised
+
+
+def as_integers(frame: np.ndarray) -> list[int]:
+    """Pixels as integers; those of floats scaled to 18 bits by the largest."""
+    values = [Fraction(x) for x in frame.ravel().tolist()]
+    if frame.dtype.kind in "iu" and frame.dtype.itemsize <= 2:
+        return [int(value) for value in values]
+    _, exponent = np.frexp(max(abs(float(value)) for value in values))
+    scale = Fraction(2) ** (18 - int(exponent))
+    return [round(value * scale) for value in values]  # halves to even, as IEEE rounds
+
+
+def plainly(frame: np.ndarray) -> list[int]:
+    """(x − mean)/std in steps of 2⁻¹⁶, rounded down."""
+    pixels = as_integers(frame)
+    n, total = len(pixels), sum(pixels)
+    deviation = max(1, isqrt(n * sum(x * x for x in pixels) - total**2))
+    return [floor(Fraction((n * x - total) << 16, deviation)) for x in pixels]
+
+
+@pytest.mark.parametrize(
+    "dtype", ["uint8", "int8", "uint16", "int16", "int32", "float32", "float64"]
+)
+@pytest.mark.parametrize("d", [1, 2, 65, 4097])
+def test_standardised_frames_are_those_of_integers(
+    d: int, dtype: str, kinds_of_frames
+) -> None:
+    frames = kinds_of_frames(d, dtype)
+    found = standardised(torch.from_numpy(frames))
+    assert found.dtype == torch.int32
+    assert found.tolist() == [plainly(frame) for frame in frames]
+
+
+@pytest.mark.parametrize("size", [1e-310, 1e-200, 1e-40, 1e45, 1e300])
+def test_floats_of_any_size_are_standardised_alike(size: float) -> None:
+    frames = np.random.default_rng(0).normal(0, 1, (3, 99)) * size
+    found = standardised(torch.from_numpy(frames))
+    assert found.tolist() == [plainly(frame) for frame in frames]
+    assert found.any(1).all()
+
+
+def test_the_largest_numbers_stay_whole() -> None:
+    """16-bit frames of 500 × 500 of two values: D·x·2¹⁶ is near 2⁵³."""
+    frame = np.zeros((1, 250_000), np.uint16)
+    frame[0, ::3] = 65_535
+    frame[0, 0] = 65_534
+    found = standardised(torch.from_numpy(frame))[0]
+    expected = plainly(frame[0])
+    assert found.tolist() == expected
+    assert min(expected) < 0 < max(expected)
+
+
+def test_constant_frames_are_zero_and_named() -> None:
+    frames = torch.full((3, 8), 5, dtype=torch.uint8)
+    assert not standardised(frames).any()
+    rng = np.random.default_rng(0)
+    train = torch.from_numpy(rng.integers(0, 200, (40, 8)).astype(np.uint8))
+    encoder = Reference().fit(train)
+    train[37] = 9
+    with pytest.warns(UserWarning, match=r"1 constant frame\(s\), at index 137:"):
+        encoder.encode(train, 100)
+
+
+@pytest.mark.parametrize("base", ["median", Quantile("3/4"), Levels(3)])
+def test_words_are_those_of_the_differences(base, brightest) -> None:
+    """More frames than are encoded at a time; the reference is rounded down."""
+    rng = np.random.default_rng(1)
+    frames = rng.integers(0, 256, (37, 13, 7)).astype(np.uint8)
+    encoder = Reference(base).fit(frames)
+    rows = [plainly(frame) for frame in frames]
+    reference = [sum(column) // 37 for column in zip(*rows, strict=True)]
+    assert encoder.reference_.tolist() == reference
+    differences = np.array(rows) - np.array(reference)
+    words = encoder.encode(torch.from_numpy(frames))
+    assert torch.equal(words, encoder.base_.encode(torch.from_numpy(differences)))
+    if base == "median":
+        found = bits.unpack(words, 91).numpy()
+        assert np.array_equal(found, brightest(differences))
+    room = torch.full((50, words.shape[1]), -1)
+    assert torch.equal(encoder.encode(torch.from_numpy(frames), out=room), words)
+    compiled = encoder.encode(torch.from_numpy(frames), backend="compiled")
+    assert torch.equal(compiled, words)
+
+
+def test_brightness_and_contrast_change_no_bit() -> None:
+    rng = np.random.default_rng(2)
+    frames = torch.from_numpy(rng.integers(0, 60, (9, 200)).astype(np.int16))
+    encoder = Reference().fit(frames)
+    assert torch.equal(encoder.encode(4 * frames + 7), encoder.encode(frames))
+    assert not torch.equal(encoder.encode(frames), Median().encode(frames))
+
+
+def test_a_given_frame_is_the_reference(tmp_path) -> None:
+    rng = np.random.default_rng(3)
+    frames = rng.integers(0, 256, (20, 6, 9)).astype(np.uint8)
+    labels = np.arange(20) % 2
+    given = rng.integers(0, 256, (6, 9)).astype(np.uint8)
+    model = HDCClassifier(Reference(frame=given)).fit(frames, labels)
+    assert model.encoder_.reference_.tolist() == plainly(given)
+    assert "\n" not in repr(model)
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert np.array_equal(loaded.distances(frames), model.distances(frames))
+    merged = HDCClassifier(Reference(frame=given)).fit(frames[::-1], labels)
+    merged.merge(loaded)
+    assert merged.counts_.tolist() == [20, 20]
+    for other in (given.T, given[:5], given[None]):
+        with pytest.raises(
+            ValueError, match=r"frame: expected a reference of shape \(6, 9\), found \("
+        ):
+            HDCClassifier(Reference(frame=other)).fit(frames, labels)
+
+
+def test_zero_takes_new_frames_and_names_what_does_not_fit() -> None:
+    rng = np.random.default_rng(4)
+    frames = rng.integers(0, 256, (20, 50)).astype(np.uint8)
+    encoder = Reference().fit(frames)
+    encoder.zero(frames[:3])
+    rows = [plainly(frame) for frame in frames[:3]]
+    assert encoder.reference_.tolist() == [sum(c) // 3 for c in zip(*rows, strict=True)]
+    with pytest.raises(ValueError, match="frames: expected at least one frame"):
+        encoder.zero(frames[:0])
+    with pytest.raises(ValueError, match=r"frames\[17\]: expected finite pixels"):
+        encoder.zero(np.where(np.arange(20)[:, None] == 17, np.nan, frames))
+    with pytest.raises(
+        ValueError, match="base: expected an encoder that learns nothing"
+    ):
+        Reference(Levels(lit=0.5)).check()
+    with pytest.raises(ValueError, match="base: expected one of median, "):
+        Reference("x").check()
+
+
+def test_a_frame_that_is_the_reference_is_named_by_its_number() -> None:
+    rng = np.random.default_rng(5)
+    frames = rng.integers(0, 256, (40, 50)).astype(np.uint8)
+    encoder = Reference(frame=frames[33]).fit(frames)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        encoder.encode(torch.from_numpy(frames), 200)
+    assert [str(w.message).partition(":")[0] for w in caught] == [
+        "1 constant frame(s), at index 233"
+    ]

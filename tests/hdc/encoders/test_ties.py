@@ -1,0 +1,81 @@
+"""The order of ties: by its definition, and even over a frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from hdc import bits
+from hdc.encoders import Median
+from hdc.encoders.ties import TIES, first_ties
+
+
+@pytest.mark.parametrize("ties", TIES)
+@pytest.mark.parametrize("d", [1, 2, 63, 64, 65, 130, 700])
+def test_the_first_ties_by_plain_loops(d: int, ties: str, order_of_pixels) -> None:
+    places = order_of_pixels(d, ties)
+    rng = np.random.default_rng(d)
+    masks = rng.random((40, d)) < rng.random((40, 1))
+    masks[0], masks[1] = False, True
+    counts = masks.sum(1)
+    missing = [int(rng.integers(0, n + 1)) for n in counts]
+    missing[2:4] = counts[2:4].tolist()
+    found = first_ties(bits.pack(torch.from_numpy(masks)), torch.tensor(missing), ties)
+    for mask, wanted, words in zip(masks, missing, found, strict=True):
+        equal = [j for j in range(d) if mask[j]]
+        if ties == "below" and wanted < len(equal):
+            chosen = []
+        else:
+            chosen = sorted(equal, key=places.__getitem__)[:wanted]
+        expected = [j in chosen for j in range(d)]
+        assert bits.unpack(words, d).tolist() == expected
+
+
+def test_the_key_of_a_pixel_is_as_stated(order_of_pixels) -> None:
+    """Pixels of the first two words: h(0) = 0, and h(1) = 0x9E3779B1 >> 26 = 39."""
+    places = order_of_pixels(128, "spread")
+    assert places[:3].tolist() == [0, 2, 4]
+    assert places[64 + 25] == 1  # (25 + 39) mod 64 = 0
+    assert places[64 + 26] == 3
+    assert order_of_pixels(128, "raster").tolist() == list(range(128))
+
+
+@pytest.mark.parametrize("shape", [(64, 64), (100, 150), (480, 640), (500, 500)])
+@pytest.mark.parametrize("share", [0.1, 0.25, 0.5, 0.8])
+def test_the_spread_is_even_over_rows_and_columns(
+    shape: tuple[int, int], share: float
+) -> None:
+    """Shares of rows and columns differ less than twice those of a random choice do, and those of
+    quarters by less than 1 %; in raster order they differ by half."""
+    d = shape[0] * shape[1]
+    equal = bits.pack(torch.ones(1, d, dtype=torch.bool))
+    n_ones = int(share * d)
+    words = first_ties(equal, torch.tensor([n_ones]), "spread")
+    chosen = bits.unpack(words, d)[0].view(shape).double()
+    assert chosen.sum() == n_ones
+    for axis in (0, 1):
+        means = chosen.mean(axis)
+        n = shape[axis]
+        random = (share * (1 - share) / n) ** 0.5
+        assert float((means - share).square().mean().sqrt()) < 2 * random, axis
+    quarters = [part.mean() for half in chosen.chunk(2, 0) for part in half.chunk(2, 1)]
+    assert max(abs(float(quarter) - share) for quarter in quarters) < 0.01
+
+
+def test_raster_takes_the_top_of_a_constant_area() -> None:
+    frame = torch.full((1, 20, 64), 7, dtype=torch.uint8)
+    with pytest.warns(UserWarning, match="constant frame"):
+        words = Median("raster").encode(frame)
+    assert words[0].tolist() == [-1] * 10 + [0] * 10
+    with pytest.warns(UserWarning, match="constant frame"):
+        words = Median("below").encode(frame)
+    assert not words.any()
+
+
+def test_below_is_the_plain_comparison() -> None:
+    """With an odd number of pixels the median is a pixel, and those above it are ones."""
+    frames = np.random.default_rng(0).integers(0, 30, (20, 999)).astype(np.uint8)
+    words = Median("below").encode(torch.from_numpy(frames))
+    expected = frames > np.median(frames, axis=1, keepdims=True)
+    assert np.array_equal(bits.unpack(words, 999).numpy(), expected)

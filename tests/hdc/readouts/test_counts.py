@@ -1,0 +1,44 @@
+"""Integer prototypes against floats."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hdc import HDCClassifier, bits
+from hdc.encoders import Median
+from hdc.readouts import Counts
+
+
+@given(st.integers(1, 12), st.integers(2, 40), st.integers(0, 99))
+@settings(max_examples=40, deadline=None)
+def test_integer_prototypes_against_floats(n: int, d: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    frames = np.stack([rng.permutation(d) for _ in range(2 * n)]).astype(np.uint8)
+    labels = np.arange(2 * n) % 2
+    model = HDCClassifier(readout="counts").fit(frames, labels)
+    words = Median().encode(torch.from_numpy(frames))
+    v = 2 * bits.unpack(words, d).double() - 1
+    c = torch.stack([v[torch.from_numpy(labels == k)].sum(0) for k in range(2)])
+    expected = v @ c.T / c.norm(dim=1).clamp(min=1) / d**0.5
+    torch.testing.assert_close(model.readout_.scores(words), expected)
+
+
+def test_a_larger_class_is_compared_as_its_subsets_are_on_average() -> None:
+    """‖sum of a random subset‖², by all subsets of the size of the smallest class."""
+    rng = np.random.default_rng(0)
+    x = np.where(rng.random((8, 300)) < rng.random(300), 1.0, -1.0)
+    rows = torch.tensor([0] * 5 + [1] * 3)
+    words = bits.pack(torch.from_numpy(x > 0))
+    scores = Counts().fit(words, rows, 2, 300).scores(words).numpy()
+    subsets = [(i, j, k) for i in range(5) for j in range(i) for k in range(j)]
+    squares = [(x[list(subset)].sum(0) ** 2).sum() for subset in subsets]
+    means = np.stack([x[:5].mean(0) * 3, x[5:].sum(0)])
+    lengths = np.sqrt([np.mean(squares), (x[5:].sum(0) ** 2).sum()])
+    np.testing.assert_allclose(scores, x @ means.T / lengths / 300**0.5)
+    plain = Counts(balance=False).fit(words, rows, 2, 300).scores(words).numpy()
+    sums = np.stack([x[:5].sum(0), x[5:].sum(0)])
+    lengths = np.linalg.norm(sums, axis=1)
+    np.testing.assert_allclose(plain, x @ sums.T / lengths / 300**0.5)

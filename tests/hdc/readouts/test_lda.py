@@ -1,0 +1,279 @@
+"""Shrinkage discriminant analysis: against the primal form, in floats, and scikit-learn."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+import torch
+from sklearn.covariance import OAS, LedoitWolf
+
+from hdc import HDCClassifier, bits
+from hdc.readouts import LDA, Majority
+from hdc.readouts.lda import _dual_weights
+from hdc.readouts.products import combinations, gram
+
+
+def problem(
+    n: int, d: int, n_classes: int, seed: int
+) -> tuple[np.ndarray, torch.Tensor, torch.Tensor]:
+    """Bits in ±1 [n, d], packed ones, and classes of unequal size, the last of one frame."""
+    rng = np.random.default_rng(seed)
+    rows = np.concatenate(
+        [np.arange(n_classes), rng.integers(0, n_classes - 1, n - n_classes)]
+    )
+    share = rng.random((n_classes, d))
+    x = np.where(rng.random((n, d)) < share[rows], 1.0, -1.0)
+    x[:, 5] = 1  # a pixel that is the same in all frames
+    return x, bits.pack(torch.from_numpy(x > 0)), torch.from_numpy(rows)
+
+
+def primal(
+    x: np.ndarray, rows: np.ndarray, alpha: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Weights [D, L] and offsets [L], up to one scale: (XᵀX within classes + ℓ)⁻¹ of the means."""
+    classes = np.unique(rows)
+    means = np.stack([x[rows == c].mean(0) for c in classes])
+    within = x - means[np.searchsorted(classes, rows)]
+    scatter = within.T @ within
+    penalty = alpha / (1 - alpha) * np.trace(scatter) / x.shape[1]
+    centre = means.mean(0)
+    matrix = scatter + penalty * np.eye(x.shape[1])
+    weights = penalty * np.linalg.solve(matrix, (means - centre).T)
+    offsets = -0.5 * ((means + centre) * weights.T).sum(1)
+    return weights, offsets
+
+
+def dual(words: torch.Tensor, rows: torch.Tensor, d: int, shrinkage):
+    """A, α and G·E of the dual form."""
+    onehot = torch.nn.functional.one_hot(rows).double()
+    share = onehot / onehot.sum(0)
+    products = gram(words, words, d)
+    of_means = products @ share
+    weights, alpha = _dual_weights(products, of_means, onehot, share, d, shrinkage)
+    return weights, alpha, of_means
+
+
+@pytest.mark.parametrize("alpha", [0.01, 0.3, 0.9, 0.999])
+@pytest.mark.parametrize(("n", "d"), [(40, 130), (200, 65), (12, 1000)])
+def test_the_dual_form_is_the_primal_one(n: int, d: int, alpha: float) -> None:
+    x, words, rows = problem(n, d, 4, 1)
+    weights, offsets = primal(x, rows.numpy(), alpha)
+    a, used, of_means = dual(words, rows, d, alpha)
+    assert used == alpha
+    np.testing.assert_allclose(
+        x.T @ a.numpy(), weights, atol=1e-9 * np.abs(weights).max()
+    )
+    found = -0.5 * ((of_means + of_means.mean(1, keepdim=True)) * a).sum(0)
+    np.testing.assert_allclose(found, offsets, atol=1e-9 * np.abs(offsets).max())
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.9])
+def test_scores_are_whole_and_those_of_floats_but_for_four_bits(alpha: float) -> None:
+    x, words, rows = problem(60, 2000, 4, 2)
+    model = LDA(alpha).fit(words, rows, 4, 2000)
+    weights, offsets = primal(x, rows.numpy(), alpha)
+    asked = problem(300, 2000, 4, 2)
+    expected = asked[0] @ weights + offsets
+    scores = model.scores(asked[1])
+    assert scores.dtype == torch.int64
+    found = scores.numpy().astype(float)
+    correlations = [np.corrcoef(found[:, c], expected[:, c])[0, 1] for c in range(4)]
+    assert min(correlations) > 0.98
+    first, second = np.sort(expected, 1)[:, :-3:-1].T
+    clear = first - second > np.median(first - second)
+    assert clear.sum() >= 140
+    assert (found.argmax(1) == expected.argmax(1))[clear].all()
+
+
+def test_scores_are_the_stated_function_of_the_stored_integers() -> None:
+    x, words, rows = problem(60, 333, 4, 3)
+    model = LDA().fit(words, rows, 4, 333)
+    planes = bits.unpack(model.weights_, 333).long()
+    q = sum(planes[:, p] << p for p in range(4)) - 8
+    assert q.min() >= -7
+    assert q.max() == 7
+    assert (q[:, 5] == 0).all()  # the pixel that never changes says nothing
+    products = torch.from_numpy(x).long() @ q.T
+    expected = products * model.scales_ + model.offsets_
+    assert torch.equal(model.scores(words), expected)
+    assert model.scales_.max() == 2**20
+
+
+def test_both_backends_give_the_same_integers() -> None:
+    pytest.importorskip("numba")
+    _, words, rows = problem(90, 4200, 5, 4)
+    models = []
+    for backend in bits.BACKENDS:
+        model = LDA()
+        model.backend = backend
+        models.append(model.fit(words, rows, 5, 4200))
+    for mine, other in zip(*(m.stored().values() for m in models), strict=True):
+        assert torch.equal(mine, other)
+    assert torch.equal(models[0].scores(words), models[1].scores(words))
+
+
+# Shrinkage ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("n", "d"), [(80, 30), (80, 300), (300, 65)])
+@pytest.mark.parametrize(
+    ("name", "estimator"), [("ledoit_wolf", LedoitWolf), ("oas", OAS)]
+)
+def test_closed_forms_are_those_of_scikit_learn(
+    n: int, d: int, name: str, estimator: type
+) -> None:
+    """Of frames less the mean of their class; they have L degrees of freedom less than frames."""
+    x, words, rows = problem(n, d, 3, 5)
+    _, alpha, _ = dual(words, rows, d, name)
+    means = np.stack([x[rows.numpy() == c].mean(0) for c in range(3)])
+    within = x - means[rows.numpy()]
+    expected = estimator(assume_centered=True).fit(within).shrinkage_
+    assert alpha == pytest.approx(expected, rel=0.1)
+    assert 0 < alpha < 1
+
+
+def test_the_shrinkage_is_kept_and_set() -> None:
+    _, words, rows = problem(60, 130, 4, 6)
+    for given in (0, 0.25, 1, np.float32(0.5)):
+        assert float(LDA(given).fit(words, rows, 4, 130).shrinkage_) == float(given)
+    _, alpha, _ = dual(words, rows, 130, "oas")
+    assert float(LDA("oas").fit(words, rows, 4, 130).shrinkage_) == alpha
+    for given in (-0.1, 1.1, "x", None, True, float("nan")):
+        message = r"shrinkage: expected one of ledoit_wolf, oas, or a share in \[0, 1\], found"
+        with pytest.raises(ValueError, match=message):
+            LDA(given).check()
+
+
+# Edges --------------------------------------------------------------------------------------------
+
+
+def nearest_mean(x: np.ndarray, rows: np.ndarray, queries: np.ndarray) -> np.ndarray:
+    means = np.stack([x[rows == c].mean(0) for c in np.unique(rows)])
+    return ((queries[:, None] - means) ** 2).sum(2)
+
+
+def test_full_shrinkage_is_the_nearest_mean() -> None:
+    x, words, rows = problem(60, 1000, 4, 7)
+    weights, alpha, of_means = dual(words, rows, 1000, 1.0)
+    assert alpha == 1
+    offsets = (
+        -0.5 * ((of_means + of_means.mean(1, keepdim=True)) * weights).sum(0).numpy()
+    )
+    scores = x @ (x.T @ weights.numpy()) + offsets
+    distances = nearest_mean(x, rows.numpy(), x)
+    np.testing.assert_allclose(
+        scores - scores[:, :1], (distances[:, :1] - distances) / 2, atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("each", [1, 3])
+def test_without_two_different_frames_of_a_class_it_is_the_nearest_mean(
+    each: int,
+) -> None:
+    rng = np.random.default_rng(8)
+    means = np.where(rng.random((4, 700)) < 0.5, 1.0, -1.0)
+    rows = torch.arange(4).repeat(each)
+    words = bits.pack(torch.from_numpy(means > 0))[rows]
+    with pytest.warns(UserWarning, match="lda: no class has two different frames"):
+        model = LDA().fit(words, rows, 4, 700)
+    assert float(model.shrinkage_) == 1
+    queries = means[rng.integers(0, 4, 99)] * np.where(
+        rng.random((99, 700)) < 0.3, -1, 1
+    )
+    found = model.scores(bits.pack(torch.from_numpy(queries > 0))).argmax(1)
+    expected = nearest_mean(means, np.arange(4), queries).argmin(1)
+    assert found.tolist() == expected.tolist()
+
+
+def test_frames_that_are_all_equal_give_equal_scores() -> None:
+    words = torch.full((6, 2), 7)
+    with pytest.warns(UserWarning, match="no class has two different frames"):
+        model = LDA().fit(words, torch.arange(6) % 3, 3, 100)
+    assert len(set(model.scores(words).flatten().tolist())) == 1
+
+
+def test_no_shrinkage_of_fewer_frames_than_bits_is_finite() -> None:
+    _, words, rows = problem(30, 2000, 4, 9)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model = LDA(0).fit(words, rows, 4, 2000)
+    assert (model.scores(words).argmax(1) == rows).all()
+
+
+def test_a_class_without_frames_never_wins() -> None:
+    _, words, rows = problem(40, 130, 3, 10)
+    rows = rows * 2
+    model = LDA().fit(words, rows, 5, 130)
+    scores = model.scores(words)
+    assert set(scores.argmax(1).tolist()) <= {0, 2, 4}
+    dense = LDA().fit(words, rows // 2, 3, 130)
+    assert torch.equal(scores[:, ::2], dense.scores(words))
+
+
+def test_too_many_frames_are_named(monkeypatch) -> None:
+    monkeypatch.setattr("hdc.readouts.lda.MOST_FRAMES", 39)
+    _, words, rows = problem(40, 130, 3, 10)
+    with pytest.raises(
+        ValueError, match="lda: expected at most 39 frames, found 40; train on"
+    ):
+        LDA().fit(words, rows, 3, 130)
+
+
+# Flips --------------------------------------------------------------------------------------------
+
+
+def test_a_flipped_bit_moves_a_score_by_its_weight_alone() -> None:
+    """A bit of plane p of one weight is 2^p steps; a bit of the query twice the weight."""
+    _, words, rows = problem(60, 333, 4, 12)
+    model = LDA().fit(words, rows, 4, 333)
+    before = model.scores(words)
+    for pixel, plane in ((0, 3), (77, 0), (332, 2)):
+        word, bit = divmod(pixel, 64)
+        flip = torch.tensor(1) << bit
+        model.weights_[1, plane, word] ^= flip
+        model._ones = bits.count_ones(model.weights_)
+        moved = (model.scores(words) - before).abs()
+        assert (moved[:, 1] == 2**plane * model.scales_[1]).all()
+        assert not moved[:, [0, 2, 3]].any()
+        model.weights_[1, plane, word] ^= flip
+        model._ones = bits.count_ones(model.weights_)
+        queries = words.clone()
+        queries[:, word] ^= flip
+        assert ((model.scores(queries) - before).abs() <= 14 * model.scales_).all()
+
+
+@pytest.mark.parametrize(("share", "lost"), [(0.01, 0.06), (0.05, 0.2)])
+def test_flips_of_stored_bits_cost_little(share: float, lost: float, hard) -> None:
+    """A flipped plane moves a weight by at most 8 of 15 steps: no flip decides alone."""
+    train, (queries, labels) = hard(80, 0), hard(400, 1)
+    model = HDCClassifier(readout="lda").fit(*train)
+    before = model.score(queries, labels)
+    assert before > 0.8
+    rng = np.random.default_rng(0)
+    planes = model.state_tensors()["weights"]
+    flips = torch.from_numpy(rng.random((*planes.shape[:-1], model.dimension_)) < share)
+    planes ^= bits.pack(flips)
+    model.readout_._ones = bits.count_ones(planes)
+    assert model.score(queries, labels) > before - lost
+
+
+def test_it_recognises_what_the_majority_does_not(hard) -> None:
+    train, test = hard(80, 0), hard(400, 1)
+    majority = HDCClassifier(readout=Majority()).fit(*train).score(*test)
+    assert HDCClassifier(readout="lda").fit(*train).score(*test) > majority + 0.1
+
+
+def test_weights_are_sums_of_hypervectors() -> None:
+    pytest.importorskip("numba")
+    x, words, _ = problem(50, 333, 4, 11)
+    coefficients = torch.from_numpy(np.random.default_rng(0).normal(size=(50, 3)))
+    expected = (x.T @ coefficients.numpy()).T
+    for backend in bits.BACKENDS:
+        found = combinations(coefficients, words, backend)[:, :333]
+        np.testing.assert_allclose(found, expected, atol=1e-4)
+    whole = torch.from_numpy(np.random.default_rng(0).integers(-9, 10, (50, 3)))
+    expected = (x.T @ whole.numpy()).T
+    for backend in bits.BACKENDS:
+        assert np.array_equal(combinations(whole, words, backend)[:, :333], expected)

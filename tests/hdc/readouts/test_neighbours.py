@@ -1,0 +1,96 @@
+"""Nearest training frames, against plain loops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from hdc import HDCClassifier, bits
+from hdc.encoders import Median
+from hdc.readouts import Neighbours
+
+
+def plain_winner(distances: list[int], rows: list[int], k: int) -> int:
+    """The class of most of the k nearest frames; equal distances go by class, equal votes by
+    distance."""
+    nearest = sorted(zip(distances, rows, strict=True))[:k]
+    votes = [row for _, row in nearest]
+    best = max(votes.count(row) for row in votes)
+    closest = {row: min(d for d, r in zip(distances, rows, strict=True) if r == row)
+               for row in votes if votes.count(row) == best}  # fmt: skip
+    return min(closest, key=lambda row: (closest[row], row))
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 4, 7, 100])
+@pytest.mark.parametrize("backend", ["numpy", "compiled"])
+def test_the_vote_by_plain_loops_in_any_order_of_training(k: int, backend: str) -> None:
+    """Few bits, so that distances are often equal."""
+    if backend == "compiled":
+        pytest.importorskip("numba")
+    rng = np.random.default_rng(k)
+    words = torch.from_numpy(rng.integers(0, 2**7, (40, 1)))
+    rows = torch.from_numpy(rng.integers(0, 4, 40))
+    queries = torch.from_numpy(rng.integers(0, 2**7, (90, 1)))
+    distances = bits.hamming(queries, words).tolist()
+    expected = [plain_winner(row, rows.tolist(), k) for row in distances]
+    for _ in range(4):
+        order = torch.from_numpy(rng.permutation(40))
+        model = Neighbours(k)
+        model.backend = backend
+        model.fit(words[order], rows[order], 4, 7)
+        assert model.scores(queries).argmax(1).tolist() == expected
+        parts = Neighbours(k).fit(words[order[:9]], rows[order[:9]], 4, 7)
+        parts.add(words[order[9:]], rows[order[9:]])
+        assert torch.equal(parts.scores(queries), model.scores(queries))
+
+
+def test_a_class_without_frames_never_wins() -> None:
+    rows = torch.tensor([0, 2])
+    model = Neighbours().fit(torch.tensor([[0], [127]]), rows, 4, 7)
+    scores = model.scores(torch.arange(128)[:, None])
+    assert set(scores.argmax(1).tolist()) == {0, 2}
+    assert (scores[:, [1, 3]] == -8).all()
+
+
+@pytest.mark.parametrize("k", [1, 3, 4])
+def test_neighbours_vote_and_ties_go_to_the_nearest(k: int, hard) -> None:
+    (frames, labels), (queries, _) = hard(40, 0), hard(60, 1)
+    model = HDCClassifier(readout=Neighbours(k)).fit(frames, labels)
+    distances = bits.hamming(
+        *(Median().encode(torch.from_numpy(f)) for f in (queries, frames))
+    ).numpy()
+    expected = []
+    for row in distances:
+        voting = labels[np.lexsort((labels, row))[:k]]  # equal distances by class
+        votes = np.bincount(voting, minlength=4)
+        expected.append(next(c for c in voting if votes[c] == votes.max()))
+    nearest = np.stack([distances[:, labels == c].min(1) for c in range(4)], 1)
+    clear = (np.sort(nearest, 1)[:, 0] < np.sort(nearest, 1)[:, 1]).nonzero()[0]
+    assert (model.predict(queries)[clear] == np.array(expected)[clear]).all()
+
+
+def test_neighbours_are_added_merged_and_replaced(hard) -> None:
+    (frames, labels), (queries, _) = hard(40, 0), hard(60, 1)
+    whole = HDCClassifier(readout="neighbours").fit(frames, labels)
+    parts = HDCClassifier(readout="neighbours").partial_fit(frames[:20], labels[:20])
+    parts.merge(HDCClassifier(readout="neighbours").fit(frames[20:], labels[20:]))
+    assert np.array_equal(
+        parts.decision_function(queries), whole.decision_function(queries)
+    )
+    with pytest.raises(
+        ValueError, match=r"with read-out Neighbours\(.*found .*Majority\("
+    ):
+        whole.merge(HDCClassifier().fit(frames, labels))
+    new = labels[:20] == 2
+    whole.recalibrate(queries[:20][new], labels[:20][new])
+    assert whole.state_tensors()["frames"].shape[0] == 30 + 5
+    assert (whole.predict(queries[:20][new]) == 2).all()
+
+
+@pytest.mark.parametrize("k", [0, -1, 1.5, "x", None, True])
+def test_numbers_of_neighbours_that_are_none_are_named(k, hard) -> None:
+    message = "n_neighbours: expected an integer ≥ 1, found"
+    with pytest.raises(ValueError, match=message):
+        HDCClassifier(readout=Neighbours(k)).fit(*hard(8, 0))
+    HDCClassifier(readout=Neighbours(np.int64(3))).fit(*hard(8, 0))

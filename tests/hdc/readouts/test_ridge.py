@@ -1,0 +1,179 @@
+"""Ridge regression on packed bits, against plain floats and scikit-learn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.linear_model import Ridge as PlainRidge
+from sklearn.model_selection import GridSearchCV
+
+from hdc import HDCClassifier, bits
+from hdc.readouts import Ridge
+from hdc.readouts import ridge as ridges
+from hdc.readouts.products import gram
+from hdc.readouts.ridge import PENALTIES, Dual, Linear, solve
+
+
+def plain(x: np.ndarray, y: np.ndarray, penalty: float) -> PlainRidge:
+    return PlainRidge(penalty, solver="svd").fit(x, y)
+
+
+def problem(
+    n: int, d: int, t: int, seed: int
+) -> tuple[np.ndarray, torch.Tensor, torch.Tensor]:
+    """Bits in ±1 [n, d], packed ones, and targets [n, t]."""
+    rng = np.random.default_rng(seed)
+    x = np.where(rng.random((n, d)) < rng.random(d), 1.0, -1.0)
+    return (
+        x,
+        bits.pack(torch.from_numpy(x > 0)),
+        torch.from_numpy(rng.normal(3, 1, (n, t))),
+    )
+
+
+@given(st.integers(3, 30), st.integers(1, 300), st.integers(1, 3), st.integers(0, 99))
+@settings(max_examples=40, deadline=None)
+def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(
+    n, d, t, seed
+) -> None:
+    x, words, y = problem(n, d, t, seed)
+    queries, asked, _ = problem(5, d, t, seed + 1)
+    model, residuals = solve(words, y, d)
+    dual = Dual.of(words, d, model.penalty, "numpy")
+    whole = plain(x, y.numpy(), model.penalty)
+    weights = np.atleast_2d(whole.coef_)
+    rounding = np.abs(weights).max(1) / 254 * d  # half a step of 8 bits, at every pixel
+    expected = whole.predict(queries).reshape(5, t)
+    assert (np.abs(model.values(asked).numpy() - expected) <= rounding + 1e-6).all()
+    smoother = dual.smoother(gram(asked, words, d))
+    change = (smoother[..., None] * residuals).numpy()
+    errors = []
+    for i in range(n):
+        rest = np.arange(n) != i
+        without = plain(x[rest], y.numpy()[rest], model.penalty)
+        errors.append(y[i].numpy() - without.predict(x[i : i + 1]).reshape(t))
+        np.testing.assert_allclose(
+            change[:, i], expected - without.predict(queries).reshape(5, t), atol=1e-6
+        )
+    np.testing.assert_allclose(residuals, errors, atol=1e-6)
+
+
+def test_the_penalty_is_the_one_with_the_least_left_out_error() -> None:
+    _, words, y = problem(25, 400, 1, 0)
+    fitted = solve(words, y, 400)
+    products = gram(words, words, 400)
+    assert torch.equal(products, gram(words, words.clone(), 400))
+    centred = products - products.mean(0) - products.mean(1)[:, None] + products.mean()
+    unit = float(centred.diagonal().mean())
+    errors = []
+    for penalty in PENALTIES:
+        other = solve(words, y, 400, penalty)
+        assert other.linear.penalty == pytest.approx(unit * penalty)
+        errors.append(float((other.residuals**2).sum()))
+    best = PENALTIES[int(np.argmin(errors))]
+    assert fitted.linear.penalty == pytest.approx(unit * best)
+    assert float((fitted.residuals**2).sum()) == pytest.approx(min(errors))
+    assert len({round(error, 6) for error in errors}) > 3
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e-165, 1e-20, 1.0, 1e20, 1e155, 1e290])
+def test_the_size_of_targets_changes_nothing_but_the_size(size: float) -> None:
+    """Squares of numbers near 1e155 or 1e-165 are none."""
+    _, words, y = problem(25, 400, 2, 0)
+    expected, found = solve(words, y, 400), solve(words, y * size, 400)
+    assert found.linear.penalty == pytest.approx(expected.linear.penalty)
+    np.testing.assert_allclose(
+        found.linear.values(words) / size, expected.linear.values(words), rtol=1e-6
+    )
+    np.testing.assert_allclose(found.residuals / size, expected.residuals, rtol=1e-6)
+
+
+def test_weights_are_those_of_floats_in_any_block(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(ridges, "_STEP", 2)  # words that are rounded at once
+    x, words, y = problem(30, 300, 2, 0)
+    fitted = solve(words, y, 300).linear
+    whole, expected = fitted.weights(0, 5), plain(x, y.numpy(), fitted.penalty).coef_
+    np.testing.assert_allclose(
+        whole[:, :300], expected, atol=np.abs(expected).max() / 253
+    )
+    assert (fitted.weights(2, 4) == whole[:, 128:256]).all()
+    assert fitted.planes[:, 7].any()  # 8 bits: the largest weight is ±127 steps
+    assert float(
+        (whole / fitted.scales[:, None])[:, :300].abs().amax()
+    ) == pytest.approx(127)
+
+
+def test_recalibration_stays_near_the_old_weights() -> None:
+    """min Σ (y − b − w·x)² + λ‖w − w₀‖², by fitting what the old weights leave."""
+    x, words, y = problem(30, 200, 2, 0)
+    new_x, new, new_y = problem(4, 200, 2, 1)
+    old = solve(words, y, 200).linear
+    adapted = solve(new, new_y, 200, prior=old).linear
+    left = new_y.numpy() - old.values(new).numpy()
+    expected = old.values(words).numpy() + plain(new_x, left, old.penalty).predict(x)
+    np.testing.assert_allclose(adapted.values(words), expected, atol=0.05)
+    assert adapted.penalty == old.penalty
+
+
+# Classifier ---------------------------------------------------------------------------------------
+
+
+def test_ridge_recognises_what_prototypes_do_not_and_recalibrates(hard) -> None:
+    train, test = hard(80, 0), hard(200, 1)
+    ridge = HDCClassifier(readout="ridge").fit(*train)
+    assert ridge.score(*test) > HDCClassifier().fit(*train).score(*test) + 0.1
+    new, fresh = hard(8, 2, 0.5), hard(200, 3, 0.5)
+    before = ridge.score(*fresh)
+    ridge.recalibrate(*new)
+    assert ridge.score(*fresh) >= before
+    fitted = HDCClassifier(readout="ridge").fit(*train)
+    for name in ("merge", "partial_fit"):
+        message = f"{name}: expected a read-out that learns batch by batch, found Ridge"
+        with pytest.raises(ValueError, match=message):
+            getattr(fitted, name)
+
+
+def test_a_given_penalty_is_used_and_searched(hard) -> None:
+    train, test = hard(80, 0), hard(200, 1)
+    for penalty in (1e-3, 1, np.float32(10)):
+        model = HDCClassifier(readout=Ridge(penalty)).fit(*train)
+        products = gram(*[model.encoder_.encode(torch.from_numpy(train[0]))] * 2, 2000)
+        centred = (
+            products - products.mean(0) - products.mean(1)[:, None] + products.mean()
+        )
+        unit = float(centred.diagonal().mean())
+        assert model.readout_.linear_.penalty == pytest.approx(unit * float(penalty))
+    grid = {"readout__penalty": [1e-4, 1e4], "encoder__ties": ["spread", "below"]}
+    search = GridSearchCV(HDCClassifier(readout="ridge"), grid, cv=3).fit(*train)
+    assert set(search.best_params_) == set(grid)
+    assert (
+        search.best_estimator_.readout.penalty
+        == search.best_params_["readout__penalty"]
+    )
+    assert search.best_estimator_.encoder_.ties == search.best_params_["encoder__ties"]
+    assert search.score(*test) > 0.5
+    for penalty in (0, -1, "x", float("nan"), float("inf"), True):
+        message = "penalty: expected a number above zero or None, found"
+        with pytest.raises(ValueError, match=message):
+            HDCClassifier(readout=Ridge(penalty)).fit(*train)
+
+
+def test_both_backends_and_a_file_give_the_same(hard, tmp_path: Path) -> None:
+    pytest.importorskip("numba")
+    train, (queries, _) = hard(80, 0), hard(50, 1)
+    models = [
+        HDCClassifier(readout="ridge", backend=b).fit(*train) for b in bits.BACKENDS
+    ]
+    scores = [model.decision_function(queries) for model in models]
+    assert np.array_equal(*scores)
+    models[0].save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert np.array_equal(loaded.decision_function(queries), scores[0])
+    assert isinstance(loaded.readout_.linear_, Linear)

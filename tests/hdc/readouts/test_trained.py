@@ -1,0 +1,92 @@
+"""Prototypes corrected by their mistakes, against plain loops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from hdc import HDCClassifier, bits
+from hdc.readouts import Trained
+
+
+def plain_prototypes(
+    x: list[list[int]], rows: list[int], n_classes: int, margin: float, passes: int
+) -> list[list[int]]:
+    """Signs of counters of ±1 hypervectors, corrected after each pass, by loops."""
+    d = len(x[0])
+    counters = [[0] * d for _ in range(n_classes)]
+    for frame, row in zip(x, rows, strict=True):
+        for j in range(d):
+            counters[row][j] += frame[j]
+
+    def prototypes() -> list[list[int]]:
+        return [[1 if count > 0 else -1 for count in counter] for counter in counters]
+
+    for _ in range(passes):
+        current = prototypes()
+        changes = []
+        for frame, row in zip(x, rows, strict=True):
+            distances = [
+                sum(a != b for a, b in zip(frame, p, strict=True)) for p in current
+            ]
+            others = [c for c in range(n_classes) if c != row and c in rows]
+            rival = min(others, key=lambda c: (distances[c], c))
+            if distances[rival] - distances[row] < margin * d:
+                changes.append((frame, row, rival))
+        for frame, row, rival in changes:
+            for j in range(d):
+                counters[row][j] += frame[j]
+                counters[rival][j] -= frame[j]
+        if not changes:
+            break
+    return prototypes()
+
+
+def problem(n: int, d: int, seed: int) -> tuple[np.ndarray, torch.Tensor, torch.Tensor]:
+    rng = np.random.default_rng(seed)
+    rows = np.arange(n) % 3
+    share = 0.5 + 0.3 * (rng.random((3, d)) - 0.5)
+    x = np.where(rng.random((n, d)) < share[rows], 1, -1)
+    return x, bits.pack(torch.from_numpy(x > 0)), torch.from_numpy(rows)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "compiled"])
+@pytest.mark.parametrize("passes", [0, 1, 2, 5])
+@pytest.mark.parametrize("margin", [0, 0.02, 0.3])
+def test_the_rule_by_plain_loops(margin: float, passes: int, backend: str) -> None:
+    if backend == "compiled":
+        pytest.importorskip("numba")
+    x, words, rows = problem(17, 90, passes)
+    model = Trained(margin, passes)
+    model.backend = backend
+    model.fit(words, rows, 4, 90)  # the last class has no frames
+    expected = plain_prototypes(x.tolist(), rows.tolist(), 4, margin, passes)
+    found = 2 * bits.unpack(model.prototypes_, 90).long() - 1
+    assert found[:3].tolist() == expected[:3]
+    scores = model.scores(words)
+    assert torch.equal(scores[:, :3], -bits.hamming(words, model.prototypes_[:3]))
+    assert (scores.argmax(1) < 3).all()
+
+
+def test_passes_mend_mistakes_of_the_first(hard) -> None:
+    train, test = hard(80, 0), hard(400, 1)
+    first, last = (
+        HDCClassifier(readout=Trained(passes=passes)).fit(*train) for passes in (0, 10)
+    )
+    assert last.score(*train) > first.score(*train)
+    assert last.score(*test) > first.score(*test)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"margin": 1}, r"margin: expected a share in \[0, 1\), found 1"),
+        ({"margin": "x"}, r"margin: expected a share in \[0, 1\), found 'x'"),
+        ({"passes": -1}, "passes: expected an integer ≥ 0, found -1"),
+        ({"passes": 1.0}, "passes: expected an integer ≥ 0, found 1.0"),
+    ],
+)
+def test_parameters_that_do_not_fit_are_named(parameters, message, hard) -> None:
+    with pytest.raises(ValueError, match=message):
+        HDCClassifier(readout=Trained(**parameters)).fit(*hard(8, 0))

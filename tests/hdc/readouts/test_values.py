@@ -1,0 +1,69 @@
+"""Numbers of the nearest frames, against plain loops; an own read-out of numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from hdc import HDCRegressor, bits
+from hdc.readouts import NeighbourValues, ValueReadout
+
+
+def plain_means(distances: np.ndarray, values: np.ndarray, k: int) -> np.ndarray:
+    """The mean of the k nearest rows for each query; of equal ones the first."""
+    means = []
+    for row in distances.tolist():
+        nearest = sorted(range(len(row)), key=row.__getitem__)[:k]
+        means.append(np.mean([values[i] for i in nearest], axis=0))
+    return np.array(means)
+
+
+@pytest.mark.parametrize("k", [1, 2, 5])
+def test_means_and_left_out_means_by_plain_loops(k: int) -> None:
+    rng = np.random.default_rng(k)
+    words = torch.from_numpy(rng.integers(0, 2**40, (12, 1)))
+    queries = torch.from_numpy(rng.integers(0, 2**40, (30, 1)))
+    values = rng.normal(size=(12, 2))
+    model = NeighbourValues(k).fit(words, torch.from_numpy(values), 40)
+    distances = bits.hamming(queries, words).numpy()
+    expected = plain_means(distances, values, k)
+    np.testing.assert_allclose(model.values(queries), expected)
+    centre, without = model.without(queries)
+    np.testing.assert_allclose(centre, expected)
+    own = bits.hamming(words, words).numpy()
+    for i in range(12):
+        rest = np.arange(12) != i
+        left = plain_means(distances[:, rest], values[rest], k)
+        np.testing.assert_allclose(without[:, i], left)
+        missed = values[i] - plain_means(own[i : i + 1, rest], values[rest], k)[0]
+        np.testing.assert_allclose(model.residuals_[i], missed)
+
+
+def test_more_neighbours_than_frames_are_all_but_one() -> None:
+    words = torch.arange(4)[:, None]
+    values = torch.arange(4.0, dtype=torch.float64)[:, None]
+    few, many = (NeighbourValues(k).fit(words, values, 2) for k in (3, 50))
+    assert torch.equal(few.values(words), many.values(words))
+
+
+class Brightness(ValueReadout):
+    """The share of ones, by a line through two frames."""
+
+    def fit(self, words, values, dimension):
+        self._dimension = dimension
+        self.mean_ = values.mean(0)
+        return self
+
+    def values(self, words):
+        return self.mean_.expand(len(words), -1)
+
+
+def test_a_read_out_of_ones_own_has_no_intervals_unless_it_says() -> None:
+    frames = np.random.default_rng(0).integers(0, 255, (9, 30))
+    model = HDCRegressor(readout=Brightness()).fit(frames, np.arange(9.0))
+    assert model.predict(frames).tolist() == [4.0] * 9
+    assert model.recalibrate(frames[:3], np.arange(3.0)).predict(frames[:1]) == 1
+    message = "interval: Brightness has no leave-one-out predictions"
+    with pytest.raises(ValueError, match=message):
+        model.predict(frames, return_interval=True)

@@ -1,0 +1,124 @@
+"""Parameters by name, nested, and methods that are there only for some of them."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+
+from hdc import HDCClassifier
+from hdc.encoders import ENCODERS, Levels, Median, Quantile, Reference
+from hdc.parameters import (
+    Parametrised,
+    UnavailableError,
+    available_unless,
+    describe,
+    make_part,
+    rebuild,
+)
+from hdc.readouts import LDA, Majority
+
+
+def test_parameters_of_parts_of_parts() -> None:
+    model = HDCClassifier(Reference(Quantile("1/3")))
+    found = model.get_params()
+    assert found["encoder__base__at"] == "1/3"
+    assert found["readout__balance"] is True
+    assert set(model.get_params(deep=False)) == {
+        "encoder",
+        "readout",
+        "device",
+        "backend",
+    }
+    model.set_params(encoder__base__ties="below", readout="lda", readout__shrinkage=0.5)
+    assert repr(model.encoder) == (
+        "Reference(base=Quantile(at='1/3', ties='below'), frame=None)"
+    )
+    assert repr(model.readout) == "LDA(shrinkage=0.5)"
+
+
+def test_setting_leaves_the_object_that_was_given() -> None:
+    mine = Majority()
+    model = HDCClassifier(readout=mine).set_params(readout__ties="one")
+    assert mine.ties == "zero"
+    assert model.readout.ties == "one"
+
+
+@pytest.mark.parametrize(
+    "name", ["tie", "encoder__tie", "device__x", "encoder__base__at"]
+)
+def test_names_that_are_none_are_listed(name: str) -> None:
+    with pytest.raises(ValueError, match=r"set_params: expected one of .*, found '"):
+        HDCClassifier().set_params(**{name: 1})
+
+
+def test_clones_share_nothing_and_have_learned_nothing() -> None:
+    frames = np.random.default_rng(0).integers(0, 255, (12, 30)).astype(np.uint8)
+    model = HDCClassifier(Reference(Levels(3)), LDA(0.3)).fit(frames, np.arange(12) % 2)
+    copied = clone(model)
+    assert repr(copied) == repr(model)
+    assert copied.encoder is not model.encoder
+    assert copied.encoder.base is not model.encoder.base
+    assert not hasattr(copied, "encoder_")
+    assert not hasattr(
+        model.encoder, "reference_"
+    )  # the one that was given learns nothing
+
+
+def test_descriptions_rebuild_the_part() -> None:
+    for part in (
+        Median("below"),
+        Quantile(Fraction(2, 3)),
+        Quantile(np.float32(0.25)),
+        Levels(np.int64(5), lit=0.5),
+        Reference(Reference("levels")),
+    ):
+        described = describe(part, ENCODERS)
+        again = rebuild(described, "encoder", ENCODERS)
+        assert type(again) is type(part)
+        assert describe(again, ENCODERS) == described
+    assert describe(Quantile(Fraction(2, 3)), ENCODERS)["parameters"]["at"] == "2/3"
+
+
+def test_arrays_are_shown_by_their_shape() -> None:
+    assert repr(Reference(frame=np.zeros((40, 50)))) == (
+        "Reference(base='median', frame=<ndarray of shape (40, 50)>)"
+    )
+
+
+def test_a_class_without_a_constructor_has_no_parameters() -> None:
+    class Plain(Parametrised):
+        pass
+
+    assert Plain().get_params() == {}
+    assert repr(Plain().unlearned()) == "Plain()"
+    assert make_part(Plain(), "part", {}, Plain).get_params() == {}
+
+
+class Switch:
+    def __init__(self, on: bool):
+        self.on = on
+
+    @available_unless(
+        lambda self: None if self.on else "expected it to be on, found off"
+    )
+    def shine(self, times: int) -> str:
+        """Shine so often."""
+        return "*" * times
+
+
+def test_methods_that_are_there_for_some() -> None:
+    assert Switch(True).shine(3) == "***"
+    assert Switch.shine(Switch(True), 2) == "**"
+    assert Switch.shine.__doc__ == "Shine so often."
+    assert hasattr(Switch(True), "shine")
+    assert not hasattr(Switch(False), "shine")
+    assert getattr(Switch(False), "shine", 7) == 7
+    with pytest.raises(
+        UnavailableError, match=r"^shine: expected it to be on, found off$"
+    ):
+        Switch(False).shine(3)
+    assert issubclass(UnavailableError, AttributeError)
+    assert issubclass(UnavailableError, ValueError)  # commands print these as one line

@@ -1,0 +1,317 @@
+"""Every encoder with every read-out, and parts from a folder outside the checkout."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdc import HDCClassifier, HDCRegressor, bits
+from hdc.encoders import ENCODERS, Levels, Quantile, Reference, make_encoder
+from hdc.readouts import READOUTS, Updatable, make_readout
+
+CHECKOUT = Path(__file__).parents[2]
+EXTRA_ENCODERS = [Levels(3, lit=0.5), Reference("levels"), Reference(Quantile("1/3"))]
+
+
+def touches(n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    fields = np.random.default_rng(7).integers(0, 200, (4, 17, 13))
+    rng = np.random.default_rng(seed)
+    labels = np.arange(n) % 4
+    noisy = fields[labels] + rng.normal(0, 60, (n, 17, 13))
+    return np.clip(noisy, 0, 255).astype(np.uint8), np.array(list("dbca"))[labels]
+
+
+@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize("encoder", [*ENCODERS, *EXTRA_ENCODERS], ids=repr)
+def test_every_encoder_with_every_read_out(
+    encoder, readout: str, tmp_path: Path
+) -> None:
+    pytest.importorskip("numba")
+    (frames, labels), (queries, truth) = touches(80), touches(60, 1)
+    model = HDCClassifier(encoder, readout, backend="numpy").fit(frames, labels)
+    assert model.score(queries, truth) > 0.9
+    sets = model.predict_set(queries, 0.1)
+    assert np.mean([y in found for y, found in zip(truth, sets, strict=True)]) > 0.75
+    assert model.is_known(queries, 0.1).mean() > 0.75
+    assert model.is_known(255 - queries, 0.1).mean() < 0.1
+    compiled = HDCClassifier(encoder, readout, backend="compiled").fit(frames, labels)
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    expected = model.decision_function(queries)
+    for other in (compiled, loaded):
+        assert np.array_equal(other.decision_function(queries), expected)
+        assert np.array_equal(other.distances(queries), model.distances(queries))
+        assert np.array_equal(other.is_known(queries), model.is_known(queries))
+    loaded.save(tmp_path / "n")
+    assert (tmp_path / "n").read_bytes() == (tmp_path / "m").read_bytes()
+    assert set(model.state_tensors()) >= set(model.readout_.state())
+
+
+@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize("encoder", [*ENCODERS, *EXTRA_ENCODERS], ids=repr)
+def test_every_combination_goes_on_learning_or_says_why_not(
+    encoder, readout: str
+) -> None:
+    frames, labels = touches(80)
+    queries, truth = touches(60, 1)
+    first, second = (frames[:40], labels[:40]), (frames[40:], labels[40:])
+    if not isinstance(make_readout(readout), Updatable):
+        for name in ("partial_fit", "merge"):
+            message = rf"^{name}: expected a read-out that learns batch by batch, found .*; fit"
+            with pytest.raises(AttributeError, match=message):
+                getattr(HDCClassifier(encoder, readout), name)
+        return
+    parts = HDCClassifier(encoder, readout).partial_fit(*first).partial_fit(*second)
+    assert parts.counts_.tolist() == [20] * 4
+    merged = HDCClassifier(encoder, readout).fit(*first)
+    other = HDCClassifier(encoder, readout).fit(*second)
+    if make_encoder(encoder).learns:  # two references, or other lit pixels
+        with pytest.raises(
+            ValueError,
+            match=r"^merge: expected two encoders .* that have learned the same",
+        ):
+            merged.merge(other)
+        assert parts.score(queries, truth) > 0.9
+        return
+    merged.merge(other)
+    whole = HDCClassifier(encoder, readout).fit(frames, labels)
+    expected = whole.decision_function(queries)
+    for model in (parts, merged, HDCClassifier(encoder, readout).merge(whole)):
+        assert np.array_equal(model.decision_function(queries), expected)
+
+
+@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize("encoder", [*ENCODERS, *EXTRA_ENCODERS], ids=repr)
+def test_every_combination_recalibrates_or_says_why_not(encoder, readout: str) -> None:
+    frames, labels = touches(80)
+    new, truth = touches(60, 1)
+    new = np.roll(new, 2, axis=1)  # the sensor has moved
+    model = HDCClassifier(encoder, readout).fit(frames, labels)
+    zeroes = isinstance(make_encoder(encoder), Reference)
+    adapts = hasattr(make_readout(readout), "adapt")
+    assert hasattr(model, "recalibrate") == (zeroes or adapts)
+    if zeroes:
+        model.recalibrate(new)
+        assert not model._recalibrated
+    if adapts:
+        model.recalibrate(new, truth, p=0.6, method="merge")
+        assert model.score(new, truth) > 0.8
+        assert model.is_known(new, 0.2).mean() > 0.5
+    elif zeroes:
+        with pytest.raises(
+            ValueError, match=r"^recalibrate: expected another read-out than "
+        ):
+            model.recalibrate(new, truth)
+    else:
+        with pytest.raises(
+            AttributeError, match=r"^recalibrate: expected another read-out than"
+        ):
+            model.recalibrate  # noqa: B018
+
+
+# Parts of one's own -------------------------------------------------------------------------------
+
+
+OWN = """
+import torch
+from hdc import bits
+from hdc.encoders import Encoder
+from hdc.readouts import Readout, ValueReadout
+
+
+class Bright(Encoder):
+    def __init__(self, above=100):
+        self.above = above
+
+    def encode(self, frames):
+        return bits.pack(frames.flatten(1) > self.above)
+
+
+class Corner(Encoder):
+    learns = True
+
+    def fit(self, frames):
+        self.mean_ = torch.as_tensor(frames[:]).flatten(1).long().sum(0) // len(frames)
+        return self
+
+    def encode(self, frames):
+        return bits.pack(frames.flatten(1)[:, :50] > self.mean_[:50])
+
+    def dimension(self, n_pixels):
+        return 50
+
+    def state(self):
+        return {"mean": self.mean_}
+
+    def restore(self, tensors, n_pixels):
+        self.mean_ = tensors["mean"]
+
+
+class First(Readout):
+    def __init__(self, place=0):
+        self.place = place
+
+    def fit(self, words, rows, n_classes, dimension):
+        chosen = [words[rows == c][self.place] for c in range(n_classes)]
+        self.first_ = torch.stack(chosen)
+        return self
+
+    def scores(self, words):
+        return -bits.hamming(words, self.first_)
+
+
+class Mean(ValueReadout):
+    def fit(self, words, values, dimension):
+        self._dimension, self.mean_ = dimension, values.mean(0)
+        return self
+
+    def values(self, words):
+        return self.mean_.expand(len(words), -1)
+"""
+
+
+@pytest.fixture
+def own(tmp_path: Path, monkeypatch):
+    """The folder of a module with encoders and read-outs of a user's own, which can be imported."""
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    (folder / "laboratory.py").write_text(OWN)
+    monkeypatch.syspath_prepend(folder)
+    yield folder
+    sys.modules.pop("laboratory", None)
+
+
+@pytest.mark.parametrize(
+    "encoder", ["median", "laboratory.Bright", "laboratory.Corner"]
+)
+@pytest.mark.parametrize("readout", ["majority", "lda", "laboratory.First"])
+def test_own_parts_by_dotted_name(
+    own: Path, encoder: str, readout: str, tmp_path: Path
+) -> None:
+    (frames, labels), (queries, truth) = touches(80), touches(60, 1)
+    model = HDCClassifier(encoder, readout).fit(frames, labels)
+    assert model.score(queries, truth) > 0.7
+    assert model.is_known(queries, 0.2).mean() > 0.5
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    expected = model.decision_function(queries)
+    assert np.array_equal(loaded.decision_function(queries), expected)
+    if readout == "laboratory.First":
+        words = model.encoder_.encode(bits.torch.from_numpy(frames[:4]))
+        assert bits.torch.equal(model.readout_.first_, words[[3, 1, 2, 0]])
+        assert set(model.state_tensors()) >= {"first_"}
+        assert not hasattr(model, "partial_fit")
+
+
+def test_parameters_of_own_parts_are_kept_and_searched(
+    own: Path, tmp_path: Path
+) -> None:
+    frames, labels = touches(80)
+    model = HDCClassifier("laboratory.Bright", "laboratory.First")
+    assert model.get_params()["encoder__above"] == 100
+    model.set_params(encoder__above=130, readout__place=1).fit(frames, labels)
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert (loaded.encoder.above, loaded.readout.place) == (130, 1)
+    assert np.array_equal(loaded.predict(frames), model.predict(frames))
+
+
+def test_own_read_outs_of_numbers_by_dotted_name(own: Path, tmp_path: Path) -> None:
+    frames, _ = touches(80)
+    model = HDCRegressor("laboratory.Bright", "laboratory.Mean").fit(
+        frames, np.arange(80.0)
+    )
+    model.save(tmp_path / "m")
+    assert HDCRegressor.load(tmp_path / "m").predict(frames[:2]).tolist() == [
+        39.5,
+        39.5,
+    ]
+
+
+def test_where_the_module_is_missing_one_line_says_so(
+    own: Path, tmp_path: Path
+) -> None:
+    frames, labels = touches(80)
+    HDCClassifier(readout="laboratory.First").fit(frames, labels).save(tmp_path / "m")
+    code = (
+        "import sys; from hdc import HDCClassifier\n"
+        "try: HDCClassifier.load(sys.argv[1])\n"
+        "except ValueError as error: print(error)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, tmp_path / "m"],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=CHECKOUT,
+    )
+    assert done.stdout == (
+        f"{tmp_path / 'm'}: expected a saved HDCClassifier, found readout: expected a class "
+        "'laboratory.First', found: No module named 'laboratory'\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("given", "kind", "message"),
+    [
+        (
+            "nothing",
+            ValueError,
+            "expected one of .*, or a dotted name such as 'module.Class'",
+        ),
+        (
+            "laboratory.Missing",
+            ValueError,
+            "expected a class 'laboratory.Missing', found: ",
+        ),
+        (
+            "missing.First",
+            ValueError,
+            "expected a class 'missing.First', found: No module",
+        ),
+        (
+            "laboratory.torch",
+            ValueError,
+            "expected a class, found 'laboratory.torch', which is",
+        ),
+        (
+            "laboratory.Mean",
+            TypeError,
+            r"expected .* object of hdc.*, found 'laboratory.Mean'$",
+        ),
+        (
+            "pathlib.Path",
+            TypeError,
+            r"expected .* object of hdc.*, found 'pathlib.Path'$",
+        ),
+        (7, TypeError, r"expected .* object of hdc.*, found 7$"),
+        (Levels, TypeError, "expected an object, found the class Levels"),
+    ],
+)
+def test_what_is_no_part_is_named(own: Path, given, kind: type, message: str) -> None:
+    frames, labels = touches(8)
+    for name in ("encoder", "readout"):
+        with pytest.raises(kind, match=f"^{name}: {message}") as caught:
+            HDCClassifier(**{name: given}).fit(frames, labels)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_subclass_of_ours_is_asked_through_its_own_methods(tmp_path: Path) -> None:
+    """Kernels that do several steps at once are for our own classes alone."""
+    pytest.importorskip("numba")
+    frames, labels = touches(80)
+    plain = HDCClassifier(Inverted(), backend="compiled").fit(frames, labels)
+    expected = HDCClassifier().fit(255 - frames, labels)
+    assert np.array_equal(plain.distances(frames), expected.distances(255 - frames))
+
+
+class Inverted(Quantile):
+    def __init__(self):
+        self.at, self.ties = "1/2", "spread"
+
+    def encode(self, frames, first=0, backend="numpy", out=None):
+        return super().encode(255 - frames, first, backend, out)

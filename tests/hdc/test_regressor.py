@@ -1,0 +1,177 @@
+"""Numbers from frames: predicted, adapted, saved, and their intervals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdc import HDCClassifier, HDCRegressor
+from hdc.readouts import NeighbourValues, RidgeValues
+
+
+def presses(n: int, seed: int, move: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Frames that depend smoothly on two numbers."""
+    basis = np.random.default_rng(5).normal(0, 1, (4, 500))
+    rng = np.random.default_rng(seed)
+    z = rng.uniform(-1, 1, (n, 2))
+    field = basis[0] + z @ basis[1:3] + move * basis[3]
+    return np.tanh(field) + 0.5 * rng.normal(0, 1, (n, 500)), z
+
+
+@pytest.mark.parametrize(
+    "model", [HDCRegressor(), HDCRegressor(readout=NeighbourValues(3))], ids=repr
+)
+def test_numbers_are_predicted_adapted_and_saved(
+    tmp_path: Path, model: HDCRegressor
+) -> None:
+    (frames, z), (queries, truth) = presses(60, 0), presses(100, 1)
+    model.fit(frames, z)
+    assert model.score(queries, truth) > 0.85
+    assert model.fit(frames, z[:, 0]).predict(queries).shape == (100,)
+    parts = HDCRegressor(readout=model.readout).partial_fit(frames[:20], z[:20])
+    parts.partial_fit(frames[20:], z[20:])
+    model.fit(frames, z)
+    np.testing.assert_allclose(parts.predict(queries), model.predict(queries))
+    model.save(tmp_path / "m", {"unit": "mm"})
+    loaded = HDCRegressor.load(tmp_path / "m")
+    assert loaded.metadata_ == {"unit": "mm"}
+    for found, expected in zip(
+        loaded.predict(queries, True), model.predict(queries, True), strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)
+    with pytest.raises(
+        ValueError, match="found a saved HDCRegressor; load it with HDCRegressor"
+    ):
+        HDCClassifier.load(tmp_path / "m")
+    moved, new = presses(100, 2, 3.0), presses(60, 3, 3.0)
+    before = loaded.score(*moved)
+    loaded.recalibrate(*new)
+    assert loaded.score(*moved) > before
+    with pytest.raises(ValueError, match="expected a model that was not recalibrated"):
+        loaded.partial_fit(*new)
+    loaded.save(tmp_path / "m")
+    assert HDCRegressor.load(tmp_path / "m").score(*moved) == loaded.score(*moved)
+
+
+@pytest.mark.parametrize(
+    "model", [HDCRegressor(), HDCRegressor(readout=NeighbourValues(2))], ids=repr
+)
+def test_intervals_cover_as_often_as_stated(model: HDCRegressor) -> None:
+    covered = []
+    for seed in range(12):
+        queries, truth = presses(60, 100 + seed)
+        model.fit(*presses(25, seed))
+        for alpha in (0.1, 0.2):
+            _, low, high = model.predict(queries, return_interval=True, alpha=alpha)
+            covered.append(((low <= truth) & (truth <= high)).mean())
+    wide, narrow = np.mean(np.reshape(covered, (12, 2)), 0)
+    assert 0.86 < wide < 0.97
+    assert 0.76 < narrow < 0.90
+    _, low, high = model.predict(queries, return_interval=True, alpha=0.03)
+    assert np.isinf([low, high]).all()  # 25 frames tell nothing of 3 %
+
+
+def test_targets_that_cannot_be_learnt_are_named() -> None:
+    frames, z = presses(6, 0)
+    model = HDCRegressor().fit(frames, z)
+    before = model.predict(frames)
+    for values, message in (
+        (z[:5], "targets: expected 6, one a frame, found 5"),
+        (["a"] * 6, "could not convert string to float"),
+        ([np.nan] * 6, "targets: expected finite numbers, found NaN"),
+        (None, "targets: expected 6, one a frame, found None"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            model.fit(frames, values)
+    with pytest.raises(ValueError, match="targets: expected as many a frame as before"):
+        model.partial_fit(frames, z[:, 0])
+    assert (model.predict(frames) == before).all()
+    with pytest.raises(
+        ValueError, match=r"alpha: expected a share in \(0, 1\), found 0"
+    ):
+        model.predict(frames, True, alpha=0)
+
+
+# Failures half way --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("call", ["fit", "partial_fit", "recalibrate"])
+def test_a_call_that_is_interrupted_leaves_the_model_of_before(
+    call: str, tmp_path: Path, monkeypatch
+) -> None:
+    frames, z = presses(20, 0)
+    model = HDCRegressor().fit(frames, z)
+    before = model.predict(frames, return_interval=True)
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("hdc.readouts.ridge._quantised", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            getattr(model, call)(*presses(8, 1))
+    model.save(tmp_path / "m")
+    loaded = HDCRegressor.load(tmp_path / "m")
+    for some in (model, loaded):
+        for found, expected in zip(some.predict(frames, True), before, strict=True):
+            np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e-165, 1e155, 1e290])
+def test_targets_of_any_size_are_predicted_alike(size: float, tmp_path: Path) -> None:
+    (frames, z), (queries, truth) = presses(40, 0), presses(40, 1)
+    for readout in ("ridge", "neighbours"):
+        expected = HDCRegressor(readout=readout).fit(frames, z)
+        model = HDCRegressor(readout=readout).fit(frames, z * size)
+        found = model.predict(queries) / size
+        np.testing.assert_allclose(found, expected.predict(queries), rtol=1e-6)
+        score = expected.score(queries, truth)
+        assert model.score(queries, truth * size) == pytest.approx(score)
+        model.save(tmp_path / "m")
+        HDCRegressor.load(tmp_path / "m")
+
+
+def test_targets_whose_sums_overflow_are_refused() -> None:
+    frames, z = presses(6, 0)
+    with pytest.raises(
+        ValueError, match=r"targets: expected numbers up to 1e300, found 1e\+308"
+    ):
+        HDCRegressor().fit(frames, np.where(z > 0, 1e308, -1e308))
+
+
+def test_parts_that_were_set_after_training_are_named() -> None:
+    frames, z = presses(10, 0)
+    for change in ({"readout": "neighbours"}, {"encoder__ties": "raster"}):
+        model = HDCRegressor().fit(frames, z).set_params(**change)
+        name = next(iter(change)).partition("__")[0]
+        for call in (model.predict, lambda f, m=model: m.partial_fit(f, z)):
+            with pytest.raises(ValueError, match=f"{name}: changed after training"):
+                call(frames)
+        assert model.fit(frames, z).predict(frames).shape == (10, 2)
+
+
+def test_equal_targets_are_predicted_exactly_or_score_nothing() -> None:
+    frames, _ = presses(10, 0)
+    model = HDCRegressor().fit(frames, np.full(10, 3.0))
+    assert model.score(frames, np.full(10, 3.0)) == 1
+    assert model.score(frames, np.full(10, 4.0)) == 0
+
+
+@pytest.mark.parametrize("encoder", ["median", "quantile", "levels", "reference"])
+@pytest.mark.parametrize("readout", [RidgeValues(0.1), NeighbourValues(3)], ids=repr)
+def test_every_encoder_serves_numbers(encoder: str, readout, tmp_path: Path) -> None:
+    (frames, z), (queries, truth) = presses(60, 0), presses(40, 1)
+    model = HDCRegressor(encoder, readout).fit(frames, z)
+    assert model.score(queries, truth) > 0.7
+    model.save(tmp_path / "m")
+    loaded = HDCRegressor.load(tmp_path / "m")
+    for found, expected in zip(
+        loaded.predict(queries, True), model.predict(queries, True), strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)
+    for some in (model, loaded):
+        some.partial_fit(queries[:9], truth[:9])
+    np.testing.assert_array_equal(loaded.predict(frames), model.predict(frames))
+    assert loaded.recalibrate(queries, truth).score(queries, truth) > 0.7
