@@ -49,8 +49,9 @@ _AFTER = {
 class Template:
     """A template such as ``{session}/{label}/*_{order}.png``.
 
-    Fields are ``label``, ``session`` and ``group`` (any text within a name, or a whole number as
-    ``{session:d}``, or letters alone as ``{label:w}``), ``order`` and ``value`` (numbers); ``*`` is any text within a name.
+    Fields are ``label``, ``session`` and ``group`` (any text within a name, a whole number as
+    ``{session:d}``, or letters alone as ``{label:w}``), ``order`` and ``value`` (numbers); ``*`` is
+    any text within a name.
 
     Raises:
         SettingError: a field is unknown or there twice.
@@ -79,8 +80,8 @@ class Template:
             raise SettingError(
                 f"template: expected one reading of each path, found two of {file}: "
                 f"{_shown(fields)}; or {_shown(longest.groupdict())} (a field that is a whole "
-                "number is written {session:d}, one of letters alone {label:w}; a manifest.csv says it "
-                "file by file)"
+                "number is written {session:d}, one of letters alone {label:w}; a manifest.csv "
+                "says it file by file)"
             )
         return fields
 

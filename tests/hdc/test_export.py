@@ -325,7 +325,8 @@ def test_few_frames_of_a_class_are_judged_with_those_of_others():
     held_out = []
     masks = bits.unpack(model.encoder_.encode(torch.from_numpy(frames)), 500).numpy()
     for c in range(4):
-        held_out.append([leave_one_out(masks[c::4], i) for i in range(8)])
+        of_class = [leave_one_out(masks[c::4], i) for i in range(8)]
+        held_out += [of_class]
     means = [sum(own) / 8 for own in held_out]
     farthest = max(
         d - mean for own, mean in zip(held_out, means, strict=True) for d in own
