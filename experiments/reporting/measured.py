@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from experiments.records import configs
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
+from experiments.records.rows import unpack_labels
 from experiments.reporting.estimates import Estimate, mean_interval
 
 RIVAL = "softmax_dual"  # the primary rival, named beforehand: the paper's own, at its optimum
@@ -55,6 +56,26 @@ def over_units(values: Sequence[float], seeds: bool) -> Estimate:
         return mean_interval(list(values))
     low, high = np.quantile(values, (0.025, 0.975))
     return Estimate(float(np.mean(values)), float(low), float(high))
+
+
+def with_right(rows: pd.DataFrame, draw: Sequence[str]) -> pd.DataFrame:
+    """The rows with ``right``, how many predictions are right at each n of a row.
+
+    Rows keep what was predicted and, once a draw, the true classes; rows of version 1.0 have the
+    counts themselves.
+
+    Args:
+        rows: of a study that compares models.
+        draw: columns that are equal for the rows of one draw.
+    """
+    if "predicted" not in rows:
+        return rows
+    labels = rows.groupby(list(draw)).labels.transform("first").map(unpack_labels)
+    right = [
+        [int((unpack_labels(text) == truth).sum()) for text in texts]
+        for texts, truth in zip(rows.predicted, labels, strict=True)
+    ]
+    return rows.assign(right=right)
 
 
 def matrices(

@@ -23,6 +23,7 @@ from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model, models_of
 from experiments.protocol.stop import StopRule
 from experiments.protocol.trial import stop_rule
+from experiments.records.rows import pack_labels
 from hdc import bits, theory
 from hdc.bank import Bank
 
@@ -51,10 +52,12 @@ def recordings(
     steps_draws: int = 3,
     steps_n: Sequence[int] = (),
 ) -> Iterator[Row]:
-    """One row: one model in one draw of one split; ``right`` of ``n_test`` frames after each ``n``
-    frames of every class.
+    """One row: one model in one draw of one split; what it ``predicted`` of ``n_test`` frames after
+    each ``n`` frames of every class.
 
-    ``n`` and ``right`` are lists. Arguments: configs/experiment/recordings.yaml.
+    ``n`` and ``predicted`` are lists, the latter of texts of
+    :func:`experiments.records.rows.pack_labels`; the first row of a draw has the true classes in
+    ``labels``. Arguments: configs/experiment/recordings.yaml.
 
     Raises:
         ValueError: naming the key that is wrong.
@@ -87,16 +90,19 @@ def _draw(
     """The rows of one draw, a row per model."""
     pool, test = pool_of(seed=seed)
     order, sizes = nested(pool, bank.labels, n_per_class, seed)
+    known = False  # the true classes of the test frames, by an earlier row
     for name, asked in models.items():
         if seed[1] >= asked.draws:
             continue
         chosen = [n for n in sizes if asked.sizes is None or n in asked.sizes]
-        right = []
+        predicted = []
         for n in chosen:
             train = np.concatenate([of_class[:n] for of_class in order])
-            predicted = evaluate(asked.model, bank, train, test, asked.stop)
-            right.append(int((predicted == bank.labels[test]).sum()))
-        yield {"model": name, "n_test": len(test), "n": chosen, "right": right}
+            labels = evaluate(asked.model, bank, train, test, asked.stop)
+            predicted.append(pack_labels(labels))
+        row = {"model": name, "n_test": len(test), "n": chosen, "predicted": predicted}
+        yield row if known else {**row, "labels": pack_labels(bank.labels[test])}
+        known = True
 
 
 @experiment(revision=1, uses=("hdc.HDCClassifier",))

@@ -29,6 +29,7 @@ from experiments.reporting.measured import (
     models_of,
     over_units,
     saturated,
+    with_right,
 )
 from experiments.reporting.plot import LETTERS, errors, head, literal, panel, wrapped
 from experiments.reporting.study import RUN, Study
@@ -79,7 +80,8 @@ def fields_of(measured: Measured) -> int:
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     """A row for each split, model, n and unit: ``accuracy``. The unit is what varies: the seed
     where there are several (another input field or fibre), else the draw of frames."""
-    every = rows.explode(["n", "right"]).astype({"n": int, "right": float})
+    counted = with_right(rows, ("seed", "split", "draw"))
+    every = counted.explode(["n", "right"]).astype({"n": int, "right": float})
     several = every.seed.nunique() > 1
     every["unit"] = every.seed if several else every.draw
     every["accuracy"] = every.right / every.n_test

@@ -1,6 +1,7 @@
 """Measured recordings: what a draw trains on, the rows, and the estimates made of them."""
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 from rich.console import Console
@@ -9,6 +10,8 @@ from experiments.protocol.draws import draw_split, nested
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.records.results import Results
+from experiments.records.rows import unpack_labels
+from experiments.reporting.measured import with_right
 from experiments.studies.recordings import view
 from experiments.studies.recordings.measure import (
     recording_distances,
@@ -45,9 +48,16 @@ def test_rows_of_a_small_recording(scene, recording):
     run = Run(console=Console(quiet=True), force=True)
     rows = list(recordings.rows(run, of, {"random": RANDOM}, MODELS, [1, 5], draws=2))
     assert len(rows) == 2 * len(MODELS)
-    for row in rows:
+    for k, row in enumerate(rows):
         assert row["n"] == [1, 5]
-        assert all(0 <= right <= row["n_test"] for right in row["right"])
+        assert ("labels" in row) == (k % len(MODELS) == 0)  # once a draw
+    counted = with_right(pd.DataFrame(rows), ("seed", "split", "draw"))
+    for row, right in zip(rows, counted.right, strict=True):
+        truth = rows[row["draw"] * len(MODELS)]["labels"]
+        for predicted, n_right in zip(row["predicted"], right, strict=True):
+            said = unpack_labels(predicted)
+            assert len(said) == row["n_test"]
+            assert (said == unpack_labels(truth)).sum() == n_right
     distances = list(recording_distances.rows(run, of))
     for kind, pairs in (("intra", 3 * 20 * 19 / 2), ("inter", 3 * 20 * 20)):
         counts = [row["count"] for row in distances if row["kind"] == kind]
