@@ -18,7 +18,7 @@ from torch import Tensor
 
 from hdc import bits, inputs, products
 from hdc.encoders import Encoder, Median, encode_with
-from hdc.parameters import check_choice
+from hdc.parameters import check_choice, has_plain_parameters
 from hdc.products import Moments
 from hdc.readouts.products import gram
 
@@ -88,7 +88,9 @@ class Bank:
 
         if encoder.learns:
             return torch.cat([make(part) for part in self.frames.split(_BATCH)])
-        return self.each(make, (type(encoder), repr(encoder)))
+        # Arrays among the parameters are not told apart by their text.
+        plain = has_plain_parameters(encoder)
+        return self.each(make, (type(encoder), repr(encoder)) if plain else encoder)
 
     @functools.cached_property
     def greys(self) -> Tensor:

@@ -497,17 +497,11 @@ class HDCClassifier(Estimator):
         return header, tensors
 
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
-        classes, seen = header["classes"], header["seen"]
+        classes = header["classes"]
         if inputs.classes_of(classes).tolist() != classes or len(classes) < 2:
             raise ValueError(f"classes {classes!r}")
-        kept = [min(count, KEPT) for count in seen]
-        if len(seen) != len(classes) or min(kept) < 0:
-            raise ValueError(f"seen {seen!r}")
-        width = bits.words_for(self.dimension_)
-        sample = tensors["sample"]
-        check_tensors({"sample": sample}, {"sample": (sum(kept), width)})
-        bits.check_padding(sample, self.dimension_)
         self._begin(classes)
+        self._restore_sample(header["seen"], tensors["sample"])
         groups = {"readout": self.readout_}
         if self._majority is not self.readout_:
             groups["majority"] = self._majority
@@ -517,10 +511,20 @@ class HDCClassifier(Estimator):
         for prefix, part in groups.items():
             own = _without_prefix(prefix, tensors)
             part.restore(own, len(classes), self.dimension_)
-        for label, words, n_seen in zip(classes, sample.split(kept), seen, strict=True):
-            if n_seen:
-                self._sample.put(label, words, n_seen)
         self._recalibrated = bool(header["recalibrated"])
+
+    def _restore_sample(self, seen: Any, words: Tensor) -> None:
+        """Keep the hypervectors of a file, of so many that each class has seen."""
+        kept = [min(count, KEPT) for count in seen]
+        if min(kept) < 0:
+            raise ValueError(f"seen {seen!r}")
+        width = bits.words_for(self.dimension_)
+        check_tensors({"sample": words}, {"sample": (sum(kept), width)})
+        bits.check_padding(words, self.dimension_)
+        parts = words.split(kept)
+        for label, part, n_seen in zip(self._index, parts, seen, strict=True):
+            if n_seen:
+                self._sample.put(label, part, n_seen)
 
     # Parts ---------------------------------------------------------------------------------------
 

@@ -49,6 +49,14 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
         frames = _as_array(frames)
     _check_unmasked("frames", frames)
     found = tuple(frames.shape)
+    _check_axes(found)
+    if found == shape and len(shape) == 2 and shape[0] > 1:
+        return tensor(frames)[None]
+    return frames
+
+
+def _check_axes(found: tuple[int, ...]) -> None:
+    """Raise ValueError for the shape of frames that is neither [N, H, W] nor [N, D]."""
     if len(found) == 1 and found[0]:
         raise ValueError(
             f"frames: expected shape [N, H, W] or [N, D], found {found}; "
@@ -59,9 +67,6 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
             f"frames: expected shape [N, H, W] or [N, D], found {found}; "
             "take one channel of each frame"
         )
-    if shape and len(shape) == 2 and tuple(frames.shape) == shape and shape[0] > 1:
-        return tensor(frames)[None]
-    return frames
 
 
 def _as_array(frames: Any) -> np.ndarray:

@@ -61,14 +61,18 @@ def check_replaceable(path: Path) -> None:
     if path.is_symlink() or (path.exists() and not path.is_file()):
         expected = "expected a regular file or none"
         raise FileExistsError(f"{path}: {expected}, found another kind; not replaced")
-    if path.exists():
-        try:
-            read_model(path, tensors=False)
-        except ValueError as error:
-            expected = "expected a saved model or no file"
-            raise FileExistsError(
-                f"{path}: {expected}, found another; not replaced"
-            ) from error
+    if path.exists() and not _is_model(path):
+        expected = "expected a saved model or no file"
+        raise FileExistsError(f"{path}: {expected}, found another; not replaced")
+
+
+def _is_model(path: Path) -> bool:
+    """Whether a file says that it is a saved model, of an earlier version, too."""
+    try:
+        header, _ = _read(path, tensors=False)
+    except ValueError:
+        return False
+    return header.get("format") in (FORMAT, *_EARLIER)
 
 
 def write_model(
@@ -128,6 +132,25 @@ def read_model(
         FileNotFoundError: if there is no such file.
         ValueError: says what was found instead of a whole model.
     """
+    header, content = _read(path, tensors)
+    found = header.get("format")
+    if found in _EARLIER:  # its encoder gave ties to other pixels
+        version = _EARLIER[found]
+        raise ValueError(
+            f"a model of version {version}, which this one cannot ask; train it again"
+        )
+    if found != FORMAT:
+        raise ValueError(f"no header of format {FORMAT!r}")
+    if tensors and header.pop("sha256", None) not in (None, _digest(header, content)):
+        raise ValueError("other bytes than were saved: its SHA-256 differs")
+    return header, content
+
+
+def _read(path: Path, tensors: bool) -> tuple[dict[str, Any], dict[str, Tensor]]:
+    """The header and, where asked for, the tensors of a safetensors file; a ValueError for others.
+
+    The format of the header is any text, or None.
+    """
     from safetensors import safe_open
 
     if path.exists() and not path.is_file():
@@ -142,16 +165,8 @@ def read_model(
     # A hostile file reaches safetensors, torch and json in many ways.
     except Exception as error:
         raise ValueError(str(error)) from error
-    found = header.get("format") if isinstance(header, dict) else None
-    if found in _EARLIER:  # its encoder gave ties to other pixels
-        version = _EARLIER[found]
-        raise ValueError(
-            f"a model of version {version}, which this one cannot ask; train it again"
-        )
-    if found != FORMAT:
-        raise ValueError(f"no header of format {FORMAT!r}")
-    if tensors and header.pop("sha256", None) not in (None, _digest(header, content)):
-        raise ValueError("other bytes than were saved: its SHA-256 differs")
+    if not isinstance(header, dict) or not isinstance(header.get("format"), str):
+        return {}, content
     return header, content
 
 

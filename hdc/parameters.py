@@ -202,6 +202,15 @@ def describe(part: Parametrised, known: Mapping[str, type]) -> dict[str, Any]:
     return {"class": name_of(part, known), "parameters": parameters}
 
 
+def has_plain_parameters(part: Parametrised) -> bool:
+    """Whether numbers and text, those of its own parts too, say all that a part is."""
+    for value in part.get_params().values():
+        plain = value is None or _as_json(value) is not None
+        if not plain and not isinstance(value, Parametrised):
+            return False
+    return True
+
+
 def _as_json(value: Any) -> str | int | float | bool | None:
     """A value as JSON has it: numpy's numbers as Python's, fractions as text, others as None."""
     if isinstance(value, str | int | float | bool | None):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Integral
 from typing import Any, Self
 
@@ -271,10 +271,10 @@ def deciding_prototypes(
     counters: Counters, c: int, ties: str, seed: int, weight: int = 1
 ) -> Tensor:
     """The prototypes of class c with :data:`EXTRAS` hypervectors of a weight, int64 [5, W]."""
-    made: Iterable[Tensor] = (
-        counters.prototype(c, ties, seed, weight * extra) for extra in EXTRAS
-    )
-    return torch.stack(list(made))
+    made = [counters.prototype(c, ties, seed, weight * extra) for extra in EXTRAS]
+    # With fewer than no hypervectors every count is a majority, beyond bit D, too.
+    inside = bits.pack(torch.ones(counters.dimension, dtype=torch.bool))
+    return torch.stack(made) & inside.to(counters.device)
 
 
 def smallest(counters: Counters) -> int:

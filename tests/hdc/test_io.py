@@ -240,6 +240,22 @@ def test_a_model_of_version_1_0_is_refused_by_its_version(tmp_path: Path) -> Non
             f"{tmp_path / 'old'}: expected a saved {model.__name__}, found a model of version 1.0, "
             "which this one cannot ask; train it again"
         )
+    trained().save(tmp_path / "old")  # a model replaces models, of any version
+    assert HDCClassifier.load(tmp_path / "old").score(QUERIES[:2], [0, 1]) >= 0
+
+
+@pytest.mark.parametrize("found", [[], {}, 3, None])
+def test_a_header_of_an_odd_format_is_no_model(tmp_path: Path, found) -> None:
+    content = safetensors.save(
+        {"n": torch.ones(3)}, {"model": json.dumps({"format": found})}
+    )
+    (tmp_path / "m").write_bytes(content)
+    with pytest.raises(
+        ValueError, match="m: expected a saved HDCClassifier, found no header"
+    ):
+        HDCClassifier.load(tmp_path / "m")
+    with pytest.raises(FileExistsError, match="m: expected a saved model or no file"):
+        trained().save(tmp_path / "m")
 
 
 def long(*shape: int) -> torch.Tensor:

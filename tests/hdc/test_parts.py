@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from hdc import HDCClassifier, HDCRegressor, bits
-from hdc.encoders import ENCODERS, Levels, Quantile, Reference, make_encoder
+from hdc.bank import Bank
+from hdc.encoders import ENCODERS, Encoder, Levels, Quantile, Reference, make_encoder
 from hdc.readouts import READOUTS, Updatable, make_readout
 
 CHECKOUT = Path(__file__).parents[2]
@@ -201,8 +203,8 @@ def test_own_parts_by_dotted_name(
     expected = model.decision_function(queries)
     assert np.array_equal(loaded.decision_function(queries), expected)
     if readout == "laboratory.First":
-        words = model.encoder_.encode(bits.torch.from_numpy(frames[:4]))
-        assert bits.torch.equal(model.readout_.first_, words[[3, 1, 2, 0]])
+        words = model.encoder_.encode(torch.from_numpy(frames[:4]))
+        assert torch.equal(model.readout_.first_, words[[3, 1, 2, 0]])
         assert set(model.state_tensors()) >= {"first_"}
         assert not hasattr(model, "partial_fit")
 
@@ -315,3 +317,27 @@ class Inverted(Quantile):
 
     def encode(self, frames, first=0, backend="numpy", out=None):
         return super().encode(255 - frames, first, backend, out)
+
+
+class Above(Encoder):
+    """Pixels above those of a frame."""
+
+    def __init__(self, frame=None):
+        self.frame = frame
+
+    def encode(self, frames):
+        return bits.pack(frames.flatten(1) > torch.as_tensor(self.frame).flatten())
+
+
+def test_a_bank_holds_words_of_equal_encoders_once() -> None:
+    frames, labels = touches(12)
+    bank = Bank(torch.from_numpy(frames), labels, 4)
+    assert bank.words(Levels(3)) is bank.words(Levels(3))
+    assert not torch.equal(bank.words(Levels(3)), bank.words(Levels(3, ties="raster")))
+    low, high = (Above(np.full(frames.shape[1:], grey)) for grey in (50, 150))
+    assert not torch.equal(
+        bank.words(low), bank.words(high)
+    )  # though their texts are equal
+    images = torch.from_numpy(frames)
+    for encoder in (low, high, Quantile("1/3"), Levels(3)):
+        assert torch.equal(bank.words(encoder), encoder.encode(images))

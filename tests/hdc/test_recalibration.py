@@ -147,6 +147,22 @@ def test_what_cannot_be_recalibrated_is_named() -> None:
             model.recalibrate(new, labels, p=1.5, method=method)
 
 
+@pytest.mark.parametrize("ties", bits.TIES)
+@pytest.mark.parametrize("method", METHODS)
+def test_a_model_recalibrated_by_single_frames_comes_back(
+    method: str, ties: str, tmp_path
+) -> None:
+    """Of a class of one frame, none are left without it: bits beyond D stay zeros."""
+    (old, new), labels = sessions()
+    old, new = old[:, :7, :11], new[:, :7, :11]
+    model = HDCClassifier(readout=Majority(ties)).fit(old[:4], labels[:4])
+    model.recalibrate(new[:2], labels[:2], p=0.7, method=method)
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert np.array_equal(loaded.distances(new), model.distances(new))
+    assert np.array_equal(loaded.is_known(new, 0.5), model.is_known(new, 0.5))
+
+
 # Without labels -----------------------------------------------------------------------------------
 
 
