@@ -7,10 +7,11 @@ import doctest
 import numpy as np
 import pytest
 import torch
-from hdc.encode import encode
 
 from hdc import HDCClassifier, HDCRegressor, bank
 from hdc.bank import Bank
+from hdc.encoders import Median
+from hdc.readouts import Majority
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def test_products_of_bits_are_those_of_hypervectors_in_signs(frames):
     held = Bank(frames, LABELS, 3)
     flat = frames.flatten(1).double()
     signs = torch.where(flat > flat.median(dim=1, keepdim=True).values, 1.0, -1.0)
-    words = encode(frames)
+    words = Median().encode(frames)
     assert (held.words() == words).all()
     assert (held.bits.diagonal() == 135).all()
     exact = (signs.sum(dim=1) == -1).nonzero().flatten()  # without ties at the median
@@ -38,26 +39,30 @@ def test_products_of_bits_are_those_of_hypervectors_in_signs(frames):
     assert (held.bits[chosen] == (signs @ signs.T)[chosen]).all()
 
 
-def test_every_frame_is_encoded_once_for_each_encoder(frames):
+def test_every_frame_is_encoded_once_for_each_encoder(frames, monkeypatch):
     calls = []
+    encode = Median.encode
 
-    def count(part):
+    def count(self, part, *others):
         calls.append(len(part))
-        return encode(part)
+        return encode(self, part, *others)
 
+    monkeypatch.setattr(Median, "encode", count)
     held = Bank(frames, LABELS, 3)
     for _ in range(3):
-        held.words(count)
-    held.words(lambda part: count(part), key=count)
+        held.words()
+        held.words(Median())
     assert sum(calls) == 60
+    held.words(Median(ties="raster"))
+    assert sum(calls) == 120
 
 
 @pytest.mark.parametrize(
     "model",
     [
         HDCClassifier(),
-        HDCClassifier(ties="random", balance=False, seed=3),
-        HDCClassifier(prototype="integer"),
+        HDCClassifier(readout=Majority("random", balance=False, seed=3)),
+        HDCClassifier(readout="counts"),
         HDCClassifier(readout="ridge"),
         HDCClassifier(backend="compiled"),
     ],
@@ -65,7 +70,7 @@ def test_every_frame_is_encoded_once_for_each_encoder(frames):
 )
 def test_an_estimator_learns_the_same_from_a_bank_as_from_frames(frames, model):
     held = Bank(frames, LABELS, 3)
-    plain = HDCClassifier(**model.get_params()).fit(frames[TRAIN], LABELS[TRAIN])
+    plain = model.unlearned().fit(frames[TRAIN], LABELS[TRAIN])
     model.fit(held.at(TRAIN), LABELS[TRAIN])
     for name, tensor in plain.state_tensors().items():
         assert torch.equal(model.state_tensors()[name], tensor)
