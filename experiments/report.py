@@ -29,7 +29,7 @@ from experiments.reporting.against import Comparison, compare
 from experiments.reporting.page import page
 from experiments.reporting.page.page import Block, Picture, Section
 from experiments.reporting.rows import runs_table
-from experiments.reporting.study import Failure, Plot, Quantity, Study
+from experiments.reporting.study import Failure, Plot, Quantity, Study, own_studies
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table
 from experiments.reporting.terminal import show_table1
@@ -132,8 +132,9 @@ def main(arguments: list[str] | None = None) -> None:
 def answers_of(folder: Path) -> list[Answers]:
     """Own results and the reference; of an empty set only one's own, where both are empty."""
     folder.mkdir(parents=True, exist_ok=True)  # one that cannot be written fails first
-    questions = studies_of(studies)
-    mine = Answers("mine", Results(folder), questions)
+    own = Results(folder)
+    questions = [*studies_of(studies), *own_studies(own)]
+    mine = Answers("mine", own, questions)
     reference = Answers("reference", Results(REFERENCE), questions)
     return [answers for answers in (mine, reference) if answers.results] or [mine]
 

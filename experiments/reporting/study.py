@@ -369,3 +369,23 @@ def studies(package: ModuleType) -> list[Study]:
     return sorted(
         (v.STUDY for v in views), key=lambda study: (not study.front, study.order)
     )
+
+
+def own_studies(results: Results) -> list[Study]:
+    """Studies of a user's modules that made a measurement, by the ``STUDY`` of the same module.
+
+    A module that cannot be imported from here has none: its rows stay in its records.
+    """
+    tasks = {measured.record.task for measured in results.measurements}
+    modules = {task.rpartition(".")[0] for task in tasks if task}
+    found = []
+    for name in sorted(modules):
+        if name.partition(".")[0] == "experiments":
+            continue
+        try:
+            module = importlib.import_module(name)
+        except ImportError:
+            continue
+        if hasattr(module, "STUDY"):
+            found.append(module.STUDY)
+    return found

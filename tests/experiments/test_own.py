@@ -1,6 +1,7 @@
-"""A competitor and a scene of one's own, from files outside the tree to the tables and the page.
+"""Things of one's own, from files outside the tree to the tables and the page.
 
-A competitor is two new files: a class and a YAML that names it; a scene is one more YAML.
+A competitor is two new files: a class and a YAML that names it; a scene is one more YAML; an
+encoder or a read-out a class, and a YAML for the harness; a study a module and a YAML.
 """
 
 import csv
@@ -12,6 +13,8 @@ from rich.console import Console
 
 from experiments import report
 from experiments.records.results import Results
+from experiments.reporting import columns
+from hdc import HDCClassifier
 
 COMPETITOR = '''
 import numpy as np
@@ -127,3 +130,106 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
     assert "recorded my $frames$ &lt;b&gt;.npz" in page
     # Nothing of it is taken for the paper's, whose numbers the reference has.
     assert {row["verdict"] for row in table(results, "comparison")} == {"missing"}
+
+
+PARTS = """
+import torch
+
+from hdc import bits
+from hdc.encoders import Encoder
+from hdc.readouts import Readout
+
+
+class Bright(Encoder):
+    def encode(self, frames):
+        return bits.pack(frames.flatten(1) > 127)
+
+
+class First(Readout):
+    def fit(self, words, rows, n_classes, dimension):
+        self.first_ = torch.stack([words[rows == c][0] for c in range(n_classes)])
+        return self
+
+    def scores(self, words):
+        return -bits.hamming(words, self.first_)
+"""
+OWN_HDC = """# @package _global_
+model:
+  _target_: hdc.HDCClassifier
+  encoder: {_target_: own_parts.Bright}
+  readout: own_parts.First
+display: {name: First bright frame, colour: "#117733", marker: h, line: "-", group: other}
+"""
+STUDY = """
+import pandas as pd
+
+from experiments.protocol.experiment import experiment
+from experiments.reporting.study import Study
+
+
+@experiment
+def brightness(run, scene, seeds=(0,)):
+    for seed, frames in run.scenes(scene, seeds):
+        yield {"seed": seed, "grey": float(frames.frames([0, 1]).double().mean())}
+
+
+STUDY = Study("brightness", "Brightness", "How bright are the frames?", order=99)
+
+
+@STUDY.table("brightness", of="brightness", title="Mean grey value")
+def table(rows, config):
+    return rows.groupby("seed", as_index=False).grey.mean()
+"""
+EXPERIMENT = """# @package _global_
+defaults: [{override /scene: small_touch}]
+task:
+  _target_: own_study.brightness
+  scene: ${scene}
+"""
+
+
+def test_an_encoder_and_a_readout_of_ones_own_are_in_every_table_of_their_frames(
+    own, carry_out
+):
+    (own / "own_parts.py").write_text(PARTS)
+    (own / "configs" / "model" / "hdc_own.yaml").write_text(OWN_HDC)
+    carry_out("-m", "scene=small_touch", "model=hdc,hdc_own", "split.n_train=20")
+    carry_out("experiment=recordings", "scene=small_touch", "+model@task.models.hdc_own=hdc_own",
+              "task.draws=1", "task.n_per_class=[1,5]", "task.steps_draws=0")  # fmt: skip
+    results = own / "results"
+    report.write(results, Console(file=io.StringIO()))
+    runs = table(results, "runs")
+    assert {row["model"] for row in runs} == {"hdc", "hdc_own"}
+    (few, more) = table(results, "recordings")
+    assert few["recording"] == more["recording"] == "small_touch"
+    for row in (few, more):
+        assert 0 <= float(row["hdc_own"]) <= float(row["hdc"]) <= 1
+
+
+def test_a_study_of_ones_own_has_its_section(own, carry_out):
+    (own / "own_study.py").write_text(STUDY)
+    (own / "configs" / "experiment").mkdir()
+    (own / "configs" / "experiment" / "brightness.yaml").write_text(EXPERIMENT)
+    carry_out("experiment=brightness")
+    page = report.write(own / "results", Console(file=io.StringIO()))
+    (row,) = table(own / "results", "brightness")
+    assert 0 < float(row["grey"]) < 255
+    assert "How bright are the frames?" in page.read_text(encoding="utf-8")
+
+
+def test_a_column_of_ones_own_is_one_entry(own, carry_out, monkeypatch):
+    mean = columns.Column("Classes", of=lambda group, _: len(group.classes))
+    monkeypatch.setitem(columns.COLUMNS, "classes", mean)
+    carry_out("scene=small_touch", "model=hdc", "split.n_train=20")
+    report.write(own / "results", Console(file=io.StringIO()))
+    assert [row["classes"] for row in table(own / "results", "all_scenes")] == ["5"]
+
+
+def test_a_readout_of_ones_own_is_compared_by_the_command(own, capsys):
+    (own / "own_parts.py").write_text(PARTS)
+    model = HDCClassifier("own_parts.Bright", "own_parts.First")
+    frames = np.random.default_rng(0).integers(0, 256, (20, 6, 6), dtype=np.uint8)
+    model.fit(frames, np.arange(20) % 2).save(own / "model")
+    loaded = HDCClassifier.load(own / "model")
+    assert (loaded.predict(frames) == model.predict(frames)).all()
+    assert loaded.readout_.first_.shape == (2, 1)
