@@ -14,10 +14,11 @@ from hdc.command.compare.frames import Frames
 
 STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 """Frames per class; of values frames in all, from 5 on."""
+_NEAR = 0.8
 FORMATS = (".svg", ".pdf", ".png")
 # Okabe and Ito's colours, told apart by the colour-blind; each with a marker of its own.
 _LOOKS = (("#0072B2", "o", "-"), ("#D55E00", "s", "-"), ("#009E73", "^", "--"))
-_SIZE = (3.4, 2.6)  # inches: the width of a column
+_SIZE = (3.4, 3.0)  # inches: the width of a column
 
 
 def learning_curve(
@@ -57,7 +58,8 @@ def _sizes(frames: Frames, train: np.ndarray) -> list[int]:
     """Frames per class (in all, of values) below the smallest class, then 0 for all."""
     counts = np.unique(frames.labels[train], return_counts=True)[1]
     fewest = 1 if frames.values is None else 5
-    return [n for n in STEPS if fewest <= n < counts.min()] + [0]
+    most = _NEAR * counts.min()  # beside all frames the next smaller number says little
+    return [n for n in STEPS if fewest <= n < most] + [0]
 
 
 def _subset(frames: Frames, train: np.ndarray, size: int, seed: int) -> np.ndarray:

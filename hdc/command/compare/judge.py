@@ -68,6 +68,7 @@ def compare(
         "chosen": judged.chosen.name,
         "rival": "" if judged.rival is None else judged.rival.name,
         "cross_validation": _shown(scores, frames),
+        "given_up": scores.given_up,
         "left_out": scores.reasons,
     }
     tests = list(parts.tests())
@@ -107,9 +108,8 @@ class Judged:
         groups: dict[tuple[str, str], list[Rival]] = {}
         for rival in others:
             groups.setdefault((rival.model, rival.pixels), []).append(rival)
-        losses = scores.losses
         best = [
-            min(group, key=lambda rival: losses.get(rival, np.inf))
+            min(group, key=lambda rival: _rank(rival, scores))
             for group in groups.values()
         ]
         chosen = scores.best(Combination) or published
@@ -125,6 +125,11 @@ class Judged:
         if self.rival is not None:
             found.append(self.rival)
         return list(dict.fromkeys(found))
+
+
+def _rank(method: Method, scores: Scores) -> tuple[bool, float]:
+    """Sorts methods that were tried to the end first, by their losses."""
+    return method.name in scores.given_up, scores.losses.get(method, np.inf)
 
 
 def _how_chosen(count: int, how: str, n: int) -> str:
@@ -212,7 +217,8 @@ def _with_intervals(
 ) -> tuple[np.ndarray, dict[str, Any]]:
     """Values [Q, T]; coverage and mean width of 90 % intervals by value, if there are any."""
     assert frames.values is not None
-    model = HDCRegressor(method.encoder, method.readout, backend=frames.backend)
+    encoder = frames.encoder(method.encoder)
+    model = HDCRegressor(encoder, method.readout, backend=frames.backend)
     model.fit(frames.bank.at(train), frames.values[train])
     try:
         answers, low, high = model.predict(

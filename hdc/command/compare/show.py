@@ -19,6 +19,8 @@ def text(result: Mapping[str, Any]) -> str:
     parts = [_head(result)]
     if result["cross_validation"]:
         parts.append(_of_table(_choice(result)))
+        if result["given_up"]:
+            parts.append("* given up after the first fold, far behind the best there")
     parts += [f"left out: {name}: {why}" for name, why in result["left_out"].items()]
     tables = _tests_of_values(result) if "values" in result else [_tests(result)]
     parts += [_of_table(table) for table in tables]
@@ -53,23 +55,20 @@ def _choice(result: Mapping[str, Any]) -> Table:
     for name, score in result["cross_validation"].items():
         encoder, _, readout = name.partition(", ")
         if not readout.endswith(" greys"):
-            pairs[encoder, readout] = score
+            pairs[encoder, readout] = _score(score, name, result)
     encoders = list(dict.fromkeys(encoder for encoder, _ in pairs))
     readouts = list(dict.fromkeys(readout for _, readout in pairs))
-    is_error = "values" in result
-    kind = "error / that of a guess" if is_error else "accuracy"
+    kind = "error / that of a guess" if "values" in result else "accuracy"
     table = Table(f"cross-validation, {kind}", *readouts, box=None)
     for encoder in encoders:
-        cells = []
-        for readout in readouts:
-            score = pairs.get((encoder, readout))
-            cells.append("–" if score is None else _score(score, is_error))
+        cells = [pairs.get((encoder, readout), "–") for readout in readouts]
         table.add_row(printable(encoder), *cells)
     return table
 
 
-def _score(score: float, is_error: bool) -> str:
-    return f"{score:.3g}" if is_error else f"{score:.1%}"
+def _score(score: float, name: str, result: Mapping[str, Any]) -> str:
+    text = f"{score:.3g}" if "values" in result else f"{score:.1%}"
+    return f"{text}*" if name in result["given_up"] else text
 
 
 def _tests(result: Mapping[str, Any]) -> Table:
@@ -82,7 +81,7 @@ def _tests(result: Mapping[str, Any]) -> Table:
             interval = f"[{found['low']:.1%}, {found['high']:.1%}]"
             cells.append(f"{found['accuracy']:.1%} {interval}")
         inner = result["cross_validation"].get(name)
-        first = "–" if inner is None else f"{inner:.1%}"
+        first = "–" if inner is None else _score(inner, name, result)
         table.add_row(_named(name, result), first, *cells)
     return table
 
