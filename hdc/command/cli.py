@@ -76,20 +76,25 @@ def train(
     """Learn the classes of a RECORDING, or its numbers with --values."""
     if choose and (encoder or readout):
         raise click.UsageError("expected --choose, or --encoder and --readout")
+    # Imported late: torch takes seconds.
+    from hdc.command.compare.choose import choose as choose_by_folds
+    from hdc.command.compare.frames import read_frames
+    from hdc.encoders import make_encoder
+
     window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
     check_replaceable(output)
     training, test, how = work.hold_out(frames, test_fraction)
     chosen_line = ""
-    images: Any = Batches(frames, training)
     if choose:
-        from hdc.command.compare.choose import choose as choose_by_folds
-        from hdc.command.compare.frames import read_frames
-
         in_memory = read_frames(frames, rows=training)
         combination, chosen_line = choose_by_folds(in_memory)
         encoder, readout = combination.encoder, combination.readout
-        images = in_memory.bank.frames
+        images: Any = in_memory.bank.frames
+    elif make_encoder(encoder or "median").learns:  # it reads all frames twice
+        images = read_frames(frames, rows=training).bank.frames
+    else:
+        images = Batches(frames, training)
     metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
     if frames.values is not None:
         model: Any = hdc.HDCRegressor(encoder or "median", readout or "ridge")
