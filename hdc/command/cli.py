@@ -76,42 +76,25 @@ def train(
     """Learn the classes of a RECORDING, or its numbers with --values."""
     if choose and (encoder or readout):
         raise click.UsageError("expected --choose, or --encoder and --readout")
-    # Imported late: torch takes seconds.
-    from hdc.command.compare.choose import choose as choose_by_folds
-    from hdc.command.compare.frames import read_frames
-    from hdc.encoders import make_encoder
+    from hdc.command.learn import learn, learnt  # late: torch takes seconds
 
     window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
     check_replaceable(output)
     training, test, how = work.hold_out(frames, test_fraction)
     chosen_line = ""
-    if choose:
-        in_memory = read_frames(frames, rows=training)
-        combination, chosen_line = choose_by_folds(in_memory)
-        encoder, readout = combination.encoder, combination.readout
-        images: Any = in_memory.bank.frames
-    elif make_encoder(encoder or "median").learns:  # it reads all frames twice
-        images = read_frames(frames, rows=training).bank.frames
-    else:
-        images = Batches(frames, training)
+    model, chosen_line = learn(frames, training, encoder, readout, choose)
     metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
     if frames.values is not None:
-        model: Any = hdc.HDCRegressor(encoder or "median", readout or "ridge")
-        model.fit(images, frames.values[training])
         metadata["values"] = list(frames.value_names)
-        if any(frames.value_units):
-            metadata["units"] = list(frames.value_units)
-        named = work.with_units(frames.value_names, frames.value_units)
-        learnt = f"values of {', '.join(named)}"
-    else:
-        model = hdc.HDCClassifier(encoder or "median", readout or "majority")
-        model.fit(images, np.array(frames.names)[training])
-        learnt = f"{len(frames.classes)} classes"
+    if any(frames.value_units):
+        metadata["units"] = list(frames.value_units)
     metadata["trained"] = datetime.now(UTC).isoformat(timespec="seconds")
     metadata["version"] = hdc.__version__
     model.save(output, metadata=metadata)
-    click.echo(f"{output}: {len(training)} frames, {learnt}, {work.size(frames.shape)}")
+    click.echo(
+        f"{output}: {len(training)} frames, {learnt(frames)}, {work.size(frames.shape)}"
+    )
     if chosen_line:
         click.echo(chosen_line)
     if frames.values is None:
