@@ -34,7 +34,7 @@ from rich.markup import escape
 from experiments.protocol import job, machine, sweep
 from experiments.records import locks
 from experiments.records.files import results_dir
-from experiments.reporting.terminal import summarise
+from experiments.reporting.summary import summarise
 from experiments.reporting.text import printable
 
 console = Console()

@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
-EXTRAS = {"sklearn": "compare"} | dict.fromkeys(
+EXTRAS = {"sklearn": "compare", "matplotlib": "compare"} | dict.fromkeys(
     ("nicegui", "fastapi", "starlette", "socketio", "uvicorn"), "live"
 )
 """Packages and the extra of this distribution that brings them; ``command`` brings the others."""

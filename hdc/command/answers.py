@@ -25,12 +25,18 @@ Placed = tuple[object, np.ndarray]
 
 
 def ask(
-    model: Any, window: Window, files: Sequence[Path], reject: float | None
+    model: Any,
+    window: Window,
+    files: Sequence[Path],
+    reject: float | None = None,
+    interval: float | None = None,
 ) -> Iterator[dict[str, Any]]:
     """The model's answers for image files, then for each frame of arrays, tables and videos.
 
     Each has ``file``, and of a regressor ``values`` by name, or else ``label`` (None: none of
-    these). Where classes have prototypes, ``margin`` and ``distances`` by class follow.
+    these). Where classes have prototypes, ``margin`` and ``distances`` by class follow. With an
+    `interval`, the share of frames that shall hold the truth, values have ``intervals`` by name
+    (an end of None is infinite), and labels the ``set`` of all classes that may be.
     """
     images = []
     arrays = []
@@ -44,12 +50,14 @@ def ask(
         else:
             images.append(file)
     stills = zip(images, stream_files(images, window), strict=True)
-    yield from _answers(model, stills, reject)
+    yield from _answers(model, stills, reject, interval)
     for array in arrays:
-        yield from _answers(model, _of_array(model, array, window), reject)
+        frames = _of_array(model, array, window)
+        yield from _answers(model, frames, reject, interval)
     for video in videos:
         # All before the first is given: at its end a video may turn out to be cut off.
-        yield from list(_answers(model, _of_video(video, window), reject))
+        frames = _of_video(video, window)
+        yield from list(_answers(model, frames, reject, interval))
 
 
 def _of_array(model: Any, path: Path, window: Window) -> Iterator[Placed]:
@@ -68,27 +76,32 @@ def _of_video(path: Path, window: Window) -> Iterator[Placed]:
 
 
 def _answers(
-    model: Any, frames: Iterable[Placed], reject: float | None
+    model: Any,
+    frames: Iterable[Placed],
+    reject: float | None,
+    interval: float | None,
 ) -> Iterator[dict[str, Any]]:
     for some in _batched(frames):
         for place, frame in some:
             check_size(model, frame.shape, place)
         batch = np.stack([frame for _, frame in some])
-        answers = _of_batch(model, batch, reject)
+        answers = _of_batch(model, batch, reject, interval)
         for (place, _), answer in zip(some, answers, strict=True):
             yield {"file": str(place)} | answer
 
 
 def _of_batch(
-    model: Any, batch: np.ndarray, reject: float | None
+    model: Any, batch: np.ndarray, reject: float | None, interval: float | None
 ) -> list[dict[str, Any]]:
     """Values of each frame, or its label with margin and distances of prototypes."""
     if not hasattr(model, "classes_"):
-        names = value_names(model)
-        rows = model.predict(batch).reshape(len(batch), -1).tolist()
-        return [{"values": dict(zip(names, row, strict=True))} for row in rows]
+        return _values_of_batch(model, batch, interval)
     labels = model.predict(batch, reject=reject or False).tolist()
     answers: list[dict[str, Any]] = [{"label": label} for label in labels]
+    if interval is not None:
+        sets = model.predict_set(batch, outside(interval))
+        for answer, possible in zip(answers, sets, strict=True):
+            answer["set"] = possible.tolist()
     # Imported late: torch takes seconds, and is there by now.
     from hdc.readouts import Majority
 
@@ -100,6 +113,45 @@ def _of_batch(
         answer["margin"] = _margin(row)
         answer["distances"] = dict(zip(classes, row, strict=True))
     return answers
+
+
+def _values_of_batch(
+    model: Any, batch: np.ndarray, interval: float | None
+) -> list[dict[str, Any]]:
+    names = value_names(model)
+    if interval is None:
+        rows = model.predict(batch).reshape(len(batch), -1).tolist()
+        return [{"values": dict(zip(names, row, strict=True))} for row in rows]
+    found = with_ends(model, batch, interval)
+    answers = []
+    for row, low, high in zip(*found, strict=True):
+        ends = np.stack([low, high], axis=1).tolist()
+        pairs = [[_finite(low), _finite(high)] for low, high in ends]
+        answers.append(
+            {
+                "values": dict(zip(names, row.tolist(), strict=True)),
+                "intervals": dict(zip(names, pairs, strict=True)),
+            }
+        )
+    return answers
+
+
+def with_ends(
+    model: Any, batch: np.ndarray, interval: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values of a batch and the ends of their intervals, [Q, T] each."""
+    found = model.predict(batch, return_interval=True, alpha=outside(interval))
+    values, low, high = (part.reshape(len(batch), -1) for part in found)
+    return values, low, high
+
+
+def outside(interval: float) -> float:
+    """The share that may lie outside: 1 − 0.9 is 0.1, not a bit less."""
+    return round(1 - interval, 12)
+
+
+def _finite(end: float) -> float | None:
+    return end if np.isfinite(end) else None
 
 
 def _margin(distances: list[float]) -> float | None:
@@ -116,6 +168,8 @@ def heads(model: Any, answer: dict[str, Any]) -> list[str]:
         names = value_names(model)
         units = model.metadata_.get("units", ())
         columns = ["file", *with_units(names, units)]
+        for name in answer.get("intervals", ()):
+            columns += [f"{name} from", f"{name} to"]
     else:
         columns = [name for name in answer if name != "distances"]
         columns += [f"distance {name}" for name in answer.get("distances", ())]
@@ -128,6 +182,14 @@ def cells(answer: dict[str, Any]) -> list[str]:
     for name, item in answer.items():
         if name in ("values", "distances"):
             items += item.values()
+        elif name == "intervals":
+            for low, high in item.values():
+                items += [
+                    "-inf" if low is None else low,
+                    "inf" if high is None else high,
+                ]
+        elif name == "set":
+            items.append(", ".join(map(str, item)) or NONE)
         elif name == "label" and item is None:
             items.append(NONE)
         else:
@@ -143,26 +205,72 @@ def _cell(item: Any) -> str:
 
 
 def score(
-    model: Any, recording: Recording, index: np.ndarray, reject: float | None = None
+    model: Any,
+    recording: Recording,
+    index: np.ndarray,
+    reject: float | None = None,
+    interval: float | None = None,
 ) -> dict[str, Any]:
-    """Accuracy, confusions and wrong frames (or mean absolute errors), with lines for people."""
-    frames = with_progress(recording.stream(index), len(index), "Evaluating")
-    predicted = []
-    known = []
-    for some in _batched(frames):
-        batch = np.stack(some)
+    """Accuracy, confusions and wrong frames (or mean absolute errors), with lines for people.
+
+    With an `interval`, also how often the truth was in the intervals or sets.
+    """
+    if not hasattr(model, "classes_"):
+        return _score_of_values(model, recording, index, interval)
+    predicted, known = [], []
+    sets: list[np.ndarray] = []
+    for batch in _evaluated(recording, index):
         predicted.append(model.predict(batch))
         if reject:
             known.append(model.is_known(batch, reject))
-    if not hasattr(model, "classes_"):
-        return _errors(recording, np.concatenate(predicted), index)
+        if interval is not None:
+            sets += model.predict_set(batch, outside(interval))
     result = _accuracy(model, recording, np.concatenate(predicted), index)
+    if interval is not None:
+        truth = np.array(recording.names)[index]
+        covered, line = _coverage_of_sets(sets, truth, interval)
+        result["coverage"] = covered
+        result["text"].insert(1, line)
     if reject:
         refused = int((~np.concatenate(known)).sum())
         line = f"--reject {reject:g} refuses {refused} of them as none of the classes"
         result["refused"] = refused
         result["text"].insert(1, line)
     return result
+
+
+def _evaluated(recording: Recording, index: np.ndarray) -> Iterator[np.ndarray]:
+    """Batches of frames."""
+    frames = with_progress(recording.stream(index), len(index), "Evaluating")
+    for some in _batched(frames):
+        yield np.stack(some)
+
+
+def _coverage_of_sets(
+    sets: Sequence[np.ndarray], truth: np.ndarray, interval: float
+) -> tuple[dict[str, Any], str]:
+    """How often the right class was in its set, as JSON and as a line."""
+    texts = [[str(label) for label in possible] for possible in sets]
+    inside = sum(
+        name in found for name, found in zip(truth.tolist(), texts, strict=True)
+    )
+    found = _coverage(inside, len(truth), interval)
+    found["mean_size"] = float(np.mean([len(possible) for possible in sets]))
+    line = f"{_coverage_line(found, 'sets')}; {found['mean_size']:.2f} classes a set"
+    return found, line
+
+
+def _coverage(inside: int, n: int, asked: float) -> dict[str, Any]:
+    low, high = wilson(inside, n)
+    return {"asked": asked, "share": inside / n, "interval": [low, high]}
+
+
+def _coverage_line(found: dict[str, Any], what: str) -> str:
+    low, high = found["interval"]
+    return (
+        f"{what} for {found['asked']:g} hold the truth for {found['share']:.1%} of these frames "
+        f"(95 % interval {low:.1%} to {high:.1%})"
+    )
 
 
 def _accuracy(
@@ -197,18 +305,25 @@ def _accuracy(
     }
 
 
-def _errors(
-    recording: Recording, predicted: np.ndarray, index: np.ndarray
+def _score_of_values(
+    model: Any, recording: Recording, index: np.ndarray, interval: float | None
 ) -> dict[str, Any]:
-    """Absolute errors of each value."""
+    """Mean absolute error of each value; coverage and width of its intervals, if asked for."""
     if recording.values is None:
         raise ValueError(
             "--values: expected a table of the numbers to compare with, found none"
         )
-    errors = np.abs(predicted.reshape(len(index), -1) - recording.values[index])
-    means = errors.mean(axis=0).tolist()
+    parts: list[tuple[np.ndarray, ...]] = []
+    for batch in _evaluated(recording, index):
+        if interval is None:
+            parts.append((model.predict(batch).reshape(len(batch), -1),))
+        else:
+            parts.append(with_ends(model, batch, interval))
+    predicted, *ends = (np.concatenate(part) for part in zip(*parts, strict=True))
+    truth = recording.values[index]
+    means = np.abs(predicted - truth).mean(axis=0).tolist()
     units = recording.value_units or ("",) * len(means)
-    rows = {}
+    rows: dict[str, Any] = {}
     text = []
     for name, unit, mean in zip(recording.value_names, units, means, strict=True):
         rows[name] = {"mean_absolute_error": mean}
@@ -216,6 +331,17 @@ def _errors(
             rows[name]["unit"] = unit
         amount = f"{mean:.4g} {unit}".rstrip()
         text.append(f"{name}: mean absolute error {amount}, {len(index)} frames")
+    if interval is not None:
+        low, high = ends
+        inside = ((low <= truth) & (truth <= high)).sum(axis=0).tolist()
+        widths = (high - low).mean(axis=0).tolist()
+        for k, (name, unit) in enumerate(zip(rows, units, strict=True)):
+            covered = _coverage(inside[k], len(index), interval)
+            width = f"{widths[k]:.4g} {unit}".rstrip()
+            line = _coverage_line(covered, "intervals")
+            text.append(f"{name}: {line}; mean width {width}")
+            covered["mean_width"] = _finite(widths[k])
+            rows[name]["coverage"] = covered
     return {"frames": len(index), "errors": rows, "text": text}
 
 

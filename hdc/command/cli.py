@@ -6,7 +6,6 @@ torch takes seconds to import, so it is imported when the first frame is learnt 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -15,89 +14,12 @@ import click
 import numpy as np
 
 import hdc
-from hdc.command import answers, work
+from hdc.command import answers, options, work
 from hdc.command.export import export
 from hdc.io import check_replaceable
 from hdc.readers import Window
 from hdc.readers.batches import Batches
 from hdc.readers.listing import image_files
-
-RATE = 0.05
-"""Share of frames of known classes that ``--reject`` alone may refuse."""
-_FILE = click.Path(path_type=Path)
-_SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
-
-
-def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
-    """One decorator of several, in the order of the help."""
-
-    def decorate(command: Any) -> Any:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
-
-
-_recording = _options(
-    click.argument("recording", type=_FILE),
-    click.option(
-        "--template",
-        metavar="PATTERN",
-        help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'.",
-    ),
-    click.option(
-        "--values",
-        "table",
-        type=_FILE,
-        metavar="CSV",
-        help="Table of numbers to learn or compare with, a row per image or frame.",
-    ),
-    click.option(
-        "--column",
-        "value_columns",
-        multiple=True,
-        metavar="NAME",
-        help="Column of numbers; may be repeated. [default: all numeric ones]",
-    ),
-    click.option(
-        "--image-column",
-        default="image",
-        metavar="NAME",
-        help="Column of the table that names the image.",
-    ),
-)
-_pixels = _options(
-    click.option(
-        "--crop",
-        type=click.IntRange(0),
-        nargs=4,
-        metavar="X Y WIDTH HEIGHT",
-        help="Pixels to keep, from the top left corner. [default: all]",
-    ),
-    click.option(
-        "--subsample",
-        type=click.IntRange(1),
-        default=1,
-        metavar="N",
-        help="Keep every N-th pixel on both axes.",
-    ),
-)
-_output = click.option(
-    "-o", "--output", type=_FILE, required=True, help="File to write the model to."
-)
-_model = click.argument("model", type=_FILE)
-_json = click.option("--json", "as_json", is_flag=True, help="Write JSON.")
-_reject = click.option(
-    "--reject",
-    type=click.FloatRange(0, 0.5, min_open=True),
-    is_flag=False,
-    flag_value=RATE,
-    default=None,
-    metavar="[RATE]",
-    help="Refuse frames unlike every class; about this share of frames like those trained on is "
-    f"refused, too ({RATE} if no number follows).",
-)
 
 
 @click.group(
@@ -115,19 +37,19 @@ def cli() -> None:
 
 
 @cli.command()
-@_recording
-@_output
-@_pixels
+@options.recording
+@options.output
+@options.pixels
 @click.option(
     "--test-fraction",
-    type=_SHARE,
+    type=options.SHARE,
     help="Hold out this share: the last sessions if known, else at random.",
 )
 @click.option(
     "--encoder",
-    default="median",
     metavar="NAME",
-    help="How frames become bits: median, quantile, levels, reference, or a module.Class.",
+    help="How frames become bits: median, quantile, levels, reference, or a module.Class. "
+    "[default: median]",
 )
 @click.option(
     "--readout",
@@ -135,39 +57,47 @@ def cli() -> None:
     help="How bits are read: majority, counts, ridge, neighbours, lda, trained, or "
     "a module.Class; for numbers ridge or neighbours. [default: majority; for numbers ridge]",
 )
+@click.option(
+    "--choose",
+    is_flag=True,
+    help="Take the encoder and the read-out that are best in cross-validation of the training "
+    "frames; by session where there are sessions. Frames are held in memory.",
+)
 def train(
     recording: Path,
     output: Path,
     crop: tuple[int, ...] | None,
     subsample: int,
     test_fraction: float | None,
-    encoder: str,
+    encoder: str | None,
     readout: str | None,
+    choose: bool,
     **source: Any,
 ) -> None:
     """Learn the classes of a RECORDING, or its numbers with --values."""
+    if choose and (encoder or readout):
+        raise click.UsageError("expected --choose, or --encoder and --readout")
+    from hdc.command.learn import learn, learnt  # late: torch takes seconds
+
     window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
     check_replaceable(output)
     training, test, how = work.hold_out(frames, test_fraction)
-    batches = Batches(frames, training)
+    chosen_line = ""
+    model, chosen_line = learn(frames, training, encoder, readout, choose)
     metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
     if frames.values is not None:
-        model: Any = hdc.HDCRegressor(encoder, readout or "ridge")
-        model.fit(batches, frames.values[training])
         metadata["values"] = list(frames.value_names)
-        if any(frames.value_units):
-            metadata["units"] = list(frames.value_units)
-        named = work.with_units(frames.value_names, frames.value_units)
-        learnt = f"values of {', '.join(named)}"
-    else:
-        model = hdc.HDCClassifier(encoder, readout or "majority")
-        model.fit(batches, np.array(frames.names)[training])
-        learnt = f"{len(frames.classes)} classes"
+    if any(frames.value_units):
+        metadata["units"] = list(frames.value_units)
     metadata["trained"] = datetime.now(UTC).isoformat(timespec="seconds")
     metadata["version"] = hdc.__version__
     model.save(output, metadata=metadata)
-    click.echo(f"{output}: {len(training)} frames, {learnt}, {work.size(frames.shape)}")
+    click.echo(
+        f"{output}: {len(training)} frames, {learnt(frames)}, {work.size(frames.shape)}"
+    )
+    if chosen_line:
+        click.echo(chosen_line)
     if frames.values is None:
         click.echo(work.class_line(frames, training))
     click.echo(work.session_line(frames))
@@ -178,19 +108,25 @@ def train(
 
 
 @cli.command()
-@_model
-@click.argument("images", type=_FILE, nargs=-1, required=True)
-@_reject
-@_json
+@options.model
+@click.argument("images", type=options.FILE, nargs=-1, required=True)
+@options.reject
+@options.interval
+@options.json
 def predict(
-    model: Path, images: tuple[Path, ...], reject: float | None, as_json: bool
+    model: Path,
+    images: tuple[Path, ...],
+    reject: float | None,
+    interval: float | None,
+    as_json: bool,
 ) -> None:
-    """Classify images.
+    """Classify images, or predict their numbers.
 
     IMAGES are image files, videos, arrays or tables of frames, or folders, whose images and those
     of their sub-folders are taken. For each: file, label, margin (how much farther the second
     nearest class is) and the distance of each class, as shares of the pixels; 0.5 is the distance
-    of noise.
+    of noise. With --interval also lower and upper ends of each number, or all classes that the
+    frame may be of; none where it is like no class.
     """
     found, window = work.load(model)
     files: list[Path] = []
@@ -199,7 +135,9 @@ def predict(
             files += image_files(path)
         else:
             files.append(path)
-    for number, answer in enumerate(answers.ask(found, window, files, reject)):
+    for number, answer in enumerate(
+        answers.ask(found, window, files, reject, interval)
+    ):
         if as_json:
             click.echo(json.dumps(answer, ensure_ascii=False))
             continue
@@ -209,20 +147,28 @@ def predict(
 
 
 @cli.command()
-@_model
-@_recording
-@_reject
-@_json
+@options.model
+@options.recording
+@options.reject
+@options.interval
+@options.json
 def evaluate(
-    model: Path, recording: Path, reject: float | None, as_json: bool, **source: Any
+    model: Path,
+    recording: Path,
+    reject: float | None,
+    interval: float | None,
+    as_json: bool,
+    **source: Any,
 ) -> None:
-    """Measure accuracy and confusions on a RECORDING.
+    """Measure accuracy and confusions on a RECORDING, or errors of its numbers.
 
-    The interval of the accuracy is Wilson's, for 95 %.
+    The interval of the accuracy is Wilson's, for 95 %. With --interval 0.9 the command counts how
+    often the truth lay in intervals or sets that are made to hold it for 90 % of the frames, if
+    these come as the training frames did: the coverage says what that is worth on this RECORDING.
     """
     found, window = work.load(model)
     frames = work.frames_for(found, window, recording, source)
-    result = answers.score(found, frames, np.arange(len(frames)), reject)
+    result = answers.score(found, frames, np.arange(len(frames)), reject, interval)
     lines = result.pop("text")
     if as_json:
         click.echo(json.dumps(result, ensure_ascii=False))
@@ -231,33 +177,40 @@ def evaluate(
 
 
 @cli.command()
-@_model
-@_recording
-@_output
+@options.model
+@options.recording
+@options.output
 @click.option(
-    "--p", type=click.FloatRange(0, 1), default=0.5, help="Share of the new frames."
+    "--p",
+    type=click.FloatRange(0, 1),
+    help="Share of the new frames. [default: 0.5]",
 )
 @click.option(
     "--method",
     type=click.Choice(["replace", "merge"]),
-    default="replace",
-    help="Replace bits with probability p, as published, or merge votes.",
+    help="Replace bits with probability p, as published, or merge votes. [default: replace]",
 )
 @click.option(
-    "--seed", type=click.IntRange(0), default=0, help="Choice of the bits replaced."
+    "--seed", type=click.IntRange(0), help="Choice of the bits replaced. [default: 0]"
 )
 def recalibrate(
     model: Path,
     recording: Path,
     output: Path,
-    p: float,
-    method: str,
-    seed: int,
+    p: float | None,
+    method: str | None,
+    seed: int | None,
     **source: Any,
 ) -> None:
     """Adapt a model to a changed sensor.
 
     The new RECORDING is of some or all of the classes of the model.
+
+    A model with --encoder reference can do without labels: the RECORDING is then a folder of images
+    without sub-folders, or an array of frames without labels, and its mean frame becomes the new
+    reference. It has to show what the frames of the old reference showed: the classes about as
+    often as the training frames did, or no touch if the reference was without touch. Frames of one
+    class alone spoil the model; a warning says so if the model puts the frames into few classes.
     """
     check_replaceable(output)
     found, window = work.load(model)
@@ -265,79 +218,127 @@ def recalibrate(
         raise ValueError(
             f"{model}: expected a classifier, found {type(found).__name__}"
         )
+    without_labels = work.unlabelled_frames(found, window, recording, source)
+    if without_labels is not None:
+        if not (p is None and method is None and seed is None):
+            raise click.UsageError(
+                "expected no --p, --method or --seed for frames without labels"
+            )
+        found.recalibrate(without_labels)
+        found.save(output)
+        n = len(without_labels)
+        click.echo(f"{output}: zeroed by {n} new frames without labels")
+        return
     frames = work.frames_for(found, window, recording, source)
     by_name = {str(c): c for c in found.classes_.tolist()}
     labels = [by_name[name] for name in frames.names]
     batches = Batches(frames, np.arange(len(frames)))
-    found.recalibrate(batches, labels, p, seed, method)
+    share = 0.5 if p is None else p
+    way = method or "replace"
+    found.recalibrate(batches, labels, share, seed or 0, way)
     found.save(output)
     names, counts = np.unique(frames.names, return_counts=True)
     new = f"{len(frames)} new frames of {len(names)} classes, at least {counts.min()} of each"
-    click.echo(f"{output}: {new}, {method}, p = {p:g}")
+    click.echo(f"{output}: {new}, {way}, p = {share:g}")
     if old := sorted({*by_name} - {*names}):
         click.echo(f"not recalibrated: {', '.join(old)}")
 
 
 @cli.command()
-@_recording
+@options.recording
 @click.option(
     "--test",
     "other",
-    type=_FILE,
+    type=options.FILE,
     metavar="RECORDING",
     help="Test on this recording, of another day.",
 )
-@_pixels
 @click.option(
-    "--test-fraction", type=_SHARE, default=0.2, help="Share of frames to hold out."
+    "--encoder",
+    "encoders",
+    multiple=True,
+    metavar="NAME",
+    help="Choose among this encoder, or a module.Class; may be repeated. [default: all]",
 )
+@click.option(
+    "--readout",
+    "readouts",
+    multiple=True,
+    metavar="NAME",
+    help="Choose among this read-out, or a module.Class; may be repeated. [default: all]",
+)
+@options.pixels
+@options.fraction
 @click.option(
     "--draws",
     type=click.IntRange(1, 100),
-    default=5,
+    default=3,
     metavar="N",
-    help="Random choices of frames at each number per class.",
+    help="Random choices of frames at each point of the learning curve.",
 )
-@_json
+@click.option(
+    "-o",
+    "--output",
+    "figure",
+    type=options.FILE,
+    metavar="FILE",
+    help="Draw the learning curve: .svg, .pdf or .png.",
+)
+@options.json
 def compare(
     recording: Path,
     other: Path | None,
+    encoders: tuple[str, ...],
+    readouts: tuple[str, ...],
     crop: tuple[int, ...] | None,
     subsample: int,
     test_fraction: float,
     draws: int,
+    figure: Path | None,
     as_json: bool,
     **source: Any,
 ) -> None:
-    """Compare read-outs of bits and grey values on a RECORDING.
+    """Find the encoder and read-out for a RECORDING, and compare with models of grey values.
 
-    Accuracy for 1, 2, 5 … frames per class, held out at random and by time, and advice. Frames are
-    held in memory.
+    Encoder and read-out are chosen by cross-validation of the training frames, by session where
+    there are two or more, and so are the settings of the rivals. Frames held out at random, and
+    later ones (the other recording, else the last sessions, else the last frames of each class)
+    only judge the choice. The last lines say what to type, what that wins, and whether a rival
+    outside the library is better. Frames are held in memory.
     """
-    from hdc.command import comparison
+    from hdc.command.compare import curve, judge, show
 
+    if figure is not None:
+        curve.check_figure(figure)
     window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
     tests = None
     if other is not None:
         tests = work.open_frames(other, window, **source)
-    result = comparison.compare(frames, tests, recording, test_fraction, draws)
+    result = judge.compare(frames, tests, test_fraction, draws, encoders, readouts)
+    chosen = result["chosen"].split(", ")
+    result["recording"] = str(recording)
+    result["command"] = work.command_line(recording, window, source, *chosen)
+    if figure is not None:
+        curve.draw(result, figure)
     if as_json:
         click.echo(json.dumps(result, ensure_ascii=False))
     else:
-        click.echo(comparison.text(result))
+        click.echo(show.text(result))
 
 
 @cli.command()
-@click.argument("model", type=_FILE, required=False)
+@click.argument("model", type=options.FILE, required=False)
 @click.option(
     "--camera", type=click.IntRange(0), metavar="N", help="Number of the camera."
 )
 @click.option(
-    "--folder", type=_FILE, metavar="RECORDING", help="Play this back instead."
+    "--folder", type=options.FILE, metavar="RECORDING", help="Play this back instead."
 )
-@click.option("--video", type=_FILE, metavar="FILE", help="Play this, without labels.")
-@_pixels
+@click.option(
+    "--video", type=options.FILE, metavar="FILE", help="Play this, without labels."
+)
+@options.pixels
 @click.option(
     "--host", metavar="ADDRESS", help="Listen there. [default: this computer alone]"
 )
@@ -375,21 +376,11 @@ def live(
 
 
 @cli.command()
-@_model
+@options.model
 def info(model: Path) -> None:
-    """Show what a model was trained on, as JSON."""
+    """Show what a model was trained on, how it sees frames, and what it takes, as JSON."""
     found, _ = work.load(model)
-    rows: dict[str, Any] = {
-        "kind": type(found).__name__,
-        "encoder": repr(found.encoder_),
-        "readout": repr(found.readout_),
-        "frames": work.size(found.frame_shape_),
-        **found.metadata_,
-    }
-    if hasattr(found, "classes_"):
-        counts = zip(found.classes_, found.counts_, strict=True)
-        rows["classes"] = {str(c): int(n) for c, n in counts}
-    click.echo(json.dumps(rows, ensure_ascii=False, indent=2))
+    click.echo(json.dumps(work.described(found, model), ensure_ascii=False, indent=2))
 
 
 cli.add_command(export)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import warnings
 from collections import Counter
 from collections.abc import Sequence
@@ -14,6 +15,9 @@ import numpy as np
 import hdc
 from hdc import io, readers
 from hdc.readers import BadFrame, Recording, Window, natural_key
+from hdc.readers.images import stream_files
+from hdc.readers.listing import MANIFEST, image_files
+from hdc.readers.recording import with_progress
 
 KINDS = ("HDCClassifier", "HDCRegressor")
 """Models that the commands know."""
@@ -75,6 +79,39 @@ def frames_for(
     return frames
 
 
+def unlabelled_frames(
+    model: Any, window: Window, recording: Path, source: dict[str, Any]
+) -> np.ndarray | None:
+    """Frames [N, H, W] or [N, D] of a recording without labels; None where it has labels.
+
+    Such are the images of a folder without sub-folders of images, a table or a template, and an
+    array or a table of frames alone.
+    """
+    if recording.is_dir():
+        if source["table"] or source["template"] or (recording / MANIFEST).exists():
+            return None
+        files = image_files(recording)
+        if any(file.parent != recording for file in files):
+            return None
+        placed = zip(files, stream_files(files, window), strict=True)
+        stream: Any = (_checked(model, place, frame) for place, frame in placed)
+        total = len(files)
+    elif recording.suffix.lower() in (*readers.ARRAYS, readers.TABLE):
+        found = readers.open_recording(recording, window=window, fewest_classes=0)
+        if found.labels is not None:
+            return None
+        check_size(model, found.shape, found.place(0))
+        stream, total = found.stream(), len(found)
+    else:
+        return None
+    return np.stack(list(with_progress(stream, total, "Reading")))
+
+
+def _checked(model: Any, place: Path, frame: np.ndarray) -> np.ndarray:
+    check_size(model, frame.shape, place)
+    return frame
+
+
 def value_names(model: Any) -> tuple[str, ...]:
     """Names of the numbers that a regressor was trained on; none of a classifier."""
     if hasattr(model, "classes_"):
@@ -103,6 +140,63 @@ def check_size(model: Any, shape: tuple[int, ...], place: object) -> None:
 def size(shape: Sequence[int]) -> str:
     """The size of a frame in words, width first."""
     return f"{' × '.join(str(side) for side in reversed(shape))} pixels"
+
+
+def described(model: Any, path: Path) -> dict[str, Any]:
+    """What a saved model is, for people; the last rows say what was trained."""
+    classifies = hasattr(model, "classes_")
+    n_outputs = len(model.classes_) if classifies else len(value_names(model)) or 1
+    if classifies:
+        tensors = model.state_tensors().values()
+        n_bits = 8 * sum(tensor.nbytes for tensor in tensors)
+    else:  # its training frames are kept, and all of the file is needed
+        n_bits = 8 * path.stat().st_size
+    unit = "class" if classifies else "value"
+    rows: dict[str, Any] = {
+        "kind": type(model).__name__,
+        "encoder": repr(model.encoder_),
+        "encoder in words": _in_words(model.encoder_),
+        "readout": repr(model.readout_),
+        "readout in words": _in_words(model.readout_),
+        "frames": size(model.frame_shape_),
+        f"bits a pixel and {unit}": round(n_bits / model.n_features_in_ / n_outputs, 2),
+        **model.metadata_,
+    }
+    if classifies:
+        counts = zip(model.classes_, model.counts_, strict=True)
+        rows["classes"] = {str(c): int(n) for c, n in counts}
+    return rows
+
+
+def _in_words(part: object) -> str:
+    """The first paragraph of what a part of a model says of itself."""
+    text = type(part).__doc__ or ""
+    return " ".join(text.strip().partition("\n\n")[0].split())
+
+
+def command_line(
+    recording: Path,
+    window: Window,
+    source: dict[str, Any],
+    encoder: str,
+    readout: str,
+) -> str:
+    """What to type to train such a model of a recording that was opened so."""
+    words = ["hdc", "train", str(recording)]
+    if source["template"]:
+        words += ["--template", source["template"]]
+    if source["table"]:
+        words += ["--values", str(source["table"])]
+    for column in source["value_columns"]:
+        words += ["--column", column]
+    if source["image_column"] != "image":
+        words += ["--image-column", source["image_column"]]
+    if window.crop is not None:
+        words += ["--crop", *map(str, window.crop)]
+    if window.subsample != 1:
+        words += ["--subsample", str(window.subsample)]
+    words += ["--encoder", encoder, "--readout", readout, "-o", "model.safetensors"]
+    return shlex.join(words)
 
 
 # What was read -----------------------------------------------------------------------------------

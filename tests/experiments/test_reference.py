@@ -88,7 +88,7 @@ def test_what_is_of_no_commit_or_of_other_revisions_stays_outside(
 
 
 def test_the_same_row_of_another_config_takes_the_place(tmp_path, target, write_run):
-    before = write_run("hdc", change={"model.seed": 3})
+    before = write_run("hdc", change={"model.readout.seed": 3})
     reference.adopt(tmp_path, target)
     (tmp_path / "runs.jsonl").unlink()
     again = write_run("hdc")

@@ -180,8 +180,8 @@ def test_a_sweep_says_how_far_it_is_and_repeats_no_warning(results, recording, s
             r"error: model\.lr: expected a number, found 'abc'",
         ),
         (
-            ["model.seed=abc", "model.ties=random"],
-            r"error: model\.seed: expected an integer, found 'abc'",
+            ["model.readout.seed=abc", "model.readout.ties=random"],
+            r"error: model\.readout\.seed: expected an integer, found 'abc'",
         ),
         (["device=cuda:7"], r"error: device: expected one of cpu.*, found 'cuda:7'"),
         (

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from hdc import HDCClassifier
+from hdc.accuracy import wilson
 from hdc.command import main
 
 SIDE = 24
@@ -84,7 +85,7 @@ def test_a_model_is_that_of_all_frames(hdc, folder, frames, tmp_path):
     assert after == before
 
 
-@pytest.mark.parametrize("readout", ["prototype", "neighbours"])
+@pytest.mark.parametrize("readout", ["majority", "neighbours"])
 def test_arrays_of_several_batches_are_learnt_as_a_whole(hdc, tmp_path, readout):
     frames = np.random.default_rng(0).integers(0, 255, (700, 8, 9), np.uint8)
     labels = np.array(list("abc"))[np.arange(700) % 3]
@@ -257,6 +258,90 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     assert found["trained"].startswith("20")
     assert found["frames"] == "24 × 12 pixels"
     assert found["classes"] == {"a": 12, "b": 12, "c": 12}
+    assert found["encoder"] == "Median(ties='spread')"
+    assert found["encoder in words"].endswith(".")
+    assert found["bits a pixel and class"] == pytest.approx(1, abs=0.2)
+    words = ("--encoder", "levels", "--readout", "lda")
+    hdc("train", folder, "-o", path, *words)
+    found = json.loads("".join(hdc("info", path)[1]))
+    assert "quantiles" in found["encoder in words"]
+    assert found["readout in words"].startswith("Shrinkage discriminant analysis")
+    # Seven levels, four planes of weights, besides what a frame's last word and scales need.
+    assert 28 <= found["bits a pixel and class"] < 29
+
+
+def test_sets_of_classes_and_their_coverage(hdc, model, folder, frames):
+    """The numbers are those of predict_set; the interval of the coverage is Wilson's."""
+    found = HDCClassifier.load(model)
+    flat = frames.reshape(-1, SIDE, SIDE)
+    sets = [own.tolist() for own in found.predict_set(flat, 0.2)]
+    out = hdc("predict", model, folder, "--interval", "0.8", "--json")[1]
+    assert [json.loads(line)["set"] for line in out] == sets
+    out = hdc("predict", model, folder, "--interval", "0.8")[1]
+    assert out[0].split("\t")[:3] == ["file", "label", "set"]
+    expected = [", ".join(own) or "(none of these)" for own in sets]
+    assert [line.split("\t")[2] for line in out[1:]] == expected
+    words = ("evaluate", model, folder, "--interval", "0.8")
+    truth = np.repeat(list("abc"), 12)
+    inside = sum(name in own for name, own in zip(truth, sets, strict=True))
+    low, high = wilson(inside, 36)
+    result = json.loads(hdc(*words, "--json")[1][0])["coverage"]
+    assert result == {
+        "asked": 0.8,
+        "share": inside / 36,
+        "interval": [low, high],
+        "mean_size": pytest.approx(np.mean([len(own) for own in sets])),
+    }
+    assert hdc(*words)[1][1].startswith(
+        f"sets for 0.8 hold the truth for {inside / 36:.1%} of these frames (95 % interval "
+        f"{low:.1%} to {high:.1%}); "
+    )
+    assert hdc(*words[:-1], "1.5")[0] == 2
+
+
+def test_a_model_with_a_reference_is_zeroed_without_labels(hdc, frames, tmp_path):
+    rng = np.random.default_rng(3)
+    drift = rng.integers(0, 60, (SIDE, SIDE)).astype(np.uint8)
+    old = write(tmp_path / "old", frames)
+    path, new = tmp_path / "m.safetensors", tmp_path / "n.safetensors"
+    assert hdc("train", old, "-o", path, "--encoder", "reference")[0] == 0
+    (tmp_path / "today").mkdir()
+    later = (frames + drift).reshape(-1, SIDE, SIDE)
+    for k, frame in enumerate(later):
+        assert cv2.imwrite(str(tmp_path / "today" / f"{k:02}.png"), frame)
+    status, out, err = hdc("recalibrate", path, tmp_path / "today", "-o", new)
+    assert (status, err) == (0, [])
+    assert out == [f"{new}: zeroed by 36 new frames without labels"]
+    expected = HDCClassifier.load(path).recalibrate(later)
+    found = HDCClassifier.load(new)
+    assert (found.encoder_.reference_ == expected.encoder_.reference_).all()
+    before = HDCClassifier.load(path).encoder_.reference_
+    assert (found.encoder_.reference_ != before).any()
+    assert (found.prototypes_ == HDCClassifier.load(path).prototypes_).all()
+    np.savez(tmp_path / "today.npz", frames=later)
+    assert hdc("recalibrate", path, tmp_path / "today.npz", "-o", new)[0] == 0
+    again = HDCClassifier.load(new).encoder_.reference_
+    assert (again == expected.encoder_.reference_).all()
+    one = tmp_path / "one"
+    one.mkdir()
+    for k, frame in enumerate(later[:4]):
+        assert cv2.imwrite(str(one / f"{k}.png"), frame)
+    status, _, err = hdc("recalibrate", path, one, "-o", new)
+    assert status == 0
+    words = ("recalibrate", path, tmp_path / "today", "-o", new)
+    assert hdc(*words, "--p", 0.3)[2] == [
+        "error: expected no --p, --method or --seed for frames without labels"
+    ]
+    plain = tmp_path / "plain.safetensors"
+    hdc("train", old, "-o", plain)
+    status, _, (line,) = hdc("recalibrate", plain, tmp_path / "today", "-o", new)
+    assert status == 1
+    assert "expected labels y, or a model with encoder 'reference'" in line
+    wide = tmp_path / "wide"
+    wide.mkdir()
+    assert cv2.imwrite(str(wide / "x.png"), np.zeros((9, 9), np.uint8))
+    status, _, (line,) = hdc("recalibrate", path, wide, "-o", new)
+    assert f"{wide}/x.png: expected 24 × 24 pixels as in training" in line
 
 
 def test_a_video_is_learnt_and_predicted_frame_by_frame(hdc, tmp_path):
@@ -400,6 +485,7 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
         ("nicegui", ["live", "--folder", "FOLDER"], "live"),
         ("fastapi", ["live", "--folder", "FOLDER"], "live"),
         ("sklearn", ["compare", "FOLDER"], "compare"),
+        ("matplotlib", ["compare", "FOLDER", "-o", "curve.svg"], "compare"),
     ],
 )
 def test_a_missing_package_names_its_extra(folder, tmp_path, name, words, extra):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hdc import HDCClassifier, HDCRegressor
+from hdc.accuracy import wilson
 from hdc.command import main, work
 from hdc.readers import open_recording
 
@@ -349,3 +350,47 @@ def test_a_video_that_is_cut_off_is_refused_by_predict(hdc, tmp_path, name, code
     status, out, (line,) = hdc("predict", "m", name)
     assert (status, out) == (1, [])
     assert f"{name}: expected 60 frames as its header says, found" in line
+
+
+def test_intervals_of_numbers_and_their_coverage(hdc, tmp_path):
+    """The numbers are those of HDCRegressor; the ends of too few frames are infinite."""
+    depth = RNG.uniform(0, 1, 40)
+    frames = np.stack([image(0) + (50 * d * BASE[1] / 150) for d in depth])
+    frames = frames.astype(np.uint8)
+    np.savez(tmp_path / "r.npz", frames=frames[:30], values=depth[:30])
+    np.savez(tmp_path / "new.npz", frames=frames[30:], values=depth[30:])
+    np.savez(tmp_path / "few.npz", frames=frames[:4], values=depth[:4])
+    assert hdc("train", "r.npz", "-o", "m")[0] == 0
+    model = HDCRegressor.load("m")
+    found, low, high = model.predict(frames[30:], return_interval=True, alpha=0.1)
+    out = hdc("predict", "m", "new.npz", "--interval", 0.9, "--json")[1]
+    answers = [json.loads(line) for line in out]
+    ends = [answer["intervals"]["value"] for answer in answers]
+    assert np.allclose(ends, np.stack([low, high], 1).reshape(-1, 2))
+    assert np.allclose([answer["values"]["value"] for answer in answers], found.ravel())
+    out = hdc("predict", "m", "new.npz", "--interval", 0.9)[1]
+    assert out[0].split("\t") == ["file", "value", "value from", "value to"]
+    assert float(out[1].split("\t")[2]) == pytest.approx(
+        float(low.ravel()[0]), abs=1e-4
+    )
+    truth = depth[30:]
+    inside = int(((low.ravel() <= truth) & (truth <= high.ravel())).sum())
+    result = json.loads(
+        hdc("evaluate", "m", "new.npz", "--interval", 0.9, "--json")[1][0]
+    )
+    covered = result["errors"]["value"]["coverage"]
+    assert covered["share"] == inside / 10
+    assert covered["interval"] == pytest.approx(wilson(inside, 10))
+    assert covered["mean_width"] == pytest.approx((high - low).mean())
+    line = hdc("evaluate", "m", "new.npz", "--interval", 0.9)[1][1]
+    assert line.startswith(
+        f"value: intervals for 0.9 hold the truth for {inside * 10:.1f}%"
+    )
+    assert hdc("train", "few.npz", "-o", "f")[0] == 0
+    out = hdc("predict", "f", "new.npz", "--interval", 0.9, "--json")[1]
+    assert json.loads(out[0])["intervals"]["value"] == [None, None]
+    out = hdc("predict", "f", "new.npz", "--interval", 0.9)[1]
+    assert out[1].split("\t")[2:] == ["-inf", "inf"]
+    info = json.loads("".join(hdc("info", "m")[1]))
+    size = (tmp_path / "m").stat().st_size
+    assert info["bits a pixel and value"] == pytest.approx(8 * size / 288, abs=0.01)

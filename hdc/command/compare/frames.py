@@ -1,0 +1,294 @@
+"""Frames in memory, and which of them are learnt, chosen by and tested on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import torch
+
+from hdc.bank import Bank, Selection
+from hdc.command.work import last_sessions, learnt_labels, split
+from hdc.encoders import Encoder, encode_with, make_encoder
+from hdc.readers import Recording
+from hdc.readers.recording import with_progress
+
+PIXELS = ("raw", "standardised")
+"""What rivals see: grey values, or those of each frame less its mean over its deviation."""
+_COLUMNS = 2**13  # pixels that are made floats at a time
+
+
+class FrameBank(Bank):
+    """A bank of frames of any real type, with products of their greys in floating point.
+
+    Args:
+        frames: [N, H, W] or [N, D].
+        labels: class indices int64 [N].
+        n_classes: L.
+    """
+
+    def __init__(self, frames: np.ndarray, labels: np.ndarray, n_classes: int) -> None:
+        # Not Bank's own, which takes 8 and 16 bits only: its products of greys are exact integers.
+        self.frames = torch.from_numpy(frames)
+        self.labels = labels
+        self.n_classes = n_classes
+        self.dimension = self.frames[0].numel()
+        self._made = {}
+        self.coordinates: dict[str, tuple[bytes, tuple[np.ndarray, np.ndarray]]] = {}
+
+    def products(self, pixels: str) -> np.ndarray:
+        """Inner products float64 [N, N] of frames less the mean of all, by one of PIXELS."""
+        return self._raw if pixels == "raw" else self._standardised_products
+
+    @cached_property
+    def _raw(self) -> np.ndarray:
+        n = len(self)
+        return self._sum(np.zeros((n, 1)), np.ones((n, 1)))
+
+    @cached_property
+    def _standardised_products(self) -> np.ndarray:
+        flat = self.frames.flatten(1).numpy()
+        means = np.empty((len(flat), 1))
+        deviations = np.empty((len(flat), 1))
+        for i, frame in enumerate(flat):
+            means[i] = frame.mean(dtype=np.float64)
+            deviations[i] = frame.std(dtype=np.float64)
+        deviations[deviations == 0] = 1
+        return self._sum(means, deviations)
+
+    def _sum(self, offsets: np.ndarray, scales: np.ndarray) -> np.ndarray:
+        flat = self.frames.flatten(1).numpy()
+        total = np.zeros((len(flat), len(flat)))
+        for start in range(0, self.dimension, _COLUMNS):
+            block = (flat[:, start : start + _COLUMNS] - offsets) / scales
+            block = block - block.mean(axis=0)
+            total += block @ block.T
+        return total
+
+    def at(self, rows: np.ndarray) -> SharedSelection:
+        return SharedSelection(self, rows)
+
+
+class Shared(Encoder):
+    """An encoder that learns, once for all read-outs that are trained on the same frames.
+
+    Args:
+        base: the encoder.
+        memory: of training frames, by their rows, the trained encoder and words that it made.
+    """
+
+    learns = True
+
+    base_: Encoder
+
+    def __init__(self, base: Encoder, memory: dict[bytes, Any]) -> None:
+        self.base = base
+        self.memory = memory
+
+    def fit(self, frames: Selection) -> Shared:
+        key = frames.rows.tobytes()
+        if key not in self.memory:
+            self.memory.clear()
+            self.memory[key] = self.base.unlearned().fit(frames), {}
+        self.base_, self._words = self.memory[key]
+        return self
+
+    def dimension(self, n_pixels: int) -> int:
+        return self.base_.dimension(n_pixels)
+
+    def encode(self, frames: torch.Tensor) -> torch.Tensor:
+        return self.base_.encode(frames)
+
+    def words_of(self, chosen: Selection, backend: str) -> torch.Tensor:
+        """Hypervectors of some frames of the bank."""
+        key = chosen.rows.tobytes()
+        if key not in self._words:
+            self._words[key] = encode_with(self.base_, chosen[:], 0, backend)
+        return self._words[key]
+
+
+class SharedSelection(Selection):
+    """Some frames of a bank, whose hypervectors by a :class:`Shared` encoder are kept."""
+
+    def part(self, start: int, stop: int) -> SharedSelection:
+        return SharedSelection(self.bank, self.rows[start:stop])
+
+    def words(
+        self, encoder: Encoder | None = None, backend: str = "numpy"
+    ) -> torch.Tensor:
+        if isinstance(encoder, Shared):
+            return encoder.words_of(self, backend)
+        return super().words(encoder, backend)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Indices of frames, each increasing.
+
+    Attributes:
+        chosen_on: what models are chosen by; learnt for the test at random, too.
+        random: held out of the earlier frames at random.
+        earlier: all that may be learnt for the test on later frames.
+        later: frames of later sessions, of another recording, or the last of each class.
+        later_name: which of these.
+    """
+
+    chosen_on: np.ndarray
+    random: np.ndarray
+    earlier: np.ndarray
+    later: np.ndarray
+    later_name: str
+
+    def tests(self) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+        """Name, training frames and test frames; the last is the test that counts."""
+        yield "at random", self.chosen_on, self.random
+        yield self.later_name, self.earlier, self.later
+
+
+@dataclass(frozen=True)
+class Frames:
+    """All frames of a comparison, of one recording or two.
+
+    Attributes:
+        bank: the frames.
+        names: the L classes, or the T values.
+        units: of the values; empty where none are known.
+        session: of each frame [N], where known.
+        values: float64 [N, T]; None where classes are learnt.
+        backend: for hypervectors.
+        memories: what encoders have learned, by their names.
+    """
+
+    bank: FrameBank
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    session: np.ndarray | None
+    values: np.ndarray | None
+    backend: str = "auto"
+    memories: dict[str, dict[bytes, Any]] = field(default_factory=dict)
+
+    @property
+    def labels(self) -> np.ndarray:
+        """Class indices int64 [N]; zeros where values are learnt."""
+        return self.bank.labels
+
+    def encoder(self, name: str) -> Encoder:
+        """An untrained encoder; one that learns is shared by the read-outs."""
+        found = make_encoder(name)
+        if not found.learns:
+            return found
+        memory = self.memories.setdefault(name, {})
+        return Shared(found, memory)
+
+    @cached_property
+    def spread(self) -> np.ndarray:
+        """Mean distance of each value from its median, [T]: the unit that errors are added in."""
+        assert self.values is not None
+        distances = np.abs(self.values - np.median(self.values, axis=0)).mean(axis=0)
+        return np.where(distances > 0, distances, 1.0)
+
+    def losses(self, answers: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """What each answer costs [Q]: 1 for a wrong label, or the mean error of T values."""
+        if self.values is None:
+            return (answers != self.labels[rows]).astype(np.float64)
+        errors = np.abs(answers - self.values[rows])
+        return (errors / self.spread).mean(axis=1)
+
+
+def read_frames(
+    recording: Recording,
+    other: Recording | None = None,
+    rows: np.ndarray | None = None,
+) -> Frames:
+    """Decode a recording, and another after it, into memory.
+
+    Args:
+        recording: of classes or of values.
+        other: of the same classes or values.
+        rows: indices of the frames of `recording` that are wanted; by default all.
+
+    Raises:
+        ValueError: the other has classes, values or frames that the first has not.
+    """
+    if rows is None:
+        rows = np.arange(len(recording))
+    parts = [(recording, rows)]
+    if other is not None:
+        _check_alike(recording, other)
+        parts.append((other, np.arange(len(other))))
+    total = sum(len(index) for _, index in parts)
+    stream = (frame for source, index in parts for frame in source.stream(index))
+    images = np.stack(list(with_progress(stream, total, "Reading")))
+    session = None
+    if other is None and recording.session is not None:
+        session = recording.session[rows]
+    if recording.values is not None:
+        values = np.concatenate([_values_of(*source) for source in parts])
+        bank = FrameBank(images, np.zeros(total, np.int64), 1)
+        names, units = recording.value_names, recording.value_units
+        return Frames(bank, names, units, session, values)
+    texts: list[str] = []
+    for source, index in parts:
+        texts += np.array(source.names)[index].tolist()
+    here = set(texts)
+    known = tuple(name for name in recording.classes if name in here)
+    row = {name: number for number, name in enumerate(known)}
+    labels = np.array([row[text] for text in texts])
+    return Frames(FrameBank(images, labels, len(known)), known, (), session, None)
+
+
+def _values_of(recording: Recording, rows: np.ndarray) -> np.ndarray:
+    assert recording.values is not None
+    return recording.values[rows]
+
+
+def _check_alike(recording: Recording, other: Recording) -> None:
+    first = (recording.shape, recording.dtype)
+    second = (other.shape, other.dtype)
+    if first != second:
+        raise ValueError(
+            f"--test: expected frames {recording.shape} {recording.dtype} as in the first "
+            f"recording, found {other.shape} {other.dtype}"
+        )
+    if recording.values is not None:
+        if other.values is None or other.value_names != recording.value_names:
+            expected = ", ".join(recording.value_names)
+            found = ", ".join(other.value_names) or "none"
+            raise ValueError(f"--test: expected values {expected}, found {found}")
+        return
+    known = set(recording.names)
+    if unknown := sorted(set(other.names) - known):
+        listed = ", ".join(name for name in recording.classes if name in known)
+        raise ValueError(f"--test: expected classes among {listed}, found {unknown[0]}")
+
+
+def part(recording: Recording, other: Recording | None, fraction: float) -> Parts:
+    """Which frames are learnt and which are tested.
+
+    Of one recording the last sessions are later, else the last frames of each class (of all, where
+    values are learnt) in the order of recording. A `fraction` of the earlier ones is held out at
+    random.
+
+    Raises:
+        ValueError: a class has too few frames.
+    """
+    n = len(recording)
+    labels = learnt_labels(recording)
+    if labels is None:
+        labels = np.zeros(n, np.int64)
+    last = last_sessions(recording, fraction)
+    if other is not None:
+        earlier = np.arange(n)
+        later = np.arange(n, n + len(other))
+        name = "the other recording"
+    elif last is not None:
+        earlier, later = np.flatnonzero(~last), np.flatnonzero(last)
+        name = "the last sessions"
+    else:
+        earlier, later = split(labels, fraction, 0, recording.order)
+        name = "the last frames"
+    inner, held_out = split(labels[earlier], fraction, 0)
+    return Parts(earlier[inner], earlier[held_out], earlier, later, name)

@@ -1,0 +1,96 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+RATE = 0.05
+"""Share of frames of known classes that ``--reject`` alone may refuse."""
+FILE = click.Path(path_type=Path)
+SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
+
+
+def together(*options: Callable[..., Any]) -> Callable[..., Any]:
+    """One decorator of several options, in the order of the help."""
+
+    def decorate(command: Any) -> Any:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+recording = together(
+    click.argument("recording", type=FILE),
+    click.option(
+        "--template",
+        metavar="PATTERN",
+        help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'.",
+    ),
+    click.option(
+        "--values",
+        "table",
+        type=FILE,
+        metavar="CSV",
+        help="Table of numbers to learn or compare with, a row per image or frame.",
+    ),
+    click.option(
+        "--column",
+        "value_columns",
+        multiple=True,
+        metavar="NAME",
+        help="Column of numbers; may be repeated. [default: all numeric ones]",
+    ),
+    click.option(
+        "--image-column",
+        default="image",
+        metavar="NAME",
+        help="Column of the table that names the image.",
+    ),
+)
+pixels = together(
+    click.option(
+        "--crop",
+        type=click.IntRange(0),
+        nargs=4,
+        metavar="X Y WIDTH HEIGHT",
+        help="Pixels to keep, from the top left corner. [default: all]",
+    ),
+    click.option(
+        "--subsample",
+        type=click.IntRange(1),
+        default=1,
+        metavar="N",
+        help="Keep every N-th pixel on both axes.",
+    ),
+)
+output = click.option(
+    "-o", "--output", type=FILE, required=True, help="File to write the model to."
+)
+model = click.argument("model", type=FILE)
+json = click.option("--json", "as_json", is_flag=True, help="Write JSON.")
+reject = click.option(
+    "--reject",
+    type=click.FloatRange(0, 0.5, min_open=True),
+    is_flag=False,
+    flag_value=RATE,
+    default=None,
+    metavar="[RATE]",
+    help="Refuse frames unlike every class; about this share of frames like those trained on is "
+    f"refused, too ({RATE} if no number follows).",
+)
+interval = click.option(
+    "--interval",
+    type=SHARE,
+    metavar="SHARE",
+    help="Answer with intervals of values, or sets of classes, that are to hold the truth for this "
+    "share of the frames, such as 0.9.",
+)
+fraction = click.option(
+    "--test-fraction", type=SHARE, default=0.2, help="Share of frames to hold out."
+)
