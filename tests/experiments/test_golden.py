@@ -76,12 +76,12 @@ def test_a_committed_number_is_made_again(request, one_thread):
     except pytest.skip.Exception:
         place = "touch"  # half a minute of simulated frames
     known = min(
-        (x.record for x in Results(REFERENCE).group(place, "hdc").runs),
+        (x.record for x in Results(REFERENCE).group(place, "ridge").runs),
         key=lambda r: r.training_s,
     )
     cfg = OmegaConf.create({**known.config, "cache": False})
     again = {}
-    names = {"scene": place, "model": "hdc", "stop": "paper"}
+    names = {"scene": place, "model": "ridge", "stop": "paper"}
     scene = instantiate(cfg.scene, "scene")
     train_and_test(cfg, scene, names, [], again, None, Console(quiet=True))
     right = int((again["predicted"] == again["test_labels"]).sum())

