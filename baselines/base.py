@@ -46,7 +46,11 @@ class Classifier(ABC):
     prediction_batch: ClassVar[int] = 50
 
     @abstractmethod
-    def train(self, frames: FrameSource, labels: Any) -> Iterator[Mapping[str, float]]:
+    def train(
+        self,
+        frames: FrameSource,
+        labels: Any,
+    ) -> Iterator[Mapping[str, float]]:
         """Start anew and yield whenever the model can predict."""
 
     @abstractmethod
@@ -167,5 +171,9 @@ def in_memory_order(tensor: Tensor) -> Tensor:
     """The same memory with its dimensions in the order they lie there, which is contiguous for any
     layout such as channels last: so that ``view(-1)`` needs no copy."""
     strides = tensor.stride()
-    order = sorted(range(tensor.ndim), key=lambda k: strides[k], reverse=True)
+    order = sorted(
+        range(tensor.ndim),
+        key=lambda k: strides[k],
+        reverse=True,
+    )
     return tensor.permute(order)

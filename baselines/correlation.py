@@ -98,7 +98,11 @@ def _normalise(x: Tensor) -> Tensor:
     return x.div_(torch.where(length > 0, length, 1.0))
 
 
-def _covariances(bank: Bank, rows: np.ndarray, columns: np.ndarray) -> Tensor:
+def _covariances(
+    bank: Bank,
+    rows: np.ndarray,
+    columns: np.ndarray,
+) -> Tensor:
     """Σ (x − x̄)(y − ȳ) over the pixels of two frames, float64 [n, m]."""
     means = torch.outer(
         bank.moments.of(rows).first, bank.moments.of(columns).first / bank.dimension

@@ -48,7 +48,11 @@ class DualLinearClassifier(Classifier):
     pixels: str = "unit"
 
     @abstractmethod
-    def solve(self, gram: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, float]:
+    def solve(
+        self,
+        gram: Tensor,
+        targets: Tensor,
+    ) -> tuple[Tensor, Tensor, float]:
         """A [N, L], b [L] and the loss from the centred K float64 [N, N] and class indices
         int64 [N]."""
 
@@ -133,7 +137,11 @@ class PenalisedClassifier(DualLinearClassifier):
     """
 
     def predict_from_old(
-        self, bank: Bank, old: np.ndarray, new: np.ndarray, queries: np.ndarray
+        self,
+        bank: Bank,
+        old: np.ndarray,
+        new: np.ndarray,
+        queries: np.ndarray,
     ) -> np.ndarray:
         """Labels [Q] of queries after an update of weights from samples ``old`` with samples
         ``new``: min over W of loss(new frames) + penalty·‖W − W_old‖².
@@ -144,7 +152,11 @@ class PenalisedClassifier(DualLinearClassifier):
         return np.unique(bank.labels[old])[scores.argmax(1).numpy(force=True)]
 
     def scores_from_old(
-        self, bank: Bank, old: np.ndarray, new: np.ndarray, queries: np.ndarray
+        self,
+        bank: Bank,
+        old: np.ndarray,
+        new: np.ndarray,
+        queries: np.ndarray,
     ) -> Tensor:
         """Scores float64 [Q, L] of :meth:`predict_from_old`.
 
@@ -161,7 +173,11 @@ class PenalisedClassifier(DualLinearClassifier):
         return of_queries + change
 
 
-def _scale(gram: Tensor, coefficients: Tensor, bias: Tensor) -> float:
+def _scale(
+    gram: Tensor,
+    coefficients: Tensor,
+    bias: Tensor,
+) -> float:
     """Largest sum of the sizes of what the score of a training frame is summed of."""
     parts = gram.abs() @ coefficients.abs() + bias.abs()
     return float(parts[parts.isfinite()].max())

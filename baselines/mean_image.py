@@ -27,7 +27,11 @@ class MeanImage(DualLinearClassifier):
 
     revision: ClassVar[int] = 1
 
-    def solve(self, gram: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, float]:
+    def solve(
+        self,
+        gram: Tensor,
+        targets: Tensor,
+    ) -> tuple[Tensor, Tensor, float]:
         """A averages the frames of each class, b = −½‖t_c‖²; the loss is the mean squared distance
         of a frame to the mean of its class."""
         member = F.one_hot(targets, len(self.classes_)).double()

@@ -114,7 +114,12 @@ class NearestNeighbour(Classifier):
         squares = variance / deviations(columns, dimension) ** 2
         return squares - 2 * standardised(greys, rows, columns, dimension)
 
-    def _votes(self, distances: Tensor, labels: Tensor, n_classes: int) -> Tensor:
+    def _votes(
+        self,
+        distances: Tensor,
+        labels: Tensor,
+        n_classes: int,
+    ) -> Tensor:
         """Votes [n, L]; of classes with equally many, the nearest's has the largest number."""
         k = min(self.k, len(labels))
         by_class = labels.argsort(stable=True)

@@ -27,5 +27,9 @@ class SoftmaxRegression(IterativeClassifier):
 
     revision: ClassVar[int] = 1
 
-    def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
+    def build(
+        self,
+        shape: tuple[int, int],
+        classes: int,
+    ) -> nn.Module:
         return nn.Sequential(nn.Flatten(), nn.Linear(shape[0] * shape[1], classes))

@@ -81,19 +81,32 @@ class DualSoftmaxRegression(PenalisedClassifier):
         self.objective_ = objective
         return a, b, objective / (self.C * len(targets))
 
-    def _objective(self, logits: Tensor, targets: Tensor, square: float) -> float:
+    def _objective(
+        self,
+        logits: Tensor,
+        targets: Tensor,
+        square: float,
+    ) -> float:
         loss = F.cross_entropy(logits, targets, reduction="sum").item()
         return self.C * loss + 0.5 * square
 
 
 def _newton_step(
-    gram: Tensor, probability: Tensor, c: float, gradient: Tensor, gradient_b: Tensor
+    gram: Tensor,
+    probability: Tensor,
+    c: float,
+    gradient: Tensor,
+    gradient_b: Tensor,
 ) -> Tensor:
     """Solution of H·step = −gradient by conjugate gradients, H the Hessian of F at ``probability``:
     one tensor [2N + 1, L] of A, K·A carried along, and b."""
     n, p = len(gram), probability
 
-    def stacked(a: Tensor, k_a: Tensor, b: Tensor) -> Tensor:
+    def stacked(
+        a: Tensor,
+        k_a: Tensor,
+        b: Tensor,
+    ) -> Tensor:
         return torch.cat([a, k_a, b[None]])
 
     def dot(x: Tensor, y: Tensor) -> float:

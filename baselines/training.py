@@ -90,7 +90,11 @@ class IterativeClassifier(Classifier):
     seed: int = 0
 
     @abstractmethod
-    def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
+    def build(
+        self,
+        shape: tuple[int, int],
+        classes: int,
+    ) -> nn.Module:
         """The untrained network: float32 [n, 1, H, W] → logits [n, L]."""
 
     def train(

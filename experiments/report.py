@@ -62,7 +62,11 @@ class Answers:
         self.tables["comparison"] = [comparison.compare(quantities)]
         self.tables["runs"] = [runs_table(self.results)]
 
-    def draw(self, drawn: Path | None = None, behind: Results | None = None) -> None:
+    def draw(
+        self,
+        drawn: Path | None = None,
+        behind: Results | None = None,
+    ) -> None:
         """Draw every figure, over other results where it can be, or take it from a folder where it
         was drawn before."""
         for study in self.questions:
@@ -244,7 +248,11 @@ def _about(answers: Answers) -> str:
     return f"{counts}; {len(old)} by other revisions, {len(parts)} changed since: {parts[0]} …"
 
 
-def _drawn(plot: Plot, folder: Path | None, behind: Results | None) -> bytes:
+def _drawn(
+    plot: Plot,
+    folder: Path | None,
+    behind: Results | None,
+) -> bytes:
     from experiments.reporting.plot import save  # --help does not wait for matplotlib
 
     file = folder and folder / f"{plot.name}.{plot.kind}"
@@ -258,10 +266,20 @@ def print_problems(console: Console, sets: Sequence[Answers]) -> None:
     for answers in sets:
         for problem in answers.results.problems:
             text = f"left out of {answers.name}: {printable(problem)}"
-            console.print(escape(text), style="yellow", soft_wrap=True, emoji=False)
+            console.print(
+                escape(text),
+                style="yellow",
+                soft_wrap=True,
+                emoji=False,
+            )
         for failure in answers.failures:
             text = f"{answers.name}: {printable(str(failure))}"
-            console.print(escape(text), style="red", soft_wrap=True, emoji=False)
+            console.print(
+                escape(text),
+                style="red",
+                soft_wrap=True,
+                emoji=False,
+            )
 
 
 if __name__ == "__main__":

@@ -129,7 +129,10 @@ class MeasuredScene:
         return classes, np.array(classes)[labels]
 
     def _keep(
-        self, chosen: np.ndarray, names: np.ndarray, classes: tuple[str, ...]
+        self,
+        chosen: np.ndarray,
+        names: np.ndarray,
+        classes: tuple[str, ...],
     ) -> None:
         """Keep some of the frames; names [N] of the classes of all."""
         self._rows = np.flatnonzero(chosen)
@@ -183,7 +186,9 @@ def _decoded(
 
 
 def _files(
-    folders: Sequence[str], parts: Sequence[readers.Recording], table: str | None
+    folders: Sequence[str],
+    parts: Sequence[readers.Recording],
+    table: str | None,
 ) -> list[str]:
     """The files that are read, relative to the repository."""
     files = []

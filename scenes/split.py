@@ -116,7 +116,10 @@ def neighbours_leak(
 
 
 def learning_curve_subsets(
-    train: np.ndarray, labels: np.ndarray, sizes: Sequence[int], seed: int = 0
+    train: np.ndarray,
+    labels: np.ndarray,
+    sizes: Sequence[int],
+    seed: int = 0,
 ) -> dict[int, np.ndarray]:
     """For each size n, n training indices: stratified, and contained in every larger subset.
 

@@ -28,7 +28,12 @@ class CorrelationSums:
         dtype: of the standardised samples: float64, or float32, which rounds each once.
     """
 
-    def __init__(self, n_classes: int, dimension: int, dtype: DTypeLike = np.float64):
+    def __init__(
+        self,
+        n_classes: int,
+        dimension: int,
+        dtype: DTypeLike = np.float64,
+    ):
         self.dtype = dtype
         self.n = 0  # N_s, samples per class so far
         self.sums = np.zeros((n_classes, dimension))  # S
@@ -65,7 +70,11 @@ class CorrelationSums:
         return standardise(prototypes, self.dtype) @ self.sums.T / self.n
 
 
-def mean_pair_correlations(a: Any, b: Any, dtype: DTypeLike = np.float64) -> float:
+def mean_pair_correlations(
+    a: Any,
+    b: Any,
+    dtype: DTypeLike = np.float64,
+) -> float:
     """C_ll′ of Eqs. 4 and 5 for two classes in O(N_s·D) operations and O(D) memory.
 
     Args:

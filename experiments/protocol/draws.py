@@ -13,7 +13,10 @@ from scenes.frames import Scene
 
 
 def draw_split(
-    scene: Scene, split: Mapping[str, Any], seed: tuple[int, int], most_test: int
+    scene: Scene,
+    split: Mapping[str, Any],
+    seed: tuple[int, int],
+    most_test: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """(pool, test) of one draw: frames that may train, and at most so many that test."""
     drawn = int(np.random.default_rng(seed).integers(2**31))
@@ -28,7 +31,10 @@ def draw_split(
 
 
 def nested(
-    pool: np.ndarray, labels: np.ndarray, sizes: Sequence[int], seed: tuple[int, int]
+    pool: np.ndarray,
+    labels: np.ndarray,
+    sizes: Sequence[int],
+    seed: tuple[int, int],
 ) -> tuple[list[np.ndarray], list[int]]:
     """Frames of each class in random order, and the sizes that every class can fill."""
     shuffled = np.random.default_rng((*seed, 1)).permutation(pool)

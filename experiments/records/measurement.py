@@ -166,7 +166,11 @@ def _found(name: str, known: Measured) -> str:
     return text
 
 
-def write(folder: Path, entry: Mapping[str, Any], rows: Iterable[Row]) -> None:
+def write(
+    folder: Path,
+    entry: Mapping[str, Any],
+    rows: Iterable[Row],
+) -> None:
     """Write rows.jsonl and record.json, one line per key; a crash in between leaves no record that
     vouches for rows of another call."""
     lines = []

@@ -66,7 +66,9 @@ def scene_name(scene: str) -> str:
 
 
 def model_columns(
-    models: Iterable[str], unit: str, show: Callable[[Any], str]
+    models: Iterable[str],
+    unit: str,
+    show: Callable[[Any], str],
 ) -> dict[str, Column]:
     """A column for each model, with its name and the unit as its head."""
     return {model: Column(f"{display_name(model)}{unit}", show) for model in models}

@@ -127,7 +127,11 @@ def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:
 
 
 def _judged(
-    known: Published, ours: float, low: float, high: float, margin: float
+    known: Published,
+    ours: float,
+    low: float,
+    high: float,
+    margin: float,
 ) -> str:
     paper = known.value
     if known.unit == "×":  # ratios are off by factors

@@ -65,7 +65,9 @@ def mean_share(shares: Sequence[float], n: float) -> Estimate:
 
 
 def mean_difference(
-    differences: Sequence[float], n: float, disagree: float | None = None
+    differences: Sequence[float],
+    n: float,
+    disagree: float | None = None,
 ) -> Estimate:
     """Difference of two shares on the same n samples, mean over seeds with Student's interval.
 
@@ -108,7 +110,9 @@ def difference(runs: Sequence[Run], reference: Sequence[Run]) -> Estimate | None
 
 
 def crossing(
-    n: Sequence[float], accuracy: Sequence[float], level: float = 0.9
+    n: Sequence[float],
+    accuracy: Sequence[float],
+    level: float = 0.9,
 ) -> float:
     """N at which a curve first rises above the level, between two N on a line; NaN if it never
     does."""
@@ -132,7 +136,11 @@ def training_time(run: Run) -> float:
     return math.inf if reached is None else reached
 
 
-def _student(values: Sequence[float], least: float, parts: float) -> Estimate:
+def _student(
+    values: Sequence[float],
+    least: float,
+    parts: float,
+) -> Estimate:
     """Student's interval; `parts` of the variance of a value is that of what is estimated."""
     from scipy.special import stdtrit  # scipy.stats takes as long to import as the rest
 

@@ -70,12 +70,22 @@ def look_of(model: str) -> dict[str, Any]:
     """Arguments of ``plot`` for a model; markers of a dashed line are empty: alone they differ."""
     colour, marker, line = style_of(model)
     fill = "white" if line == "--" else colour
-    return {"color": colour, "marker": marker, "ls": line, "mfc": fill}
+    return {
+        "color": colour,
+        "marker": marker,
+        "ls": line,
+        "mfc": fill,
+    }
 
 
 def handle(model: str) -> Line2D:
     """The legend's entry of a model."""
-    return Line2D([], [], label=literal(display_name(model)), **look_of(model))
+    return Line2D(
+        [],
+        [],
+        label=literal(display_name(model)),
+        **look_of(model),
+    )
 
 
 def star(label: str) -> Line2D:
@@ -83,10 +93,19 @@ def star(label: str) -> Line2D:
     return Line2D([], [], label=label, **PAPER)
 
 
-def head(figure: Figure, title: str, details: Iterable[str]) -> None:
+def head(
+    figure: Figure,
+    title: str,
+    details: Iterable[str],
+) -> None:
     """A title and, below it, what it is of; wrapped to the width of a column."""
     lines = [line for text in (title, *details) for line in textwrap.wrap(text, _LINE)]
-    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=7)
+    figure.suptitle(
+        "\n".join(lines),
+        x=0.01,
+        ha="left",
+        fontsize=7,
+    )
 
 
 def literal(text: str) -> str:
@@ -129,9 +148,18 @@ def wrapped(text: str, width: int) -> str:
     return "\n".join(map(literal, textwrap.wrap(text, width)))
 
 
-def panel(axes: Axes, letter: str, title: str) -> None:
+def panel(
+    axes: Axes,
+    letter: str,
+    title: str,
+) -> None:
     """``(a) title`` above the axes, from their left; a title of several lines is ragged right."""
-    axes.set_title(f"({letter}) {title}", loc="left", fontsize=6.5, pad=3)
+    axes.set_title(
+        f"({letter}) {title}",
+        loc="left",
+        fontsize=6.5,
+        pad=3,
+    )
 
 
 def matrix(
@@ -155,12 +183,22 @@ def matrix(
     """
     axes.spines[:].set(visible=True, color="0.7", linewidth=0.4)
     norm = PowerNorm(gamma, *limits)
-    image = axes.imshow(values, cmap=colours, norm=norm, interpolation="nearest")
+    image = axes.imshow(
+        values,
+        cmap=colours,
+        norm=norm,
+        interpolation="nearest",
+    )
     step = 1 if len(names) <= PRINTED else 10
     ticks = range(0, len(names), step)
     shown = [literal(names[i]) for i in ticks]
     upright = step == 1 and max(map(len, shown)) > 5  # side by side, long names overlap
-    axes.set_xticks(ticks, shown, fontsize=6, rotation=90 if upright else 0)
+    axes.set_xticks(
+        ticks,
+        shown,
+        fontsize=6,
+        rotation=90 if upright else 0,
+    )
     axes.set_yticks(ticks, shown, fontsize=6)
     axes.tick_params(length=0 if step == 1 else 2, pad=2)
     for (i, j), text in np.ndenumerate(np.array(cells, object)) if cells else ():
@@ -183,7 +221,10 @@ def matrix(
     return bar
 
 
-def errors(found: Sequence[Estimate], scale: float = 1.0) -> tuple[NDArray, NDArray]:
+def errors(
+    found: Sequence[Estimate],
+    scale: float = 1.0,
+) -> tuple[NDArray, NDArray]:
     """Values, and distances of the bounds from them [2, n] for ``errorbar``; zero if unknown."""
     value, low, high = scale * np.array(found, float).reshape(-1, 3).T
     return value, np.nan_to_num(np.array([value - low, high - value]))
@@ -191,7 +232,12 @@ def errors(found: Sequence[Estimate], scale: float = 1.0) -> tuple[NDArray, NDAr
 
 def bars(axes: Axes, model: str, x: Any, y: Any, spread: Any, **look: Any) -> None:
     """Points with error bars in the look of a model; `look` overrides it."""
-    axes.errorbar(x, y, yerr=spread, **{"lw": 0.9, **look_of(model), **look})
+    axes.errorbar(
+        x,
+        y,
+        yerr=spread,
+        **{"lw": 0.9, **look_of(model), **look},
+    )
 
 
 def line_plot(
@@ -221,7 +267,15 @@ def line_plot(
         look = dict((looks or {}).get(str(name), {}))
         look = look or {**look_of(str(name)), "label": literal(display_name(str(name)))}
         axes.errorbar(
-            places, value, yerr=spread, elinewidth=0.5, **{"lw": 0.9, **look, **style}
+            places,
+            value,
+            yerr=spread,
+            elinewidth=0.5,
+            **{
+                "lw": 0.9,
+                **look,
+                **style,
+            },
         )
         shown = {
             key: look[key]
@@ -254,10 +308,26 @@ def error_bars(
     y = np.maximum(error, floor)
     spread = [y - np.maximum(low, floor), high - y]
     look: dict[str, Any] = {} if marker else {"marker": None}
-    bars(axes, model, list(x), y, spread, elinewidth=0.7, capsize=1.5, zorder=3, **look)
+    bars(
+        axes,
+        model,
+        list(x),
+        y,
+        spread,
+        elinewidth=0.7,
+        capsize=1.5,
+        zorder=3,
+        **look,
+    )
 
 
-def published_point(axes: Axes, model: str, x: float, y: float, size: float) -> None:
+def published_point(
+    axes: Axes,
+    model: str,
+    x: float,
+    y: float,
+    size: float,
+) -> None:
     """The paper's value of a model, a star in its colour."""
     axes.plot(
         x,
@@ -286,7 +356,13 @@ def error_axis(axes: Axes, rows: Sequence[Row]) -> float:
     axes.yaxis.set_major_formatter(
         FuncFormatter(lambda y, _: "0" if y < 0.9 / n_test else f"{100 * y:g} %")
     )
-    axes.axhspan(floor * 0.8, 0.72 / n_test, color="0.92", lw=0, zorder=0)
+    axes.axhspan(
+        floor * 0.8,
+        0.72 / n_test,
+        color="0.92",
+        lw=0,
+        zorder=0,
+    )
     return floor
 
 

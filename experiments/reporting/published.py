@@ -70,7 +70,10 @@ def value(name: str) -> float | None:
     return None if one is None else one.value / (100 if one.unit == "%" else 1)
 
 
-def _of(line: dict[str, str], above: dict[str, Published]) -> Published:
+def _of(
+    line: dict[str, str],
+    above: dict[str, Published],
+) -> Published:
     experiment, text = line["experiment"], line["value"]
     name = f"{experiment}/{line['quantity']}"
     if "/" in text:

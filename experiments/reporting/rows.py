@@ -17,14 +17,26 @@ from experiments.reporting.text import frames_of, number
 Row = dict[str, Any]
 
 
-def row(group: Group, hdc: Group, paper: bool = False) -> Row:
+def row(
+    group: Group,
+    hdc: Group,
+    paper: bool = False,
+) -> Row:
     """Values of every column of :data:`COLUMNS` that follows from runs, `hdc` of HDC on the same
     frames; a group without runs has its scene, model, place in the sweep and status. The numbers of
     the paper's Table I are added if `paper`."""
     values: Row = {}
     if not group.runs:
-        values = {"scene": group.scene, "model": group.model, "n_train": group.n_train}
-        values |= {"pixels": group.pixels, "seeds": 0, "status": group.status}
+        values = {
+            "scene": group.scene,
+            "model": group.model,
+            "n_train": group.n_train,
+        }
+        values |= {
+            "pixels": group.pixels,
+            "seeds": 0,
+            "status": group.status,
+        }
     for name, column in COLUMNS.items():
         if column.of is not None and (
             paper if name.startswith("published_") else group.runs

@@ -234,7 +234,10 @@ class Study:
         return self._answers(Quantity, results, failures)
 
     def _answers(
-        self, kind: type, results: Results, failures: list[Failure] | None
+        self,
+        kind: type,
+        results: Results,
+        failures: list[Failure] | None,
     ) -> Iterator[Any]:
         for maker in self._makers:
             if maker.kind is not kind:
@@ -248,7 +251,11 @@ class Study:
                     failures.append(Failure(self.name, maker.called, error))
 
     def _registering(
-        self, kind: type, called: str, of: Of, make: Callable[..., Iterator[Any]]
+        self,
+        kind: type,
+        called: str,
+        of: Of,
+        make: Callable[..., Iterator[Any]],
     ) -> Decorator:
         def register(function: Callable[..., Any]) -> Callable[..., Any]:
             self._makers.append(_Maker(kind, called, of, make, function))

@@ -17,7 +17,11 @@ from experiments.reporting.text import number, percent, printable
 from hdc.accuracy import wilson
 
 
-def summarise(console: Console, record: Finished, repeated: bool = False) -> None:
+def summarise(
+    console: Console,
+    record: Finished,
+    repeated: bool = False,
+) -> None:
     """A few lines: accuracy with its interval, times; one line for a run finished before."""
     scene = record.scene
     low, high = wilson(int(record.right.sum()), record.n_test)
@@ -43,7 +47,11 @@ def summarise(console: Console, record: Finished, repeated: bool = False) -> Non
     console.print(Text("\n".join([*lines, f"  record {record.id}"])), soft_wrap=True)
 
 
-def show_table1(console: Console, table: Table, name: str) -> None:
+def show_table1(
+    console: Console,
+    table: Table,
+    name: str,
+) -> None:
     """Table I of a set of results: times until 90 % in training with the accuracies there, those
     after full training beside, and the paper's."""
     rows = records(table.data)

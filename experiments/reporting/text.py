@@ -44,7 +44,11 @@ def points(difference: float | None) -> str:
     )
 
 
-def interval(value: str, low: str, high: str) -> str:
+def interval(
+    value: str,
+    low: str,
+    high: str,
+) -> str:
     """``value [low, high]``; the value alone where the bounds are unknown."""
     return value if "–" in (value, low, high) else f"{value} [{low}, {high}]"
 

@@ -72,7 +72,9 @@ class Section:
 
 
 def render(
-    sections: Sequence[Section], problems: Sequence[str], about: Mapping[str, str]
+    sections: Sequence[Section],
+    problems: Sequence[str],
+    about: Mapping[str, str],
 ) -> str:
     """The page's HTML; `about`: name of a set of results → where it comes from."""
     environment = jinja2.Environment(

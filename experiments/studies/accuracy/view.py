@@ -58,7 +58,13 @@ def rows(results: Results, name: str) -> list[Row]:
 def _register(name: str, what: str) -> None:
     commands = [f"{RUN}{experiment}" for experiment in EXPERIMENTS.get(name, (name,))]
 
-    @STUDY.table(name, title=what, shown=SHOWN, commands=commands, key=KEY)
+    @STUDY.table(
+        name,
+        title=what,
+        shown=SHOWN,
+        commands=commands,
+        key=KEY,
+    )
     def table(results: Results) -> pd.DataFrame:
         lines = rows(results, name)
         data = frame(lines)
@@ -130,7 +136,13 @@ def accuracy_vs_n(
         paper = [star("paper, Table I")] if models is above else []
         axes.legend(handles=[*map(handle, models), *paper], loc="lower right")
         chance = _chance(results)
-        axes.axhline(chance, color="0.5", lw=0.7, ls=":", zorder=0)
+        axes.axhline(
+            chance,
+            color="0.5",
+            lw=0.7,
+            ls=":",
+            zorder=0,
+        )
     known = published.numbers()
     accuracies = [
         (model, known[f"table1/{model}_test_accuracy"].value)
@@ -144,9 +156,22 @@ def accuracy_vs_n(
         axes.plot(
             [limit, limit], [0, 90], color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0
         )
-        axes.axhline(90, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
+        axes.axhline(
+            90,
+            color="0.5",
+            lw=0.7,
+            ls=(0, (4, 3)),
+            zorder=0,
+        )
     text = f"paper: > 90 %\nonly for N > {limit:g}"
-    panels[0].text(limit * 1.05, 42, text, ha="left", color="0.3", fontsize=6)
+    panels[0].text(
+        limit * 1.05,
+        42,
+        text,
+        ha="left",
+        color="0.3",
+        fontsize=6,
+    )
     panels[1].xaxis.set_major_locator(FixedLocator([5, 10, 20, 50, 100, 200, 400]))
     panels[1].xaxis.set_minor_locator(NullLocator())
     panels[1].xaxis.set_major_formatter(FuncFormatter(lambda n, _: f"{n:g}"))

@@ -92,7 +92,11 @@ class Case:
         )
         return torch.from_numpy(frames)
 
-    def _drawn(self, labels: np.ndarray, stream: int) -> Iterator[np.ndarray]:
+    def _drawn(
+        self,
+        labels: np.ndarray,
+        stream: int,
+    ) -> Iterator[np.ndarray]:
         """One frame [D] after another; every pattern is a stretch of one long random sequence."""
         n, spare = len(labels), min(15 * self.d, 2**22)
         patterns = np.random.default_rng(self.seed).standard_gamma(
@@ -172,4 +176,9 @@ def pack_bits(mask: np.ndarray) -> np.ndarray:
 def unpack_bits(words: Tensor, d: int) -> np.ndarray:
     """Packed words [..., W] → bool [..., D]."""
     packed = words.numpy().view(np.uint8)
-    return np.unpackbits(packed, axis=-1, count=d, bitorder="little").view(np.bool_)
+    return np.unpackbits(
+        packed,
+        axis=-1,
+        count=d,
+        bitorder="little",
+    ).view(np.bool_)

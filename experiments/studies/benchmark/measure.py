@@ -33,7 +33,10 @@ _SAMPLE_S = (
 
 @experiment(revision=1, uses=("hdc.HDCClassifier",), timed=True)
 def benchmark(
-    run: Run, steps: Sequence[Mapping[str, Any]], budget_s: float, seed: int
+    run: Run,
+    steps: Sequence[Mapping[str, Any]],
+    budget_s: float,
+    seed: int,
 ) -> Iterator[Row]:
     """One row: a route at one size.
 

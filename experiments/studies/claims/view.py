@@ -63,7 +63,10 @@ CLAIMS: Any = OmegaConf.load(Path(__file__).with_name("claims.yaml"))
 # Evidence: each function yields the columns that differ from those of its line of EVIDENCE.
 
 
-def _of_recordings(results: Results, sizes: Sequence[int] = ()) -> Iterator[Evidence]:
+def _of_recordings(
+    results: Results,
+    sizes: Sequence[int] = (),
+) -> Iterator[Evidence]:
     """HDC less its rival by the split that counts: mean over some numbers of frames per class, or
     at the most."""
     for scene, measured in recordings(results).items():
@@ -74,7 +77,7 @@ def _of_recordings(results: Results, sizes: Sequence[int] = ()) -> Iterator[Evid
             value = Estimate(*(float(np.mean(part)) for part in values))
             n = None if sizes else f"{found[0][1]} frames per class"
             yield {"evidence": scene, "kind": _kind(measured), "value": value, "n": n,
-                   "command": f"{RUN}recordings scene={scene}"}  # fmt: skip
+                   "command": f"{RUN}recordings scene={scene}",}  # fmt: skip
 
 
 def _of_scenes(results: Results) -> Iterator[Evidence]:
@@ -118,7 +121,9 @@ def _fitted(scene: str) -> bool:
 
 
 def _of_places(
-    results: Results, name: str, read: Callable[[pd.DataFrame, str], Iterator[Evidence]]
+    results: Results,
+    name: str,
+    read: Callable[[pd.DataFrame, str], Iterator[Evidence]],
 ) -> Iterator[Evidence]:
     """Evidence of a measurement, on each kind of frames."""
     for suffix, measured in with_places(results, name):
@@ -238,15 +243,36 @@ def evidence(results: Results) -> pd.DataFrame:
     unit, n, rule, command, verdict``."""
     rows = []
     for claim, read, experiment, quantity, rule, unit in EVIDENCE:
-        of = {"claim": claim, "evidence": "", "kind": SIMULATED, "quantity": quantity}
-        rest = {"unit": unit, "n": None, "rule": rule, "command": f"{RUN}{experiment}"}
+        of = {
+            "claim": claim,
+            "evidence": "",
+            "kind": SIMULATED,
+            "quantity": quantity,
+        }
+        rest = {
+            "unit": unit,
+            "n": None,
+            "rule": rule,
+            "command": f"{RUN}{experiment}",
+        }
         for found in read(results):
             value = found["value"]
             verdict = found.get("verdict") or getattr(rules, rule)(value)
             factor = 100 if unit == "points" else 1
             shown = Estimate(*(factor * bound for bound in value))
-            line = {**of, **shown.columns("value"), **rest, **found}
-            rows.append({**line, "verdict": verdict, "value": shown.value})
+            line = {
+                **of,
+                **shown.columns("value"),
+                **rest,
+                **found,
+            }
+            rows.append(
+                {
+                    **line,
+                    "verdict": verdict,
+                    "value": shown.value,
+                }
+            )
     return frame(
         rows, () if rows else ("claim", "evidence", "kind", "value", "verdict")
     )
@@ -352,7 +378,12 @@ def claims(results: Results) -> pd.DataFrame | None:
     return data
 
 
-def _verdict(claim: str, paper: str, word: str, part: pd.DataFrame) -> dict[str, str]:
+def _verdict(
+    claim: str,
+    paper: str,
+    word: str,
+    part: pd.DataFrame,
+) -> dict[str, str]:
     """The row of a claim."""
     phrase = PHRASES[claim](part)
     row = {"claim": claim, "paper": paper, "word": word}

@@ -52,7 +52,12 @@ class Start:
         return self.factor(pixels, classes) * deviation
 
 
-def draw(seed: int, number: int, classes: int, pixels: int) -> dict[str, Tensor]:
+def draw(
+    seed: int,
+    number: int,
+    classes: int,
+    pixels: int,
+) -> dict[str, Tensor]:
     """Initial weights of unit size, different for each number at a seed: ``uniform`` (in ±1) and
     ``normal`` weights float32 [L, D], ``intercepts`` in ±1, float64 [L]."""
     state = np.random.SeedSequence([seed, number]).generate_state(1)[0]
@@ -82,7 +87,13 @@ class StartProducts:
         intercepts: in ±1, float64 [draws, L].
     """
 
-    def __init__(self, frames: Tensor, seed: int, draws: int, classes: int):
+    def __init__(
+        self,
+        frames: Tensor,
+        seed: int,
+        draws: int,
+        classes: int,
+    ):
         flat = frames.flatten(1)
         n, self.pixels = flat.shape
         everyone = np.arange(n)
@@ -140,7 +151,11 @@ class Problem:
         self._scale, self._offset = scale, offset
         inner = scale**2 * (gram - offset * (sums[:, None] + sums) + offset**2 * pixels)
         self.kernel, self.targets = inner[:, :n], torch.from_numpy(labels)[order]
-        inverse = torch.linalg.pinv(self.kernel[:n], rtol=_RANK, hermitian=True)
+        inverse = torch.linalg.pinv(
+            self.kernel[:n],
+            rtol=_RANK,
+            hermitian=True,
+        )
         self._inverse = self.kernel[n:] @ inverse
         across = inner.diagonal()[n:] - (self._inverse * self.kernel[n:]).sum(dim=1)
         self.across = float(across.clamp(min=0).sqrt().mean())

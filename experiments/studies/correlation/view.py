@@ -35,13 +35,20 @@ STUDY = Study(
 SYMBOLS = {"speckle": "$C^s$", "hypervector": "$C^b$", "prototype": "$C^p$"}
 
 
-def mean_contrast(rows: pd.DataFrame, kind: str, samples: str) -> Estimate:
+def mean_contrast(
+    rows: pd.DataFrame,
+    kind: str,
+    samples: str,
+) -> Estimate:
     """ΔC, mean over seeds: of ``training``, ``held-out`` or ``all`` samples."""
     return mean_interval([contrast(c) for c in matrices(rows, kind, samples)[1]])
 
 
 @STUDY.quantities(of="correlation")
-def quantities(rows: pd.DataFrame, config: Mapping[str, Any]) -> Iterator[Quantity]:
+def quantities(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> Iterator[Quantity]:
     """Fig. 4: the largest C^s_ll and the contrasts ΔC, of all samples, as Eq. 4 has them."""
     training, held_out = (
         mean_contrast(rows, "prototype", samples).value
@@ -70,10 +77,20 @@ def quantities(rows: pd.DataFrame, config: Mapping[str, Any]) -> Iterator[Quanti
     caption="Speckle, hypervector and prototype of each class, on {frames} (Fig. 4(a)): the same "
     "part of a frame in each row, white 1, black 0.",
 )  # fmt: skip
-def images(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
+def images(
+    figure: Figure,
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> None:
     """The same part of a frame, its hypervector and the prototype, a column a class."""
     pictures, classes = list(rows.picture.unique()), list(rows["class"].unique())
-    figure.set_layout_engine("constrained", w_pad=0.01, h_pad=0.01, wspace=0, hspace=0)
+    figure.set_layout_engine(
+        "constrained",
+        w_pad=0.01,
+        h_pad=0.01,
+        wspace=0,
+        hspace=0,
+    )
     axes = figure.subplots(len(pictures), len(classes), squeeze=False)
     for row in rows.to_dict("records"):
         place = axes[pictures.index(row["picture"]), classes.index(row["class"])]
@@ -97,7 +114,11 @@ def images(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> Non
     "(e)); (d) prototypes (rows) with held-out samples (columns); (e) 95 % intervals over seeds.",
     needs=lambda rows, config: set(SYMBOLS) == set(rows.kind),
 )  # fmt: skip
-def fig4(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
+def fig4(
+    figure: Figure,
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> None:
     """The three correlation matrices, and their contrasts with the paper's."""
     panels = figure.subplots(2, 2).flat
     for axes, letter, (kind, symbol), samples in zip(

@@ -65,7 +65,10 @@ def first_crossings(rows: pd.DataFrame) -> pd.DataFrame:
     "The N of one experiment are nested; whether the paper's were is not known. The simulated "
     "sensor was fitted to this number, so agreement is no evidence.",
 )  # fmt: skip
-def first(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+def first(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> pd.DataFrame:
     """Distribution of the first crossing by model."""
     table = []
     for model, of_model in first_crossings(rows).groupby("model", sort=False):
@@ -102,14 +105,34 @@ def figure(
         accuracy.plot(
             mean.index, mean, color="black", ls=THEORY[name][1], lw=0.9, zorder=4
         )
-    accuracy.axhline(100 * LEVEL, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
+    accuracy.axhline(
+        100 * LEVEL,
+        color="0.5",
+        lw=0.7,
+        ls=(0, (4, 3)),
+        zorder=0,
+    )
     accuracy.set_ylabel("test accuracy (%)")
     firsts = first_crossings(rows)
     for model, of_model in firsts.groupby("model", sort=False):
         colour, marker, line = style_of(str(model))
         passed = [100 * (of_model["first"] <= k).mean() for k in n]
-        share.step(n, passed, where="post", color=colour, ls=line, lw=0.9)
-        share.plot(n, passed, color=colour, marker=marker, ms=2.2, ls="")
+        share.step(
+            n,
+            passed,
+            where="post",
+            color=colour,
+            ls=line,
+            lw=0.9,
+        )
+        share.plot(
+            n,
+            passed,
+            color=colour,
+            marker=marker,
+            ms=2.2,
+            ls="",
+        )
     share.set(
         ylabel="experiments that have\nexceeded 90 % (%)",
         xlabel="training samples of all classes, N",
@@ -126,10 +149,22 @@ def figure(
         (share, "b", "first N above 90 %, as many samples of every class"),
     ):
         panel(axes, letter, title)
-        axes.axvline(_LIMIT, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
+        axes.axvline(
+            _LIMIT,
+            color="0.5",
+            lw=0.7,
+            ls=(0, (4, 3)),
+            zorder=0,
+        )
         axes.set_xlim(every.n.min() - 1, every.n.max() + 1)
     lines = [
-        Line2D([], [], color="black", ls=THEORY[name][1], label=THEORY[name][0])
+        Line2D(
+            [],
+            [],
+            color="black",
+            ls=THEORY[name][1],
+            label=THEORY[name][0],
+        )
         for name in shown
     ]
     handles = [*map(handle, firsts.model.unique()), *lines]

@@ -52,7 +52,13 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     )
     keys = ["order", "model", "method", "p", "update", "n_new", "seed"]
     return (
-        shares.groupby(keys, sort=False, dropna=False)[list(ROOMS)].mean().reset_index()
+        shares.groupby(
+            keys,
+            sort=False,
+            dropna=False,
+        )[list(ROOMS)]
+        .mean()
+        .reset_index()
     )
 
 
@@ -70,7 +76,10 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     "each a sensor. Equal votes: a new sample counts N_old/N_new times. From the old weights: the "
     "penalty is on the distance from them.",
 )  # fmt: skip
-def recalibration(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+def recalibration(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> pd.DataFrame:
     """Every model and update, in both rooms."""
     n_test = {room: int(rows[f"n_test_{room}"].iloc[0]) for room in ROOMS}
     table = []
@@ -104,7 +113,11 @@ def shown_ways(by_seed: pd.DataFrame) -> list[tuple[str, str]]:
     return ways
 
 
-def _look(model: str, update: str, k: int) -> dict[str, Any]:
+def _look(
+    model: str,
+    update: str,
+    k: int,
+) -> dict[str, Any]:
     """How a way is drawn, the k-th of its model."""
     label = literal(f"{display_name(model)}: {update}")
     colour, marker, line = style_of(model)
@@ -114,7 +127,12 @@ def _look(model: str, update: str, k: int) -> dict[str, Any]:
             _MARKERS[k % len(_MARKERS)],
             "-",
         )
-    return {"label": label, "color": colour, "marker": marker, "ls": line}
+    return {
+        "label": label,
+        "color": colour,
+        "marker": marker,
+        "ls": line,
+    }
 
 
 @STUDY.figure(
@@ -123,7 +141,11 @@ def _look(model: str, update: str, k: int) -> dict[str, Any]:
     "on {frames} (Fig. 8(b)): HDC by every update, others by their best; dashed grey: HDC, "
     "not updated; 95 % intervals over seeds.",
 )  # fmt: skip
-def fig8(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
+def fig8(
+    figure: Figure,
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> None:
     """(a) the new room, (b) the old one, both against N_new."""
     by_seed = accuracies(rows[rows.order == rows.order.iloc[0]])
     by_seed = by_seed.assign(way=by_seed["model"] + "; " + by_seed["update"])
@@ -135,7 +157,14 @@ def fig8(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     for axes, room, letter in zip(panels, ROOMS, "ab", strict=True):
         shown = by_seed[by_seed.way.isin(looks)].assign(percent=100 * by_seed[room])
         shown = shown.sort_values("way", key=lambda ways: ways.map(list(looks).index))
-        handles = line_plot(axes, shown, "n_new", "percent", by="way", looks=looks)
+        handles = line_plot(
+            axes,
+            shown,
+            "n_new",
+            "percent",
+            by="way",
+            looks=looks,
+        )
         stored = by_seed[(by_seed.model == "hdc") & (by_seed.method == "stored")]
         axes.axhline(
             100 * stored[room].mean(), color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0
@@ -147,8 +176,19 @@ def fig8(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
         numbers = [
             published.numbers()[f"drift/{name}_accuracy"].value for name in PUBLISHED
         ]
-        panels[0].plot(0.015, numbers[0], zorder=5, transform=across, **PAPER)
-        panels[0].plot(N_NEW, numbers[1], zorder=5, **PAPER)
+        panels[0].plot(
+            0.015,
+            numbers[0],
+            zorder=5,
+            transform=across,
+            **PAPER,
+        )
+        panels[0].plot(
+            N_NEW,
+            numbers[1],
+            zorder=5,
+            **PAPER,
+        )
         handles.append(star("paper: p = 0; p = 0.5 or 0.75"))
     axes.set(xscale="log", xlabel="samples of the new room, $N^{new}$")
     sizes = sorted(set(by_seed.n_new) - {0})
@@ -158,7 +198,10 @@ def fig8(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
 
 
 @STUDY.quantities(of="drift")
-def quantities(rows: pd.DataFrame, config: Mapping[str, Any]) -> Iterator[Quantity]:
+def quantities(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> Iterator[Quantity]:
     """Fig. 8(b): accuracy of HDC in the new room before and after an update with N_new = 50, the
     mean of p = 0.5 and 0.75, for which the paper has one number."""
     order, n_test = rows.order.iloc[0], int(rows.n_test_new.iloc[0])

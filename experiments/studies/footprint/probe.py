@@ -18,7 +18,11 @@ WATCHED = (
 )  # fmt: skip
 
 
-def main(scene_name: str, model_name: str, frames: str) -> None:
+def main(
+    scene_name: str,
+    model_name: str,
+    frames: str,
+) -> None:
     """Make some frames, learn them, and predict one; print what it took."""
     begin = time.perf_counter()
     importlib.import_module("torch")
@@ -48,7 +52,11 @@ def main(scene_name: str, model_name: str, frames: str) -> None:
         "torch_s": torch_s,
         "first_prediction_s": time.perf_counter() - begin,
     }
-    row |= {"peak_bytes": peak_bytes(), "status": "ok", "origin": scene.origin}
+    row |= {
+        "peak_bytes": peak_bytes(),
+        "status": "ok",
+        "origin": scene.origin,
+    }
     row["loaded"] = " ".join(name for name in WATCHED if name in sys.modules)
     print(json.dumps(row))
 

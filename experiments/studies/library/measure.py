@@ -84,7 +84,11 @@ def _peers(readout: str, model: HDCClassifier) -> dict[str, Any]:
 
 
 def _timed(
-    model: Any, frames: Frames, labels: np.ndarray, queries: Frames, repeats: int
+    model: Any,
+    frames: Frames,
+    labels: np.ndarray,
+    queries: Frames,
+    repeats: int,
 ) -> tuple[np.ndarray, dict[str, float]]:
     """Answers to the queries, and the shortest times."""
 
@@ -108,7 +112,11 @@ def _timed(
 def _brighter_half(frames: Frames) -> np.ndarray:
     """Bits [N, D]: the ⌊D/2⌋ brightest pixels of a frame; of equal ones the first."""
     flat = frames.reshape(len(frames), -1)
-    order = np.argsort(-flat.astype(np.int32), axis=1, kind="stable")
+    order = np.argsort(
+        -flat.astype(np.int32),
+        axis=1,
+        kind="stable",
+    )
     chosen = np.zeros(flat.shape, bool)
     np.put_along_axis(chosen, order[:, : flat.shape[1] // 2], True, axis=1)
     return chosen

@@ -30,7 +30,10 @@ Samples = NDArray[Any]
 
 @experiment(revision=1)
 def numerics(
-    run: Run, samples: int = 100, pixels: int = 25_000, repeats: int = 3
+    run: Run,
+    samples: int = 100,
+    pixels: int = 25_000,
+    repeats: int = 3,
 ) -> Iterator[Row]:
     """One row: a method on one input. Columns: ``input``, ``method``, ``number`` (its precision),
     ``error`` against an exact reference, ``time_s``, ``tolerance``, the error that it may have, and
@@ -77,7 +80,9 @@ def phases() -> Iterator[tuple[Row, Callable[[], object]]]:
 
 
 def _frame_of(
-    mounted: MountedCamera, given: Callable[[Tensor], Tensor], phases: Tensor
+    mounted: MountedCamera,
+    given: Callable[[Tensor], Tensor],
+    phases: Tensor,
 ) -> Samples:
     """Intensity float32 [crop, crop] of phases [1, P], given in another precision."""
     return mounted.intensity(given(phases))[0].numpy()
@@ -96,7 +101,10 @@ PHASES: dict[str, Callable[[Tensor], Tensor]] = {
 }
 
 
-def correlations(n: int, d: int) -> Iterator[tuple[Row, Callable[[], object]]]:
+def correlations(
+    n: int,
+    d: int,
+) -> Iterator[tuple[Row, Callable[[], object]]]:
     """Error of C_ll; the tolerance is half of the last digit that the paper prints."""
     for name, frames in (
         ("8-bit speckle", speckle(n, d)),

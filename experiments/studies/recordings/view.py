@@ -93,7 +93,13 @@ def summary(measured: Measured) -> pd.DataFrame:
     table = []
     for (model, n), part in every.groupby(["model", "n"]):
         estimate = over_units(part.accuracy, seeds)
-        table.append({"model": model, "n": n, **estimate.columns("accuracy")})
+        table.append(
+            {
+                "model": model,
+                "n": n,
+                **estimate.columns("accuracy"),
+            }
+        )
     return pd.DataFrame(table)
 
 
@@ -178,7 +184,11 @@ def fields(results: Results) -> pd.DataFrame | None:
             fields_of(found[scene]),
             found[scene].record.config["scene"]["side"],
         )
-        about = {"recording": scene, "fields": count, "pixels": 2 * side**2 * count}
+        about = {
+            "recording": scene,
+            "fields": count,
+            "pixels": 2 * side**2 * count,
+        }
         table += [{**about, **line} for line in _by_size(found[scene])]
     if not table:
         return None
@@ -246,7 +256,12 @@ def _theory_beside(
         if n not in found.index or found.loc[n].isna().any():
             continue
         hdc, image = found.loc[n]
-        line = {"recording": scene, "n": n, "hdc": hdc, "mean_image": image}
+        line = {
+            "recording": scene,
+            "n": n,
+            "hdc": hdc,
+            "mean_image": image,
+        }
         line["cost"] = image - hdc
         for name in ("hdc", "mean_image", "cost"):
             estimate = over_units(part[name].tolist(), seeds=False)
@@ -267,7 +282,12 @@ def every_model(figure: Figure, results: Results) -> None:
     shown = unsaturated(results)
     summaries = {scene: summary(measured) for scene, measured in shown.items()}
     models = _by_mean(summaries.values())
-    panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    panels = figure.subplots(
+        1,
+        len(shown),
+        sharey=True,
+        squeeze=False,
+    )[0]
     letters = iter(LETTERS)
     for axes, (scene, lines) in zip(panels, summaries.items(), strict=True):
         for n, (colour, marker) in SIZES.items():
@@ -275,15 +295,34 @@ def every_model(figure: Figure, results: Results) -> None:
             places = [k for k, model in enumerate(models) if model in at.index]
             values = at.loc[[models[k] for k in places]]
             x, spread = errors(values[[f"accuracy{end}" for end in ENDS]], 100)
-            look = {"color": colour, "marker": marker, "ls": "", "ms": 2.6}
-            axes.errorbar(x, places, xerr=np.maximum(spread, 0), elinewidth=0.5, **look)
+            look = {
+                "color": colour,
+                "marker": marker,
+                "ls": "",
+                "ms": 2.6,
+            }
+            axes.errorbar(
+                x,
+                places,
+                xerr=np.maximum(spread, 0),
+                elinewidth=0.5,
+                **look,
+            )
         _frame_of_panel(axes, models, _chance(shown[scene].frame))
         panel(axes, next(letters), wrapped(scene_name(scene), 14))
     panels[0].set_yticks(range(len(models)), [literal(display_name(m)) for m in models])
     for label, model in zip(panels[0].get_yticklabels(), models, strict=True):
         label.set(fontsize=6, fontweight="bold" if model == "hdc" else "normal")
     handles = [
-        Line2D([], [], color=colour, marker=marker, ls="", ms=3, label=str(n))
+        Line2D(
+            [],
+            [],
+            color=colour,
+            marker=marker,
+            ls="",
+            ms=3,
+            label=str(n),
+        )
         for n, (colour, marker) in SIZES.items()
     ]
     where: Any = {"loc": "outside lower center", "ncols": len(SIZES)}
@@ -309,7 +348,11 @@ def _chance(rows: pd.DataFrame) -> float | None:
     return 100 / rows.n_classes.iloc[0] if "n_classes" in rows else None
 
 
-def _frame_of_panel(axes: Axes, models: Sequence[str], chance: float | None) -> None:
+def _frame_of_panel(
+    axes: Axes,
+    models: Sequence[str],
+    chance: float | None,
+) -> None:
     """Axis, lines of the models, the band of HDC and the dashed line of chance."""
     axes.set(xlim=(0, 103), ylim=(-0.7, len(models) - 0.3))
     axes.set_xticks([0, 50, 100])
@@ -319,9 +362,21 @@ def _frame_of_panel(axes: Axes, models: Sequence[str], chance: float | None) -> 
     axes.set_axisbelow(True)
     if "hdc" in models:
         at = models.index("hdc")
-        axes.axhspan(at - 0.5, at + 0.5, color="0.88", lw=0, zorder=0)
+        axes.axhspan(
+            at - 0.5,
+            at + 0.5,
+            color="0.88",
+            lw=0,
+            zorder=0,
+        )
     if chance is not None:
-        axes.axvline(chance, color="0.4", lw=0.7, ls="--", zorder=0)
+        axes.axvline(
+            chance,
+            color="0.4",
+            lw=0.7,
+            ls="--",
+            zorder=0,
+        )
 
 
 @STUDY.figure(
@@ -334,7 +389,12 @@ def _frame_of_panel(axes: Axes, models: Sequence[str], chance: float | None) -> 
 def distances(figure: Figure, results: Results) -> None:
     """Histograms of intra- and inter-class distances, a panel a recording."""
     shown = recordings(results, "recording_distances")
-    panels = figure.subplots(1, len(shown), squeeze=False, sharex=True)[0]
+    panels = figure.subplots(
+        1,
+        len(shown),
+        squeeze=False,
+        sharex=True,
+    )[0]
     for letter, axes, (scene, measured) in zip(
         LETTERS, panels, shown.items(), strict=False
     ):
@@ -342,7 +402,12 @@ def distances(figure: Figure, results: Results) -> None:
             part = measured.frame.query("kind == @kind")
             counts = part.groupby("low")["count"].sum()
             look = {"color": colour, "lw": 0.9, "label": kind}
-            axes.step(counts.index, counts / counts.sum(), where="post", **look)
+            axes.step(
+                counts.index,
+                counts / counts.sum(),
+                where="post",
+                **look,
+            )
         separated = number(separation(measured.frame), 2)
         panel(axes, letter, f"{wrapped(scene_name(scene), 22)}\nd′ = {separated}")
         axes.set_yticks([])

@@ -12,7 +12,11 @@ from torch import Tensor
 _BLOCK = 2**18  # bytes of a tensor whose flips are drawn at a time
 
 
-def power(frames: np.ndarray, level: float, random: np.random.Generator) -> np.ndarray:
+def power(
+    frames: np.ndarray,
+    level: float,
+    random: np.random.Generator,
+) -> np.ndarray:
     """Laser power that differs from frame to frame [N, H, W]: factors uniform in 1 ± level."""
     brightest = np.iinfo(frames.dtype).max
     factors = random.uniform(1 - level, 1 + level, len(frames))
@@ -35,7 +39,11 @@ def dead_pixels(
     return result
 
 
-def shift(frames: np.ndarray, level: int, random: np.random.Generator) -> np.ndarray:
+def shift(
+    frames: np.ndarray,
+    level: int,
+    random: np.random.Generator,
+) -> np.ndarray:
     """The camera moved by `level` columns; what comes into sight repeats the column at the edge."""
     return frames[:, :, np.maximum(np.arange(frames.shape[2]) - level, 0)]
 
@@ -85,12 +93,23 @@ def flipped_bits_of_int8(
             tensor.copy_(exact)
 
 
-def _flip(memory: Sequence[np.ndarray], rate: float, seed: Sequence[int]) -> None:
+def _flip(
+    memory: Sequence[np.ndarray],
+    rate: float,
+    seed: Sequence[int],
+) -> None:
     random = np.random.default_rng(list(seed))
     for stored in memory:
         for start in range(0, len(stored), _BLOCK):
             block = stored[start : start + _BLOCK]
             flips = np.zeros(8 * len(block), np.bool_)
             count = random.binomial(len(flips), rate)
-            flips[random.choice(len(flips), count, replace=False, shuffle=False)] = True
+            flips[
+                random.choice(
+                    len(flips),
+                    count,
+                    replace=False,
+                    shuffle=False,
+                )
+            ] = True
             block ^= np.packbits(flips)

@@ -82,7 +82,10 @@ def _level(row: Mapping[str, Any]) -> str:
         "level": Column("Level", cell=_level),
     },
 )  # fmt: skip
-def disturbed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+def disturbed(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> pd.DataFrame:
     """Accuracy of each model, a column, under each disturbance."""
     table = accuracies(rows)
     models = list(rows.model.unique())

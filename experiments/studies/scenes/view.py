@@ -191,7 +191,13 @@ def spatial(figure: Figure, results: Results) -> None:
         at[np.concatenate([run.record.predicted for run in group.runs])] - at[truth]
     )
     mean = np.bincount(truth, error, len(at)) / np.bincount(truth, minlength=len(at))
-    below.plot(at, mean, color="#0072B2", marker="o", ms=2)
+    below.plot(
+        at,
+        mean,
+        color="#0072B2",
+        marker="o",
+        ms=2,
+    )
     below.set(xlabel="true position (mm)", ylim=(0, None), ylabel="mean |error| (mm)")
     text = "mean {:.2f} mm, median {:.3g} mm, 95th percentile {:.3g} mm"
     panel(below, "c", text.format(error.mean(), *np.percentile(error, (50, 95))))
@@ -207,5 +213,9 @@ def quantities(results: Results) -> Iterator[Quantity]:
         group = results.group(scene, "hdc")
         if group.runs:
             share, n = estimates.share_of_one_sensor(group), len(group.right)
-            rest = {"n": n, "seeds": len(group.runs), "made_by": f"{RUN}{EXPERIMENT}"}
+            rest = {
+                "n": n,
+                "seeds": len(group.runs),
+                "made_by": f"{RUN}{EXPERIMENT}",
+            }
             yield Quantity.of(f"{scene}/test_accuracy", share, ONE_SENSOR, 100, **rest)

@@ -248,8 +248,21 @@ def error_vs_time(
         ("*", 8, "paper, Table I"),
         ("o", 6, "training accuracy > 90 %"),
     ):
-        look: Any = {"marker": marker, "ms": size, "mfc": "white", "mec": "black"}
-        handles.append(Line2D([], [], label=label, ls="", **look))
+        look: Any = {
+            "marker": marker,
+            "ms": size,
+            "mfc": "white",
+            "mec": "black",
+        }
+        handles.append(
+            Line2D(
+                [],
+                [],
+                label=label,
+                ls="",
+                **look,
+            )
+        )
     text = "Test error against training time"
     title(figure, axes, text, rows, shown, shown, handles)
 
@@ -269,7 +282,11 @@ def _hdc_s(results: Results) -> float:
 
 
 def _curve(
-    axes: Axes, run: Run, floor: float, hdc_s: float, alpha: float = 0.75
+    axes: Axes,
+    run: Run,
+    floor: float,
+    hdc_s: float,
+    alpha: float = 0.75,
 ) -> None:
     """Error over the reports of one run, times over HDC's; a ring where training accuracy passed
     90 %."""
@@ -280,13 +297,29 @@ def _curve(
     times = np.array([report["training_s"] for report in reports]) / hdc_s
     errors = np.maximum([1 - report["test_accuracy"] for report in reports], floor)
     shape = marker if len(times) < 3 else None
-    look: Any = {"color": colour, "ls": line, "lw": 0.8, "marker": shape}
+    look: Any = {
+        "color": colour,
+        "ls": line,
+        "lw": 0.8,
+        "marker": shape,
+    }
     axes.plot(times, errors, alpha=alpha, **look)
     reached = estimates.training_time(run) / hdc_s
     if np.isfinite(reached):
         at = int(np.argmin(np.abs(times - reached)))
-        ring: Any = {"mfc": "white", "mec": colour, "ms": 5, "zorder": 4}
-        axes.plot(times[at], errors[at], "o", alpha=min(1, alpha / 0.75), **ring)
+        ring: Any = {
+            "mfc": "white",
+            "mec": colour,
+            "ms": 5,
+            "zorder": 4,
+        }
+        axes.plot(
+            times[at],
+            errors[at],
+            "o",
+            alpha=min(1, alpha / 0.75),
+            **ring,
+        )
 
 
 @STUDY.quantities()

@@ -101,7 +101,11 @@ def coverage(
         train = np.concatenate([of_class[:n] for of_class in order])
         model = HDCClassifier().fit(recording.frames(train), recording.labels[train])
         frames, labels = recording.frames(test), recording.labels[test]
-        row |= {"n": n, "n_test": len(test), "alpha": list(alphas)}
+        row |= {
+            "n": n,
+            "n_test": len(test),
+            "alpha": list(alphas),
+        }
         row["accuracy"] = model.score(frames, labels)
         sets = [model.predict_set(frames, alpha) for alpha in alphas]
         row["covered"] = [covered(of_alpha, labels) for of_alpha in sets]
@@ -129,7 +133,12 @@ def covered(sets: Sequence[np.ndarray], labels: np.ndarray) -> float:
 
 
 def parts(
-    run: Run, scene: Any, splits: Any, seeds: Sequence[int], draws: int, most_test: int
+    run: Run,
+    scene: Any,
+    splits: Any,
+    seeds: Sequence[int],
+    draws: int,
+    most_test: int,
 ) -> Iterator[tuple[Any, Row, np.ndarray, np.ndarray]]:
     """Every draw of every split: the recording, the row's start, indices to learn and to test."""
     for seed, recording in run.scenes(scene, seeds):
@@ -143,7 +152,10 @@ def parts(
 
 
 def answers(
-    bank: Bank, y: np.ndarray, queries: np.ndarray, bins: int
+    bank: Bank,
+    y: np.ndarray,
+    queries: np.ndarray,
+    bins: int,
 ) -> dict[str, np.ndarray]:
     """Numbers [Q] of the queries by each model of the first frames, whose values are y [n].
 
@@ -165,7 +177,12 @@ def answers(
     }
 
 
-def binned(bank: Bank, y: np.ndarray, queries: np.ndarray, bins: int) -> np.ndarray:
+def binned(
+    bank: Bank,
+    y: np.ndarray,
+    queries: np.ndarray,
+    bins: int,
+) -> np.ndarray:
     """The mean value of the bin whose prototype is nearest."""
     train = np.arange(len(y))
     edges = np.unique(np.quantile(y, np.linspace(0, 1, bins + 1)[1:-1]))
@@ -191,10 +208,19 @@ def regressor(
         inside.append(float(((low <= truth) & (truth <= high)).mean()))
         width.append(float((high - low).mean()))
     error = float(np.abs(answer - truth).mean())
-    return {"error": error, "alpha": list(alphas), "covered": inside, "width": width}
+    return {
+        "error": error,
+        "alpha": list(alphas),
+        "covered": inside,
+        "width": width,
+    }
 
 
-def ridge_values(inside: Tensor, across: Tensor, y: np.ndarray) -> np.ndarray:
+def ridge_values(
+    inside: Tensor,
+    across: Tensor,
+    y: np.ndarray,
+) -> np.ndarray:
     """Ridge regression of numbers with the penalty of least leave-one-out error.
 
     It is that of the frames themselves, whose weights lie in the span of the training frames.

@@ -16,7 +16,11 @@ from experiments.studies.stability.case import case
 D = 250_000
 
 
-def correlation_case(extreme: str, naive: str, tolerance: float = 1e-10) -> Any:
+def correlation_case(
+    extreme: str,
+    naive: str,
+    tolerance: float = 1e-10,
+) -> Any:
     ours = "mean_pair_correlations"
     return case(
         "correlations", extreme, naive, ours, "correlation", tolerance=tolerance
@@ -38,7 +42,10 @@ def correlated(levels: int) -> NDArray[np.int64]:
 
 
 def compared(
-    naive: Callable[..., float], frames: NDArray[np.int64], given: Any, ours: Any = None
+    naive: Callable[..., float],
+    frames: NDArray[np.int64],
+    given: Any,
+    ours: Any = None,
 ) -> tuple[Any, ...]:
     """A computation for `given`, the frames in its type, beside ours for the frames in ours."""
     samples = given if ours is None else ours

@@ -31,7 +31,11 @@ def random_bits(n: int, d: int) -> Tensor:
     return torch.from_numpy(random().integers(0, 2, (n, d), dtype=np.uint8).view(bool))
 
 
-def counted(words: Tensor, d: int, labels: Tensor) -> Counters:
+def counted(
+    words: Tensor,
+    d: int,
+    labels: Tensor,
+) -> Counters:
     """Counters of these hypervectors."""
     counters = Counters(int(labels.max()) + 1, d)
     counters.add(words, labels)
@@ -101,7 +105,11 @@ def violations(ones: np.ndarray, pixels: np.ndarray) -> int:
     return int(wrong + min(only_here, only_there))
 
 
-def definition(make: Callable[[int], np.ndarray], dtype: str, d: int = D) -> Any:
+def definition(
+    make: Callable[[int], np.ndarray],
+    dtype: str,
+    d: int = D,
+) -> Any:
     """A frame and a constant one: their bits by comparison with the median, and by the encoder."""
     frame = torch.from_numpy(make(d).astype(dtype))
     both = torch.stack([frame, frame[:1].expand(d)])
