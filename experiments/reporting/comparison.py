@@ -106,11 +106,16 @@ def verdict(known: Published, ours: Quantity | None) -> str:
 def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:
     experiment, quantity = known.name.split("/")
     row: dict[str, Any] = {
-        "experiment": experiment, "quantity": quantity, "unit": known.unit,
-        "published": known.value, "published_low": known.low, "published_high": known.high,
-        "margin": known.margin, "verdict": verdict(known, ours),
+        "experiment": experiment,
+        "quantity": quantity,
+        "unit": known.unit,
+        "published": known.value,
+        "published_low": known.low,
+        "published_high": known.high,
+        "margin": known.margin,
+        "verdict": verdict(known, ours),
         "made_by": f"{RUN}{_MAKES.get(experiment, experiment)}",
-    }  # fmt: skip
+    }
     if ours is None:
         return row
     notes = [
@@ -120,10 +125,15 @@ def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:
         known.note and f"calibration: {known.note}",
     ]
     return row | {
-        "condition": ours.condition, "measured": ours.value, "low": ours.low, "high": ours.high,
-        "n": ours.n, "seeds": ours.seeds, "made_by": ours.made_by or row["made_by"],
+        "condition": ours.condition,
+        "measured": ours.value,
+        "low": ours.low,
+        "high": ours.high,
+        "n": ours.n,
+        "seeds": ours.seeds,
+        "made_by": ours.made_by or row["made_by"],
         "note": "; ".join(filter(None, notes)),
-    }  # fmt: skip
+    }
 
 
 def _judged(

@@ -85,8 +85,19 @@ def commands(groups: Iterable[Group]) -> list[str]:
     )
 
 
-SHOWN = ("id", "scene", "model", "overrides", "stop_rule", "n_train", "seed", "status",
-         "test_accuracy_final", "training_s", "code")  # fmt: skip
+SHOWN = (
+    "id",
+    "scene",
+    "model",
+    "overrides",
+    "stop_rule",
+    "n_train",
+    "seed",
+    "status",
+    "test_accuracy_final",
+    "training_s",
+    "code",
+)
 
 
 def runs_table(results: Results) -> Table:
@@ -98,19 +109,32 @@ def runs_table(results: Results) -> Table:
         *((r, {}, []) for r in results.unfinished),
     ]:
         environment = record.environment
-        rows.append({
-            "id": record.id, "scene": record.choices.scene, "model": record.choices.model,
-            "overrides": " ".join(f"{key}={value}" for key, value in overrides.items()),
-            "stop_rule": record.choices.stop,
-            "n_train": getattr(record, "n_train", record.config["split"]["n_train"]),
-            "pixels": record.config["data"]["pixels"], "seed": record.seed,
-            "status": ": ".join(filter(None, [record.status, record.error])),
-            "test_accuracy_final": getattr(record, "test_accuracy_final", None),
-            "training_s": record.training_s, "origin": record.scene.origin,
-            "cpu": environment.cpu, "threads": environment.threads,
-            "exclusive": environment.exclusive, "code": ", ".join(changed) or "current",
-            "command": record.command, **overrides,
-        })  # fmt: skip
+        rows.append(
+            {
+                "id": record.id,
+                "scene": record.choices.scene,
+                "model": record.choices.model,
+                "overrides": " ".join(
+                    f"{key}={value}" for key, value in overrides.items()
+                ),
+                "stop_rule": record.choices.stop,
+                "n_train": getattr(
+                    record, "n_train", record.config["split"]["n_train"]
+                ),
+                "pixels": record.config["data"]["pixels"],
+                "seed": record.seed,
+                "status": ": ".join(filter(None, [record.status, record.error])),
+                "test_accuracy_final": getattr(record, "test_accuracy_final", None),
+                "training_s": record.training_s,
+                "origin": record.scene.origin,
+                "cpu": environment.cpu,
+                "threads": environment.threads,
+                "exclusive": environment.exclusive,
+                "code": ", ".join(changed) or "current",
+                "command": record.command,
+                **overrides,
+            }
+        )
     rows.sort(key=lambda row: (row["scene"], row["model"], row["id"]))
     four = {
         name: Column(name.replace("_", " "), partial(number, digits=4))

@@ -26,9 +26,15 @@ from experiments.reporting.table import frame
 
 N_PUBLISHED = 400  # of all the published accuracies; equal ones are drawn side by side
 SHOWN = (
-    "model", "n_train", "pixels", "seeds", "test_accuracy_final", "training_time_s",
-    "predict_single_s", "model_bytes",
-)  # fmt: skip
+    "model",
+    "n_train",
+    "pixels",
+    "seeds",
+    "test_accuracy_final",
+    "training_time_s",
+    "predict_single_s",
+    "model_bytes",
+)
 KEY = ("scene", "model", "n_train", "pixels")
 # Experiments that make the runs of a sweep, where it is not the one of its name alone.
 EXPERIMENTS = {"accuracy_vs_n": ("accuracy_vs_n", "accuracy_vs_n_cnn")}

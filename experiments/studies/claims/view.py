@@ -76,8 +76,13 @@ def _of_recordings(
             values = zip(*(value for value, _ in found), strict=True)
             value = Estimate(*(float(np.mean(part)) for part in values))
             n = None if sizes else f"{found[0][1]} frames per class"
-            yield {"evidence": scene, "kind": _kind(measured), "value": value, "n": n,
-                   "command": f"{RUN}recordings scene={scene}",}  # fmt: skip
+            yield {
+                "evidence": scene,
+                "kind": _kind(measured),
+                "value": value,
+                "n": n,
+                "command": f"{RUN}recordings scene={scene}",
+            }
 
 
 def _of_scenes(results: Results) -> Iterator[Evidence]:
@@ -86,8 +91,12 @@ def _of_scenes(results: Results) -> Iterator[Evidence]:
         groups = [results.group(scene, model) for model in ("hdc", RIVAL)]
         if paired := difference(groups[0].runs, groups[1].runs):
             name = f"{scene}, fitted to HDC" if _fitted(scene) else scene
-            row = {"evidence": name, "value": paired, "n": f"{len(groups[0].runs)} seeds",
-                   "command": f"{RUN}all_scenes scene={scene}"}  # fmt: skip
+            row = {
+                "evidence": name,
+                "value": paired,
+                "n": f"{len(groups[0].runs)} seeds",
+                "command": f"{RUN}all_scenes scene={scene}",
+            }
             if all(group.right.mean() >= SATURATED for group in groups):
                 row |= {"evidence": f"{scene}, saturated", "verdict": UNDECIDED}
             yield row
@@ -104,8 +113,13 @@ def _slower(results: Results, models: Sequence[str]) -> Iterator[Evidence]:
             bounds = (min(runs), max(runs)) if len(runs) > 1 else ()
             value = Estimate(float(np.median(runs)), *bounds)
             count = "1 run" if len(runs) == 1 else f"{len(runs)} runs"
-            yield {"evidence": f"{display_name(model)}, over {way}", "kind": TIMED, "value": value,
-                   "verdict": rules.slower(runs), "n": count}  # fmt: skip
+            yield {
+                "evidence": f"{display_name(model)}, over {way}",
+                "kind": TIMED,
+                "value": value,
+                "verdict": rules.slower(runs),
+                "n": count,
+            }
 
 
 def _kind(measured: Measured) -> str:
@@ -149,8 +163,12 @@ def _first(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     first = first_crossings(rows).query("model == 'hdc'")["first"]
     if not len(first):
         return
-    yield {"evidence": f"{place or 'touch'}, fitted", "value": middle(first),
-           "n": f"{len(first)} experiments", "verdict": UNDECIDED}  # fmt: skip
+    yield {
+        "evidence": f"{place or 'touch'}, fitted",
+        "value": middle(first),
+        "n": f"{len(first)} experiments",
+        "verdict": UNDECIDED,
+    }
 
 
 def _contrast(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
@@ -159,9 +177,12 @@ def _contrast(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
         before, after = (
             mean_contrast(rows, k, "held-out")[0] for k in ("speckle", "prototype")
         )
-        yield {"evidence": place or "touch", "value": Estimate(after - before),
-               "quantity": f"contrast {number(before)} to {number(after)}",
-               "verdict": YES if after > before else NO}  # fmt: skip
+        yield {
+            "evidence": place or "touch",
+            "value": Estimate(after - before),
+            "quantity": f"contrast {number(before)} to {number(after)}",
+            "verdict": YES if after > before else NO,
+        }
 
 
 def _recalibration(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
@@ -176,9 +197,11 @@ def _recalibration(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
         part = of_model.query(f"update == '{update}' and n_new == 50").new
         gained = (part - of_model.query("method == 'stored'").new).dropna()
         if len(gained):
-            row = {"evidence": f"{place or 'drift'}, {name}",
-                   "quantity": f"gained, to {100 * part.mean():.3g} %",
-                   "value": mean_interval(gained.tolist())}  # fmt: skip
+            row = {
+                "evidence": f"{place or 'drift'}, {name}",
+                "quantity": f"gained, to {100 * part.mean():.3g} %",
+                "value": mean_interval(gained.tolist()),
+            }
             yield row if "p = " in name else {**row, "verdict": UNDECIDED}
 
 

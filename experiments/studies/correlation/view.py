@@ -73,10 +73,13 @@ def quantities(
 
 
 @STUDY.figure(
-    "fig4_images", of="correlation_images", size=(3.4, 2.5), kind="webp",
+    "fig4_images",
+    of="correlation_images",
+    size=(3.4, 2.5),
+    kind="webp",
     caption="Speckle, hypervector and prototype of each class, on {frames} (Fig. 4(a)): the same "
     "part of a frame in each row, white 1, black 0.",
-)  # fmt: skip
+)
 def images(
     figure: Figure,
     rows: pd.DataFrame,
@@ -109,11 +112,13 @@ def images(
 
 
 @STUDY.figure(
-    "fig4_correlations", of="correlation", size=(3.4, 3.9),
+    "fig4_correlations",
+    of="correlation",
+    size=(3.4, 3.9),
     caption="Correlations within and between classes, on {frames}, mean over seeds (Fig. 4(b) to "
     "(e)); (d) prototypes (rows) with held-out samples (columns); (e) 95 % intervals over seeds.",
     needs=lambda rows, config: set(SYMBOLS) == set(rows.kind),
-)  # fmt: skip
+)
 def fig4(
     figure: Figure,
     rows: pd.DataFrame,

@@ -57,14 +57,16 @@ def first_crossings(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 @STUDY.table(
-    "crossing", of="crossing", key=("model",),
+    "crossing",
+    of="crossing",
+    key=("model",),
     title=f"First N at which one experiment exceeds {LEVEL:.0%}, on {{frames}}",
     columns={"first": Column("First N, median [95 % of experiments]", _whole)},
     note=f"The paper: the accuracy exceeded {LEVEL:.0%} only when N > {_LIMIT:g}. Asked at "
     "multiples of the number of classes, as the paper's N_s = N/L; ∞: the last N was not enough. "
     "The N of one experiment are nested; whether the paper's were is not known. The simulated "
     "sensor was fitted to this number, so agreement is no evidence.",
-)  # fmt: skip
+)
 def first(
     rows: pd.DataFrame,
     config: Mapping[str, Any],
@@ -83,11 +85,13 @@ def middle(first: pd.Series) -> Estimate:
 
 
 @STUDY.figure(
-    "crossing", of=("crossing", "crossing_theory"), size=(3.4, 4.9),
+    "crossing",
+    of=("crossing", "crossing_theory"),
+    size=(3.4, 4.9),
     caption="Test accuracy against N, with theory, and the share of experiments that have "
     "exceeded 90 % by then, on {frames} (Fig. 5(b)); bars: 95 % over sensors, each the mean of its "
     "experiments; theory is from correlations alone.",
-)  # fmt: skip
+)
 def figure(
     figure: Figure,
     rows: pd.DataFrame,

@@ -63,9 +63,18 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 @STUDY.table(
-    "drift", of="drift", key=_WAY, title="Recalibration and training again, on {frames}",
-    shown=("order", "model", "update", *(f"new_{n}" for n in _SHOWN), f"old_{_SHOWN[0]}",
-           f"old_{N_NEW}"),
+    "drift",
+    of="drift",
+    key=_WAY,
+    title="Recalibration and training again, on {frames}",
+    shown=(
+        "order",
+        "model",
+        "update",
+        *(f"new_{n}" for n in _SHOWN),
+        f"old_{_SHOWN[0]}",
+        f"old_{N_NEW}",
+    ),
     columns={
         "order": Column("Order", lambda order: ORDERS[order]),
         "update": Column("Trained on"),
@@ -75,7 +84,7 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     note="New samples alone are the paper's p = 1 for HDC. Intervals: Student, 95 %, over seeds, "
     "each a sensor. Equal votes: a new sample counts N_old/N_new times. From the old weights: the "
     "penalty is on the distance from them.",
-)  # fmt: skip
+)
 def recalibration(
     rows: pd.DataFrame,
     config: Mapping[str, Any],
@@ -136,11 +145,13 @@ def _look(
 
 
 @STUDY.figure(
-    "fig8_drift", of="drift", size=(3.4, 6.6),
+    "fig8_drift",
+    of="drift",
+    size=(3.4, 6.6),
     caption="Accuracy in the new and in the old room after an update with N_new samples, "
     "on {frames} (Fig. 8(b)): HDC by every update, others by their best; dashed grey: HDC, "
     "not updated; 95 % intervals over seeds.",
-)  # fmt: skip
+)
 def fig8(
     figure: Figure,
     rows: pd.DataFrame,

@@ -13,9 +13,17 @@ from typing import Any
 
 # Loaded by some part of the project, needed by few.
 WATCHED = (
-    "cv2", "sklearn", "pandas", "matplotlib", "scipy", "scipy.stats", "baselines.cnn",
-    "scenes.sensor.texture", "scenes.fibre", "scenes.recorded",
-)  # fmt: skip
+    "cv2",
+    "sklearn",
+    "pandas",
+    "matplotlib",
+    "scipy",
+    "scipy.stats",
+    "baselines.cnn",
+    "scenes.sensor.texture",
+    "scenes.fibre",
+    "scenes.recorded",
+)
 
 
 def main(

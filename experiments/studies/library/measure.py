@@ -57,12 +57,18 @@ def library(
             for name, peer in _peers(readout, model).items():
                 others, of_peer = _timed(peer, frames, labels, queries, repeats)
                 yield {
-                    "origin": recording.origin, "seed": seed, "readout": readout, "peer": name,
-                    "n_train": len(train), "n_test": len(test), "dimension": frames[0].size,
+                    "origin": recording.origin,
+                    "seed": seed,
+                    "readout": readout,
+                    "peer": name,
+                    "n_train": len(train),
+                    "n_test": len(test),
+                    "dimension": frames[0].size,
                     "right": int((answers == recording.labels[test]).sum()),
                     "same": int((answers == others).sum()),
-                    **times, **{f"peer_{key}": value for key, value in of_peer.items()},
-                }  # fmt: skip
+                    **times,
+                    **{f"peer_{key}": value for key, value in of_peer.items()},
+                }
         run.note(f"seed {seed}")
 
 

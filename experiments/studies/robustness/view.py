@@ -75,13 +75,15 @@ def _level(row: Mapping[str, Any]) -> str:
 
 
 @STUDY.table(
-    "robustness", of="robustness", key=("disturbance", "level"),
+    "robustness",
+    of="robustness",
+    key=("disturbance", "level"),
     title="Test accuracy, %, when something goes wrong after training, on {frames}",
     columns={
         "disturbance": Column("Disturbance", lambda name: LEVELS[name][0]),
         "level": Column("Level", cell=_level),
     },
-)  # fmt: skip
+)
 def disturbed(
     rows: pd.DataFrame,
     config: Mapping[str, Any],

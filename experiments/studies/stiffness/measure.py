@@ -83,10 +83,15 @@ def stiffness(
                 rate = 2 / float(lambda_max) * 2.0 ** (k / 2 + 0.25)
                 losses = descend(gram, targets, rate, seed=seed, **how)
                 yield {
-                    "origin": made.origin, "pixels": name, "method": method, "start": start,
-                    "lambda_max": float(lambda_max), "predicted": 2 / float(lambda_max),
-                    "rate": rate, **verdict([loss - least for loss in losses], least),
-                }  # fmt: skip
+                    "origin": made.origin,
+                    "pixels": name,
+                    "method": method,
+                    "start": start,
+                    "lambda_max": float(lambda_max),
+                    "predicted": 2 / float(lambda_max),
+                    "rate": rate,
+                    **verdict([loss - least for loss in losses], least),
+                }
 
 
 def descend(

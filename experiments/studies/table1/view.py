@@ -196,11 +196,17 @@ def equal_accuracy(results: Results) -> pd.DataFrame | None:
             ratios = [
                 time / ours[run.seeds][0] for run, time in zip(runs, times, strict=True)
             ]
-            rows.append({
-                "model": model, "pixels": group.pixels or "all", "seeds": len(runs),
-                **_over_seeds("time", times),
-                **_over_seeds("ratio", ratios if group.machines == hdc.machines else []),
-            })  # fmt: skip
+            rows.append(
+                {
+                    "model": model,
+                    "pixels": group.pixels or "all",
+                    "seeds": len(runs),
+                    **_over_seeds("time", times),
+                    **_over_seeds(
+                        "ratio", ratios if group.machines == hdc.machines else []
+                    ),
+                }
+            )
             if group.pixels:
                 break
     return frame(rows)

@@ -95,7 +95,7 @@ def squares_that_underflow() -> Any:
     "N_s = 2: one pair; the mean over a whole Gram matrix counts each frame with itself",
     "mean of numpy.corrcoef",
     1e-12,
-)  # fmt: skip
+)
 def two_samples_a_class() -> Any:
     frames = correlated(256)
     return compared(

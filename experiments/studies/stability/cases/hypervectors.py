@@ -125,9 +125,13 @@ def definition(
 
 for _name, _extreme, _pixels, _dtype in FRAMES:
     hypervector_case(
-        _extreme, "pixel > median", "hdc.encoders.Median", "bits", name=f"definition {_name}",
+        _extreme,
+        "pixel > median",
+        "hdc.encoders.Median",
+        "bits",
+        name=f"definition {_name}",
         error=violations,
-    )(partial(definition, _pixels, _dtype))  # fmt: skip
+    )(partial(definition, _pixels, _dtype))
 
 
 def tail_bits(d: int) -> Any:
@@ -144,15 +148,19 @@ def tail_bits(d: int) -> Any:
 for _d in (1, 3, 63, 65, 127, 129, 1000, D):
     hypervector_case(
         f"D = {_d:,}: a complement also sets bits beyond the last pixel",
-        "~majority(words, ties to zero)", "hdc.bits.majority(words, 'one')", "bits",
+        "~majority(words, ties to zero)",
+        "hdc.bits.majority(words, 'one')",
+        "bits",
         name=f"tail bits of {_d:,} pixels",
-    )(partial(tail_bits, _d))  # fmt: skip
+    )(partial(tail_bits, _d))
 
 
 @hypervector_case(
     "opposite hypervectors: sums of bits kept in bytes wrap at 256",
-    "numpy.bitwise_count, summed in uint8", "hdc.bits.hamming", "bits",
-)  # fmt: skip
+    "numpy.bitwise_count, summed in uint8",
+    "hdc.bits.hamming",
+    "bits",
+)
 def distances_above_255(d: int = D) -> Any:
     mask = random_bits(1, d)
     a, b = bits.pack(mask), bits.pack(~mask)
@@ -165,8 +173,11 @@ def distances_above_255(d: int = D) -> Any:
 
 @hypervector_case(
     "50 of 51 prototypes equally near to every query: the lowest index is expected",
-    "topk(1, largest=False)", "HDCClassifier.predict", "queries", error=differing,
-)  # fmt: skip
+    "topk(1, largest=False)",
+    "HDCClassifier.predict",
+    "queries",
+    error=differing,
+)
 def hamming_ties(d: int = 1024) -> Any:
     frames = torch.from_numpy(random().integers(0, 256, (2, d), dtype=np.uint8))
     model = HDCClassifier().fit(frames[[0] + [1] * 50], np.arange(51))
@@ -181,8 +192,10 @@ def hamming_ties(d: int = 1024) -> Any:
 
 @hypervector_case(
     "70,000 samples in a class: 16-bit counters wrap at 2^16",
-    "uint16 counters", "hdc.prototypes.Counters", "counts",
-)  # fmt: skip
+    "uint16 counters",
+    "hdc.prototypes.Counters",
+    "counts",
+)
 def counters_above_2_to_the_16(n: int = 70_000, d: int = 1000) -> Any:
     ones = [
         round(n * share) for share in np.linspace(0, 1, d)
@@ -198,8 +211,11 @@ def counters_above_2_to_the_16(n: int = 70_000, d: int = 1000) -> Any:
 
 @hypervector_case(
     "classes of 1, 2 and 997 samples: one threshold for all empties the small ones",
-    "count > N / (2 L)", "Counters.majority", "bits", error=differing,
-)  # fmt: skip
+    "count > N / (2 L)",
+    "Counters.majority",
+    "bits",
+    error=differing,
+)
 def unequal_classes(d: int = 10_000) -> Any:
     sizes = torch.tensor([1, 2, 997])
     labels, mask = torch.repeat_interleave(torch.arange(3), sizes), random_bits(1000, d)

@@ -22,9 +22,13 @@ from hdc import HDCClassifier
 from hdc.products import integer_product
 
 MODELS: tuple[Any, ...] = (
-    HDCClassifier, SoftmaxRegression, DualSoftmaxRegression, RidgeReadout, CorrelationClassifier,
+    HDCClassifier,
+    SoftmaxRegression,
+    DualSoftmaxRegression,
+    RidgeReadout,
+    CorrelationClassifier,
     NearestNeighbour,
-)  # fmt: skip
+)
 
 
 training_case = partial(case, "training")
@@ -38,8 +42,11 @@ def halves(n: int = 1) -> tuple[Tensor, np.ndarray]:
 
 @training_case(
     "250,000 products of −128 and −128: an int32 sum wraps at 2^31",
-    "int32 matrix product", "integer_product", "relative", error=relative,
-)  # fmt: skip
+    "int32 matrix product",
+    "integer_product",
+    "relative",
+    error=relative,
+)
 def integer_overflow(d: int = 250_000) -> Any:
     x = torch.full((1, d), -128, dtype=torch.int8)
     return lambda: x.int() @ x.int().T, lambda: integer_product(x, x.T), 128 * 128 * d
@@ -47,9 +54,12 @@ def integer_overflow(d: int = 250_000) -> Any:
 
 @training_case(
     "logits of ±10,160 and a wrong label: e^10160 is above any float, ∞/∞ is NaN",
-    "−log(exp(z) / Σ exp(z))", "SoftmaxRegression", "relative", error=relative,
+    "−log(exp(z) / Σ exp(z))",
+    "SoftmaxRegression",
+    "relative",
+    error=relative,
     tolerance=1e-6,
-)  # fmt: skip
+)
 def logits_of_ten_thousand() -> Any:
     # One step of rate 1.25 from W = 0 gives W_0 = −W_1 = 1.25·(x_0 − x_1)/8, logits ±1.25·255²/8,
     # and a loss of twice that for the third of four frames, whose label is wrong.
@@ -82,9 +92,12 @@ def logits_of_ten_thousand() -> Any:
 
 @training_case(
     "two frames, each 50 times: with a Gram matrix of rank one, Newton's step is singular",
-    "Newton's method, dense Hessian K·S·K + K", "DualSoftmaxRegression", "relative",
-    error=relative, tolerance=1e-6,
-)  # fmt: skip
+    "Newton's method, dense Hessian K·S·K + K",
+    "DualSoftmaxRegression",
+    "relative",
+    error=relative,
+    tolerance=1e-6,
+)
 def duplicated_samples(m: int = 50, c: float = 1.0) -> Any:
     frames, labels = halves(m)
     # Centred, the frames are ±d with k = d·d = 1. With W_0 = −W_1 = β·d the objective is
@@ -117,9 +130,12 @@ def duplicated_samples(m: int = 50, c: float = 1.0) -> Any:
 
 @training_case(
     "nearly separable frames, C = 10^6: full steps of Newton's method overshoot until exp(z) is ∞",
-    "Newton's method, full steps", "DualSoftmaxRegression", "relative", error=relative,
+    "Newton's method, full steps",
+    "DualSoftmaxRegression",
+    "relative",
+    error=relative,
     tolerance=1e-6,
-)  # fmt: skip
+)
 def steps_that_overshoot(c: float = 1e6) -> Any:
     pixels = [[0, 255], [2, 1], [0, 1], [1, 0], [255, 5], [0, 255], [20, 20]]
     labels = np.array([0, 1, 0, 0, 0, 0, 0])
@@ -151,16 +167,22 @@ def steps_that_overshoot(c: float = 1e6) -> Any:
         return DualSoftmaxRegression(C=c, tol=1e-14).fit(frames, labels).objective_
 
     exact = minimize(
-        objective, np.zeros(3), method="trust-exact", jac=gradient, hess=hessian,
+        objective,
+        np.zeros(3),
+        method="trust-exact",
+        jac=gradient,
+        hess=hessian,
         options={"gtol": 1e-3, "maxiter": 5000},
-    )  # fmt: skip
+    )
     return naive, ours, exact.fun
 
 
 @training_case(
     "samples of classes 0 and 2 of three: the mean of no sample is NaN, nearest to all",
-    "nearest of three class means", "six models", "wrong labels",
-)  # fmt: skip
+    "nearest of three class means",
+    "six models",
+    "wrong labels",
+)
 def a_class_without_training_samples(n: int = 10, side: int = 16) -> Any:
     noise = np.random.default_rng(0).integers(0, 256, (n, side, side), dtype=np.uint8)
     frames, labels = torch.from_numpy(noise), np.arange(n) % 2 * 2
@@ -181,8 +203,10 @@ def a_class_without_training_samples(n: int = 10, side: int = 16) -> Any:
 
 @training_case(
     "a frame without contrast is asked: its correlation is 0/0; zero is expected",
-    "numpy.corrcoef", "CorrelationClassifier", "correlation",
-)  # fmt: skip
+    "numpy.corrcoef",
+    "CorrelationClassifier",
+    "correlation",
+)
 def a_constant_frame_is_asked() -> Any:
     frames, labels = halves()
     constant = torch.full((1, 1, 4), 128, dtype=torch.uint8)
