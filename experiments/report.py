@@ -86,15 +86,9 @@ class Answers:
 
     def write(self, folder: Path, tex: bool = False) -> list[Path]:
         """Write tables and figures as files, and remove those of an earlier report; the files."""
-        texts = {}
+        texts: dict[str, str] = {}
         for table in itertools.chain(*self.tables.values()):
-            if table.name != "runs":
-                texts[f"tables/{table.name}.md"] = table.markdown()
-                if tex:
-                    texts[f"tables/{table.name}.tex"] = table.tex()
-            elif self.name == "reference":
-                continue  # runs.jsonl has them
-            texts[f"tables/{table.name}.csv"] = table.csv()
+            texts |= self._texts_of(table, tex)
         for name, text in texts.items():
             write_atomically(folder / name, text)
         written = [folder / name for name in texts]
@@ -103,12 +97,22 @@ class Answers:
             path = folder / "figures" / f"{picture.plot.name}.{picture.plot.kind}"
             path.write_bytes(picture.data)
             written.append(path)
-        there = {
-            path for name in ("tables", "figures") for path in (folder / name).iterdir()
-        }
-        for path in there.difference(written):
-            path.unlink()
+        for name in ("tables", "figures"):
+            for path in set((folder / name).iterdir()).difference(written):
+                path.unlink()
         return written
+
+    def _texts_of(self, table: Table, tex: bool) -> dict[str, str]:
+        """The files of a table by name, with what they contain."""
+        if table.name == "runs":
+            if self.name == "reference":
+                return {}  # runs.jsonl has them
+            return {"tables/runs.csv": table.csv()}
+        texts = {f"tables/{table.name}.md": table.markdown()}
+        if tex:
+            texts[f"tables/{table.name}.tex"] = table.tex()
+        texts[f"tables/{table.name}.csv"] = table.csv()
+        return texts
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -169,7 +173,8 @@ def write(
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"
     write_atomically(path, page.render(_sections(sets), problems, about))
-    for table in sets[0].tables.get("table1", []):
+    tables = sets[0].tables
+    for table in tables.get("table1", []):
         if table.name == "table1":
             show_table1(console, table, sets[0].name)
     for line in against.lines() if against else ():
@@ -216,14 +221,16 @@ def _sections(sets: Sequence[Answers]) -> list[Section]:
         blocks = _blocks("against", [mine])
         sections.insert(0, Section("against", "Own against reference", "", blocks))
     if mine.name == "mine" and len(mine.results.runs) <= MOST_RUNS:
-        sections.append(Section("runs", "Every run", "", _blocks("runs", [mine])))
+        blocks = _blocks("runs", [mine])
+        sections.append(Section("runs", "Every run", "", blocks))
     return sections
 
 
 def _blocks(name: str, sets: Sequence[Answers]) -> list[Block]:
     blocks = []
     for answers in reversed(sets):  # the complete reference stands before first looks
-        tables, pictures = answers.tables[name], answers.pictures.get(name, [])
+        tables = answers.tables[name]
+        pictures = answers.pictures.get(name, [])
         if tables or pictures:
             blocks.append(
                 Block(answers.name if len(sets) > 1 else "", tables, pictures)
@@ -235,9 +242,10 @@ def _about(answers: Answers) -> str:
     """How many records there are, of which code, from which machine."""
     results = answers.results
     records: list[Run | Measured] = [*results.runs, *results.measurements]
-    machines = {
-        (r.record.environment.cpu, r.record.environment.threads) for r in records
-    }
+    machines = set()
+    for entry in records:
+        environment = entry.record.environment
+        machines.add((environment.cpu, environment.threads))
     where = "; ".join(f"{cpu}, {threads} threads" for cpu, threads in sorted(machines))
     counts = f"{len(results.runs)} runs and {len(results.measurements)} measurements on {where}"
     counts += f" ({'tables/runs.csv' if answers.name == 'mine' else 'runs.jsonl'} has every run)"

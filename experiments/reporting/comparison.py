@@ -85,22 +85,32 @@ def verdict(known: Published, ours: Quantity | None) -> str:
     if ours is None or ours.value is None:
         return "missing"
     if known.name in _SETTINGS:
-        same = isinstance(ours.value, int | float) and math.isclose(
-            ours.value, known.value
-        )
-        return f"setting, {'same' if same else 'another'}"
+        return _setting(known.value, ours.value)
     if isinstance(ours.value, str):
         return "not reached"
     if known.not_comparable:
         return "not comparable"
-    bounds = (ours.low, ours.high, known.margin)
-    if any(bound is None or not math.isfinite(bound) for bound in bounds):
-        agreement = "no interval"
-    else:
-        agreement = _judged(known, ours.value, *bounds)  # type: ignore[arg-type]
+    agreement = _agreement(known, ours)
+    if not known.calibration:
+        return agreement
     if known.calibration == "fitted" and agreement == "agrees":
         return "fitted"
-    return f"{known.calibration}, {agreement}" if known.calibration else agreement
+    return f"{known.calibration}, {agreement}"
+
+
+def _setting(published: float, ours: float | str) -> str:
+    if isinstance(ours, int | float) and math.isclose(ours, published):
+        return "setting, same"
+    return "setting, another"
+
+
+def _agreement(known: Published, ours: Quantity) -> str:
+    """Whether the interval of our number holds the paper's."""
+    bounds = (ours.low, ours.high, known.margin)
+    for bound in bounds:
+        if bound is None or not math.isfinite(bound):
+            return "no interval"
+    return _judged(known, ours.value, *bounds)  # type: ignore[arg-type]
 
 
 def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:

@@ -79,7 +79,8 @@ def correlation_images(
     pictures = dict(zip(KINDS, [frames, *white], strict=True))
     for k, name in enumerate(sensor.classes):
         for picture, images in pictures.items():
-            image = images.view(frames.shape)[k, top : top + edge, left : left + edge]
+            square = (slice(top, top + edge), slice(left, left + edge))
+            image = images.view(frames.shape)[k][square]
             _, png = cv2.imencode(".png", np.ascontiguousarray(image.numpy()))
             text = base64.b64encode(png.tobytes()).decode()
             yield {
@@ -98,7 +99,8 @@ def correlations(
     samples: Sequence[str] = SAMPLES,
 ) -> Iterator[Row]:
     """Every C_ij of a scene, a row each; see :func:`correlation`."""
-    sums, prototypes = add_up(scene, members_of(scene, split, seed), kinds, samples)
+    members = members_of(scene, split, seed)
+    sums, prototypes = add_up(scene, members, kinds, samples)
     for kind in kinds:
         parts = dict(sums[_correlated(kind)])
         if "all" in samples:
@@ -110,6 +112,7 @@ def correlations(
             else:
                 means = total.pair_means()
             for i, j in np.ndindex(means.shape):
+                pair = [i] if i == j else [i, j]
                 yield {
                     "kind": kind,
                     "samples": part,
@@ -117,7 +120,7 @@ def correlations(
                     "class_j": scene.classes[j],
                     "value": float(means[i, j]),
                     "n": total.n,
-                    "undefined": int(total.undefined[list({i, j})].sum()),
+                    "undefined": int(total.undefined[pair].sum()),
                 }
 
 
@@ -130,10 +133,10 @@ def members_of(
         ValueError: if classes have different numbers of samples, for which Eq. 4 is not defined.
     """
     members = {}
-    for part, chosen in zip(PARTS, data.choose(scene, split, seed), strict=True):
-        by_class = [
-            chosen[scene.labels[chosen] == c] for c in range(len(scene.classes))
-        ]
+    of_parts = data.choose(scene, split, seed)
+    for part, chosen in zip(PARTS, of_parts, strict=True):
+        labels = scene.labels[chosen]
+        by_class = [chosen[labels == c] for c in range(len(scene.classes))]
         counts = sorted({len(indices) for indices in by_class})
         if len(counts) > 1:
             raise ValueError(
@@ -158,6 +161,11 @@ def add_up(
         sums[_correlated(kind)] = empty
     counters = Counters(n_classes, dimension)
     for part, indices in members.items():
+        wanted = {
+            correlated: by_part[part]
+            for correlated, by_part in sums.items()
+            if part in by_part
+        }
         if part == "held-out" and part not in parts:
             continue
         for sample_of_each in indices.T:
@@ -165,13 +173,10 @@ def add_up(
             words = Median().encode(frames)
             if part == "training":
                 counters.add(words, torch.arange(n_classes))
-            samples_of = {
-                "hypervector": bits.unpack(words, dimension),
-                "speckle": frames.flatten(1),
-            }
-            for correlated, by_part in sums.items():
-                if part in by_part:
-                    by_part[part].add(samples_of[correlated])
+            if "hypervector" in wanted:
+                wanted["hypervector"].add(bits.unpack(words, dimension))
+            if "speckle" in wanted:
+                wanted["speckle"].add(frames.flatten(1))
     return sums, bits.unpack(counters.majority(), dimension)
 
 
