@@ -173,18 +173,28 @@ def write(
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"
     write_atomically(path, page.render(_sections(sets), problems, about))
-    tables = sets[0].tables
-    for table in tables.get("table1", []):
-        if table.name == "table1":
-            show_table1(console, table, sets[0].name)
-    for line in against.lines() if against else ():
-        style = "yellow" if line.startswith("!") else ""
-        console.print(Text(printable(line), style), soft_wrap=True)
+    _show(console, sets[0], against)
     for name, text in about.items():
         console.print(Text(printable(f"{name}: {text}"), "dim"))
     print_problems(console, sets)
     console.print(f"page: {os.path.relpath(path)}", soft_wrap=True)
     return path
+
+
+def _show(
+    console: Console,
+    answers: Answers,
+    against: Comparison | None,
+) -> None:
+    """Table I, and own numbers against the reference."""
+    for table in answers.tables.get("table1", []):
+        if table.name == "table1":
+            show_table1(console, table, answers.name)
+    if against is None:
+        return
+    for line in against.lines():
+        style = "yellow" if line.startswith("!") else ""
+        console.print(Text(printable(line), style), soft_wrap=True)
 
 
 def _against(sets: Sequence[Answers]) -> Comparison | None:

@@ -20,6 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from numpy.typing import NDArray
@@ -204,24 +205,14 @@ def matrix(
     )
     axes.set_yticks(ticks, shown, fontsize=6)
     axes.tick_params(length=0 if step == 1 else 2, pad=2)
-    texts = np.array(cells or [], object)
-    for (i, j), text in np.ndenumerate(texts) if cells else ():
-        red_green_blue = image.to_rgba(values[i, j])[:3]
-        light = np.dot(red_green_blue, (0.3, 0.6, 0.1)) > 0.5
-        axes.text(
-            j,
-            i,
-            text,
-            ha="center",
-            va="center",
-            fontsize=5.5,
-            color="black" if light else "white",
-        )
-    place, aspect = ("right", 20) if step == 1 else ("bottom", 25)
+    if cells:
+        for place, text in np.ndenumerate(np.array(cells, object)):
+            _write(axes, image, values, place, text)
+    where, aspect = ("right", 20) if step == 1 else ("bottom", 25)
     bar = axes.figure.colorbar(  # type: ignore[union-attr]
         image,
         ax=axes,
-        location=place,
+        location=where,
         fraction=0.05,
         pad=0.03,
         aspect=aspect,
@@ -229,6 +220,28 @@ def matrix(
     bar.outline.set_visible(False)  # type: ignore[operator]
     bar.ax.tick_params(labelsize=5.5, length=2, pad=1)
     return bar
+
+
+def _write(
+    axes: Axes,
+    image: AxesImage,
+    values: NDArray[np.float64],
+    place: tuple[int, ...],
+    text: str,
+) -> None:
+    """A text in a cell of a matrix, black on light colours and white on dark ones."""
+    row, column = place
+    red_green_blue = image.to_rgba(values[place])[:3]
+    light = np.dot(red_green_blue, (0.3, 0.6, 0.1)) > 0.5
+    axes.text(
+        column,
+        row,
+        text,
+        ha="center",
+        va="center",
+        fontsize=5.5,
+        color="black" if light else "white",
+    )
 
 
 def errors(
@@ -340,7 +353,8 @@ def error_bars(
 def _accuracies(lines: Sequence[Row]) -> NDArray[np.float64]:
     """Test accuracies and their bounds, [3, n]."""
     names = [f"test_accuracy_final{end}" for end in ("", "_low", "_high")]
-    return np.array([[line[name] for line in lines] for name in names], float)
+    columns = [list(map(itemgetter(name), lines)) for name in names]
+    return np.array(columns, float)
 
 
 def published_point(

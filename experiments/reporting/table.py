@@ -113,10 +113,10 @@ def frame(
     named, else those of the rows."""
     rows = list(rows)
     names = list(columns) or list(dict.fromkeys(itertools.chain(*rows)))
-    columns = {}
+    cells: dict[str, list[Any]] = {}
     for name in names:
-        columns[name] = [row.get(name) for row in rows]
-    return pd.DataFrame(columns, columns=names, dtype=object)
+        cells[name] = [row.get(name) for row in rows]
+    return pd.DataFrame(cells, columns=names, dtype=object)
 
 
 def records(data: pd.DataFrame) -> list[dict[str, Any]]:

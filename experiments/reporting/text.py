@@ -19,9 +19,13 @@ def number(value: Any, digits: int = 3) -> str:
         return str(value)
     if not np.isfinite(value):
         return "–" if np.isnan(value) else "∞"
-    size = abs(value)
-    if isinstance(value, int) and size < 1e5:
+    if isinstance(value, int) and abs(value) < 1e5:
         return str(value)
+    return _significant(value, digits)
+
+
+def _significant(value: float, digits: int) -> str:
+    size = abs(value)
     if size == 0:
         return f"{value:.0f}"
     if not 1e-3 <= size < 1e5:

@@ -13,7 +13,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from experiments.records import configs
 from experiments.records.record import Finished
-from experiments.records.results import Results
+from experiments.records.results import Group, Results
 from experiments.reporting import estimates, published
 from experiments.reporting import rows as rows_of
 from experiments.reporting.plot import (
@@ -96,24 +96,31 @@ def quantities(results: Results) -> Iterator[Quantity]:
     params = configs.sweep("accuracy_vs_n")
     sizes = configs.numbers(params["split.n_train"])
     groups = [results.group(params["scene"][0], "hdc", n) for n in sizes]
-    runs = [run for group in groups for run in group.runs]
-    places = {run.record.n_train for run in runs}
-    crossed = []
-    for seed in dict.fromkeys(run.seeds for run in runs):
-        of_seed = [run.record for run in runs if run.seeds == seed]
-        if 1 < len(of_seed) == len(places):
-            crossed.append(_crossing(of_seed))
+    measured = [group for group in groups if group.runs]
+    crossed = _crossings(measured)
     if not crossed or math.isnan(sum(crossed)):
         return
-    measured = [group for group in groups if group.runs]
+    n = min(len(group.right) for group in measured)
     yield Quantity.of(
         "accuracy_vs_n/n_for_90_percent",
         estimates.one_sensor(crossed).within(0, math.inf),
         f"{estimates.ONE_SENSOR}, each where its own curve first crosses",
-        n=min(len(group.right) for group in measured),
+        n=n,
         seeds=min(len(group.runs) for group in measured),
         made_by=f"{RUN}accuracy_vs_n",
     )
+
+
+def _crossings(groups: Sequence[Group]) -> list[float]:
+    """The crossing of each seed that was run with every N."""
+    places = set()
+    by_seed: dict[str, list[Finished]] = {}
+    for group in groups:
+        for run in group.runs:
+            places.add(run.record.n_train)
+            by_seed.setdefault(run.seeds, []).append(run.record)
+    whole = [of_seed for of_seed in by_seed.values() if 1 < len(of_seed) == len(places)]
+    return list(map(_crossing, whole))
 
 
 def _crossing(of_seed: Sequence[Finished]) -> float:

@@ -72,10 +72,12 @@ def _of_recordings(
     for scene, measured in recordings(results).items():
         if saturated(measured):
             continue
-        if found := over_rival(measured, sizes):
-            values = zip(*(value for value, _ in found), strict=True)
-            value = Estimate(*(float(np.mean(part)) for part in values))
-            n = None if sizes else f"{found[0][1]} frames per class"
+        found = over_rival(measured, sizes)
+        if found:
+            estimates = np.array([estimate for estimate, _ in found])
+            value = Estimate(*estimates.mean(axis=0).tolist())
+            _, most = found[0]
+            n = None if sizes else f"{most} frames per class"
             yield {
                 "evidence": scene,
                 "kind": _kind(measured),
@@ -89,12 +91,14 @@ def _of_scenes(results: Results) -> Iterator[Evidence]:
     """HDC less its rival on simulated scenes, on the same test samples."""
     for scene in (scene_of_table1(), *HARD, "tactile"):
         groups = [results.group(scene, model) for model in ("hdc", RIVAL)]
-        if paired := difference(groups[0].runs, groups[1].runs):
+        of_hdc, of_rival = (group.runs for group in groups)
+        paired = difference(of_hdc, of_rival)
+        if paired is not None:
             name = f"{scene}, fitted to HDC" if _fitted(scene) else scene
             row = {
                 "evidence": name,
                 "value": paired,
-                "n": f"{len(groups[0].runs)} seeds",
+                "n": f"{len(of_hdc)} seeds",
                 "command": f"{RUN}all_scenes scene={scene}",
             }
             if all(group.right.mean() >= SATURATED for group in groups):
@@ -109,10 +113,10 @@ def _slower(results: Results, models: Sequence[str]) -> Iterator[Evidence]:
         for way, runs in ratios.items():
             if not runs:  # a way that was not measured
                 continue
-            # One run has no range.
-            bounds = (min(runs), max(runs)) if len(runs) > 1 else ()
-            value = Estimate(float(np.median(runs)), *bounds)
-            count = "1 run" if len(runs) == 1 else f"{len(runs)} runs"
+            value, count = Estimate(float(np.median(runs))), "1 run"
+            if len(runs) > 1:
+                value = value._replace(low=min(runs), high=max(runs))
+                count = f"{len(runs)} runs"
             yield {
                 "evidence": f"{display_name(model)}, over {way}",
                 "kind": TIMED,
@@ -141,9 +145,13 @@ def _of_places(
 ) -> Iterator[Evidence]:
     """Evidence of a measurement, on each kind of frames."""
     for suffix, measured in with_places(results, name):
-        of = {"kind": _kind(measured), "command": measured.record.command}
+        of = {
+            "kind": _kind(measured),
+            "command": measured.record.command,
+            "n": f"{measured.frame.seed.nunique()} seeds",
+        }
         for row in read(measured.frame, suffix.lstrip("_")):
-            yield {**of, "n": f"{measured.frame.seed.nunique()} seeds", **row}
+            yield {**of, **row}
 
 
 def _few(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
@@ -151,10 +159,10 @@ def _few(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     equal = tidy(rows).query("equal")
     by_seed = equal.pivot_table("accuracy", "seed", "model")
     if {"hdc", RIVAL} <= set(by_seed):
-        value = mean_interval((by_seed["hdc"] - by_seed[RIVAL]).tolist())
+        ahead = by_seed["hdc"] - by_seed[RIVAL]
         yield {
             "evidence": f"{place or 'touch'}, N up to {equal.n.max()}",
-            "value": value,
+            "value": mean_interval(ahead.tolist()),
         }
 
 
@@ -174,9 +182,8 @@ def _first(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
 def _contrast(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     """Contrast of prototypes less that of the speckle, on samples held out."""
     if "speckle" in set(rows.kind):
-        before, after = (
-            mean_contrast(rows, k, "held-out")[0] for k in ("speckle", "prototype")
-        )
+        before = mean_contrast(rows, "speckle", "held-out").value
+        after = mean_contrast(rows, "prototype", "held-out").value
         yield {
             "evidence": place or "touch",
             "value": Estimate(after - before),
@@ -195,7 +202,8 @@ def _recalibration(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     ):
         of_model = every[every.model == model].set_index("seed")
         part = of_model.query(f"update == '{update}' and n_new == 50").new
-        gained = (part - of_model.query("method == 'stored'").new).dropna()
+        stored = of_model.query("method == 'stored'").new
+        gained = (part - stored).dropna()
         if len(gained):
             row = {
                 "evidence": f"{place or 'drift'}, {name}",
@@ -208,16 +216,20 @@ def _recalibration(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
 def _faults(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     """Accuracy lost when one stored bit in 100 is flipped."""
     rows = rows.assign(accuracy=rows.right / rows.n_test)
-    for model, kind in (("hdc", "bit_flips"), (RIVAL, "bit_flips_int8")):
+    kinds = {"hdc": "bit_flips", RIVAL: "bit_flips_int8"}
+    for model, kind in kinds.items():
         of_model = rows[rows.model == model]
-        clean = of_model[of_model.disturbance == "none"].groupby("seed").accuracy.mean()
-        flipped = of_model[(of_model.disturbance == kind) & (of_model.level == FLIPPED)]
-        lost = (flipped.groupby("seed").accuracy.mean() - clean).dropna()
+        clean = of_model[of_model.disturbance == "none"]
+        disturbed = of_model[of_model.disturbance == kind]
+        flipped = disturbed[disturbed.level == FLIPPED]
+        before = clean.groupby("seed").accuracy.mean()
+        after = flipped.groupby("seed").accuracy.mean()
+        lost = (after - before).dropna()
         if len(lost):
-            value = mean_difference(lost.tolist(), float(flipped.n_test.iloc[0]))
+            n_test = float(flipped.n_test.iloc[0])
             row = {
                 "evidence": f"{display_name(model)}, {place or 'touch'}",
-                "value": value,
+                "value": mean_difference(lost.tolist(), n_test),
             }
             yield row if model == "hdc" else {**row, "verdict": UNDECIDED}
 
@@ -333,8 +345,8 @@ def decided_by(claim: str, rows: pd.DataFrame) -> str:
     kinds = set(rows.kind)
     if TIMED in kinds:
         return "times"
-    found = [kind for kind in (*DECIDING, SIMULATED) if kind in kinds]
-    deciding = [kind for kind in found if kind != SIMULATED or claim == "contrast"]
+    may_decide = (*DECIDING, SIMULATED) if claim == "contrast" else DECIDING
+    deciding = [kind for kind in may_decide if kind in kinds]
     if not deciding:
         return "simulated frames, which can only refute"
     return f"{' and '.join(deciding)} frames"
@@ -414,7 +426,8 @@ def _verdict(
     row["decided_by"] = decided_by(claim, part)
     for kind in KINDS_SHOWN:
         kinds = (kind, TIMED) if kind == SIMULATED else (kind,)
-        lines = [_text(line) for line in records(part[part.kind.isin(kinds)])]
+        of_kinds = part[part.kind.isin(kinds)]
+        lines = [_text(line) for line in records(of_kinds)]
         row[kind] = "\n".join(lines) or "–"
     return row
 

@@ -7,6 +7,7 @@ networks are ordinary runs of ``model=softmax``, ``cnn1`` and ``cnn3``.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -118,19 +119,21 @@ def train_all(
     )
     readings = [Reading(levels) for _ in trainings]
     alive = readings
+    reports = {*range(steps_between, steps, steps_between), steps}
     for step in range(1, steps + 1):
         descent.step()
-        if step % steps_between and step != steps:
+        if step not in reports:
             continue
         shares = accuracies(descent.logits, to_span, problem)
         for reading, share in zip(alive, shares, strict=True):
             reading.note(step, share)
-        kept = [place for place, reading in enumerate(alive) if not reading.ended]
-        if not kept:
+        goes_on = [not reading.ended for reading in alive]
+        if not any(goes_on):
             break
-        if len(kept) < len(alive):
-            alive = [alive[place] for place in kept]
-            descent.drop(torch.tensor(kept))
+        if not all(goes_on):
+            alive = list(itertools.compress(alive, goes_on))
+            kept = torch.tensor(goes_on).nonzero().flatten()
+            descent.drop(kept)
             to_span = to_span[:, :, kept].contiguous()
     return [reading.columns for reading in readings]
 

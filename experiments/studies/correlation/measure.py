@@ -156,16 +156,10 @@ def add_up(
     n_classes, dimension = len(scene.classes), math.prod(scene.shape)
     parts = PARTS if "all" in samples else samples
     sums: Sums = {}
-    for kind in kinds:
-        empty = {part: CorrelationSums(n_classes, dimension) for part in parts}
-        sums[_correlated(kind)] = empty
+    for correlated in map(_correlated, kinds):
+        sums[correlated] = {p: CorrelationSums(n_classes, dimension) for p in parts}
     counters = Counters(n_classes, dimension)
     for part, indices in members.items():
-        wanted = {
-            correlated: by_part[part]
-            for correlated, by_part in sums.items()
-            if part in by_part
-        }
         if part == "held-out" and part not in parts:
             continue
         for sample_of_each in indices.T:
@@ -173,11 +167,24 @@ def add_up(
             words = Median().encode(frames)
             if part == "training":
                 counters.add(words, torch.arange(n_classes))
-            if "hypervector" in wanted:
-                wanted["hypervector"].add(bits.unpack(words, dimension))
-            if "speckle" in wanted:
-                wanted["speckle"].add(frames.flatten(1))
+            if part in parts:
+                _add(sums, part, frames.flatten(1), words)
     return sums, bits.unpack(counters.majority(), dimension)
+
+
+def _add(
+    sums: Sums,
+    part: str,
+    pixels: Tensor,
+    words: Tensor,
+) -> None:
+    """One sample of every class: pixels [L, D] and packed hypervectors."""
+    samples_of = {
+        "hypervector": bits.unpack(words, pixels.shape[1]),
+        "speckle": pixels,
+    }
+    for correlated, by_part in sums.items():
+        by_part[part].add(samples_of[correlated])
 
 
 def _correlated(kind: str) -> str:

@@ -399,6 +399,11 @@ def quantities(results: Results) -> Iterator[Quantity]:
                     note=note,
                     **seeds,
                 )
+    yield from _learning_rate(groups)
+
+
+def _learning_rate(groups: Mapping[str, Group]) -> Iterator[Quantity]:
+    """That of the iterative models, where it is one."""
     rates = set()
     for model, group in groups.items():
         if model != "hdc":
