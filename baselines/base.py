@@ -93,17 +93,19 @@ class Classifier(ABC):
         best = []
         with torch.inference_mode():
             for start in range(0, len(frames), self.prediction_batch):
-                batch = self.read(frames, slice(start, start + self.prediction_batch))
-                scores = self.scores(batch)
+                rows = slice(start, start + self.prediction_batch)
+                scores = self.scores(self.read(frames, rows))
                 best.append(first_of_the_best(scores, self.scale_).cpu())
-        return self.classes_[torch.cat(best).numpy()] if best else self.classes_[:0]
+        if not best:
+            return self.classes_[:0]
+        return self.classes_[torch.cat(best).numpy()]
 
     def score(self, frames: Any, labels: Any) -> float:
         """Fraction of frames whose predicted label is right."""
         frames = inputs.indexable(frames)
-        return float(
-            np.mean(self.predict(frames) == inputs.label_array(labels, len(frames)))
-        )
+        predicted = self.predict(frames)
+        is_right = predicted == inputs.label_array(labels, len(frames))
+        return float(np.mean(is_right))
 
     def start(self, frames: FrameSource, labels: Any) -> Tensor:
         """Check the training set, remember its classes and frame size; class indices int64 [N].
@@ -116,15 +118,12 @@ class Classifier(ABC):
             raise ValueError(
                 f"frames: expected shape [N, H, W] or [N, D], found {list(shape)}"
             )
-        classes, indices = np.unique(
-            inputs.label_array(labels, len(frames)), return_inverse=True
-        )
+        labels = inputs.label_array(labels, len(frames))
+        classes, indices = np.unique(labels, return_inverse=True)
         inputs.check_two_classes(classes)
         self.classes_ = classes
-        self.shape_: tuple[int, int] = (
-            1 if len(shape) == 2 else int(shape[1]),
-            int(shape[-1]),
-        )
+        height = 1 if len(shape) == 2 else int(shape[1])
+        self.shape_: tuple[int, int] = (height, int(shape[-1]))
         self.frame_dtype_ = inputs.tensor(frames[0:1]).dtype
         if self.frame_dtype_ not in FRAME_TYPES:
             raise ValueError(

@@ -38,5 +38,6 @@ class MeanImage(DualLinearClassifier):
         counts = member.sum(dim=0)
         a = member / counts.clamp(min=1)
         squares = torch.einsum("ic,ij,jc->c", a, gram, a)
-        loss = float(gram.diagonal().sum() - counts @ squares) / len(gram)
-        return a, torch.where(counts > 0, -0.5 * squares, -torch.inf), loss
+        within = gram.diagonal().sum() - counts @ squares
+        bias = torch.where(counts > 0, -0.5 * squares, -torch.inf)
+        return a, bias, float(within) / len(gram)

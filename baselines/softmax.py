@@ -32,4 +32,5 @@ class SoftmaxRegression(IterativeClassifier):
         shape: tuple[int, int],
         classes: int,
     ) -> nn.Module:
-        return nn.Sequential(nn.Flatten(), nn.Linear(shape[0] * shape[1], classes))
+        height, width = shape
+        return nn.Sequential(nn.Flatten(), nn.Linear(height * width, classes))
