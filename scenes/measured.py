@@ -138,7 +138,8 @@ class MeasuredScene:
         self._rows = np.flatnonzero(chosen)
         kept = names[chosen]
         self.classes = tuple(name for name in classes if name in kept)
-        self.labels = np.array([self.classes.index(name) for name in kept])
+        labels = [self.classes.index(name) for name in kept]
+        self.labels = np.array(labels)
         self.samples = {key: column[chosen] for key, column in self.samples.items()}
         self.values = self.values[chosen]
 
@@ -156,7 +157,8 @@ class MeasuredScene:
             frames[row] = frame
             if (len(self._decoded) + 1) * frame.nbytes <= MEMORY_BYTES:
                 self._decoded[row] = frame
-        return torch.from_numpy(np.stack([frames[row] for row in rows]))
+        images = [frames[row] for row in rows]
+        return torch.from_numpy(np.stack(images))
 
     def _read(self, rows: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
         """Row and frame of each of these rows, one folder after the other."""

@@ -99,8 +99,10 @@ class DerivedScene:
     """A scene with the samples of another one, whose frames a subclass gets in its own way."""
 
     def __init__(self, scene: Scene):
-        self.classes, self.labels, self.shape = scene.classes, scene.labels, scene.shape
-        self.samples, self.origin, self._scene = scene.samples, scene.origin, scene
+        self._scene = scene
+        self.classes, self.labels = scene.classes, scene.labels
+        self.samples, self.shape = scene.samples, scene.shape
+        self.origin = scene.origin
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -325,7 +327,8 @@ def take(
         return LazyFrames(scene, indices, clock)
     frames = torch.empty(len(indices), *scene.shape, dtype=first.dtype)
     for start in range(0, len(indices), _BATCH):
-        frames[start : start + _BATCH] = scene.frames(indices[start : start + _BATCH])
+        part = slice(start, start + _BATCH)
+        frames[part] = scene.frames(indices[part])
     return frames
 
 
@@ -338,5 +341,6 @@ def digest(frames: Tensor | LazyFrames, labels: np.ndarray) -> str:
     """SHA-256 of frames and labels in their order."""
     state = hashlib.sha256(np.ascontiguousarray(labels, dtype="<i8").data)
     for start in range(0, len(frames), _BATCH):
-        state.update(frames[start : start + _BATCH].contiguous().numpy(force=True).data)
+        part = frames[start : start + _BATCH].contiguous()
+        state.update(part.numpy(force=True).data)
     return state.hexdigest()

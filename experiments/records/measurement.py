@@ -28,11 +28,8 @@ from experiments.records.revision import revisions
 from experiments.records.rows import Row, from_lines, plain, to_lines
 from hdc.io import write_atomically
 
-_OF_FRAMES = (
-    "scene",
-    "split",
-    "old_split",
-)  # arguments that say which frames there are
+# Arguments that say which frames there are.
+_OF_FRAMES = ("scene", "split", "old_split")
 
 
 class Measurement(Entry, kw_only=True):

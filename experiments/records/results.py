@@ -25,12 +25,8 @@ from experiments.records.record import Curve, Finished, Record
 STOPS = ("paper", "long", "quick", "reached")
 # What a row asks for by number; and where a recording lies, which is known by its content.
 _COORDINATES = ("split.n_train", "data.pixels", "scene.path")
-_FRAMES_FIRST = {
-    "scene": 0,
-    "split": 1,
-    "model": 2,
-    "stop": 3,
-}  # of what was changed
+# Of what was changed.
+_FRAMES_FIRST = {"scene": 0, "split": 1, "model": 2, "stop": 3}
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
 
 Row = tuple[str, str, int | None, int | None]

@@ -49,7 +49,7 @@ class Cell:
 
     def __str__(self) -> str:
         """One line."""
-        own, low, high = (number(x) for x in (self.own, self.low, self.high))
+        own, low, high = map(number, (self.own, self.low, self.high))
         what = f"{self.table}: {self.row}: {self.column}"
         return f"{what} {own}; reference {low} to {high}"
 

@@ -170,7 +170,9 @@ def _name(row: Mapping[str, Any]) -> str:
 
 
 def _measured(row: Mapping[str, Any]) -> str:
-    return interval(*(number(row.get(key), 4) for key in ("measured", "low", "high")))
+    measured = number(row.get("measured"), 4)
+    low, high = number(row.get("low"), 4), number(row.get("high"), 4)
+    return interval(measured, low, high)
 
 
 def _margin(row: Mapping[str, Any]) -> str:

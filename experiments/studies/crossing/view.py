@@ -40,7 +40,8 @@ def _whole(n: float) -> str:
 def tidy(rows: pd.DataFrame) -> pd.DataFrame:
     """A row for each n: ``seed``, ``draw``, ``model``, ``n``, ``accuracy``, and whether classes
     are ``equal``."""
-    every = rows.explode(["n", "right"]).astype({"n": int, "right": int})
+    every = rows.explode(["n", "right"])
+    every = every.astype({"n": int, "right": int})
     return every.assign(
         accuracy=every.right / every.n_test, equal=every.n % every.n_classes == 0
     ).reset_index(drop=True)
@@ -53,7 +54,8 @@ def first_crossings(rows: pd.DataFrame) -> pd.DataFrame:
     every = every[every.equal]
     n = every.n.where(every.accuracy > LEVEL, np.inf)
     keys = ["model", "seed", "draw"]
-    return every.assign(first=n).groupby(keys, sort=False)["first"].min().reset_index()
+    experiments = every.assign(first=n).groupby(keys, sort=False)
+    return experiments["first"].min().reset_index()
 
 
 @STUDY.table(
@@ -74,13 +76,15 @@ def first(
     """Distribution of the first crossing by model."""
     table = []
     for model, of_model in first_crossings(rows).groupby("model", sort=False):
-        table.append({"model": model, **middle(of_model["first"]).columns("first")})
+        estimate = middle(of_model["first"])
+        table.append({"model": model, **estimate.columns("first")})
     return pd.DataFrame(table)
 
 
 def middle(first: pd.Series) -> Estimate:
     """Median and central 95 % of experiments; an infinity is no number to average."""
-    low, median, high = np.quantile(first, (0.025, 0.5, 0.975), method="inverted_cdf")
+    levels = (0.025, 0.5, 0.975)
+    low, median, high = np.quantile(first, levels, method="inverted_cdf")
     return Estimate(median, low, high)
 
 
@@ -105,9 +109,16 @@ def figure(
     n = np.unique(every.n[every.equal])
     line_plot(accuracy, every[every.equal], "n", "percent", ms=2.2)
     for name in shown:
-        mean = 100 * expected[expected.n.isin(n)].groupby("n")[name].mean()
+        by_n = expected[expected.n.isin(n)].groupby("n")
+        mean = 100 * by_n[name].mean()
+        _, line = THEORY[name]
         accuracy.plot(
-            mean.index, mean, color="black", ls=THEORY[name][1], lw=0.9, zorder=4
+            mean.index,
+            mean,
+            color="black",
+            ls=line,
+            lw=0.9,
+            zorder=4,
         )
     accuracy.axhline(
         100 * LEVEL,

@@ -46,7 +46,8 @@ def library(
     for seed, recording in run.scenes(scene, seeds):
         pool, test = draw_split(recording, split, (seed, 0), most_test)
         order, _ = nested(pool, recording.labels, (), (seed, 0))
-        train = np.sort(np.concatenate([of_class[:n_per_class] for of_class in order]))
+        chosen = [of_class[:n_per_class] for of_class in order]
+        train = np.sort(np.concatenate(chosen))
         frames, queries = (
             recording.frames(part).cpu().numpy() for part in (train, test)
         )

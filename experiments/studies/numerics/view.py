@@ -19,14 +19,10 @@ STUDY = Study(
     "How exact are phases of many turns and mean correlations, and what would another digit cost?",
     10,
 )
-FLOOR = (
-    2.0**-54
-)  # half a unit in the last place of a correlation near one: smaller is drawn there
-COLOURS = {
-    "float32": "#0072B2",
-    "mixed": "#009E73",
-    "float64": "#D55E00",
-}  # Okabe and Ito's
+# Half a unit in the last place of a correlation near one: smaller is drawn there.
+FLOOR = 2.0**-54
+# Okabe and Ito's.
+COLOURS = {"float32": "#0072B2", "mixed": "#009E73", "float64": "#D55E00"}
 
 
 @STUDY.table(
@@ -75,7 +71,10 @@ def error_against_time(
     ):
         markers = dict(zip(part["method"].unique(), "os^", strict=False))
         for row in part.to_dict("records"):
-            look = {"marker": markers[row["method"]], "color": COLOURS[row["number"]]}
+            look = {
+                "marker": markers[row["method"]],
+                "color": COLOURS[row["number"]],
+            }
             axes.loglog(1e3 * row["time_s"], max(row["error"], FLOOR), **look)
         tolerance = part["tolerance"].iloc[0]
         axes.axhline(
@@ -99,7 +98,8 @@ def error_against_time(
             **place,
         )
         axes.set(xlabel="CPU time (ms)", ylabel="error")
-        axes.set_xlim(300 * part["time_s"].min(), 3000 * part["time_s"].max())
+        times = part["time_s"]
+        axes.set_xlim(300 * times.min(), 3000 * times.max())
         axes.margins(y=0.15)
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
         axes.xaxis.set_minor_locator(NullLocator())

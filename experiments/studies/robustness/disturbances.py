@@ -20,10 +20,11 @@ def power(
     """Laser power that differs from frame to frame [N, H, W]: factors uniform in 1 ± level."""
     brightest = np.iinfo(frames.dtype).max
     factors = random.uniform(1 - level, 1 + level, len(frames))
-    pairs = zip(frames, factors, strict=True)
-    return np.stack(
-        [np.minimum(np.rint(x * c), brightest).astype(x.dtype) for x, c in pairs]
-    )
+    brighter = []
+    for frame, factor in zip(frames, factors, strict=True):
+        grey = np.minimum(np.rint(frame * factor), brightest)
+        brighter.append(grey.astype(frame.dtype))
+    return np.stack(brighter)
 
 
 def dead_pixels(
@@ -32,9 +33,9 @@ def dead_pixels(
     """A fraction `level` of the pixels, the same ones in all frames [N, H, W], reads zero."""
     result = frames.copy()
     flat = result.reshape(len(frames), -1)
-    dead = random.choice(
-        flat.shape[1], round(level * flat.shape[1]), replace=False, shuffle=False
-    )
+    _, pixels = flat.shape
+    count = round(level * pixels)
+    dead = random.choice(pixels, count, replace=False, shuffle=False)
     flat[:, dead] = 0
     return result
 
@@ -45,7 +46,8 @@ def shift(
     random: np.random.Generator,
 ) -> np.ndarray:
     """The camera moved by `level` columns; what comes into sight repeats the column at the edge."""
-    return frames[:, :, np.maximum(np.arange(frames.shape[2]) - level, 0)]
+    columns = np.arange(frames.shape[2]) - level
+    return frames[:, :, np.maximum(columns, 0)]
 
 
 OF_FRAMES: dict[str, Callable[[np.ndarray, float, np.random.Generator], np.ndarray]] = {
@@ -64,7 +66,10 @@ def flipped_bits(
     The tensors are contiguous, on the CPU, of any type, and changed in place. The same seed flips
     the same bits, which undoes it.
     """
-    memory = [tensor.detach().view(-1).view(torch.uint8).numpy() for tensor in tensors]
+    memory = []
+    for tensor in tensors:
+        stored = tensor.detach().view(-1).view(torch.uint8)
+        memory.append(stored.numpy())
     _flip(memory, rate, seed)
     yield
     _flip(memory, rate, seed)

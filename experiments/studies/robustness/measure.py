@@ -75,7 +75,8 @@ def rows_of(
     seed: int = 0,
 ) -> Iterator[Row]:
     """The rows of one trained model, which is left as it was; the first is undisturbed."""
-    labels, frames = scene.labels[test], data.take(scene, test, Clock())[:]
+    labels = scene.labels[test]
+    frames = data.take(scene, test, Clock())[:]
     state = model.state_tensors() or {}
     same = {
         "n_test": len(labels),

@@ -72,7 +72,9 @@ def optimum(
 
 def start_spectrum(gram: Tensor, classes: int) -> np.ndarray:
     """The N eigenvalues of H at W = 0 that are not zero, largest first."""
-    return (torch.linalg.eigvalsh(gram + 1) / (len(gram) * classes)).flip(0).numpy()
+    values = torch.linalg.eigvalsh(gram + 1)
+    scaled = values / (len(gram) * classes)
+    return scaled.flip(0).numpy()
 
 
 def minibatch_lambda(
@@ -82,7 +84,8 @@ def minibatch_lambda(
     seed: int,
 ) -> float:
     """λ_max of the Hessian of a minibatch at W = 0, mean over the minibatches of an epoch."""
-    order = torch.randperm(len(gram), generator=torch.Generator().manual_seed(seed))
+    random = torch.Generator().manual_seed(seed)
+    order = torch.randperm(len(gram), generator=random)
     parts = order.split(batch)
     return float(
         np.mean([start_spectrum(gram[part][:, part], classes)[0] for part in parts])

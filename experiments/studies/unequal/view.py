@@ -48,7 +48,8 @@ def measurements(results: Results) -> dict[str, Measured]:
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """A row for each n, extra and model, with intervals: ``accuracy``, its ``change`` from equal
     classes in the same draws, and ``to_larger``, the share that is put into the larger class."""
-    every = rows.explode(["n", "right", "to_larger"]).astype({"n": int})
+    every = rows.explode(["n", "right", "to_larger"])
+    every = every.astype({"n": int})
     seeds = every.seed.nunique() > 1
     every["unit"] = every.seed if seeds else every.draw
     every["accuracy"] = every.right.astype(float) / every.n_test
