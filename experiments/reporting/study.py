@@ -374,9 +374,12 @@ def _draw(
 
 def studies(package: ModuleType) -> list[Study]:
     """Every study of a package of studies, in the order of the page."""
-    found: list[Study] = []
-    for module in pkgutil.iter_modules(package.__path__):
-        if module.ispkg:
-            view = importlib.import_module(f"{package.__name__}.{module.name}.view")
-            found.append(view.STUDY)
-    return sorted(found, key=lambda study: (not study.front, study.order))
+    names = (
+        module.name for module in pkgutil.iter_modules(package.__path__) if module.ispkg
+    )
+    views = (
+        importlib.import_module(f"{package.__name__}.{name}.view") for name in names
+    )
+    return sorted(
+        (v.STUDY for v in views), key=lambda study: (not study.front, study.order)
+    )

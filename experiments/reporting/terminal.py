@@ -17,11 +17,7 @@ from experiments.reporting.text import number, percent, printable
 from hdc.accuracy import wilson
 
 
-def summarise(
-    console: Console,
-    record: Finished,
-    repeated: bool = False,
-) -> None:
+def summarise(console: Console, record: Finished, repeated: bool = False) -> None:
     """A few lines: accuracy with its interval, times; one line for a run finished before."""
     scene = record.scene
     low, high = wilson(int(record.right.sum()), record.n_test)

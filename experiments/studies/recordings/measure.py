@@ -96,12 +96,7 @@ def _draw(
             train = np.concatenate([of_class[:n] for of_class in order])
             predicted = evaluate(asked.model, bank, train, test, asked.stop)
             right.append(int((predicted == bank.labels[test]).sum()))
-        yield {
-            "model": name,
-            "n_test": len(test),
-            "n": chosen,
-            "right": right,
-        }
+        yield {"model": name, "n_test": len(test), "n": chosen, "right": right}
 
 
 @experiment(revision=1, uses=("hdc.HDCClassifier",))

@@ -82,8 +82,7 @@ def fields_of(measured: Measured) -> int:
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     """A row for each split, model, n and unit: ``accuracy``. The unit is what varies: the seed
     where there are several (another input field or fibre), else the draw of frames."""
-    every = rows.explode(["n", "right"])
-    every = every.astype({"n": int, "right": float})
+    every = rows.explode(["n", "right"]).astype({"n": int, "right": float})
     several = every.seed.nunique() > 1
     every["unit"] = every.seed if several else every.draw
     every["accuracy"] = every.right / every.n_test
