@@ -46,7 +46,11 @@ class Classifier(ABC):
     prediction_batch: ClassVar[int] = 50
 
     @abstractmethod
-    def train(self, frames: FrameSource, labels: Any) -> Iterator[Mapping[str, float]]:
+    def train(
+        self,
+        frames: FrameSource,
+        labels: Any,
+    ) -> Iterator[Mapping[str, float]]:
         """Start anew and yield whenever the model can predict."""
 
     @abstractmethod
@@ -89,17 +93,19 @@ class Classifier(ABC):
         best = []
         with torch.inference_mode():
             for start in range(0, len(frames), self.prediction_batch):
-                batch = self.read(frames, slice(start, start + self.prediction_batch))
-                scores = self.scores(batch)
+                rows = slice(start, start + self.prediction_batch)
+                scores = self.scores(self.read(frames, rows))
                 best.append(first_of_the_best(scores, self.scale_).cpu())
-        return self.classes_[torch.cat(best).numpy()] if best else self.classes_[:0]
+        if not best:
+            return self.classes_[:0]
+        return self.classes_[torch.cat(best).numpy()]
 
     def score(self, frames: Any, labels: Any) -> float:
         """Fraction of frames whose predicted label is right."""
         frames = inputs.indexable(frames)
-        return float(
-            np.mean(self.predict(frames) == inputs.label_array(labels, len(frames)))
-        )
+        predicted = self.predict(frames)
+        is_right = predicted == inputs.label_array(labels, len(frames))
+        return float(np.mean(is_right))
 
     def start(self, frames: FrameSource, labels: Any) -> Tensor:
         """Check the training set, remember its classes and frame size; class indices int64 [N].
@@ -112,15 +118,12 @@ class Classifier(ABC):
             raise ValueError(
                 f"frames: expected shape [N, H, W] or [N, D], found {list(shape)}"
             )
-        classes, indices = np.unique(
-            inputs.label_array(labels, len(frames)), return_inverse=True
-        )
+        labels = inputs.label_array(labels, len(frames))
+        classes, indices = np.unique(labels, return_inverse=True)
         inputs.check_two_classes(classes)
         self.classes_ = classes
-        self.shape_: tuple[int, int] = (
-            1 if len(shape) == 2 else int(shape[1]),
-            int(shape[-1]),
-        )
+        height = 1 if len(shape) == 2 else int(shape[1])
+        self.shape_: tuple[int, int] = (height, int(shape[-1]))
         self.frame_dtype_ = inputs.tensor(frames[0:1]).dtype
         if self.frame_dtype_ not in FRAME_TYPES:
             raise ValueError(
@@ -167,5 +170,9 @@ def in_memory_order(tensor: Tensor) -> Tensor:
     """The same memory with its dimensions in the order they lie there, which is contiguous for any
     layout such as channels last: so that ``view(-1)`` needs no copy."""
     strides = tensor.stride()
-    order = sorted(range(tensor.ndim), key=lambda k: strides[k], reverse=True)
+    order = sorted(
+        range(tensor.ndim),
+        key=lambda k: strides[k],
+        reverse=True,
+    )
     return tensor.permute(order)

@@ -37,7 +37,11 @@ class CNN(IterativeClassifier):
     # As in training: the maps of a frame take 20 MB.
     prediction_batch: ClassVar[int] = 20
 
-    def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
+    def build(
+        self,
+        shape: tuple[int, int],
+        classes: int,
+    ) -> nn.Module:
         if self.init == "zeros":
             raise ValueError("init: expected linear or normal for a CNN, found 'zeros'")
         layers: list[nn.Module] = []

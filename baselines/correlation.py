@@ -8,6 +8,7 @@ the zero-mean normalised cross-correlation at zero shift, as in correlation-base
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -42,7 +43,7 @@ class CorrelationClassifier(Classifier):
         """One pass; yields samples_seen every :data:`REPORT` frames."""
         targets, n = self.start(frames, labels), len(frames)
         onehot = F.one_hot(targets, len(self.classes_)).float()
-        shape = len(self.classes_), self.shape_[0] * self.shape_[1]
+        shape = len(self.classes_), math.prod(self.shape_)
         # Exact for any number of frames.
         sums = torch.zeros(shape, dtype=torch.float64, device=self.device)
         for start in range(0, n, CHUNK):
@@ -56,7 +57,8 @@ class CorrelationClassifier(Classifier):
 
     def scores(self, batch: Tensor) -> Tensor:
         """r of each frame with each class, float32 [n, L]; −∞ for a class not seen yet."""
-        r = _normalise(batch.flatten(1).float()) @ self.templates_.T
+        images = _normalise(batch.flatten(1).float())
+        r = images @ self.templates_.T
         return r.masked_fill(self._counts == 0, -torch.inf)
 
     @property
@@ -72,17 +74,17 @@ class CorrelationClassifier(Classifier):
         targets = model.start(bank.at(train), bank.labels[train])
         member = F.one_hot(targets).double()
         member /= member.sum(dim=0)
-        inside, across = (
-            _covariances(bank, train, train),
-            _covariances(bank, queries, train),
-        )
+        inside = _covariances(bank, train, train)
+        across = _covariances(bank, queries, train)
         square = torch.einsum("kc,kj,jc->c", member, inside, member)
         length = square.clamp(min=0).sqrt()
-        r = across @ member / torch.where(length > 0, length, 1.0)
+        r = across @ member
+        r /= torch.where(length > 0, length, 1.0)
         # Of the frames' own lengths the best class does not depend, but how near a tie is does.
         own = bank.moments.of(queries)
         contrast = own.second - own.first**2 / bank.dimension
-        r /= torch.where(contrast > 0, contrast, 1.0).sqrt()[:, None]
+        own_length = torch.where(contrast > 0, contrast, 1.0).sqrt()
+        r /= own_length[:, None]
         best = first_of_the_best(r, self.scale_)
         return model.classes_[best.numpy(force=True)]
 
@@ -98,9 +100,12 @@ def _normalise(x: Tensor) -> Tensor:
     return x.div_(torch.where(length > 0, length, 1.0))
 
 
-def _covariances(bank: Bank, rows: np.ndarray, columns: np.ndarray) -> Tensor:
+def _covariances(
+    bank: Bank,
+    rows: np.ndarray,
+    columns: np.ndarray,
+) -> Tensor:
     """Σ (x − x̄)(y − ȳ) over the pixels of two frames, float64 [n, m]."""
-    means = torch.outer(
-        bank.moments.of(rows).first, bank.moments.of(columns).first / bank.dimension
-    )
-    return bank.greys[np.ix_(rows, columns)] - means
+    sums = bank.moments.of(rows).first
+    means = bank.moments.of(columns).first / bank.dimension
+    return bank.greys[np.ix_(rows, columns)] - torch.outer(sums, means)

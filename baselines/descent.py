@@ -51,7 +51,8 @@ class Descent:
         self._kernel, self._targets = kernel, targets
         self._rate, self._decay, self._batch = rate, decay, batch
         self._order = torch.Generator().manual_seed(seed)
-        self._onehot = F.one_hot(targets, n_classes).to(kernel.dtype)[:, :, None]
+        onehot = F.one_hot(targets, n_classes).to(kernel.dtype)
+        self._onehot = onehot[:, :, None]
         starts = _starts(logits, coefficients)
         if coefficients is None:
             coefficients = kernel.new_zeros(kernel.shape[1], n_classes, starts)
@@ -72,13 +73,15 @@ class Descent:
             if self._batch is None or self._batch >= n:
                 yield slice(0, n)
             else:
-                yield from torch.randperm(n, generator=self._order).split(self._batch)
+                order = torch.randperm(n, generator=self._order)
+                yield from order.split(self._batch)
 
     def step(self, part: Tensor | slice | None = None) -> None:
         """One step on these training frames; by default on the next minibatch."""
         if part is None:
             part = next(self._parts)
-        residual = self.logits[part].softmax(dim=1) - self._onehot[part]
+        probability = self.logits[part].softmax(dim=1)
+        residual = probability - self._onehot[part]
         residual *= self._rate / len(residual)
         if self._decay:
             keep = 1 - self._rate * self._decay
@@ -87,16 +90,19 @@ class Descent:
         change = residual.sum(dim=0)
         self.coefficients[part] -= residual
         self.intercepts -= change
+        kernel = self._kernel[:, part]
         flat = self.logits.view(len(self.logits), -1)
-        flat.addmm_(self._kernel[:, part], residual.flatten(1), alpha=-1)
+        flat.addmm_(kernel, residual.flatten(1), alpha=-1)
         flat.sub_(change.flatten())
 
     def losses(self, penalty: bool = False) -> Tensor:
         """Mean cross-entropy of the training frames, float64 [V]; with ``penalty`` plus λ/2·‖W‖²
         of the weights Aᵀ·X."""
-        n, starts = len(self._targets), self.logits.shape[2]
-        targets = self._targets[:, None].expand(n, starts)
-        loss = F.cross_entropy(self.logits[:n], targets, reduction="none").mean(dim=0)
+        n = len(self._targets)
+        logits = self.logits[:n]
+        targets = self._targets[:, None].expand(n, logits.shape[2])
+        of_frames = F.cross_entropy(logits, targets, reduction="none")
+        loss = of_frames.mean(dim=0)
         if penalty:
             a = self.coefficients
             squares = torch.einsum("ilv,ij,jlv->v", a, self._kernel[:n], a)
@@ -106,7 +112,8 @@ class Descent:
     def drop(self, kept: Tensor) -> None:
         """Go on with these starts only, int64 [V']."""
         for name in ("logits", "coefficients", "intercepts"):
-            setattr(self, name, getattr(self, name)[..., kept].contiguous())
+            values = getattr(self, name)[..., kept]
+            setattr(self, name, values.contiguous())
 
 
 def _starts(logits: Tensor | None, coefficients: Tensor | None) -> int:

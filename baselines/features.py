@@ -47,10 +47,10 @@ class FeatureClassifier(Classifier):
     ) -> Iterator[dict[str, float]]:
         """Fit; yields once: samples_seen = N."""
         targets = self.start(frames, labels)
-        batches = [
-            slice(start, start + _BATCH) for start in range(0, len(frames), _BATCH)
-        ]
-        features = [self.features(self.read(frames, batch)) for batch in batches]
+        features = []
+        for start in range(0, len(frames), _BATCH):
+            batch = self.read(frames, slice(start, start + _BATCH))
+            features.append(self.features(batch))
         self._fit(torch.cat(features), targets)
         yield {"samples_seen": len(frames)}
 
@@ -73,9 +73,11 @@ class FeatureClassifier(Classifier):
         """Features of all frames, computed once for all models of these parameters."""
 
         def features(batch: Tensor) -> Tensor:
-            return self.features(arithmetic(batch).reshape(-1, *self.shape_))
+            images = arithmetic(batch).reshape(-1, *self.shape_)
+            return self.features(images)
 
-        return bank.each(features, key=(type(self), astuple(self)))
+        parameters = astuple(self)
+        return bank.each(features, key=(type(self), parameters))
 
     def state_tensors(self) -> dict[str, Tensor]:
         """weight [L, F] and bias [L], and what features are standardised by."""
@@ -89,19 +91,22 @@ class FeatureClassifier(Classifier):
     def _fit(self, features: Tensor, targets: Tensor) -> None:
         scaler = StandardScaler().fit(features.numpy())
         regression = LogisticRegression(C=self.C, max_iter=1000)
-        regression.fit(scaler.transform(features.numpy()), targets.numpy(force=True))
+        standardised = scaler.transform(features.numpy())
+        regression.fit(standardised, targets.numpy(force=True))
         self.mean_ = torch.from_numpy(scaler.mean_)
         self.deviation_ = torch.from_numpy(scaler.scale_)
         weight = torch.from_numpy(regression.coef_).contiguous()
         bias = torch.from_numpy(regression.intercept_)
         if len(weight) == 1:  # of two classes scikit-learn has the logit of the second
-            weight, bias = torch.cat([-weight, weight]), torch.cat([-bias, bias])
+            weight = torch.cat([-weight, weight])
+            bias = torch.cat([-bias, bias])
         self.weight_, self.bias_ = weight, bias
 
     def _logits(self, features: Tensor) -> Tensor:
         standardised = (features - self.mean_) / self.deviation_
         # Row by row: a logit does not depend on how many are asked for.
-        return (standardised[:, None] * self.weight_).sum(dim=2) + self.bias_
+        products = standardised[:, None] * self.weight_
+        return products.sum(dim=2) + self.bias_
 
 
 @dataclass(kw_only=True, eq=False)
@@ -112,7 +117,9 @@ class Brightness(FeatureClassifier):
 
     def features(self, batch: Tensor) -> Tensor:
         pixels = batch.flatten(1).cpu().double()
-        return torch.stack([pixels.mean(dim=1), pixels.std(dim=1, correction=0)], dim=1)
+        mean = pixels.mean(dim=1)
+        deviation = pixels.std(dim=1, correction=0)
+        return torch.stack([mean, deviation], dim=1)
 
 
 @dataclass(kw_only=True, eq=False)
@@ -131,7 +138,8 @@ class Thumbnail(FeatureClassifier):
     def features(self, batch: Tensor) -> Tensor:
         size = self.width, self.height
         frames = batch.float().numpy(force=True)
-        pictures = [
-            cv2.resize(frame, size, interpolation=cv2.INTER_AREA) for frame in frames
-        ]
-        return torch.from_numpy(np.stack(pictures)).flatten(1).double()
+        pictures = []
+        for frame in frames:
+            picture = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
+            pictures.append(torch.from_numpy(picture))
+        return torch.stack(pictures).flatten(1).double()

@@ -48,7 +48,11 @@ class DualLinearClassifier(Classifier):
     pixels: str = "unit"
 
     @abstractmethod
-    def solve(self, gram: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, float]:
+    def solve(
+        self,
+        gram: Tensor,
+        targets: Tensor,
+    ) -> tuple[Tensor, Tensor, float]:
         """A [N, L], b [L] and the loss from the centred K float64 [N, N] and class indices
         int64 [N]."""
 
@@ -66,21 +70,26 @@ class DualLinearClassifier(Classifier):
         # Exactly zero-sum columns leave the mean frame no part in the weights.
         self.coefficients_ = coefficients - coefficients.mean(dim=0)
         self._scale = _scale(gram, self.coefficients_, bias)
-        self._scaling, factor = fit_scaling(self.pixels, self, frames), 1.0
+        self._scaling = fit_scaling(self.pixels, self, frames)
+        factor = 1.0
         if isinstance(self._scaling, PixelScaling):  # folded into the weights
             factor = float(self._scaling.scale) ** 2
             self._scaling = PixelScaling()
         sums = self._combine(images)
-        self.weight_, self._mean = sums[:-1].mul_(factor), sums[-1]
-        self.bias_ = (bias - self.weight_.double() @ self._mean.double()).float()
+        self.weight_ = sums[:-1].mul_(factor)
+        self._mean = sums[-1]
+        of_mean = self.weight_.double() @ self._mean.double()
+        self.bias_ = (bias - of_mean).float()
         yield {"samples_seen": len(frames), "epoch": 1.0, "loss": loss}
 
     def _combine(self, images: Tensor) -> Tensor:
         """Weights [L, D], and the mean scaled frame [D] below them, in one pass over the frames."""
         n = len(images)
         mean = self.coefficients_.new_full((n, 1), 1 / n)
-        combine = torch.cat([self.coefficients_, mean], dim=1).T.float().contiguous()
-        sums = torch.zeros(len(combine), images[0].numel(), device=images.device)
+        columns = torch.cat([self.coefficients_, mean], dim=1)
+        combine = columns.T.float().contiguous()
+        dimension = images[0].numel()
+        sums = torch.zeros(len(combine), dimension, device=images.device)
         for start in range(0, n, FRAMES):
             rows = slice(start, start + FRAMES)
             scaled = self._scaling(arithmetic(images[rows])).flatten(1)
@@ -89,7 +98,8 @@ class DualLinearClassifier(Classifier):
 
     def scores(self, batch: Tensor) -> Tensor:
         """W·x + b, float32 [n, L]."""
-        return torch.addmm(self.bias_, self._scaling(batch).flatten(1), self.weight_.T)
+        scaled = self._scaling(batch).flatten(1)
+        return torch.addmm(self.bias_, scaled, self.weight_.T)
 
     def predict_from(
         self, bank: Bank, train: np.ndarray, queries: np.ndarray
@@ -133,7 +143,11 @@ class PenalisedClassifier(DualLinearClassifier):
     """
 
     def predict_from_old(
-        self, bank: Bank, old: np.ndarray, new: np.ndarray, queries: np.ndarray
+        self,
+        bank: Bank,
+        old: np.ndarray,
+        new: np.ndarray,
+        queries: np.ndarray,
     ) -> np.ndarray:
         """Labels [Q] of queries after an update of weights from samples ``old`` with samples
         ``new``: min over W of loss(new frames) + penalty·‖W − W_old‖².
@@ -141,10 +155,15 @@ class PenalisedClassifier(DualLinearClassifier):
         Both have every class.
         """
         scores = self.scores_from_old(bank, old, new, queries)
-        return np.unique(bank.labels[old])[scores.argmax(1).numpy(force=True)]
+        best = scores.argmax(1).numpy(force=True)
+        return np.unique(bank.labels[old])[best]
 
     def scores_from_old(
-        self, bank: Bank, old: np.ndarray, new: np.ndarray, queries: np.ndarray
+        self,
+        bank: Bank,
+        old: np.ndarray,
+        new: np.ndarray,
+        queries: np.ndarray,
     ) -> Tensor:
         """Scores float64 [Q, L] of :meth:`predict_from_old`.
 
@@ -155,13 +174,17 @@ class PenalisedClassifier(DualLinearClassifier):
         targets = solver.start(bank.at(old), bank.labels[old])
         asked = np.concatenate([new, queries])
         before, _ = solver._solved(bank, old, targets, asked)
-        of_new, of_queries = before[: len(new)], before[len(new) :]
+        of_new, of_queries = before.tensor_split([len(new)])
         targets = solver.start(bank.at(new), bank.labels[new])
         change, _ = solver._solved(bank, new, targets, queries, of_new)
         return of_queries + change
 
 
-def _scale(gram: Tensor, coefficients: Tensor, bias: Tensor) -> float:
+def _scale(
+    gram: Tensor,
+    coefficients: Tensor,
+    bias: Tensor,
+) -> float:
     """Largest sum of the sizes of what the score of a training frame is summed of."""
     parts = gram.abs() @ coefficients.abs() + bias.abs()
     return float(parts[parts.isfinite()].max())

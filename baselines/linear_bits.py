@@ -75,9 +75,8 @@ class BitReadout(RidgeReadout):
         if not self.one_bit:
             return super().scores(batch)
         x = self._scaling(batch).flatten(1)
-        return torch.addcmul(
-            self.bias_, self.sign_scale_, x @ self._signs(x.shape[1]).T
-        )
+        products = x @ self._signs(x.shape[1]).T
+        return torch.addcmul(self.bias_, self.sign_scale_, products)
 
     def state_tensors(self) -> dict[str, Tensor]:
         """weight and bias, and the scale of signs."""

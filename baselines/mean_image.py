@@ -27,12 +27,17 @@ class MeanImage(DualLinearClassifier):
 
     revision: ClassVar[int] = 1
 
-    def solve(self, gram: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, float]:
+    def solve(
+        self,
+        gram: Tensor,
+        targets: Tensor,
+    ) -> tuple[Tensor, Tensor, float]:
         """A averages the frames of each class, b = −½‖t_c‖²; the loss is the mean squared distance
         of a frame to the mean of its class."""
         member = F.one_hot(targets, len(self.classes_)).double()
         counts = member.sum(dim=0)
         a = member / counts.clamp(min=1)
         squares = torch.einsum("ic,ij,jc->c", a, gram, a)
-        loss = float(gram.diagonal().sum() - counts @ squares) / len(gram)
-        return a, torch.where(counts > 0, -0.5 * squares, -torch.inf), loss
+        within = gram.diagonal().sum() - counts @ squares
+        bias = torch.where(counts > 0, -0.5 * squares, -torch.inf)
+        return a, bias, float(within) / len(gram)

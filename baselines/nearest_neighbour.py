@@ -53,8 +53,10 @@ class NearestNeighbour(Classifier):
         targets = self.start(frames, labels)
         kept = None
         for first in range(0, len(frames), REPORT):
-            batch = self.read(frames, slice(first, first + REPORT)).flatten(1)
-            batch = Median().encode(batch) if self.pixels == "bits" else batch
+            batch = self.read(frames, slice(first, first + REPORT))
+            batch = batch.flatten(1)
+            if self.pixels == "bits":
+                batch = Median().encode(batch)
             if kept is None:
                 kept = batch.new_empty(len(frames), batch.shape[1])
             last = first + len(batch)
@@ -78,7 +80,8 @@ class NearestNeighbour(Classifier):
             images = batch.flatten(1)
             greys = products.cross_products(images, self.frames_)
             asked = products.moments(images)
-            distances = self._distances(greys, asked, self._moments, images.shape[1])
+            _, dimension = images.shape
+            distances = self._distances(greys, asked, self._moments, dimension)
         return self._votes(distances, self.labels_, len(self.classes_))
 
     def predict_from(
@@ -92,10 +95,10 @@ class NearestNeighbour(Classifier):
         if self.pixels == "bits":
             distances = -bank.bits[chosen]  # twice the Hamming distance, less D
         else:
-            asked, known = bank.moments.of(queries), bank.moments.of(train)
-            distances = self._distances(
-                bank.greys[chosen], asked, known, bank.dimension
-            )
+            greys = bank.greys[chosen]
+            asked = bank.moments.of(queries)
+            known = bank.moments.of(train)
+            distances = self._distances(greys, asked, known, bank.dimension)
         votes = self._votes(distances, targets, len(model.classes_))
         return model.classes_[votes.argmax(1).numpy(force=True)]
 
@@ -114,11 +117,17 @@ class NearestNeighbour(Classifier):
         squares = variance / deviations(columns, dimension) ** 2
         return squares - 2 * standardised(greys, rows, columns, dimension)
 
-    def _votes(self, distances: Tensor, labels: Tensor, n_classes: int) -> Tensor:
+    def _votes(
+        self,
+        distances: Tensor,
+        labels: Tensor,
+        n_classes: int,
+    ) -> Tensor:
         """Votes [n, L]; of classes with equally many, the nearest's has the largest number."""
         k = min(self.k, len(labels))
         by_class = labels.argsort(stable=True)
-        order = distances[:, by_class].argsort(dim=1, stable=True)[:, :k]
-        nearest = F.one_hot(labels[by_class][order], n_classes)
+        order = distances[:, by_class].argsort(dim=1, stable=True)
+        of_nearest = labels[by_class][order[:, :k]]
+        nearest = F.one_hot(of_nearest, n_classes)
         first = nearest.argmax(dim=1)  # place of the nearest of each class; 0: or none
         return (k + 1) * nearest.sum(dim=1) - first

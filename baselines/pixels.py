@@ -63,19 +63,20 @@ def standardise(batch: Tensor) -> Tensor:
     """Each frame [n, H, W] with mean 0 and standard deviation 1; a constant frame becomes 0."""
     values = batch.float().flatten(1)
     values -= values.mean(dim=1, keepdim=True)
-    deviation = values.square().mean(dim=1, keepdim=True).sqrt_()
+    variance = values.square().mean(dim=1, keepdim=True)
+    deviation = variance.sqrt_()
     values /= torch.where(deviation > 0, deviation, 1.0)
     return values.view(batch.shape)
 
 
 def signs(batch: Tensor) -> Tensor:
     """Hypervectors of frames [n, H, W] as ±1, int8 of the same shape."""
-    mask = (
-        bits.unpack(Median().encode(batch), batch[0].numel())
-        if len(batch)
-        else batch.bool()
-    )
-    return (2 * mask.to(torch.int8) - 1).view(batch.shape)
+    if not len(batch):
+        return batch.to(torch.int8)
+    words = Median().encode(batch)
+    mask = bits.unpack(words, batch[0].numel())
+    values = 2 * mask.to(torch.int8) - 1
+    return values.view(batch.shape)
 
 
 def fit_scaling(
@@ -115,9 +116,11 @@ def fit_scaling(
     mean = total / n
     whole = mean.round()
     shift = (mean - whole) / deviation
-    return PixelScaling(whole.float(), (1 / deviation).float(), shift.float())
+    scale = 1 / deviation
+    return PixelScaling(whole.float(), scale.float(), shift.float())
 
 
 def _deviation(variance: Tensor) -> Tensor:
     # Integers up to 2³² per pixel: a true variance is never below 1/N², rounding is far below it.
-    return torch.where(variance > 1e-9, variance.clamp(min=1e-9).sqrt(), 1.0)
+    deviation = variance.clamp(min=1e-9).sqrt()
+    return torch.where(variance > 1e-9, deviation, 1.0)

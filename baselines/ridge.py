@@ -39,12 +39,14 @@ class RidgeReadout(PenalisedClassifier):
         and the mean squared error."""
         if not self.alpha > 0:
             raise ValueError(f"alpha: expected a number above zero, found {self.alpha}")
-        y = 2 * F.one_hot(targets, len(self.classes_)).double() - 1
+        onehot = F.one_hot(targets, len(self.classes_))
+        y = 2 * onehot.double() - 1
         if before is not None:
             y = y - before
         mean = y.mean(dim=0)
         system = gram.clone()
         system.diagonal().add_(self.alpha)
-        a = torch.cholesky_solve(y - mean, torch.linalg.cholesky(system))
-        # K·A + b − Y = −α·A
-        return a, mean, float((self.alpha * a).square().mean())
+        factor = torch.linalg.cholesky(system)
+        a = torch.cholesky_solve(y - mean, factor)
+        residual = self.alpha * a  # Y − K·A − b
+        return a, mean, float(residual.square().mean())

@@ -55,8 +55,9 @@ class SklearnClassifier(Classifier):
 
     def scores(self, batch: Tensor) -> Tensor:
         """One for the class predicted, zero for the others; [n, L]."""
-        predicted = np.asarray(self.estimator_.predict(self._features(batch)))
-        return F.one_hot(torch.from_numpy(predicted).long(), len(self.classes_))
+        predicted = self.estimator_.predict(self._features(batch))
+        labels = torch.from_numpy(np.asarray(predicted))
+        return F.one_hot(labels.long(), len(self.classes_))
 
     def state_tensors(self) -> dict[str, Tensor] | None:
         """The arrays of a linear estimator, ``coef_`` and ``intercept_``; None for any other, whose
@@ -64,7 +65,8 @@ class SklearnClassifier(Classifier):
         learnt, names = vars(self.estimator_), ("coef_", "intercept_")
         if not set(names) <= learnt.keys():
             return None
-        return {name: in_memory_order(torch.from_numpy(learnt[name])) for name in names}
+        tensors = {name: torch.from_numpy(learnt[name]) for name in names}
+        return {name: in_memory_order(tensor) for name, tensor in tensors.items()}
 
     def _features(self, batch: Tensor) -> np.ndarray:
         return self.scaling_(batch).flatten(1).numpy(force=True)

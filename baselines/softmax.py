@@ -27,5 +27,10 @@ class SoftmaxRegression(IterativeClassifier):
 
     revision: ClassVar[int] = 1
 
-    def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
-        return nn.Sequential(nn.Flatten(), nn.Linear(shape[0] * shape[1], classes))
+    def build(
+        self,
+        shape: tuple[int, int],
+        classes: int,
+    ) -> nn.Module:
+        height, width = shape
+        return nn.Sequential(nn.Flatten(), nn.Linear(height * width, classes))

@@ -49,24 +49,28 @@ class DualSoftmaxRegression(PenalisedClassifier):
         self, gram: Tensor, targets: Tensor, before: Tensor | None = None
     ) -> tuple[Tensor, Tensor, float]:
         """A [N, L], b [L] and F/(C·N) at the optimum; logits ``before`` are added to K·A + b."""
-        onehot = F.one_hot(targets, len(self.classes_)).double()
-        a, b = torch.zeros_like(onehot), onehot.new_zeros(onehot.shape[1])
+        n, n_classes = len(targets), len(self.classes_)
+        onehot = F.one_hot(targets, n_classes).double()
+        a = torch.zeros_like(onehot)
+        b = onehot.new_zeros(n_classes)
         logits = torch.zeros_like(onehot) if before is None else before.clone()
         square = 0.0  # tr(Aᵀ·K·A)
         objective = self._objective(logits, targets, square)
-        n = len(targets)
         for _ in range(self.max_iter):
             probability = logits.softmax(dim=1)
             residual = probability - onehot
             gradient = a + self.C * _centre(residual)
             gradient_b = self.C * residual.sum(dim=0)
             step = _newton_step(gram, probability, self.C, gradient, gradient_b)
-            step_a, step_b, change = step[:n], step[-1], step[n:-1] + step[-1]
-            promise = 0.5 * (_dot(gradient, step[n:-1]) + float(gradient_b @ step_b))
+            step_a, step_k_a, step_b = step[:n], step[n:-1], step[-1]
+            change = step_k_a + step_b
+            slope = _dot(gradient, step_k_a) + float(gradient_b @ step_b)
+            promise = 0.5 * slope
             if -promise <= self.tol * objective:
                 break
             # Along the step everything but the softmax is a parabola in its length.
-            across, curved = _dot(a, step[n:-1]), _dot(step_a, step[n:-1])
+            across = _dot(a, step_k_a)
+            curved = _dot(step_a, step_k_a)
             length = 1.0
             while length > 1e-12:
                 trial_square = square + 2 * length * across + length**2 * curved
@@ -76,18 +80,29 @@ class DualSoftmaxRegression(PenalisedClassifier):
                 length /= 2
             else:
                 break  # rounding is all that is left to gain
-            a, b = a + length * step_a, b + length * step_b
-            logits, square, objective = logits + length * change, trial_square, trial
+            a = a + length * step_a
+            b = b + length * step_b
+            logits = logits + length * change
+            square, objective = trial_square, trial
         self.objective_ = objective
-        return a, b, objective / (self.C * len(targets))
+        return a, b, objective / (self.C * n)
 
-    def _objective(self, logits: Tensor, targets: Tensor, square: float) -> float:
+    def _objective(
+        self,
+        logits: Tensor,
+        targets: Tensor,
+        square: float,
+    ) -> float:
         loss = F.cross_entropy(logits, targets, reduction="sum").item()
         return self.C * loss + 0.5 * square
 
 
 def _newton_step(
-    gram: Tensor, probability: Tensor, c: float, gradient: Tensor, gradient_b: Tensor
+    gram: Tensor,
+    probability: Tensor,
+    c: float,
+    gradient: Tensor,
+    gradient_b: Tensor,
 ) -> Tensor:
     """Solution of H·step = −gradient by conjugate gradients, H the Hessian of F at ``probability``:
     one tensor [2N + 1, L] of A, K·A carried along, and b."""
@@ -97,13 +112,18 @@ def _newton_step(
         return torch.cat([a, k_a, b[None]])
 
     def dot(x: Tensor, y: Tensor) -> float:
-        return _dot(x[:n], y[n:-1]) + float(x[-1] @ y[-1])
+        of_a = _dot(x[:n], y[n:-1])
+        of_b = float(x[-1] @ y[-1])
+        return of_a + of_b
 
     def hessian(x: Tensor) -> Tensor:
-        change = x[n:-1] + x[-1]
-        change = p * (change - (p * change).sum(dim=1, keepdim=True))
+        a, k_a, b = x[:n], x[n:-1], x[-1]
+        logits = k_a + b
+        mean = (p * logits).sum(dim=1, keepdim=True)
+        change = p * (logits - mean)
         centred = c * _centre(change)
-        return stacked(x[:n] + centred, x[n:-1] + gram @ centred, c * change.sum(dim=0))
+        of_b = c * change.sum(dim=0)
+        return stacked(a + centred, k_a + gram @ centred, of_b)
 
     residual = stacked(-gradient, gram @ -gradient, -gradient_b)
     solution = torch.zeros_like(residual)

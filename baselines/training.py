@@ -90,7 +90,11 @@ class IterativeClassifier(Classifier):
     seed: int = 0
 
     @abstractmethod
-    def build(self, shape: tuple[int, int], classes: int) -> nn.Module:
+    def build(
+        self,
+        shape: tuple[int, int],
+        classes: int,
+    ) -> nn.Module:
         """The untrained network: float32 [n, 1, H, W] → logits [n, L]."""
 
     def train(
@@ -152,8 +156,11 @@ class IterativeClassifier(Classifier):
 
     def state_tensors(self) -> dict[str, Tensor]:
         """The parameters of the network, and the maps of a pixel-by-pixel scaling."""
-        maps = vars(self.scaling_) if isinstance(self.scaling_, PixelScaling) else {}
-        state = {f"pixel_{k}": v for k, v in maps.items() if isinstance(v, Tensor)}
+        state = {}
+        if isinstance(self.scaling_, PixelScaling):
+            for name, value in vars(self.scaling_).items():
+                if isinstance(value, Tensor):
+                    state[f"pixel_{name}"] = value
         for name, parameter in self.network_.named_parameters():
             state[name] = in_memory_order(parameter.detach())
         return state
@@ -165,7 +172,8 @@ class IterativeClassifier(Classifier):
         size = n if self.batch_size is None else min(self.batch_size, n)
         steps = math.ceil(n / size)
         parts = self.reports_per_epoch
-        reports = {math.ceil(steps * k / parts) for k in range(1, parts + 1)}
+        numbers = range(1, parts + 1)
+        reports = {math.ceil(steps * number / parts) for number in numbers}
         order = torch.Generator().manual_seed(self.seed)
         seen, taken, mean, previous = 0, 0, math.nan, math.inf
         losses: deque[Tensor] = deque(maxlen=steps)
@@ -173,7 +181,8 @@ class IterativeClassifier(Classifier):
             # In a full batch the order is of no consequence, and a slice costs no copy.
             permutation = torch.randperm(n, generator=order) if size < n else None
             for step in range(1, steps + 1):
-                rows = range((step - 1) * size, min(step * size, n))
+                last = min(step * size, n)
+                rows = range((step - 1) * size, last)
                 evaluated: list[Tensor] = []
                 batch = frames, targets, permutation, rows
                 closure = partial(self._evaluate, optimizer, evaluated, *batch)
@@ -215,12 +224,14 @@ class IterativeClassifier(Classifier):
             chunk = slice(start, min(start + size, rows.stop))
             index = chunk if order is None else order[chunk]
             logits = self.scores(self.read(frames, index)).to(exact)
-            part = F.cross_entropy(logits, targets[index], reduction="sum") / len(rows)
+            part = F.cross_entropy(logits, targets[index], reduction="sum")
+            part = part / len(rows)
             part.backward()
             loss += part.detach()
         if self.C is not None:
-            weights = (p for p in self.network_.parameters() if p.ndim > 1)
-            squares = torch.stack([p.square().sum() for p in weights]).sum()
+            parameters = self.network_.parameters()
+            weights = [weight for weight in parameters if weight.ndim > 1]
+            squares = torch.stack([weight.square().sum() for weight in weights]).sum()
             penalty = squares / (2 * self.C * len(frames))
             penalty.backward()
             loss += penalty.detach()

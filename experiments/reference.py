@@ -101,7 +101,10 @@ def _may_enter(run: Run) -> bool:
     return is_plain and others_have_it and record.environment.is_of_a_commit
 
 
-def _finished_lines(folder: Path, names: Container[str]) -> dict[str, dict[str, Any]]:
+def _finished_lines(
+    folder: Path,
+    names: Container[str],
+) -> dict[str, dict[str, Any]]:
     """The last line of each finished run with one of these ids, decoded."""
     path = folder / records.RUNS
     lines: dict[str, dict[str, Any]] = {}

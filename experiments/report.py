@@ -62,7 +62,11 @@ class Answers:
         self.tables["comparison"] = [comparison.compare(quantities)]
         self.tables["runs"] = [runs_table(self.results)]
 
-    def draw(self, drawn: Path | None = None, behind: Results | None = None) -> None:
+    def draw(
+        self,
+        drawn: Path | None = None,
+        behind: Results | None = None,
+    ) -> None:
         """Draw every figure, over other results where it can be, or take it from a folder where it
         was drawn before."""
         for study in self.questions:
@@ -82,15 +86,9 @@ class Answers:
 
     def write(self, folder: Path, tex: bool = False) -> list[Path]:
         """Write tables and figures as files, and remove those of an earlier report; the files."""
-        texts = {}
+        texts: dict[str, str] = {}
         for table in itertools.chain(*self.tables.values()):
-            if table.name != "runs":
-                texts[f"tables/{table.name}.md"] = table.markdown()
-                if tex:
-                    texts[f"tables/{table.name}.tex"] = table.tex()
-            elif self.name == "reference":
-                continue  # runs.jsonl has them
-            texts[f"tables/{table.name}.csv"] = table.csv()
+            texts |= self._texts_of(table, tex)
         for name, text in texts.items():
             write_atomically(folder / name, text)
         written = [folder / name for name in texts]
@@ -99,12 +97,22 @@ class Answers:
             path = folder / "figures" / f"{picture.plot.name}.{picture.plot.kind}"
             path.write_bytes(picture.data)
             written.append(path)
-        there = {
-            path for name in ("tables", "figures") for path in (folder / name).iterdir()
-        }
-        for path in there.difference(written):
-            path.unlink()
+        for name in ("tables", "figures"):
+            for path in set((folder / name).iterdir()).difference(written):
+                path.unlink()
         return written
+
+    def _texts_of(self, table: Table, tex: bool) -> dict[str, str]:
+        """The files of a table by name, with what they contain."""
+        if table.name == "runs":
+            if self.name == "reference":
+                return {}  # runs.jsonl has them
+            return {"tables/runs.csv": table.csv()}
+        texts = {f"tables/{table.name}.md": table.markdown()}
+        if tex:
+            texts[f"tables/{table.name}.tex"] = table.tex()
+        texts[f"tables/{table.name}.csv"] = table.csv()
+        return texts
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -166,17 +174,28 @@ def write(
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"
     write_atomically(path, page.render(_sections(sets), problems, about))
-    for table in sets[0].tables.get("table1", []):
-        if table.name == "table1":
-            show_table1(console, table, sets[0].name)
-    for line in against.lines() if against else ():
-        style = "yellow" if line.startswith("!") else ""
-        console.print(Text(printable(line), style), soft_wrap=True)
+    _show(console, sets[0], against)
     for name, text in about.items():
         console.print(Text(printable(f"{name}: {text}"), "dim"))
     print_problems(console, sets)
     console.print(f"page: {os.path.relpath(path)}", soft_wrap=True)
     return path
+
+
+def _show(
+    console: Console,
+    answers: Answers,
+    against: Comparison | None,
+) -> None:
+    """Table I, and own numbers against the reference."""
+    for table in answers.tables.get("table1", []):
+        if table.name == "table1":
+            show_table1(console, table, answers.name)
+    if against is None:
+        return
+    for line in against.lines():
+        style = "yellow" if line.startswith("!") else ""
+        console.print(Text(printable(line), style), soft_wrap=True)
 
 
 def _against(sets: Sequence[Answers]) -> Comparison | None:
@@ -213,14 +232,16 @@ def _sections(sets: Sequence[Answers]) -> list[Section]:
         blocks = _blocks("against", [mine])
         sections.insert(0, Section("against", "Own against reference", "", blocks))
     if mine.name == "mine" and len(mine.results.runs) <= MOST_RUNS:
-        sections.append(Section("runs", "Every run", "", _blocks("runs", [mine])))
+        blocks = _blocks("runs", [mine])
+        sections.append(Section("runs", "Every run", "", blocks))
     return sections
 
 
 def _blocks(name: str, sets: Sequence[Answers]) -> list[Block]:
     blocks = []
     for answers in reversed(sets):  # the complete reference stands before first looks
-        tables, pictures = answers.tables[name], answers.pictures.get(name, [])
+        tables = answers.tables[name]
+        pictures = answers.pictures.get(name, [])
         if tables or pictures:
             blocks.append(
                 Block(answers.name if len(sets) > 1 else "", tables, pictures)
@@ -232,9 +253,10 @@ def _about(answers: Answers) -> str:
     """How many records there are, of which code, from which machine."""
     results = answers.results
     records: list[Run | Measured] = [*results.runs, *results.measurements]
-    machines = {
-        (r.record.environment.cpu, r.record.environment.threads) for r in records
-    }
+    machines = set()
+    for entry in records:
+        environment = entry.record.environment
+        machines.add((environment.cpu, environment.threads))
     where = "; ".join(f"{cpu}, {threads} threads" for cpu, threads in sorted(machines))
     counts = f"{len(results.runs)} runs and {len(results.measurements)} measurements on {where}"
     counts += f" ({'tables/runs.csv' if answers.name == 'mine' else 'runs.jsonl'} has every run)"
@@ -245,7 +267,11 @@ def _about(answers: Answers) -> str:
     return f"{counts}; {len(old)} by other revisions, {len(parts)} changed since: {parts[0]} …"
 
 
-def _drawn(plot: Plot, folder: Path | None, behind: Results | None) -> bytes:
+def _drawn(
+    plot: Plot,
+    folder: Path | None,
+    behind: Results | None,
+) -> bytes:
     from experiments.reporting.plot import save  # --help does not wait for matplotlib
 
     file = folder and folder / f"{plot.name}.{plot.kind}"
@@ -259,10 +285,20 @@ def print_problems(console: Console, sets: Sequence[Answers]) -> None:
     for answers in sets:
         for problem in answers.results.problems:
             text = f"left out of {answers.name}: {printable(problem)}"
-            console.print(escape(text), style="yellow", soft_wrap=True, emoji=False)
+            console.print(
+                escape(text),
+                style="yellow",
+                soft_wrap=True,
+                emoji=False,
+            )
         for failure in answers.failures:
             text = f"{answers.name}: {printable(str(failure))}"
-            console.print(escape(text), style="red", soft_wrap=True, emoji=False)
+            console.print(
+                escape(text),
+                style="red",
+                soft_wrap=True,
+                emoji=False,
+            )
 
 
 if __name__ == "__main__":

@@ -96,9 +96,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m experiments.reproduce", description=__doc__
     )
     which = parser.add_mutually_exclusive_group()
-    flag: dict[str, Any] = {"dest": "mode", "action": "store_const", "default": "full"}
+    flag: dict[str, Any] = {
+        "dest": "mode",
+        "action": "store_const",
+        "default": "full",
+    }
     for mode in ("quick", "table1"):
-        which.add_argument(f"--{mode}", const=mode, help=WHAT[mode], **flag)
+        which.add_argument(
+            f"--{mode}",
+            const=mode,
+            help=WHAT[mode],
+            **flag,
+        )
     parser.add_argument("--list", action="store_true", help="show the steps, run none")
     chosen = parser.parse_args(arguments)
     console = Console(highlight=False)
@@ -129,7 +138,12 @@ def steps(mode: str = "full") -> list[Step]:
     return found
 
 
-def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> int:
+def run(
+    found: Sequence[Step],
+    mode: str,
+    results: Path,
+    console: Console,
+) -> int:
     """Run steps one after another, those that time nothing two at a time; the exit status."""
     statuses: dict[str, str] = {}
     left = list(found)
@@ -150,7 +164,10 @@ def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> in
 
 
 def _announce(
-    step: Step, found: Sequence[Step], left: Sequence[Step], console: Console
+    step: Step,
+    found: Sequence[Step],
+    left: Sequence[Step],
+    console: Console,
 ) -> None:
     time_left = span(60 * sum(each.wall_minutes for each in left))
     number = found.index(step) + 1
@@ -179,7 +196,11 @@ def _lanes(found: Sequence[Step]) -> Iterator[list[Step]]:
         yield waiting
 
 
-def _carried_out(steps: Sequence[Step], mode: str, results: Path) -> dict[str, str]:
+def _carried_out(
+    steps: Sequence[Step],
+    mode: str,
+    results: Path,
+) -> dict[str, str]:
     """Statuses of one or two steps, by name; an interruption ends both."""
     if len(steps) <= 1:
         return {step.name: measured(step, mode, results) for step in steps}
@@ -197,7 +218,11 @@ _running: set[subprocess.Popen[bytes]] = set()  # commands of this process
 _writing = threading.Lock()  # of reproduce.csv, between the two lanes
 
 
-def measured(step: Step, mode: str, results: Path) -> str:
+def measured(
+    step: Step,
+    mode: str,
+    results: Path,
+) -> str:
     """Run a step, note its time and the memory of its largest process; its status."""
     sys.stdout.flush()  # what stands above is told first
     start, peak, status = time.perf_counter(), 0, "interrupted"

@@ -78,7 +78,12 @@ def _job(cfg: DictConfig) -> None:
             _progress.took(time.perf_counter() - start)
         summarise(console, record, was_there)
     except locks.Held as held:
-        console.print(str(held), style="yellow", markup=False, soft_wrap=True)
+        console.print(
+            str(held),
+            style="yellow",
+            markup=False,
+            soft_wrap=True,
+        )
     except Exception as error:
         if not _first:
             raise
@@ -119,7 +124,12 @@ def _show_progress(cfg: DictConfig, hydra_cfg: Any) -> None:
             text = "nothing of this is timed: exclusive=false runs it beside other runs"
             console.print(text, style="dim", soft_wrap=True)
     text = _progress.next(list(hydra_cfg.overrides.task))
-    console.print(text, style="dim", markup=False, soft_wrap=True)
+    console.print(
+        text,
+        style="dim",
+        markup=False,
+        soft_wrap=True,
+    )
 
 
 def _is_timed(task: DictConfig) -> bool:
@@ -132,7 +142,12 @@ def _complain(error: Exception) -> None:
     _failures.append(error)
     if isinstance(error, _USER_ERRORS):
         text = "\n".join(map(printable, _message(error).splitlines()))
-        stderr.print("[red]error:[/red]", escape(text), soft_wrap=True, emoji=False)
+        stderr.print(
+            "[red]error:[/red]",
+            escape(text),
+            soft_wrap=True,
+            emoji=False,
+        )
     else:
         traceback.print_exception(error)
 

@@ -198,7 +198,10 @@ class FibreScene:
         return np.clip(grey, 0, 255).astype(np.uint8)
 
     def _intensity(
-        self, matrix: np.ndarray, field: np.ndarray, rng: np.random.Generator
+        self,
+        matrix: np.ndarray,
+        field: np.ndarray,
+        rng: np.random.Generator,
     ) -> np.ndarray:
         """|E|² [side, 2·side] of one perturbed input field, photons counted."""
         field = field + self._perturbation * _complex_normal(rng, self._inputs)
@@ -256,7 +259,10 @@ def _pressed(data: Path, outputs: int) -> _Measured:
 
 
 def _stepped(
-    source: Source, file: str | None, step: float | None, outputs: int
+    source: Source,
+    file: str | None,
+    step: float | None,
+    outputs: int,
 ) -> _Measured:
     """A fibre whose matrices lie one press step apart in one array."""
     if not file or not step:
@@ -271,7 +277,9 @@ def _stepped(
 
 
 def _array(
-    file: Path, shape: tuple[int | None, ...], key: str | None = None
+    file: Path,
+    shape: tuple[int | None, ...],
+    key: str | None = None,
 ) -> np.ndarray:
     """A finite complex array from .npz[key] or .npy, None any length; nothing is unpickled."""
     try:
@@ -296,7 +304,10 @@ def _array(
 
 
 def _mean_intensity(
-    matrices: np.ndarray, modes: np.ndarray, field: np.ndarray, perturbation: float
+    matrices: np.ndarray,
+    modes: np.ndarray,
+    field: np.ndarray,
+    perturbation: float,
 ) -> float:
     """Mean of |E|² over pixels, positions [P] and perturbations: |M·a|² + ε²·‖M‖², M = modes·T.
 

@@ -84,15 +84,17 @@ class Frames:
         return self.images[rows]
 
     def fingerprint(self) -> str:
-        shape, dtype = tuple(self.images.shape), str(self.images.dtype)
+        shape = tuple(self.images.shape)
+        dtype = str(self.images.dtype)
         kind = repr((shape, dtype, list(self.classes)))
         content = hashlib.sha256(kind.encode())
         content.update(np.ascontiguousarray(self.labels, dtype="<i8").data)
         images = self.images.numpy(force=True)
         content.update(np.ascontiguousarray(images).data)
         # The order is part of it: a split by time depends on it.
-        order = np.ascontiguousarray(self.samples["order"], dtype="<f8").tobytes()
-        return hashlib.sha256(content.hexdigest().encode() + order).hexdigest()
+        order = np.ascontiguousarray(self.samples["order"], dtype="<f8")
+        whole = content.hexdigest().encode() + order.tobytes()
+        return hashlib.sha256(whole).hexdigest()
 
 
 def level_classes(

@@ -80,7 +80,11 @@ class SimulatedSensor:
         noise = stream(self._seed, "live noise", self._frames)
         return self._exposed(self._indented, self._temperature, noise)
 
-    def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
+    def samples(
+        self,
+        n: int,
+        touches: Sequence[Touch] = (),
+    ) -> list[np.ndarray]:
         frames = []
         for _ in range(n):
             missed, temperature, rng = self._draw(touches)
@@ -124,8 +128,18 @@ class SimulatedSensor:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m scenes.live", description=__doc__)
-    parser.add_argument("--seed", type=int, default=0, help="which sensor (default: 0)")
-    parser.add_argument("--port", type=int, default=8080, help="default: 8080")
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="which sensor (default: 0)",
+    )
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=8080,
+        help="default: 8080",
+    )
     parser.add_argument(
         "--host", help="address to listen at (default: this computer alone)"
     )

@@ -129,13 +129,17 @@ class MeasuredScene:
         return classes, np.array(classes)[labels]
 
     def _keep(
-        self, chosen: np.ndarray, names: np.ndarray, classes: tuple[str, ...]
+        self,
+        chosen: np.ndarray,
+        names: np.ndarray,
+        classes: tuple[str, ...],
     ) -> None:
         """Keep some of the frames; names [N] of the classes of all."""
         self._rows = np.flatnonzero(chosen)
         kept = names[chosen]
         self.classes = tuple(name for name in classes if name in kept)
-        self.labels = np.array([self.classes.index(name) for name in kept])
+        labels = [self.classes.index(name) for name in kept]
+        self.labels = np.array(labels)
         self.samples = {key: column[chosen] for key, column in self.samples.items()}
         self.values = self.values[chosen]
 
@@ -153,7 +157,8 @@ class MeasuredScene:
             frames[row] = frame
             if (len(self._decoded) + 1) * frame.nbytes <= MEMORY_BYTES:
                 self._decoded[row] = frame
-        return torch.from_numpy(np.stack([frames[row] for row in rows]))
+        images = [frames[row] for row in rows]
+        return torch.from_numpy(np.stack(images))
 
     def _read(self, rows: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
         """Row and frame of each of these rows, one folder after the other."""
@@ -183,7 +188,9 @@ def _decoded(
 
 
 def _files(
-    folders: Sequence[str], parts: Sequence[readers.Recording], table: str | None
+    folders: Sequence[str],
+    parts: Sequence[readers.Recording],
+    table: str | None,
 ) -> list[str]:
     """The files that are read, relative to the repository."""
     files = []

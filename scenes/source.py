@@ -97,7 +97,11 @@ class Source:
 
 
 @lru_cache(maxsize=16)
-def _digest(root: Path, names: tuple[str, ...], changed: tuple[int, ...]) -> str:
+def _digest(
+    root: Path,
+    names: tuple[str, ...],
+    changed: tuple[int, ...],
+) -> str:
     """SHA-256 over the lines that ``sha256sum`` prints; ``changed`` (ns) dates what is kept."""
     whole = hashlib.sha256()
     for name in names:

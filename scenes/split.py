@@ -12,10 +12,8 @@ import numpy as np
 
 from scenes.validate import is_integer, require
 
-KINDS = (
-    "random",
-    "ordered",
-)  # that every scene can have; "grouped" needs groups besides
+# That every scene can have; "grouped" needs groups besides.
+KINDS = ("random", "ordered")
 
 
 def split(
@@ -82,8 +80,9 @@ def split(
         first, last = np.split(members, [len(members) - n_last])
         trained.append(first)
         tested.append(last)
-    train, test = np.concatenate(trained), np.concatenate(tested)
-    return train[np.argsort(rank[train], kind="stable")], np.sort(test)
+    train = np.concatenate(trained)
+    in_order = np.argsort(rank[train], kind="stable")
+    return train[in_order], np.sort(np.concatenate(tested))
 
 
 def neighbours_leak(
@@ -102,7 +101,9 @@ def neighbours_leak(
     are of one session, where the ``session`` of each [N] is known: each may count its times from 0.
     """
     _, class_of, _ = _classes(labels)
-    sessions = np.zeros(len(class_of)) if session is None else np.asarray(session)
+    if session is None:
+        session = np.zeros(len(class_of))
+    sessions = np.asarray(session)
     trained = np.full(len(class_of), -1)  # class of a training sample, else −1
     trained[train] = class_of[train]
     in_time = np.lexsort((order, sessions))
@@ -116,7 +117,10 @@ def neighbours_leak(
 
 
 def learning_curve_subsets(
-    train: np.ndarray, labels: np.ndarray, sizes: Sequence[int], seed: int = 0
+    train: np.ndarray,
+    labels: np.ndarray,
+    sizes: Sequence[int],
+    seed: int = 0,
 ) -> dict[int, np.ndarray]:
     """For each size n, n training indices: stratified, and contained in every larger subset.
 
@@ -194,7 +198,8 @@ def _of_whole_groups(
         if chosen[g]:
             return False
         left = counts - target + missing - held[g]
-        return bool((left[held[g] > 0] > 0).all())
+        inside = held[g] > 0
+        return bool((left[inside] > 0).all())
 
     for g in drawn:
         error = np.abs(missing).sum()

@@ -22,13 +22,23 @@ def is_number(value: object) -> bool:
     return is_integer(value)
 
 
-def require(condition: bool, key: str, found: Any, expected: str) -> None:
+def require(
+    condition: bool,
+    key: str,
+    found: Any,
+    expected: str,
+) -> None:
     """Raise a ValueError that names the configuration key unless the condition holds."""
     if not condition:
         raise ValueError(f"{key}: expected {expected}, found {found!r}")
 
 
-def require_integer(key: str, value: Any, low: int, high: float = math.inf) -> None:
+def require_integer(
+    key: str,
+    value: Any,
+    low: int,
+    high: float = math.inf,
+) -> None:
     """Raise a ValueError unless the value is an integer in [low, high]."""
     expected = f"an integer in [{low}, {high}]"
     if high == math.inf:
@@ -37,7 +47,13 @@ def require_integer(key: str, value: Any, low: int, high: float = math.inf) -> N
     require(inside, key, value, expected)
 
 
-def require_number(key: str, value: Any, low: float, *, strict: bool = False) -> None:
+def require_number(
+    key: str,
+    value: Any,
+    low: float,
+    *,
+    strict: bool = False,
+) -> None:
     """Raise a ValueError unless the value is a finite number ≥ ``low``, > if ``strict``."""
     if strict:
         inside = is_number(value) and low < value

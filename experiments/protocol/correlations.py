@@ -28,7 +28,12 @@ class CorrelationSums:
         dtype: of the standardised samples: float64, or float32, which rounds each once.
     """
 
-    def __init__(self, n_classes: int, dimension: int, dtype: DTypeLike = np.float64):
+    def __init__(
+        self,
+        n_classes: int,
+        dimension: int,
+        dtype: DTypeLike = np.float64,
+    ):
         self.dtype = dtype
         self.n = 0  # N_s, samples per class so far
         self.sums = np.zeros((n_classes, dimension))  # S
@@ -47,7 +52,8 @@ class CorrelationSums:
         """The sums of both sets of samples."""
         total = CorrelationSums(*self.sums.shape, self.dtype)
         for name in ("n", "sums", "same", "undefined"):
-            setattr(total, name, getattr(self, name) + getattr(other, name))
+            of_both = getattr(self, name) + getattr(other, name)
+            setattr(total, name, of_both)
         return total
 
     def pair_means(self) -> NDArray[np.float64]:
@@ -56,7 +62,8 @@ class CorrelationSums:
             raise ValueError(
                 f"samples: expected at least two of each class, found {self.n}"
             )
-        return (self.sums @ self.sums.T - self.same) / (self.n * (self.n - 1))
+        of_pairs = self.sums @ self.sums.T - self.same
+        return of_pairs / (self.n * (self.n - 1))
 
     def means_with(self, prototypes: Any) -> NDArray[np.float64]:
         """C_ll′ of Eq. 6, float64 [P, L]: prototypes [P, D] with the samples of each class."""
@@ -65,7 +72,11 @@ class CorrelationSums:
         return standardise(prototypes, self.dtype) @ self.sums.T / self.n
 
 
-def mean_pair_correlations(a: Any, b: Any, dtype: DTypeLike = np.float64) -> float:
+def mean_pair_correlations(
+    a: Any,
+    b: Any,
+    dtype: DTypeLike = np.float64,
+) -> float:
     """C_ll′ of Eqs. 4 and 5 for two classes in O(N_s·D) operations and O(D) memory.
 
     Args:
@@ -89,8 +100,9 @@ def pair_correlations_double_sum(
     n, total = len(x), 0.0
     for k in range(n):
         for other in (*range(k), *range(k + 1, n)):
-            product = (x[k] - x[k].mean()) * (y[other] - y[other].mean())
-            total += float(product.mean() / (x[k].std() * y[other].std()))
+            one, two = x[k], y[other]
+            product = (one - one.mean()) * (two - two.mean())
+            total += float(product.mean() / (one.std() * two.std()))
     return total / (n * (n - 1))
 
 
@@ -101,9 +113,10 @@ def standardise(samples: Any, dtype: DTypeLike = np.float64) -> NDArray[Any]:
         ValueError: for a value that is not finite; the sample is named.
     """
     samples = np.asarray(samples)
-    if samples.dtype.kind == "f" and not np.isfinite(samples).all():
-        bad = np.flatnonzero(~np.isfinite(samples).all(1))[0]
-        raise ValueError(f"samples[{bad}]: expected finite values")
+    if samples.dtype.kind == "f":
+        finite = np.isfinite(samples).all(1)
+        if not finite.all():
+            raise ValueError(f"samples[{finite.argmin()}]: expected finite values")
     constant = _constant(samples)
     x = samples.astype(np.float64)
     # Twice: a mean 10⁶ times the deviation leaves a rounded part of itself behind.
@@ -112,13 +125,15 @@ def standardise(samples: Any, dtype: DTypeLike = np.float64) -> NDArray[Any]:
     scale = np.abs(x).max(1)  # squares of very large or small values over- or underflow
     scale[constant] = np.nan  # never a division by a rounding error
     x /= scale[:, None]
-    x /= np.sqrt(np.einsum("nd,nd->n", x, x))[:, None]
+    norm = np.sqrt(np.einsum("nd,nd->n", x, x))
+    x /= norm[:, None]
     return x.astype(dtype, copy=False)
 
 
 def contrast(correlation: NDArray[np.float64]) -> float:
     """ΔC = max_ll′ |C_ll − C_ll′| of a matrix [L, L]."""
-    return float(np.abs(np.diag(correlation)[:, None] - correlation).max())
+    within = np.diag(correlation)[:, None]
+    return float(np.abs(within - correlation).max())
 
 
 def _constant(samples: NDArray[Any]) -> NDArray[np.bool_]:

@@ -51,7 +51,10 @@ def at_seed(config: Any, seed: int) -> Any:
 
 
 def scene_at(
-    config: Mapping[str, Any], seed: int, cache: bool, console: Console
+    config: Mapping[str, Any],
+    seed: int,
+    cache: bool,
+    console: Console,
 ) -> Scene:
     """The scene of a resolved config at a seed of sensor and samples, cached where asked for."""
     scene: Scene = instantiate(OmegaConf.create(at_seed(dict(config), seed)), "scene")
@@ -69,7 +72,12 @@ class LazyFrames:
         clock: held while frames are acquired.
     """
 
-    def __init__(self, scene: Scene, indices: np.ndarray, clock: Clock):
+    def __init__(
+        self,
+        scene: Scene,
+        indices: np.ndarray,
+        clock: Clock,
+    ):
         self.scene, self.indices, self.clock = scene, indices, clock
         self.shape = (len(indices), *scene.shape)
 
@@ -91,8 +99,10 @@ class DerivedScene:
     """A scene with the samples of another one, whose frames a subclass gets in its own way."""
 
     def __init__(self, scene: Scene):
-        self.classes, self.labels, self.shape = scene.classes, scene.labels, scene.shape
-        self.samples, self.origin, self._scene = scene.samples, scene.origin, scene
+        self._scene = scene
+        self.classes, self.labels = scene.classes, scene.labels
+        self.samples, self.shape = scene.samples, scene.shape
+        self.origin = scene.origin
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -125,7 +135,11 @@ class CachedScene(DerivedScene):
         return torch.from_numpy(mapped[np.asarray(indices, dtype=np.int64)])
 
 
-def cached(scene: Scene, folder: Path, console: Console) -> Scene:
+def cached(
+    scene: Scene,
+    folder: Path,
+    console: Console,
+) -> Scene:
     """The scene with its frames on disk, made there first if need be, whole or not at all.
 
     Recorded and measured scenes stay as they are. A file is named after the scene's fingerprint and
@@ -150,7 +164,11 @@ def cached(scene: Scene, folder: Path, console: Console) -> Scene:
     return CachedScene(scene, path)
 
 
-def _make(scene: Scene, path: Path, console: Console) -> None:
+def _make(
+    scene: Scene,
+    path: Path,
+    console: Console,
+) -> None:
     """Write all frames; what a killed process left is overwritten."""
     n, partial = len(scene.labels), path.with_suffix(".partial")
     bars = Progress(console=console, transient=True, disable=not console.is_terminal)
@@ -181,7 +199,12 @@ class PixelSubset(DerivedScene):
         ValueError: if the frames have fewer pixels.
     """
 
-    def __init__(self, scene: Scene, pixels: int, seed: int):
+    def __init__(
+        self,
+        scene: Scene,
+        pixels: int,
+        seed: int,
+    ):
         super().__init__(scene)
         every = math.prod(scene.shape)
         if type(pixels) is not int or not 2 <= pixels <= every:
@@ -202,7 +225,11 @@ class PixelSubset(DerivedScene):
         return pixels[:, torch.from_numpy(self._chosen)].unsqueeze(1)
 
 
-def choose(scene: Scene, cfg: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def choose(
+    scene: Scene,
+    cfg: Any,
+    seed: int,
+) -> tuple[np.ndarray, np.ndarray]:
     """Training and test indices as the ``split`` part of the config says.
 
     Warns:
@@ -243,7 +270,11 @@ def _across_sessions(
     """Training samples of the first session, as a random split has them; the last one tests."""
     sessions = _sessions(scene)
     first, test = by_session(sessions, *np.unique(sessions)[[0, -1]].tolist())
-    train, _ = split(scene.labels[first], test_fraction=cfg["test_fraction"], seed=seed)
+    train, _ = split(
+        scene.labels[first],
+        test_fraction=cfg["test_fraction"],
+        seed=seed,
+    )
     return first[train], test
 
 
@@ -269,7 +300,11 @@ def _within_first_session(
     return first[train], first[test]
 
 
-def _warn_of_neighbours(scene: Scene, train: np.ndarray, test: np.ndarray) -> None:
+def _warn_of_neighbours(
+    scene: Scene,
+    train: np.ndarray,
+    test: np.ndarray,
+) -> None:
     order = scene.samples["order"]
     leak = neighbours_leak(scene.labels, order, train, test, _sessions(scene))
     if leak > _LEAK:
@@ -281,14 +316,19 @@ def _warn_of_neighbours(scene: Scene, train: np.ndarray, test: np.ndarray) -> No
         )
 
 
-def take(scene: Scene, indices: np.ndarray, clock: Clock) -> Tensor | LazyFrames:
+def take(
+    scene: Scene,
+    indices: np.ndarray,
+    clock: Clock,
+) -> Tensor | LazyFrames:
     """The frames of these samples: in memory if they fit, else made when asked for."""
     first = scene.frames(indices[:1])
     if first.nbytes * len(indices) > IN_MEMORY_BYTES:
         return LazyFrames(scene, indices, clock)
     frames = torch.empty(len(indices), *scene.shape, dtype=first.dtype)
     for start in range(0, len(indices), _BATCH):
-        frames[start : start + _BATCH] = scene.frames(indices[start : start + _BATCH])
+        part = slice(start, start + _BATCH)
+        frames[part] = scene.frames(indices[part])
     return frames
 
 
@@ -301,5 +341,6 @@ def digest(frames: Tensor | LazyFrames, labels: np.ndarray) -> str:
     """SHA-256 of frames and labels in their order."""
     state = hashlib.sha256(np.ascontiguousarray(labels, dtype="<i8").data)
     for start in range(0, len(frames), _BATCH):
-        state.update(frames[start : start + _BATCH].contiguous().numpy(force=True).data)
+        part = frames[start : start + _BATCH].contiguous()
+        state.update(part.numpy(force=True).data)
     return state.hexdigest()

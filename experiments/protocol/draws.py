@@ -13,10 +13,14 @@ from scenes.frames import Scene
 
 
 def draw_split(
-    scene: Scene, split: Mapping[str, Any], seed: tuple[int, int], most_test: int
+    scene: Scene,
+    split: Mapping[str, Any],
+    seed: tuple[int, int],
+    most_test: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """(pool, test) of one draw: frames that may train, and at most so many that test."""
-    drawn = int(np.random.default_rng(seed).integers(2**31))
+    random = np.random.default_rng(seed)
+    drawn = int(random.integers(2**31))
     config = {"group": None, **split, "n_train": None}
     # A random split of a recording leaks on purpose.
     with warnings.catch_warnings(action="ignore"):
@@ -28,10 +32,15 @@ def draw_split(
 
 
 def nested(
-    pool: np.ndarray, labels: np.ndarray, sizes: Sequence[int], seed: tuple[int, int]
+    pool: np.ndarray,
+    labels: np.ndarray,
+    sizes: Sequence[int],
+    seed: tuple[int, int],
 ) -> tuple[list[np.ndarray], list[int]]:
     """Frames of each class in random order, and the sizes that every class can fill."""
-    shuffled = np.random.default_rng((*seed, 1)).permutation(pool)
-    order = [shuffled[labels[shuffled] == c] for c in np.unique(labels[pool])]
+    random = np.random.default_rng((*seed, 1))
+    shuffled = random.permutation(pool)
+    class_of = labels[shuffled]
+    order = [shuffled[class_of == c] for c in np.unique(class_of)]
     least = min(map(len, order))
     return order, [n for n in sizes if n <= least]

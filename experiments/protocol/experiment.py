@@ -107,7 +107,12 @@ def experiment(
         ValueError: from the task, for an argument that the generator does not have or lacks.
     """
     if rows is None:
-        return functools.partial(experiment, revision=revision, uses=uses, timed=timed)
+        return functools.partial(
+            experiment,
+            revision=revision,
+            uses=uses,
+            timed=timed,
+        )
     signature = inspect.signature(rows)
 
     @functools.wraps(rows)
@@ -143,7 +148,10 @@ def experiment(
     return task
 
 
-def _bound(signature: inspect.Signature, given: Mapping[str, Any]) -> dict[str, Any]:
+def _bound(
+    signature: inspect.Signature,
+    given: Mapping[str, Any],
+) -> dict[str, Any]:
     """Arguments of a generator but for its first, defaults included, without displays."""
     try:
         bound = signature.bind(None, **given)
@@ -156,7 +164,10 @@ def _bound(signature: inspect.Signature, given: Mapping[str, Any]) -> dict[str, 
     return without_display
 
 
-def _changed(name: str | None, arguments: Mapping[str, Any]) -> dict[str, str]:
+def _changed(
+    name: str | None,
+    arguments: Mapping[str, Any],
+) -> dict[str, str]:
     """Arguments that are not those of the experiment's file, by dotted key."""
     if name is None:
         return {}

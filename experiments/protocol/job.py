@@ -137,7 +137,10 @@ def run(
 
 
 def _finished(
-    folder: Path, identity: str, force: bool, console: Console | None = None
+    folder: Path,
+    identity: str,
+    force: bool,
+    console: Console | None = None,
 ) -> Finished | None:
     """The finished record of a run, if today's code made it; if another did, that is said."""
     known = None if force else records.find(folder, identity)
@@ -148,7 +151,12 @@ def _finished(
         return known
     if console is not None:
         text = f"{identity}: run again, finished by other code: {', '.join(reasons)}"
-        console.print(text, style="yellow", markup=False, soft_wrap=True)
+        console.print(
+            text,
+            style="yellow",
+            markup=False,
+            soft_wrap=True,
+        )
     return None
 
 
@@ -182,7 +190,10 @@ def changed_keys(
 
 
 def _changed_of(
-    group: str, config: Mapping[str, Any], name: str, typed: Mapping[str, str]
+    group: str,
+    config: Mapping[str, Any],
+    name: str,
+    typed: Mapping[str, str],
 ) -> dict[str, str]:
     keys = ("scene", "split") if group == "scene" else (group,)
     of_files = configs.part(group, name)
@@ -208,7 +219,11 @@ def exclusive(cfg: DictConfig, console: Console) -> AbstractContextManager[None]
 
 
 def _carry_out(
-    cfg: DictConfig, scene: Scene, entry: dict[str, Any], folder: Path, console: Console
+    cfg: DictConfig,
+    scene: Scene,
+    entry: dict[str, Any],
+    folder: Path,
+    console: Console,
 ) -> None:
     """Train and test, and add the record; a run that fails is recorded with its error."""
     curve: records.Curve = []

@@ -28,7 +28,11 @@ from experiments.records import revision
 _POLL_S = 0.2
 # Options of mallopt in glibc's malloc.h (M_MMAP_MAX, M_TRIM_THRESHOLD, M_TOP_PAD), and what they
 # are set to.
-_MALLOPT = {-4: 0, -1: 2**31 - 1, -2: 64 * 2**20}
+_MALLOPT = {
+    -4: 0,
+    -1: 2**31 - 1,
+    -2: 64 * 2**20,
+}
 
 
 def keep_memory() -> bool:
@@ -77,7 +81,11 @@ def threads(wanted: Any, launcher: Any) -> int:
 
 
 @contextmanager
-def held(n: int, device: str, waiting: Callable[[], None]) -> Iterator[None]:
+def held(
+    n: int,
+    device: str,
+    waiting: Callable[[], None],
+) -> Iterator[None]:
     """Hold n cores, or all if there are fewer, and the GPU that is computed on.
 
     Args:
@@ -103,7 +111,11 @@ def held(n: int, device: str, waiting: Callable[[], None]) -> Iterator[None]:
         time.sleep(_POLL_S * random.uniform(0.5, 1.5))
 
 
-def _locked(stack: ExitStack, locks: list[FileLock], n: int) -> bool:
+def _locked(
+    stack: ExitStack,
+    locks: list[FileLock],
+    n: int,
+) -> bool:
     """Whether n of these locks were free, or all if there are fewer; the stack holds them."""
     missing = min(n, len(locks))
     for lock in locks:
@@ -121,7 +133,10 @@ def _gpu(device: str) -> str:
 
 
 @contextmanager
-def libraries(model: Mapping[str, Any], threads: int) -> Iterator[list[dict[str, Any]]]:
+def libraries(
+    model: Mapping[str, Any],
+    threads: int,
+) -> Iterator[list[dict[str, Any]]]:
     """Limit the numerical libraries of a scikit-learn model to this many threads; yields them.
 
     numpy, scipy and scikit-learn bring OpenBLAS and OpenMP libraries of their own, with a thread a

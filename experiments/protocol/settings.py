@@ -24,7 +24,14 @@ _WORDS = {
     "object": "a mapping",
 }
 
-Seed = Annotated[int, Meta(ge=0, le=2**53, description="an integer from 0 to 2^53")]
+Seed = Annotated[
+    int,
+    Meta(
+        ge=0,
+        le=2**53,
+        description="an integer from 0 to 2^53",
+    ),
+]
 
 
 class Seeds(msgspec.Struct):
@@ -65,7 +72,11 @@ class Settings(msgspec.Struct):
     force: bool
 
 
-def checked(values: Any, kind: type[_T], key: str = "") -> _T:
+def checked(
+    values: Any,
+    kind: type[_T],
+    key: str = "",
+) -> _T:
     """Plain values as a typed object.
 
     Args:
@@ -85,7 +96,12 @@ def checked(values: Any, kind: type[_T], key: str = "") -> _T:
         raise ValueError(_message(str(error), values, kind, key)) from error
 
 
-def _message(text: str, values: Any, kind: Any, key: str) -> str:
+def _message(
+    text: str,
+    values: Any,
+    kind: Any,
+    key: str,
+) -> str:
     """An error of msgspec, ``Expected `int` >= 0 - at `$.run```, in our words."""
     problem, _, place = text.partition(" - at `$")
     for name in place.strip(".`").split("."):
@@ -141,7 +157,11 @@ def _argument_types(target: str) -> dict[str, Any]:
         return {}
 
 
-def _check_text(value: str, kind: Any, key: str) -> None:
+def _check_text(
+    value: str,
+    kind: Any,
+    key: str,
+) -> None:
     try:
         msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
@@ -151,7 +171,10 @@ def _check_text(value: str, kind: Any, key: str) -> None:
         return
 
 
-def leaves(node: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+def leaves(
+    node: Any,
+    key: str = "",
+) -> Iterator[tuple[str, Any]]:
     """(dotted key, value) of everything in a resolved config that is no mapping."""
     if not isinstance(node, Mapping):
         yield key, node

@@ -40,7 +40,14 @@ class StopRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         ValueError: for fewer `most_steps` than `least_steps`.
     """
 
-    target: Annotated[float, Meta(gt=0, lt=1, description="a number in (0, 1)")] = 0.9
+    target: Annotated[
+        float,
+        Meta(
+            gt=0,
+            lt=1,
+            description="a number in (0, 1)",
+        ),
+    ] = 0.9
     reached_after_s: (
         Annotated[float, Meta(ge=0, description="null or at least 0 s")] | None
     ) = None

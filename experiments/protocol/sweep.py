@@ -9,7 +9,10 @@ from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 
-def size(params: Mapping[str, Any] | None, words: Sequence[str]) -> int:
+def size(
+    params: Mapping[str, Any] | None,
+    words: Sequence[str],
+) -> int:
     """Number of runs of a sweep.
 
     Args:

@@ -148,7 +148,11 @@ def _digests(train: _Part, test: _Part) -> dict[str, str]:
 
 
 def reports(
-    model: Model, name: str, frames: Any, labels: np.ndarray, clock: Clock
+    model: Model,
+    name: str,
+    frames: Any,
+    labels: np.ndarray,
+    clock: Clock,
 ) -> Iterator[dict[str, float]]:
     """Train a model under the clock; yields each of its reports with ``training_s``, clock stopped.
 
@@ -213,7 +217,11 @@ def _train(
     return "finished"
 
 
-def _next_due(seen: float, loss: float | None, n_train: int) -> float:
+def _next_due(
+    seen: float,
+    loss: float | None,
+    n_train: int,
+) -> float:
     """Samples seen at which a model is evaluated after this time.
 
     Testing then takes a multiple of one pass over the frames, however many reports there are; a
@@ -225,7 +233,10 @@ def _next_due(seen: float, loss: float | None, n_train: int) -> float:
 
 
 def _of_curve(
-    clock: Clock, stop: StopRule, reason: str, curve: list[dict[str, float]]
+    clock: Clock,
+    stop: StopRule,
+    reason: str,
+    curve: list[dict[str, float]],
 ) -> dict[str, Any]:
     """Times and accuracies of a curve: at the target, and at their maxima."""
     valid = [row for row in curve if "test_accuracy" in row]
@@ -248,7 +259,11 @@ def _of_curve(
     }
 
 
-def _prediction_times(model: Model, test: _Part, device: str) -> dict[str, float]:
+def _prediction_times(
+    model: Model,
+    test: _Part,
+    device: str,
+) -> dict[str, float]:
     """Seconds a frame, single and in a batch, of frames in memory."""
     frames = test.frames[: data.fitting(test.frames)]
     singles = [
@@ -264,7 +279,11 @@ def _prediction_times(model: Model, test: _Part, device: str) -> dict[str, float
     }
 
 
-def _warm_up(model: Model, scene: Scene, n: int) -> None:
+def _warm_up(
+    model: Model,
+    scene: Scene,
+    n: int,
+) -> None:
     """Train and predict once on noise of the same shape: the first use of anything is slow."""
     generator = torch.Generator().manual_seed(0)
     frames = torch.randint(

@@ -14,7 +14,12 @@ from experiments.records.files import ROOT
 
 CONFIGS = ROOT / "configs"
 SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to repetition
-_LOOK = {"colour": "#666666", "marker": ".", "line": ":", "group": "other"}
+_LOOK = {
+    "colour": "#666666",
+    "marker": ".",
+    "line": ":",
+    "group": "other",
+}
 
 
 # Files as they stand -----------------------------------------------------------------------------
@@ -69,7 +74,11 @@ def numbers(values: Sequence[str]) -> list[int | None]:
 _own_displays: dict[tuple[str, str], Mapping[str, Any]] = {}
 
 
-def show_as(group: str, name: str, display: Mapping[str, Any]) -> None:
+def show_as(
+    group: str,
+    name: str,
+    display: Mapping[str, Any],
+) -> None:
     """Remember how a model or a scene is shown whose config is not in ``configs/``."""
     _own_displays[group, name] = display
 
@@ -109,7 +118,11 @@ def _display(model: str) -> dict[str, str]:
 
 
 @functools.cache
-def _inherited(group: str, name: str, key: str) -> dict[str, Any]:
+def _inherited(
+    group: str,
+    name: str,
+    key: str,
+) -> dict[str, Any]:
     """A key of a file, above that of the files of its group that it starts from."""
     file = _file(group, name)
     found: dict[str, Any] = {}
@@ -186,7 +199,11 @@ def without(keys: Iterable[str], node: Any) -> Any:
     return node
 
 
-def differences(config: Any, reference: Any, key: str = "") -> dict[str, str]:
+def differences(
+    config: Any,
+    reference: Any,
+    key: str = "",
+) -> dict[str, str]:
     """Values of a config that differ from its reference, by dotted key; a missing one is null."""
     if isinstance(config, Mapping) and isinstance(reference, Mapping):
         found: dict[str, str] = {}

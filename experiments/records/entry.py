@@ -60,7 +60,11 @@ class Entry(msgspec.Struct, kw_only=True):
         return self.config
 
 
-def name_of(name: str, config: Mapping[str, Any], data: str) -> str:
+def name_of(
+    name: str,
+    config: Mapping[str, Any],
+    data: str,
+) -> str:
     """Name of a record: what it is, and a hash of everything that determines it."""
     return f"{name}-{digest_of([config, data])}"
 

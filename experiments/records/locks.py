@@ -20,7 +20,11 @@ class Held(Exception):
 
 
 @contextmanager
-def held(path: Path, what: str | None = None, timeout_s: float = 0) -> Iterator[None]:
+def held(
+    path: Path,
+    what: str | None = None,
+    timeout_s: float = 0,
+) -> Iterator[None]:
     """Hold an exclusive lock; the empty file is left behind.
 
     Args:

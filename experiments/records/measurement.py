@@ -28,11 +28,8 @@ from experiments.records.revision import revisions
 from experiments.records.rows import Row, from_lines, plain, to_lines
 from hdc.io import write_atomically
 
-_OF_FRAMES = (
-    "scene",
-    "split",
-    "old_split",
-)  # arguments that say which frames there are
+# Arguments that say which frames there are.
+_OF_FRAMES = ("scene", "split", "old_split")
 
 
 class Measurement(Entry, kw_only=True):
@@ -166,7 +163,11 @@ def _found(name: str, known: Measured) -> str:
     return text
 
 
-def write(folder: Path, entry: Mapping[str, Any], rows: Iterable[Row]) -> None:
+def write(
+    folder: Path,
+    entry: Mapping[str, Any],
+    rows: Iterable[Row],
+) -> None:
     """Write rows.jsonl and record.json, one line per key; a crash in between leaves no record that
     vouches for rows of another call."""
     lines = []

@@ -173,12 +173,21 @@ class Finished(Record, kw_only=True):
         return np.equal(self.predicted, self.test_labels)
 
 
-def run_id(scene: str, model: str, config: Mapping[str, Any], fingerprint: str) -> str:
+def run_id(
+    scene: str,
+    model: str,
+    config: Mapping[str, Any],
+    fingerprint: str,
+) -> str:
     """Name of a run: what it is, and a hash of everything that determines it."""
     return name_of(f"{scene}-{model}", config, fingerprint)
 
 
-def append(folder: Path, entry: Mapping[str, Any], curve: Curve) -> None:
+def append(
+    folder: Path,
+    entry: Mapping[str, Any],
+    curve: Curve,
+) -> None:
     """Add a record, plain values, to the runs of a results folder."""
     line = to_line(entry, curve)
     lock = locks.held(folder / "cache" / "locks" / RUNS, timeout_s=-1)
@@ -203,7 +212,10 @@ def to_line(entry: Mapping[str, Any], curve: Curve) -> str:
     return msgspec.json.encode(whole, enc_hook=plain, order="sorted").decode()
 
 
-def _values(row: Mapping[str, Any], columns: Iterable[str]) -> list[Any]:
+def _values(
+    row: Mapping[str, Any],
+    columns: Iterable[str],
+) -> list[Any]:
     return [_number(row.get(column)) for column in columns]
 
 

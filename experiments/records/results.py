@@ -25,7 +25,8 @@ from experiments.records.record import Curve, Finished, Record
 STOPS = ("paper", "long", "quick", "reached")
 # What a row asks for by number; and where a recording lies, which is known by its content.
 _COORDINATES = ("split.n_train", "data.pixels", "scene.path")
-_FRAMES_FIRST = {"scene": 0, "split": 1, "model": 2, "stop": 3}  # of what was changed
+# Of what was changed.
+_FRAMES_FIRST = {"scene": 0, "split": 1, "model": 2, "stop": 3}
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
 
 Row = tuple[str, str, int | None, int | None]
@@ -50,10 +51,7 @@ class Run:
         learns in one pass has no stopping rule."""
         found = {}
         changed = self.record.changed
-        in_order = sorted(
-            changed, key=lambda key: _FRAMES_FIRST.get(key.partition(".")[0], 4)
-        )
-        for key in in_order:
+        for key in sorted(changed, key=_place_of_key):
             of_stop = key.startswith("stop.") and not self.iterative
             if key not in _COORDINATES and not of_stop:
                 found[key] = changed[key]
@@ -91,10 +89,11 @@ class Run:
     def scene(self) -> str:
         """Name of the scene's config, for a recording with its fingerprint, and its overrides."""
         overrides = self.overrides.items()
-        changed = {k: v for k, v in overrides if not k.startswith(_OF_MODEL)}
+        changed = {key: v for key, v in overrides if not key.startswith(_OF_MODEL)}
         name = self.record.scene.name
         if self.record.scene.origin == "recorded":
-            path = Path(str(self.record.config["scene"].get("path", "")))
+            recorded = self.record.config["scene"]
+            path = Path(str(recorded.get("path", "")))
             name += f" {path.name} ({self.record.data[:6]})"
         return _labelled(name, changed)
 
@@ -111,7 +110,8 @@ class Run:
         config = _core(self.record.config)
         if not self.iterative:  # it ends by itself, whatever the rule
             config.pop("stop")
-        for group, key in (name.split(".") for name in _COORDINATES):
+        for name in _COORDINATES:
+            group, key = name.split(".")
             config[group].pop(key, None)
         return json.dumps(config, sort_keys=True)
 
@@ -142,7 +142,9 @@ class Group:
         notes = []
         if self.others:
             notes.append(f"{self.others} more left out: of other code or settings")
-        if beside := sum(not run.record.environment.exclusive for run in self.runs):
+        alone = [run.record.environment.exclusive for run in self.runs]
+        beside = sum(not exclusive for exclusive in alone)
+        if beside:
             notes.append(f"{beside} timed beside other runs")
         return "; ".join(notes) or "ok"
 
@@ -154,9 +156,8 @@ class Group:
     @property
     def machines(self) -> set[tuple[str, int]]:
         """(processor, threads): times of different ones do not compare."""
-        return {
-            (r.record.environment.cpu, r.record.environment.threads) for r in self.runs
-        }
+        environments = [run.record.environment for run in self.runs]
+        return {(machine.cpu, machine.threads) for machine in environments}
 
     @property
     def classes(self) -> list[str]:
@@ -165,9 +166,11 @@ class Group:
 
     def confusion(self) -> np.ndarray:
         """Test samples of all runs by true (row) and predicted class, int64 [L, L]."""
-        total = np.zeros((len(self.classes),) * 2, np.int64)
+        n_classes = len(self.classes)
+        total = np.zeros((n_classes, n_classes), np.int64)
         for run in self.runs:
-            np.add.at(total, (run.record.test_labels, run.record.predicted), 1)
+            places = (run.record.test_labels, run.record.predicted)
+            np.add.at(total, places, 1)
         return total
 
 
@@ -189,7 +192,7 @@ class Results:
             config = run.record.config
             sizes = config["split"]["n_train"], config["data"]["pixels"]
             rows[run.scene, run.model, *sizes].append(run)
-        ordered = sorted(rows, key=lambda row: [(x is not None, x) for x in row])
+        ordered = sorted(rows, key=_whole_first)
         self._groups = {row: _group(row, rows[row]) for row in ordered}
 
     def __bool__(self) -> bool:
@@ -221,14 +224,15 @@ class Results:
     def extra_models(self, scene: str) -> list[str]:
         """Models on a scene that no experiment of ``configs/`` sweeps over: one's own, and those
         of which something was changed."""
-        found = sorted({run.model for run in self.runs if run.scene == scene})
-        return [model for model in found if model not in configs.swept_models()]
+        found = {run.model for run in self.runs if run.scene == scene}
+        return sorted(found.difference(configs.swept_models()))
 
     @cached_property
     def measurements(self) -> list[Measured]:
         """Every finished measurement, those on the frames of its experiment's config first."""
         finished = []
-        for path in sorted((self.folder / "measured").glob("*/record.json")):
+        paths = (self.folder / "measured").glob("*/record.json")
+        for path in sorted(paths):
             try:
                 measured = measurement.read(path.parent)
             except ValueError as error:
@@ -241,8 +245,10 @@ class Results:
     def measured(self, name: str) -> Measured | None:
         """The measurement of an experiment on its own scene, whole before quick; None if there is
         none."""
-        fitting = (m for m in self.measurements if m.record.name == name)
-        return next((m for m in fitting if not m.of_other_frames), None)
+        for measured in self.measurements:
+            if measured.record.name == name and not measured.of_other_frames:
+                return measured
+        return None
 
     def _take(self, entry: Record) -> None:
         scene, model = entry.choices.scene, entry.choices.model
@@ -251,9 +257,20 @@ class Results:
         if entry.scene_display and not configs.is_known("scene", scene):
             configs.show_as("scene", scene, entry.scene_display)
         if isinstance(entry, Finished):
-            self.runs.append(Run(entry, records.curve_of(entry)))
+            run = Run(entry, records.curve_of(entry))
+            self.runs.append(run)
         else:
             self.unfinished.append(entry)
+
+
+def _whole_first(row: Row) -> list[tuple[bool, Any]]:
+    """By this key a row is sorted: all samples and all pixels, None, come before fewer."""
+    return [(part is not None, part) for part in row]
+
+
+def _place_of_key(key: str) -> int:
+    group, _, _ = key.partition(".")
+    return _FRAMES_FIRST.get(group, 4)
 
 
 def _group(row: Row, runs: list[Run]) -> Group:
@@ -263,9 +280,13 @@ def _group(row: Row, runs: list[Run]) -> Group:
     for run in runs:
         alike[run.configuration, run.made_by].append(run)
     best = min(alike.values(), key=_preference)
-    by_seeds = {json.dumps(list(_seeds(run.record.config))): run for run in best}
+    by_seeds = {}
+    for run in best:
+        seeds = list(_seeds(run.record.config))
+        by_seeds[json.dumps(seeds)] = run
     ordered = sorted(by_seeds.values(), key=lambda run: run.record.seed)
-    return Group(*row, ordered, len(runs) - len(best))
+    left_out = len(runs) - len(best)
+    return Group(*row, ordered, left_out)
 
 
 def _preference(runs: list[Run]) -> tuple[Any, ...]:

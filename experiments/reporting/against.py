@@ -38,13 +38,18 @@ class Cell:
     @property
     def verdict(self) -> str:
         """``equal``, ``within`` or ``outside``."""
-        if math.isclose(self.own, self.reference, rel_tol=_SAME, abs_tol=1e-12):
+        if math.isclose(
+            self.own,
+            self.reference,
+            rel_tol=_SAME,
+            abs_tol=1e-12,
+        ):
             return EQUAL
         return WITHIN if self.low <= self.own <= self.high else OUTSIDE
 
     def __str__(self) -> str:
         """One line."""
-        own, low, high = (number(x) for x in (self.own, self.low, self.high))
+        own, low, high = map(number, (self.own, self.low, self.high))
         what = f"{self.table}: {self.row}: {self.column}"
         return f"{what} {own}; reference {low} to {high}"
 
@@ -126,12 +131,17 @@ def _once(cells: Iterable[Cell]) -> list[Cell]:
     return list(first.values())
 
 
-def _key(row: Mapping[str, Any], table: Table) -> tuple[Any, ...]:
+def _key(
+    row: Mapping[str, Any],
+    table: Table,
+) -> tuple[Any, ...]:
     return tuple(row.get(name) for name in table.key)
 
 
 def _cells(
-    table: Table, row: Mapping[str, Any], other: Mapping[str, Any]
+    table: Table,
+    row: Mapping[str, Any],
+    other: Mapping[str, Any],
 ) -> Iterator[Cell]:
     for name in row:
         if name.endswith(ENDS[1:]):
@@ -143,7 +153,10 @@ def _cells(
             yield Cell(table.name, what, table.column(name).head, ours, *values)  # type: ignore[arg-type]
 
 
-def _times(row: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[float]:
+def _times(
+    row: Mapping[str, Any],
+    other: Mapping[str, Any],
+) -> Iterator[float]:
     """Training time of one's own over the reference's, where the tables have one."""
     ours, theirs = row.get("training_time_s"), other.get("training_time_s")
     if isinstance(ours, float) and isinstance(theirs, float) and theirs > 0:

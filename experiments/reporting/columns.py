@@ -45,7 +45,9 @@ class Column:
     def text(self, name: str, row: Row) -> str:
         if self.cell is not None:
             return self.cell(row)
-        value, low, high = (row.get(f"{name}{end}") for end in ("", "_low", "_high"))
+        value = row.get(name)
+        low = row.get(f"{name}_low")
+        high = row.get(f"{name}_high")
         if value is None:
             return "–"
         if low is None or high is None:
@@ -62,11 +64,14 @@ def display_name(model: str) -> str:
 def scene_name(scene: str) -> str:
     """What a scene is called in tables and figures; what was changed of it stays in brackets."""
     name = re.match(r"[\w.-]*", scene)[0]  # type: ignore[index]  # matches any text
-    return str(configs.scene_display(name)["name"]) + scene[len(name) :]
+    shown = configs.scene_display(name)["name"]
+    return f"{shown}{scene.removeprefix(name)}"
 
 
 def model_columns(
-    models: Iterable[str], unit: str, show: Callable[[Any], str]
+    models: Iterable[str],
+    unit: str,
+    show: Callable[[Any], str],
 ) -> dict[str, Column]:
     """A column for each model, with its name and the unit as its head."""
     return {model: Column(f"{display_name(model)}{unit}", show) for model in models}
@@ -92,18 +97,24 @@ def _mean(key: str) -> Callable[[Group, Group], float | None]:
 
 
 def _median(key: str) -> Callable[[Group, Group], float]:
-    return lambda group, _: float(
-        np.median([getattr(run.record, key) for run in group.runs])
-    )
+    def median(group: Group, _: Group) -> float:
+        values = [getattr(run.record, key) for run in group.runs]
+        return float(np.median(values))
+
+    return median
 
 
 def _same(get: Callable[[Any], Any]) -> Callable[[Group, Group], Any]:
-    return lambda group, _: same(get(run.record) for run in group.runs)
+    def of_all(group: Group, _: Group) -> Any:
+        return same(get(run.record) for run in group.runs)
+
+    return of_all
 
 
 def _training_time(group: Group, _: Group) -> float | str:
     """Median of the training times; a text where that run never reached 90 %."""
-    seconds = float(np.median([estimates.training_time(run) for run in group.runs]))
+    times = [estimates.training_time(run) for run in group.runs]
+    seconds = float(np.median(times))
     longest = max(run.record.training_s for run in group.runs)
     return seconds if math.isfinite(seconds) else f"not reached in {longest:.3g} s"
 
@@ -113,16 +124,19 @@ def _over_hdc(group: Group, hdc: Group) -> float | None:
     if group.machines != hdc.machines or len(group.machines) != 1:
         return None
     reference = {run.seeds: estimates.training_time(run) for run in hdc.runs}
-    times = {run.seeds: estimates.training_time(run) for run in group.runs}
-    ratios = [
-        time / reference[seeds] for seeds, time in times.items() if seeds in reference
-    ]
+    ratios = []
+    for run in group.runs:
+        if run.seeds in reference:
+            time = estimates.training_time(run)
+            ratios.append(time / reference[run.seeds])
     ratio = float(np.median(ratios)) if ratios else math.inf
     return ratio if math.isfinite(ratio) else None
 
 
 def _difference(group: Group, hdc: Group) -> estimates.Estimate | None:
-    return None if group.model == "hdc" else estimates.difference(group.runs, hdc.runs)
+    if group.model == "hdc":
+        return None
+    return estimates.difference(group.runs, hdc.runs)
 
 
 def _published(quantity: str) -> Callable[[Group, Group], float | None]:
@@ -130,22 +144,21 @@ def _published(quantity: str) -> Callable[[Group, Group], float | None]:
 
 
 def _published_ratio(group: Group, _: Group) -> float | None:
-    time, hdc = (
-        published.value(f"table1/{model}_training_time")
-        for model in (group.model, "hdc")
-    )
+    time = published.value(f"table1/{group.model}_training_time")
+    hdc = published.value("table1/hdc_training_time")
     return time / hdc if time and hdc else None
 
 
 def _kind(group: Group, _: Group) -> str:
     """The kind of the frames; of a scene whose parameters were chosen by HDC's own accuracy, so."""
-    kind = str(same(kind_of(run.record.scene.origin) for run in group.runs))
+    kind = same(kind_of(run.record.scene.origin) for run in group.runs)
     fitted = configs.scene_display(group.scene)["fitted"]
-    return f"{kind}, fitted to the accuracy of HDC" if fitted else kind
+    return f"{kind}, fitted to the accuracy of HDC" if fitted else str(kind)
 
 
 def _status(row: Row) -> str:
-    return ", ".join(filter(None, [row.get("status"), row.get("stop")]))
+    parts = [row.get("status"), row.get("stop")]
+    return ", ".join(filter(None, parts))
 
 
 # fmt: off

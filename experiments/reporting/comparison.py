@@ -85,32 +85,47 @@ def verdict(known: Published, ours: Quantity | None) -> str:
     if ours is None or ours.value is None:
         return "missing"
     if known.name in _SETTINGS:
-        same = isinstance(ours.value, int | float) and math.isclose(
-            ours.value, known.value
-        )
-        return f"setting, {'same' if same else 'another'}"
+        return _setting(known.value, ours.value)
     if isinstance(ours.value, str):
         return "not reached"
     if known.not_comparable:
         return "not comparable"
-    bounds = (ours.low, ours.high, known.margin)
-    if any(bound is None or not math.isfinite(bound) for bound in bounds):
-        agreement = "no interval"
-    else:
-        agreement = _judged(known, ours.value, *bounds)  # type: ignore[arg-type]
+    agreement = _agreement(known, ours)
+    if not known.calibration:
+        return agreement
     if known.calibration == "fitted" and agreement == "agrees":
         return "fitted"
-    return f"{known.calibration}, {agreement}" if known.calibration else agreement
+    return f"{known.calibration}, {agreement}"
+
+
+def _setting(published: float, ours: float | str) -> str:
+    if isinstance(ours, int | float) and math.isclose(ours, published):
+        return "setting, same"
+    return "setting, another"
+
+
+def _agreement(known: Published, ours: Quantity) -> str:
+    """Whether the interval of our number holds the paper's."""
+    bounds = (ours.low, ours.high, known.margin)
+    for bound in bounds:
+        if bound is None or not math.isfinite(bound):
+            return "no interval"
+    return _judged(known, ours.value, *bounds)  # type: ignore[arg-type]
 
 
 def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:
     experiment, quantity = known.name.split("/")
     row: dict[str, Any] = {
-        "experiment": experiment, "quantity": quantity, "unit": known.unit,
-        "published": known.value, "published_low": known.low, "published_high": known.high,
-        "margin": known.margin, "verdict": verdict(known, ours),
+        "experiment": experiment,
+        "quantity": quantity,
+        "unit": known.unit,
+        "published": known.value,
+        "published_low": known.low,
+        "published_high": known.high,
+        "margin": known.margin,
+        "verdict": verdict(known, ours),
         "made_by": f"{RUN}{_MAKES.get(experiment, experiment)}",
-    }  # fmt: skip
+    }
     if ours is None:
         return row
     notes = [
@@ -120,14 +135,23 @@ def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:
         known.note and f"calibration: {known.note}",
     ]
     return row | {
-        "condition": ours.condition, "measured": ours.value, "low": ours.low, "high": ours.high,
-        "n": ours.n, "seeds": ours.seeds, "made_by": ours.made_by or row["made_by"],
+        "condition": ours.condition,
+        "measured": ours.value,
+        "low": ours.low,
+        "high": ours.high,
+        "n": ours.n,
+        "seeds": ours.seeds,
+        "made_by": ours.made_by or row["made_by"],
         "note": "; ".join(filter(None, notes)),
-    }  # fmt: skip
+    }
 
 
 def _judged(
-    known: Published, ours: float, low: float, high: float, margin: float
+    known: Published,
+    ours: float,
+    low: float,
+    high: float,
+    margin: float,
 ) -> str:
     paper = known.value
     if known.unit == "×":  # ratios are off by factors
@@ -146,7 +170,9 @@ def _name(row: Mapping[str, Any]) -> str:
 
 
 def _measured(row: Mapping[str, Any]) -> str:
-    return interval(*(number(row.get(key), 4) for key in ("measured", "low", "high")))
+    measured = number(row.get("measured"), 4)
+    low, high = number(row.get("low"), 4), number(row.get("high"), 4)
+    return interval(measured, low, high)
 
 
 def _margin(row: Mapping[str, Any]) -> str:

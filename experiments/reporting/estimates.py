@@ -29,13 +29,16 @@ class Estimate(NamedTuple):
 
     def within(self, low: float, high: float) -> Estimate:
         """The same with bounds that end where its values do."""
-        return Estimate(
-            self.value, *(float(np.clip(bound, low, high)) for bound in self[1:])
-        )
+        bounds = np.clip(self[1:], low, high)
+        return Estimate(self.value, *bounds.tolist())
 
     def columns(self, name: str) -> dict[str, float]:
         """The value under a name, its bounds under ``name_low`` and ``name_high``."""
-        return dict(zip((name, f"{name}_low", f"{name}_high"), self, strict=True))
+        return {
+            name: self.value,
+            f"{name}_low": self.low,
+            f"{name}_high": self.high,
+        }
 
 
 def mean_interval(values: Sequence[float], least: float = 0.0) -> Estimate:
@@ -52,7 +55,8 @@ def one_sensor(values: Sequence[float], least: float = 0.0) -> Estimate:
 def least_variance(shares: Sequence[float], n: float) -> float:
     """Variance that a share of n samples has whatever the sensor: p(1 − p)/n, p of the samples of
     all seeds with two right and two wrong added (Agresti and Coull, Am. Stat. 52, 119 (1998))."""
-    p = (sum(shares) * n + 2) / (len(shares) * n + 4)
+    right, asked = sum(shares) * n, len(shares) * n
+    p = (right + 2) / (asked + 4)
     return p * (1 - p) / n
 
 
@@ -60,12 +64,15 @@ def mean_share(shares: Sequence[float], n: float) -> Estimate:
     """Share of right samples, mean over seeds with Student's interval; of one seed Wilson's; `n`
     samples per seed."""
     if len(shares) < 2:
-        return Estimate(shares[0], *wilson(round(shares[0] * n), round(n)))
+        right = round(shares[0] * n)
+        return Estimate(shares[0], *wilson(right, round(n)))
     return mean_interval(shares, least_variance(shares, n)).within(0, 1)
 
 
 def mean_difference(
-    differences: Sequence[float], n: float, disagree: float | None = None
+    differences: Sequence[float],
+    n: float,
+    disagree: float | None = None,
 ) -> Estimate:
     """Difference of two shares on the same n samples, mean over seeds with Student's interval.
 
@@ -75,7 +82,8 @@ def mean_difference(
     """
     if disagree is None:
         disagree = n * sum(map(abs, differences))
-    least = (disagree + 1) / (n * len(differences) + 2) / n
+    asked = n * len(differences)
+    least = (disagree + 1) / (asked + 2) / n
     return mean_interval(differences, least).within(-1, 1)
 
 
@@ -95,32 +103,41 @@ def difference(runs: Sequence[Run], reference: Sequence[Run]) -> Estimate | None
 
     That test samples are the same is proven by the digest of their frames and labels.
     """
-    theirs = {
-        (run.seeds, run.record.data_sha256.test): run.record.right for run in reference
-    }
-    keys = ((run, (run.seeds, run.record.data_sha256.test)) for run in runs)
-    pairs = [(run.record.right, theirs[key]) for run, key in keys if key in theirs]
-    if not pairs:
+    theirs = {_test_set(run): run.record.right for run in reference}
+    paired = [run for run in runs if _test_set(run) in theirs]
+    if not paired:
         return None
-    each = [float(a.mean() - b.mean()) for a, b in pairs]
-    disagree = sum(int((a != b).sum()) for a, b in pairs)
-    return mean_difference(each, float(np.mean([len(a) for a, _ in pairs])), disagree)
+    differences, disagree = [], 0
+    for run in paired:
+        right, other = run.record.right, theirs[_test_set(run)]
+        differences.append(float(right.mean() - other.mean()))
+        disagree += int((right != other).sum())
+    n = float(np.mean([len(run.record.right) for run in paired]))
+    return mean_difference(differences, n, disagree)
+
+
+def _test_set(run: Run) -> tuple[str, str]:
+    return run.seeds, run.record.data_sha256.test
 
 
 def crossing(
-    n: Sequence[float], accuracy: Sequence[float], level: float = 0.9
+    n: Sequence[float],
+    accuracy: Sequence[float],
+    level: float = 0.9,
 ) -> float:
     """N at which a curve first rises above the level, between two N on a line; NaN if it never
     does."""
     order = np.argsort(n)
-    x, y = np.asarray(n, float)[order], np.asarray(accuracy, float)[order]
+    x = np.asarray(n, float)[order]
+    y = np.asarray(accuracy, float)[order]
     above = np.flatnonzero(y > level)
     if not len(above):
         return math.nan
     k = int(above[0])
-    return float(
-        x[0] if k == 0 else np.interp(level, y[k - 1 : k + 1], x[k - 1 : k + 1])
-    )
+    if k == 0:
+        return float(x[0])
+    pair = slice(k - 1, k + 1)
+    return float(np.interp(level, y[pair], x[pair]))
 
 
 def training_time(run: Run) -> float:
@@ -132,7 +149,11 @@ def training_time(run: Run) -> float:
     return math.inf if reached is None else reached
 
 
-def _student(values: Sequence[float], least: float, parts: float) -> Estimate:
+def _student(
+    values: Sequence[float],
+    least: float,
+    parts: float,
+) -> Estimate:
     """Student's interval; `parts` of the variance of a value is that of what is estimated."""
     from scipy.special import stdtrit  # scipy.stats takes as long to import as the rest
 
@@ -140,11 +161,13 @@ def _student(values: Sequence[float], least: float, parts: float) -> Estimate:
     if n < 2:
         return Estimate(mean)
     variance = max(float(np.var(values, ddof=1)), least)
-    half = float(stdtrit(n - 1, 0.975)) * math.sqrt(variance * parts)
+    quantile = float(stdtrit(n - 1, 0.975))
+    half = quantile * math.sqrt(variance * parts)
     return Estimate(mean, mean - half, mean + half)
 
 
 def _shares(group: Group) -> tuple[list[float], float]:
     """Share of right test samples in each run, and how many test samples a run has."""
     shares = [float(run.record.right.mean()) for run in group.runs]
-    return shares, float(np.mean([run.record.n_test for run in group.runs]))
+    counts = [run.record.n_test for run in group.runs]
+    return shares, float(np.mean(counts))

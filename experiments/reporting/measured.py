@@ -55,7 +55,8 @@ def over_units(values: Sequence[float], seeds: bool) -> Estimate:
     if seeds:
         return mean_interval(list(values))
     low, high = np.quantile(values, (0.025, 0.975))
-    return Estimate(float(np.mean(values)), float(low), float(high))
+    mean = float(np.mean(values))
+    return Estimate(mean, float(low), float(high))
 
 
 def with_right(rows: pd.DataFrame, draw: Sequence[str]) -> pd.DataFrame:

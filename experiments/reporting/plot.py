@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from numpy.typing import NDArray
@@ -70,12 +72,22 @@ def look_of(model: str) -> dict[str, Any]:
     """Arguments of ``plot`` for a model; markers of a dashed line are empty: alone they differ."""
     colour, marker, line = style_of(model)
     fill = "white" if line == "--" else colour
-    return {"color": colour, "marker": marker, "ls": line, "mfc": fill}
+    return {
+        "color": colour,
+        "marker": marker,
+        "ls": line,
+        "mfc": fill,
+    }
 
 
 def handle(model: str) -> Line2D:
     """The legend's entry of a model."""
-    return Line2D([], [], label=literal(display_name(model)), **look_of(model))
+    return Line2D(
+        [],
+        [],
+        label=literal(display_name(model)),
+        **look_of(model),
+    )
 
 
 def star(label: str) -> Line2D:
@@ -83,10 +95,21 @@ def star(label: str) -> Line2D:
     return Line2D([], [], label=label, **PAPER)
 
 
-def head(figure: Figure, title: str, details: Iterable[str]) -> None:
+def head(
+    figure: Figure,
+    title: str,
+    details: Iterable[str],
+) -> None:
     """A title and, below it, what it is of; wrapped to the width of a column."""
-    lines = [line for text in (title, *details) for line in textwrap.wrap(text, _LINE)]
-    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=7)
+    lines = []
+    for text in (title, *details):
+        lines += textwrap.wrap(text, _LINE)
+    figure.suptitle(
+        "\n".join(lines),
+        x=0.01,
+        ha="left",
+        fontsize=7,
+    )
 
 
 def literal(text: str) -> str:
@@ -107,16 +130,16 @@ def title(
     seeds = sorted({line["seeds"] for line in rows if line["seeds"]})
     details = []
     if seeds:
-        count = "–".join(map(str, dict.fromkeys((seeds[0], seeds[-1]))))
+        ends = dict.fromkeys((seeds[0], seeds[-1]))
+        count = "–".join(map(str, ends))
         count += " seed" if seeds[-1] == 1 else " seeds"
         strip = ", grey: no error" if axes.get_yscale() == "log" else ""
         details.append(f"{frames_of(rows)}, {count}, 95 % intervals{strip}")
     # Lines break between names, not within one.
-    missing = [
-        literal(display_name(m)) for m in dict.fromkeys(wanted) if m not in shown
-    ]
+    missing = [model for model in dict.fromkeys(wanted) if model not in shown]
     if missing:
-        names = "; ".join(name.replace(" ", "\xa0") for name in missing)
+        called = [literal(display_name(model)) for model in missing]
+        names = "; ".join(name.replace(" ", "\xa0") for name in called)
         details.append(f"no records: {names}")
     head(figure, text, details)
     if handles:
@@ -129,9 +152,18 @@ def wrapped(text: str, width: int) -> str:
     return "\n".join(map(literal, textwrap.wrap(text, width)))
 
 
-def panel(axes: Axes, letter: str, title: str) -> None:
+def panel(
+    axes: Axes,
+    letter: str,
+    title: str,
+) -> None:
     """``(a) title`` above the axes, from their left; a title of several lines is ragged right."""
-    axes.set_title(f"({letter}) {title}", loc="left", fontsize=6.5, pad=3)
+    axes.set_title(
+        f"({letter}) {title}",
+        loc="left",
+        fontsize=6.5,
+        pad=3,
+    )
 
 
 def matrix(
@@ -155,43 +187,89 @@ def matrix(
     """
     axes.spines[:].set(visible=True, color="0.7", linewidth=0.4)
     norm = PowerNorm(gamma, *limits)
-    image = axes.imshow(values, cmap=colours, norm=norm, interpolation="nearest")
+    image = axes.imshow(
+        values,
+        cmap=colours,
+        norm=norm,
+        interpolation="nearest",
+    )
     step = 1 if len(names) <= PRINTED else 10
     ticks = range(0, len(names), step)
     shown = [literal(names[i]) for i in ticks]
     upright = step == 1 and max(map(len, shown)) > 5  # side by side, long names overlap
-    axes.set_xticks(ticks, shown, fontsize=6, rotation=90 if upright else 0)
+    axes.set_xticks(
+        ticks,
+        shown,
+        fontsize=6,
+        rotation=90 if upright else 0,
+    )
     axes.set_yticks(ticks, shown, fontsize=6)
     axes.tick_params(length=0 if step == 1 else 2, pad=2)
-    for (i, j), text in np.ndenumerate(np.array(cells, object)) if cells else ():
-        light = np.dot(image.to_rgba(values[i, j])[:3], (0.3, 0.6, 0.1)) > 0.5
-        axes.text(
-            j,
-            i,
-            text,
-            ha="center",
-            va="center",
-            fontsize=5.5,
-            color="black" if light else "white",
-        )
-    place, aspect = ("right", 20) if step == 1 else ("bottom", 25)
+    if cells:
+        for place, text in np.ndenumerate(np.array(cells, object)):
+            _write(axes, image, values, place, text)
+    where, aspect = ("right", 20) if step == 1 else ("bottom", 25)
     bar = axes.figure.colorbar(  # type: ignore[union-attr]
-        image, ax=axes, location=place, fraction=0.05, pad=0.03, aspect=aspect
+        image,
+        ax=axes,
+        location=where,
+        fraction=0.05,
+        pad=0.03,
+        aspect=aspect,
     )
     bar.outline.set_visible(False)  # type: ignore[operator]
     bar.ax.tick_params(labelsize=5.5, length=2, pad=1)
     return bar
 
 
-def errors(found: Sequence[Estimate], scale: float = 1.0) -> tuple[NDArray, NDArray]:
+def _write(
+    axes: Axes,
+    image: AxesImage,
+    values: NDArray[np.float64],
+    place: tuple[int, ...],
+    text: str,
+) -> None:
+    """A text in a cell of a matrix, black on light colours and white on dark ones."""
+    row, column = place
+    red_green_blue = image.to_rgba(values[place])[:3]
+    light = np.dot(red_green_blue, (0.3, 0.6, 0.1)) > 0.5
+    axes.text(
+        column,
+        row,
+        text,
+        ha="center",
+        va="center",
+        fontsize=5.5,
+        color="black" if light else "white",
+    )
+
+
+def errors(
+    found: Sequence[Estimate],
+    scale: float = 1.0,
+) -> tuple[NDArray, NDArray]:
     """Values, and distances of the bounds from them [2, n] for ``errorbar``; zero if unknown."""
-    value, low, high = scale * np.array(found, float).reshape(-1, 3).T
-    return value, np.nan_to_num(np.array([value - low, high - value]))
+    estimates = np.array(found, float).reshape(-1, 3)
+    value, low, high = scale * estimates.T
+    distances = np.array([value - low, high - value])
+    return value, np.nan_to_num(distances)
 
 
-def bars(axes: Axes, model: str, x: Any, y: Any, spread: Any, **look: Any) -> None:
+def bars(
+    axes: Axes,
+    model: str,
+    x: Any,
+    y: Any,
+    spread: Any,
+    **look: Any,
+) -> None:
     """Points with error bars in the look of a model; `look` overrides it."""
-    axes.errorbar(x, y, yerr=spread, **{"lw": 0.9, **look_of(model), **look})
+    axes.errorbar(
+        x,
+        y,
+        yerr=spread,
+        **{"lw": 0.9, **look_of(model), **look},
+    )
 
 
 def line_plot(
@@ -217,11 +295,22 @@ def line_plot(
     for name, rows in frame.groupby(by, sort=False):
         means = rows.groupby([x, "seed"])[y].mean().groupby(level=0)
         places = np.array(list(means.groups), float)
-        value, spread = errors([mean_interval(list(values)) for _, values in means])
+        intervals = [mean_interval(list(values)) for _, values in means]
+        value, spread = errors(intervals)
         look = dict((looks or {}).get(str(name), {}))
-        look = look or {**look_of(str(name)), "label": literal(display_name(str(name)))}
+        if not look:
+            label = literal(display_name(str(name)))
+            look = {**look_of(str(name)), "label": label}
         axes.errorbar(
-            places, value, yerr=spread, elinewidth=0.5, **{"lw": 0.9, **look, **style}
+            places,
+            value,
+            yerr=spread,
+            elinewidth=0.5,
+            **{
+                "lw": 0.9,
+                **look,
+                **style,
+            },
         )
         shown = {
             key: look[key]
@@ -243,21 +332,38 @@ def error_bars(
     """Test errors of rows of runs with their intervals; no error is drawn at `floor`."""
     if not lines:
         return
-    error, low, high = (
-        np.array([1 - line[key] for line in lines])
-        for key in (
-            "test_accuracy_final",
-            "test_accuracy_final_high",
-            "test_accuracy_final_low",
-        )
-    )
+    accuracy, lowest, highest = _accuracies(lines)
+    error, low, high = 1 - accuracy, 1 - highest, 1 - lowest
     y = np.maximum(error, floor)
     spread = [y - np.maximum(low, floor), high - y]
     look: dict[str, Any] = {} if marker else {"marker": None}
-    bars(axes, model, list(x), y, spread, elinewidth=0.7, capsize=1.5, zorder=3, **look)
+    bars(
+        axes,
+        model,
+        list(x),
+        y,
+        spread,
+        elinewidth=0.7,
+        capsize=1.5,
+        zorder=3,
+        **look,
+    )
 
 
-def published_point(axes: Axes, model: str, x: float, y: float, size: float) -> None:
+def _accuracies(lines: Sequence[Row]) -> NDArray[np.float64]:
+    """Test accuracies and their bounds, [3, n]."""
+    names = [f"test_accuracy_final{end}" for end in ("", "_low", "_high")]
+    columns = [list(map(itemgetter(name), lines)) for name in names]
+    return np.array(columns, float)
+
+
+def published_point(
+    axes: Axes,
+    model: str,
+    x: float,
+    y: float,
+    size: float,
+) -> None:
     """The paper's value of a model, a star in its colour."""
     axes.plot(
         x,
@@ -275,18 +381,26 @@ def published_point(axes: Axes, model: str, x: float, y: float, size: float) -> 
 def error_axis(axes: Axes, rows: Sequence[Row]) -> float:
     """A logarithmic axis of errors in percent, with a strip for no error at all; where that is."""
     # Half an error among all the test samples that a row pools.
-    n_test = max((line["n_test"] for line in rows if line["seeds"]), default=100)
+    counts = [line["n_test"] for line in rows if line["seeds"]]
+    n_test = max(counts, default=100)
     floor = 0.5 / n_test
     axes.set_yscale("log")
     axes.set_ylim(floor * 0.8, 1.1)
     decades = (0.001, 0.01, 0.1)
-    ticks = [t * k for t in decades for k in (1, 2, 5) if t * k >= 0.99 / n_test]
-    axes.yaxis.set_major_locator(FixedLocator([floor, *ticks, 1.0]))
+    ticks = [tick * k for tick in decades for k in (1, 2, 5)]
+    above = [tick for tick in ticks if tick >= 0.99 / n_test]
+    axes.yaxis.set_major_locator(FixedLocator([floor, *above, 1.0]))
     axes.yaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_major_formatter(
         FuncFormatter(lambda y, _: "0" if y < 0.9 / n_test else f"{100 * y:g} %")
     )
-    axes.axhspan(floor * 0.8, 0.72 / n_test, color="0.92", lw=0, zorder=0)
+    axes.axhspan(
+        floor * 0.8,
+        0.72 / n_test,
+        color="0.92",
+        lw=0,
+        zorder=0,
+    )
     return floor
 
 
@@ -311,22 +425,21 @@ def accuracy_curves(
     makes the curves pale.
     """
     axes.set_xscale("log")
-    places = [*also, *(r[key] for r in rows if r[key])]
+    asked_for = [line[key] for line in rows if line[key]]
+    places = [*also, *asked_for]
     if places:
         axes.set_xlim(min(places) / 1.35, max(places) * 1.35)
-    lowest = 100 * min(
-        (r["test_accuracy_final_low"] for r in rows if r["seeds"]), default=1.0
-    )
+    measured = [line for line in rows if line["seeds"]]
+    lows = [line["test_accuracy_final_low"] for line in measured]
+    lowest = 100 * min(lows, default=1.0)
     for k, model in enumerate(models):
-        lines = [r for r in rows if r["model"] == model and r["seeds"]]
-        lines.sort(key=lambda r: r[key])
+        lines = [line for line in measured if line["model"] == model]
         if not lines:
             continue
-        x = [r[key] * 1.02 ** (k - len(models) // 2) for r in lines]
-        y, low, high = (
-            100 * np.array([r[f"test_accuracy_final{end}"] for r in lines])
-            for end in ("", "_low", "_high")
-        )
+        lines.sort(key=itemgetter(key))
+        apart = 1.02 ** (k - len(models) // 2)
+        x = [line[key] * apart for line in lines]
+        y, low, high = 100 * _accuracies(lines)
         look = {"elinewidth": 0.6, "capsize": 1.2, "alpha": alpha}
         bars(axes, model, x, y, [y - low, high - y], **look)
     axes.set_ylim(min(15, lowest - 2), 102)

@@ -67,10 +67,15 @@ def models_of_table1() -> tuple[str, ...]:
 def value(name: str) -> float | None:
     """A number of the paper, a fraction where it has percent; None if it has none."""
     one = numbers().get(name)
-    return None if one is None else one.value / (100 if one.unit == "%" else 1)
+    if one is None:
+        return None
+    return one.value / 100 if one.unit == "%" else one.value
 
 
-def _of(line: dict[str, str], above: dict[str, Published]) -> Published:
+def _of(
+    line: dict[str, str],
+    above: dict[str, Published],
+) -> Published:
     experiment, text = line["experiment"], line["value"]
     name = f"{experiment}/{line['quantity']}"
     if "/" in text:
@@ -80,7 +85,8 @@ def _of(line: dict[str, str], above: dict[str, Published]) -> Published:
         number = float(text)
     low = high = None
     if n := int(line["samples"] or 0):
-        low, high = (100 * p for p in wilson(round(number / 100 * n), n))
+        right = round(number / 100 * n)
+        low, high = (100 * bound for bound in wilson(right, n))
     margin = float(line["margin"]) if line["margin"] else None
     notes = (
         line["calibration"],

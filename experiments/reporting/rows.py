@@ -17,14 +17,26 @@ from experiments.reporting.text import frames_of, number
 Row = dict[str, Any]
 
 
-def row(group: Group, hdc: Group, paper: bool = False) -> Row:
+def row(
+    group: Group,
+    hdc: Group,
+    paper: bool = False,
+) -> Row:
     """Values of every column of :data:`COLUMNS` that follows from runs, `hdc` of HDC on the same
     frames; a group without runs has its scene, model, place in the sweep and status. The numbers of
     the paper's Table I are added if `paper`."""
     values: Row = {}
     if not group.runs:
-        values = {"scene": group.scene, "model": group.model, "n_train": group.n_train}
-        values |= {"pixels": group.pixels, "seeds": 0, "status": group.status}
+        values = {
+            "scene": group.scene,
+            "model": group.model,
+            "n_train": group.n_train,
+        }
+        values |= {
+            "pixels": group.pixels,
+            "seeds": 0,
+            "status": group.status,
+        }
     for name, column in COLUMNS.items():
         if column.of is not None and (
             paper if name.startswith("published_") else group.runs
@@ -73,8 +85,19 @@ def commands(groups: Iterable[Group]) -> list[str]:
     )
 
 
-SHOWN = ("id", "scene", "model", "overrides", "stop_rule", "n_train", "seed", "status",
-         "test_accuracy_final", "training_s", "code")  # fmt: skip
+SHOWN = (
+    "id",
+    "scene",
+    "model",
+    "overrides",
+    "stop_rule",
+    "n_train",
+    "seed",
+    "status",
+    "test_accuracy_final",
+    "training_s",
+    "code",
+)
 
 
 def runs_table(results: Results) -> Table:
@@ -86,19 +109,32 @@ def runs_table(results: Results) -> Table:
         *((r, {}, []) for r in results.unfinished),
     ]:
         environment = record.environment
-        rows.append({
-            "id": record.id, "scene": record.choices.scene, "model": record.choices.model,
-            "overrides": " ".join(f"{key}={value}" for key, value in overrides.items()),
-            "stop_rule": record.choices.stop,
-            "n_train": getattr(record, "n_train", record.config["split"]["n_train"]),
-            "pixels": record.config["data"]["pixels"], "seed": record.seed,
-            "status": ": ".join(filter(None, [record.status, record.error])),
-            "test_accuracy_final": getattr(record, "test_accuracy_final", None),
-            "training_s": record.training_s, "origin": record.scene.origin,
-            "cpu": environment.cpu, "threads": environment.threads,
-            "exclusive": environment.exclusive, "code": ", ".join(changed) or "current",
-            "command": record.command, **overrides,
-        })  # fmt: skip
+        rows.append(
+            {
+                "id": record.id,
+                "scene": record.choices.scene,
+                "model": record.choices.model,
+                "overrides": " ".join(
+                    f"{key}={value}" for key, value in overrides.items()
+                ),
+                "stop_rule": record.choices.stop,
+                "n_train": getattr(
+                    record, "n_train", record.config["split"]["n_train"]
+                ),
+                "pixels": record.config["data"]["pixels"],
+                "seed": record.seed,
+                "status": ": ".join(filter(None, [record.status, record.error])),
+                "test_accuracy_final": getattr(record, "test_accuracy_final", None),
+                "training_s": record.training_s,
+                "origin": record.scene.origin,
+                "cpu": environment.cpu,
+                "threads": environment.threads,
+                "exclusive": environment.exclusive,
+                "code": ", ".join(changed) or "current",
+                "command": record.command,
+                **overrides,
+            }
+        )
     rows.sort(key=lambda row: (row["scene"], row["model"], row["id"]))
     four = {
         name: Column(name.replace("_", " "), partial(number, digits=4))

@@ -18,7 +18,6 @@ import pkgutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import islice
 from types import ModuleType
 from typing import Any
 
@@ -234,7 +233,10 @@ class Study:
         return self._answers(Quantity, results, failures)
 
     def _answers(
-        self, kind: type, results: Results, failures: list[Failure] | None
+        self,
+        kind: type,
+        results: Results,
+        failures: list[Failure] | None,
     ) -> Iterator[Any]:
         for maker in self._makers:
             if maker.kind is not kind:
@@ -248,7 +250,11 @@ class Study:
                     failures.append(Failure(self.name, maker.called, error))
 
     def _registering(
-        self, kind: type, called: str, of: Of, make: Callable[..., Iterator[Any]]
+        self,
+        kind: type,
+        called: str,
+        of: Of,
+        make: Callable[..., Iterator[Any]],
     ) -> Decorator:
         def register(function: Callable[..., Any]) -> Callable[..., Any]:
             self._makers.append(_Maker(kind, called, of, make, function))
@@ -297,12 +303,12 @@ class _Source:
         if self.measured is None:
             return text
         env = self.measured.record.environment
-        accelerator = [env.device] if env.device not in (None, "cpu") else []
-        threads = f"{env.threads} thread{'s' * (env.threads != 1)}"
-        machine = ", ".join([*accelerator, env.cpu, threads])
-        return text.replace("{frames}", frames_of(self.measured.rows)).replace(
-            "{machine}", machine
-        )
+        threads = "1 thread" if env.threads == 1 else f"{env.threads} threads"
+        parts = [env.cpu, threads]
+        if env.device not in (None, "cpu"):
+            parts.insert(0, env.device)
+        text = text.replace("{frames}", frames_of(self.measured.rows))
+        return text.replace("{machine}", ", ".join(parts))
 
 
 def _sources(results: Results, of: Of) -> Iterator[_Source]:
@@ -314,16 +320,24 @@ def _sources(results: Results, of: Of) -> Iterator[_Source]:
     for suffix, first in with_places(results, names[0]):
         every = [first]
         for name in names[1:]:
-            scene = first.record.config.get("scene")
-            others = (m for _, m in with_places(results, name))
-            every += islice(
-                (m for m in others if m.record.config.get("scene") == scene), 1
-            )
+            found = _on_the_same_scene(results, name, first)
+            if found is not None:
+                every.append(found)
         if len(every) < len(names):
             continue
-        commands = tuple(dict.fromkeys(m.record.command for m in every))
-        arguments = (*(m.frame for m in every), first.record.config)
-        yield _Source(arguments, suffix, commands, first)
+        commands = dict.fromkeys(one.record.command for one in every)
+        frames = [one.frame for one in every]
+        arguments = (*frames, first.record.config)
+        yield _Source(arguments, suffix, tuple(commands), first)
+
+
+def _on_the_same_scene(results: Results, name: str, other: Measured) -> Measured | None:
+    """The first measurement of that name on the frames of another."""
+    scene = other.record.config.get("scene")
+    for _, measured in with_places(results, name):
+        if measured.record.config.get("scene") == scene:
+            return measured
+    return None
 
 
 def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:

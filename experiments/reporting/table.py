@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -46,15 +47,16 @@ class Table:
         if self.shown:
             return list(self.shown)
         every = [str(name) for name in self.data.columns]
-        return [n for n in every if n.removesuffix("_low").removesuffix("_high") == n]
+        return [name for name in every if not name.endswith(("_low", "_high"))]
 
     def column(self, name: str) -> Column:
         """How a column is shown; one named after a model has shares of right samples."""
-        if known := self.columns.get(name) or COLUMNS.get(name):
+        known = self.columns.get(name) or COLUMNS.get(name)
+        if known:
             return known
-        of_model = (CONFIGS / "model" / f"{name}.yaml").exists()
-        plain = name[:1].upper() + name[1:].replace("_", " ")
-        return Column(display_name(name), percent) if of_model else Column(plain)
+        if (CONFIGS / "model" / f"{name}.yaml").exists():
+            return Column(display_name(name), percent)
+        return Column(name[:1].upper() + name[1:].replace("_", " "))
 
     @property
     def heads(self) -> list[str]:
@@ -63,16 +65,19 @@ class Table:
 
     def cells(self) -> list[list[str]]:
         """Texts, a list a row."""
-        return [
-            [self.column(name).text(name, row) for name in self.names]
-            for row in records(self.data)
-        ]
+        names = self.names
+        columns = [self.column(name) for name in names]
+        rows = []
+        for row in records(self.data):
+            texts = map(Column.text, columns, names, itertools.repeat(row))
+            rows.append(list(texts))
+        return rows
 
     @property
     def notes(self) -> str:
         """The note, after those of its columns."""
-        said = [self.column(name).note for name in self.names]
-        return " ".join(filter(None, [*dict.fromkeys(said), self.note]))
+        of_columns = dict.fromkeys(self.column(name).note for name in self.names)
+        return " ".join(filter(None, [*of_columns, self.note]))
 
     def csv(self) -> str:
         """Comma-separated values; a missing value is empty, numbers have six digits."""
@@ -93,8 +98,9 @@ class Table:
 
     def markdown(self) -> str:
         """The table with its title above and its note below."""
-        lines = [self.heads, ["---"] * len(self.heads)]
-        lines += [[_lines(cell) for cell in row] for row in self.cells()]
+        heads = self.heads
+        lines = [heads, ["---"] * len(heads)]
+        lines += [list(map(_lines, row)) for row in self.cells()]
         table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
         parts = [f"**{markdown_text(self.title)}**", table, markdown_text(self.notes)]
         return "\n\n".join(filter(None, parts)) + "\n"
@@ -106,10 +112,11 @@ def frame(
     """Rows as a data frame of objects: integers and texts stay what they are. Its columns are those
     named, else those of the rows."""
     rows = list(rows)
-    names = list(columns) or list(dict.fromkeys(key for row in rows for key in row))
-    return pd.DataFrame(
-        [[row.get(n) for n in names] for row in rows], columns=names, dtype=object
-    )
+    names = list(columns) or list(dict.fromkeys(itertools.chain(*rows)))
+    cells: dict[str, list[Any]] = {}
+    for name in names:
+        cells[name] = [row.get(name) for row in rows]
+    return pd.DataFrame(cells, columns=names, dtype=object)
 
 
 def records(data: pd.DataFrame) -> list[dict[str, Any]]:

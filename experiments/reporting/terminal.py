@@ -15,7 +15,11 @@ from experiments.reporting.table import Table, records
 from experiments.reporting.text import number, percent, printable
 
 
-def show_table1(console: Console, table: Table, name: str) -> None:
+def show_table1(
+    console: Console,
+    table: Table,
+    name: str,
+) -> None:
     """Table I of a set of results: times until 90 % in training with the accuracies there, those
     after full training beside, and the paper's."""
     rows = records(table.data)

@@ -13,17 +13,25 @@ def number(value: Any, digits: int = 3) -> str:
     """A number to that many significant digits, a text as it is, nothing as a dash."""
     if value is None:
         return "–"
-    if isinstance(value, str | bool) or not isinstance(value, int | float | np.number):
+    if isinstance(value, np.number):
+        value = value.item()
+    if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
-    value = value.item() if isinstance(value, np.number) else value
     if not np.isfinite(value):
         return "–" if np.isnan(value) else "∞"
     if isinstance(value, int) and abs(value) < 1e5:
         return str(value)
-    if value and not 1e-3 <= abs(value) < 1e5:
+    return _significant(value, digits)
+
+
+def _significant(value: float, digits: int) -> str:
+    size = abs(value)
+    if size == 0:
+        return f"{value:.0f}"
+    if not 1e-3 <= size < 1e5:
         return f"{value:.{max(1, digits - 2)}e}"
-    decimals = max(0, digits - 1 - int(np.floor(np.log10(abs(value))))) if value else 0
-    return f"{value:.{decimals}f}"
+    before_point = 1 + int(np.floor(np.log10(size)))
+    return f"{value:.{max(0, digits - before_point)}f}"
 
 
 def percent(value: float | None) -> str:
@@ -39,12 +47,15 @@ def points(difference: float | None) -> str:
     value = 100 * difference
     if abs(value) < 1e-9:
         return "0"
-    return (f"{value:+.1f}" if abs(value) >= 0.05 else f"{value:+.1g}").replace(
-        "-", "−"
-    )
+    text = f"{value:+.1f}" if abs(value) >= 0.05 else f"{value:+.1g}"
+    return text.replace("-", "−")
 
 
-def interval(value: str, low: str, high: str) -> str:
+def interval(
+    value: str,
+    low: str,
+    high: str,
+) -> str:
     """``value [low, high]``; the value alone where the bounds are unknown."""
     return value if "–" in (value, low, high) else f"{value} [{low}, {high}]"
 
@@ -60,14 +71,16 @@ def size(value: Any) -> str:
 
 def printable(text: str) -> str:
     """Text with its control characters shown, as Python would write them."""
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+    shown = [sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text]
+    return "".join(shown)
 
 
 def markdown_text(text: str) -> str:
     """Text in which Markdown finds no cell, tag, code or link."""
     # An underscore within a word is no markup.
     signs = r"([\\`*|~]|(?<=\])[(\[:]|(?<![^\W_])_|_(?![^\W_]))"
-    text = re.sub(signs, r"\\\1", printable(" ".join(text.split())))
+    one_line = printable(" ".join(text.split()))
+    text = re.sub(signs, r"\\\1", one_line)
     return text.replace("&", "&amp;").replace("<", "&lt;")
 
 
@@ -82,7 +95,8 @@ _TEX = {
 
 def tex_text(text: str) -> str:
     """Text in which LaTeX finds no command; signs that its fonts lack are written as formulas."""
-    return "".join(_TEX.get(sign, sign) for sign in printable(" ".join(text.split())))
+    one_line = printable(" ".join(text.split()))
+    return "".join(_TEX.get(sign, sign) for sign in one_line)
 
 
 CAPTURED, COMPUTED, SIMULATED = "captured", "computed", "simulated"
@@ -96,6 +110,7 @@ def kind_of(origin: str) -> str:
 
 def frames_of(rows: Iterable[Mapping[str, Any]]) -> str:
     """The kinds of the frames of some rows: ``simulated frames``, ``captured frames`` …"""
-    kinds = sorted({kind_of(str(row["origin"])) for row in rows if row.get("origin")})
+    origins = [str(row["origin"]) for row in rows if row.get("origin")]
+    kinds = sorted(set(map(kind_of, origins)))
     words = {COMPUTED: "frames computed from measured matrices"}
     return " and ".join(words.get(kind, f"{kind} frames") for kind in kinds)

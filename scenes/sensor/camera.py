@@ -159,7 +159,11 @@ class MountedCamera:
         mean += bend.mul_(z.square_().sub_(1))
         return _quantise(mean)
 
-    def _normal(self, like: Tensor, streams: Sequence[np.random.Generator]) -> Tensor:
+    def _normal(
+        self,
+        like: Tensor,
+        streams: Sequence[np.random.Generator],
+    ) -> Tensor:
         """Standard normal, drawn on the CPU so that every device shows the same noise."""
         noise = np.empty(like.shape, dtype=np.float32)
         for out, stream in zip(noise, streams, strict=True):

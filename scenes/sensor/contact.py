@@ -160,7 +160,9 @@ class ExpandedPress:
 
 
 def line(
-    start: tuple[float, float], stop: tuple[float, float], number: int
+    start: tuple[float, float],
+    stop: tuple[float, float],
+    number: int,
 ) -> Mapping[str, Mapping[str, tuple[float, float]]]:
     """Classes "0", "1", … at ``number`` positions evenly spaced from start to stop (x, y) in m."""
     classes = {}

@@ -36,7 +36,11 @@ def hertz_transform(x: Array) -> Array:
     return np.where(large, special.spherical_jn(1, safe) / safe, 1 / 3)
 
 
-def layer_response(k: Array, z: Array, thickness: float) -> tuple[Array, Array]:
+def layer_response(
+    k: Array,
+    z: Array,
+    thickness: float,
+) -> tuple[Array, Array]:
     """(P, Q) at wavenumbers k [1/m] and heights z [m], broadcast; nothing overflows or cancels."""
     near, far = _excess(k, z, thickness)
     kd = k * (thickness - z)
@@ -66,7 +70,11 @@ def _thin(big_h: Array, s: Array) -> tuple[Array, Array]:
     return p / size, q / size
 
 
-def _excess(k: Array, z: Array, h: float) -> tuple[Array, Array]:
+def _excess(
+    k: Array,
+    z: Array,
+    h: float,
+) -> tuple[Array, Array]:
     """(P − P∞, Q − Q∞). From U's numerator N, with every sinh and cosh of s and H written out:
 
     P = −e^{−kd}·M/D,
@@ -90,7 +98,11 @@ def _excess(k: Array, z: Array, h: float) -> tuple[Array, Array]:
     return scale * p, scale * q
 
 
-def half_space(r: Array, d: Array, a: float) -> tuple[Array, Array]:
+def half_space(
+    r: Array,
+    d: Array,
+    a: float,
+) -> tuple[Array, Array]:
     """∫ J0(kr) Φ(ka) P∞ dk and ∫ J1(kr) Φ(ka) Q∞ dk / r at depth d below the surface.
 
     Φ(ka) = ½∫₀¹ (1 − t²) cos(kat) dt turns them into ∫ (1 − t²)·f(ζ) dt along ζ = d + iat, where
@@ -174,13 +186,23 @@ class Layer:
         _, weights = np.polynomial.legendre.leggauss(self.levels)
         return weights / 2
 
-    def displacement(self, r: Array, z: Array, radius: float) -> tuple[Array, Array]:
+    def displacement(
+        self,
+        r: Array,
+        z: Array,
+        radius: float,
+    ) -> tuple[Array, Array]:
         """(u_r, u_z) [len(r), len(z)] per metre of indentation by a contact of this radius."""
         r, z = np.atleast_1d(r, z)
         u_r_over_r, u_z = self._displacement(r, z, radius)
         return u_r_over_r * r[:, None], u_z
 
-    def _displacement(self, r: Array, z: Array, radius: float) -> tuple[Array, Array]:
+    def _displacement(
+        self,
+        r: Array,
+        z: Array,
+        radius: float,
+    ) -> tuple[Array, Array]:
         """(u_r/r [1/m], u_z [1]) with u_z(0, h) = −1."""
         u_r_over_r, sunk = _unscaled(r, z, radius, self.thickness)
         w0 = self.compliance(radius)
@@ -202,7 +224,12 @@ class Layer:
 
 
 @lru_cache(maxsize=32)
-def _table(layer: Layer, radius: float, intervals: int, reach: float) -> RadialTable:
+def _table(
+    layer: Layer,
+    radius: float,
+    intervals: int,
+    reach: float,
+) -> RadialTable:
     stretch = 4 * radius  # steps near the contact about a/60, at r = 100 mm about h/2
     t = np.linspace(0, reach / (reach + stretch), intervals + 1)
     r = stretch * t / (1 - t)
@@ -211,13 +238,23 @@ def _table(layer: Layer, radius: float, intervals: int, reach: float) -> RadialT
     for values in layer._displacement(r, layer.heights, radius):
         # Both are even in r, so their slope at the axis is zero.
         flat = (1, np.zeros(values.shape[1]))
-        spline = CubicSpline(t, values, axis=0, bc_type=(flat, "not-a-knot"))
+        spline = CubicSpline(
+            t,
+            values,
+            axis=0,
+            bc_type=(flat, "not-a-knot"),
+        )
         pieces += [spline.c[3 - power] * width**power for power in range(4)]
     coefficients = np.stack(pieces, axis=-1).swapaxes(0, 1)
     return RadialTable(coefficients.copy(), stretch, reach)
 
 
-def _unscaled(r: Array, z: Array, radius: float, h: float) -> tuple[Array, Array]:
+def _unscaled(
+    r: Array,
+    z: Array,
+    radius: float,
+    h: float,
+) -> tuple[Array, Array]:
     """u_r/r and u_z before the division by w0, [len(r), len(z)]."""
     k, weight = _nodes(TAIL / h, float(r.max()) + radius)
     p, q = _excess(k[:, None], z, h)

@@ -77,7 +77,11 @@ class Paths:
         require(inside, key, position, f"{surface} (the sensor's surface)")
 
     def draw(
-        self, count: int, layer: Layer, rng: np.random.Generator, device: torch.device
+        self,
+        count: int,
+        layer: Layer,
+        rng: np.random.Generator,
+        device: torch.device,
     ) -> PathSet:
         """``count`` independent paths."""
         v, shape = self.vertices, (self.vertices, count)
@@ -150,7 +154,11 @@ class PathSet:
         """Σ_v (ŝ_in − ŝ_out)·u [P] per metre of indentation at ``centre`` (x, y) in m, in the
         precision of the table."""
         dtype = table.rows.dtype
-        total = torch.zeros(len(self), dtype=dtype, device=self.x.device)
+        total = torch.zeros(
+            len(self),
+            dtype=dtype,
+            device=self.x.device,
+        )
         # One vertex of all paths at a time: the temporaries stay in the cache.
         for v in range(self.x.shape[0]):
             dx = (self.x[v] - centre[0]).to(dtype)

@@ -39,7 +39,8 @@ class Sensor:
     def __post_init__(self) -> None:
         require_integer("seed.sensor", self.seed, 0)
         for kind in (Layer, Paths, Thermal, Camera):
-            part = getattr(self, name := kind.__name__.lower())
+            name = kind.__name__.lower()
+            part = getattr(self, name)
             if isinstance(part, Mapping):
                 object.__setattr__(self, name, kind(**part))
 

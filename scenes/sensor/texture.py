@@ -184,7 +184,12 @@ class Patch:
             grids.setdefault(points, []).append(level)
         return grids
 
-    def _response(self, levels: list[int], n: int, radius: float) -> np.ndarray:
+    def _response(
+        self,
+        levels: list[int],
+        n: int,
+        radius: float,
+    ) -> np.ndarray:
         """Displacement (x, y, z) by a force, complex64 [levels·3, n, n/2 + 1]."""
         layer, k = self._sensor.layer, self._k
         heights = layer.heights[levels][:, None, None]
@@ -268,7 +273,11 @@ class Patch:
         return np.fft.rfft2(grid.reshape(n, n)) - smooth
 
     def phases(
-        self, x: np.ndarray, y: np.ndarray, force: np.ndarray, touch: Touch
+        self,
+        x: np.ndarray,
+        y: np.ndarray,
+        force: np.ndarray,
+        touch: Touch,
     ) -> Tensor:
         """Change of phase float64 [P] in rad by grains at (x, y) about the target."""
         target_x, target_y = self._position
@@ -287,7 +296,10 @@ class Patch:
         return lengthening.to(torch.float64).mul_(scale)
 
 
-def _corners(u: np.ndarray, v: np.ndarray) -> list[tuple[int, int, np.ndarray]]:
+def _corners(
+    u: np.ndarray,
+    v: np.ndarray,
+) -> list[tuple[int, int, np.ndarray]]:
     """Bilinear weights of the four grid points (down, right) around a point at fraction (u, v)."""
     return [
         (0, 0, (1 - v) * (1 - u)),
@@ -311,7 +323,11 @@ def _coarsen(spectrum: np.ndarray, n: int) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def _patch(
-    sensor: Sensor, position: tuple[float, float], radius: float, cell: float, side: int
+    sensor: Sensor,
+    position: tuple[float, float],
+    radius: float,
+    cell: float,
+    side: int,
 ) -> Patch:
     """Objects that touch at the same place share one patch."""
     return Patch(sensor, position, radius, cell, side)

@@ -72,7 +72,9 @@ class Section:
 
 
 def render(
-    sections: Sequence[Section], problems: Sequence[str], about: Mapping[str, str]
+    sections: Sequence[Section],
+    problems: Sequence[str],
+    about: Mapping[str, str],
 ) -> str:
     """The page's HTML; `about`: name of a set of results → where it comes from."""
     environment = jinja2.Environment(
@@ -94,17 +96,22 @@ def render(
 
 def _kinds(table: Table) -> list[str]:
     """How each column is set: number, long text or text."""
-    cells = table.cells()
-    return [_kind([row[k] for row in cells]) for k in range(len(table.heads))]
+    if not len(table.data):
+        return [_kind(()) for _ in table.heads]
+    columns = zip(*table.cells(), strict=True)
+    return [_kind(texts) for texts in columns]
 
 
 def _kind(texts: Sequence[str]) -> str:
     texts = [text for text in texts if text not in ("", "–")]
     if texts and all(map(_NUMBER.fullmatch, texts)):
         return "number"
-    return "long" if any(len(text) > 30 for text in texts) else "text"
+    longest = max(map(len, texts), default=0)
+    return "long" if longest > 30 else "text"
 
 
 def _tone(verdict: str) -> str:
     """Colour of a verdict, by its last word before a colon."""
-    return _TONES.get(re.split(r"\W+", verdict.partition(":")[0].lower())[-1], "none")
+    before_colon, _, _ = verdict.partition(":")
+    last_word = re.split(r"\W+", before_colon.lower())[-1]
+    return _TONES.get(last_word, "none")

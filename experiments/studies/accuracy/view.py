@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from experiments.records import configs
-from experiments.records.results import Results
+from experiments.records.record import Finished
+from experiments.records.results import Group, Results
 from experiments.reporting import estimates, published
 from experiments.reporting import rows as rows_of
 from experiments.reporting.plot import (
@@ -26,9 +29,15 @@ from experiments.reporting.table import frame
 
 N_PUBLISHED = 400  # of all the published accuracies; equal ones are drawn side by side
 SHOWN = (
-    "model", "n_train", "pixels", "seeds", "test_accuracy_final", "training_time_s",
-    "predict_single_s", "model_bytes",
-)  # fmt: skip
+    "model",
+    "n_train",
+    "pixels",
+    "seeds",
+    "test_accuracy_final",
+    "training_time_s",
+    "predict_single_s",
+    "model_bytes",
+)
 KEY = ("scene", "model", "n_train", "pixels")
 # Experiments that make the runs of a sweep, where it is not the one of its name alone.
 EXPERIMENTS = {"accuracy_vs_n": ("accuracy_vs_n", "accuracy_vs_n_cnn")}
@@ -49,16 +58,26 @@ def rows(results: Results, name: str) -> list[Row]:
         scene = configs.sweep(name)["scene"][0]
         extra = results.extra_models(scene)
         for group in results.groups():
-            if group.scene == scene and group.model in extra and group.pixels is None:
-                lines.append(row(group, results.group(scene, "hdc", group.n_train)))
-    places = {(line["n_train"], line["pixels"]) for line in lines if line["seeds"]}
+            of_extra = group.scene == scene and group.model in extra
+            if of_extra and group.pixels is None:
+                hdc = results.group(scene, "hdc", group.n_train)
+                lines.append(row(group, hdc))
+    measured = [line for line in lines if line["seeds"]]
+    places = {(line["n_train"], line["pixels"]) for line in measured}
     return lines if len(places) > 1 else []
 
 
 def _register(name: str, what: str) -> None:
-    commands = [f"{RUN}{experiment}" for experiment in EXPERIMENTS.get(name, (name,))]
+    experiments = EXPERIMENTS.get(name, (name,))
+    commands = [f"{RUN}{experiment}" for experiment in experiments]
 
-    @STUDY.table(name, title=what, shown=SHOWN, commands=commands, key=KEY)
+    @STUDY.table(
+        name,
+        title=what,
+        shown=SHOWN,
+        commands=commands,
+        key=KEY,
+    )
     def table(results: Results) -> pd.DataFrame:
         lines = rows(results, name)
         data = frame(lines)
@@ -77,23 +96,37 @@ def quantities(results: Results) -> Iterator[Quantity]:
     params = configs.sweep("accuracy_vs_n")
     sizes = configs.numbers(params["split.n_train"])
     groups = [results.group(params["scene"][0], "hdc", n) for n in sizes]
-    runs = [run for group in groups for run in group.runs]
-    places = {run.record.n_train for run in runs}
-    crossed = []
-    for seed in dict.fromkeys(run.seeds for run in runs):
-        of_seed = [run.record for run in runs if run.seeds == seed]
-        if 1 < len(of_seed) == len(places):
-            accuracies = [record.test_accuracy_final for record in of_seed]
-            crossed.append(estimates.crossing([r.n_train for r in of_seed], accuracies))
-    if crossed and not math.isnan(sum(crossed)):
-        yield Quantity.of(
-            "accuracy_vs_n/n_for_90_percent",
-            estimates.one_sensor(crossed).within(0, math.inf),
-            f"{estimates.ONE_SENSOR}, each where its own curve first crosses",
-            n=min(len(group.right) for group in groups if group.runs),
-            seeds=min(len(group.runs) for group in groups if group.runs),
-            made_by=f"{RUN}accuracy_vs_n",
-        )
+    measured = [group for group in groups if group.runs]
+    crossed = _crossings(measured)
+    if not crossed or math.isnan(sum(crossed)):
+        return
+    n = min(len(group.right) for group in measured)
+    yield Quantity.of(
+        "accuracy_vs_n/n_for_90_percent",
+        estimates.one_sensor(crossed).within(0, math.inf),
+        f"{estimates.ONE_SENSOR}, each where its own curve first crosses",
+        n=n,
+        seeds=min(len(group.runs) for group in measured),
+        made_by=f"{RUN}accuracy_vs_n",
+    )
+
+
+def _crossings(groups: Sequence[Group]) -> list[float]:
+    """The crossing of each seed that was run with every N."""
+    places = set()
+    by_seed: dict[str, list[Finished]] = {}
+    for group in groups:
+        for run in group.runs:
+            places.add(run.record.n_train)
+            by_seed.setdefault(run.seeds, []).append(run.record)
+    whole = [of_seed for of_seed in by_seed.values() if 1 < len(of_seed) == len(places)]
+    return list(map(_crossing, whole))
+
+
+def _crossing(of_seed: Sequence[Finished]) -> float:
+    sizes = [record.n_train for record in of_seed]
+    accuracies = [record.test_accuracy_final for record in of_seed]
+    return estimates.crossing(sizes, accuracies)
 
 
 def _chance(results: Results) -> float:
@@ -120,36 +153,57 @@ def accuracy_vs_n(
     """Test accuracy against the number of training samples (Fig. 5(b) of the paper)."""
     lines = rows(results, "accuracy_vs_n")
     pale = rows(behind, "accuracy_vs_n") if behind is not None else []
-    measured = list(dict.fromkeys(line["model"] for line in lines if line["seeds"]))
-    above = [m for m in configs.models("paper", "fast") if m in measured]
-    below = [m for m in measured if m not in above]
+    with_runs = [line for line in lines if line["seeds"]]
+    measured = list(dict.fromkeys(line["model"] for line in with_runs))
+    known_models = configs.models("paper", "fast")
+    above = [model for model in known_models if model in measured]
+    below = [model for model in measured if model not in above]
     panels = figure.subplots(2, 1, sharex=True)
     for axes, models in zip(panels, (above, below), strict=True):
         accuracy_curves(axes, pale, models, "n_train", [N_PUBLISHED], alpha=0.25)
         accuracy_curves(axes, lines, models, "n_train", [N_PUBLISHED])
-        paper = [star("paper, Table I")] if models is above else []
-        axes.legend(handles=[*map(handle, models), *paper], loc="lower right")
+        handles = [handle(model) for model in models]
+        if models is above:
+            handles.append(star("paper, Table I"))
+        axes.legend(handles=handles, loc="lower right")
         chance = _chance(results)
-        axes.axhline(chance, color="0.5", lw=0.7, ls=":", zorder=0)
-    known = published.numbers()
-    accuracies = [
-        (model, known[f"table1/{model}_test_accuracy"].value)
-        for model in published.models_of_table1()
-    ]
-    for k, (model, accuracy) in enumerate(accuracies):
-        before = sum(other == accuracy for _, other in accuracies[:k])
-        published_point(panels[0], model, N_PUBLISHED * 1.1**before, accuracy, 8)
-    limit = known["accuracy_vs_n/n_for_90_percent"].value
-    for axes in panels:
-        axes.plot(
-            [limit, limit], [0, 90], color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0
+        axes.axhline(
+            chance,
+            color="0.5",
+            lw=0.7,
+            ls=":",
+            zorder=0,
         )
-        axes.axhline(90, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
-    text = f"paper: > 90 %\nonly for N > {limit:g}"
-    panels[0].text(limit * 1.05, 42, text, ha="left", color="0.3", fontsize=6)
-    panels[1].xaxis.set_major_locator(FixedLocator([5, 10, 20, 50, 100, 200, 400]))
-    panels[1].xaxis.set_minor_locator(NullLocator())
-    panels[1].xaxis.set_major_formatter(FuncFormatter(lambda n, _: f"{n:g}"))
+    _draw_published(panels)
+    sizes = panels[1].xaxis
+    sizes.set_major_locator(FixedLocator([5, 10, 20, 50, 100, 200, 400]))
+    sizes.set_minor_locator(NullLocator())
+    sizes.set_major_formatter(FuncFormatter(lambda n, _: f"{n:g}"))
     panels[1].set_xlabel("training samples N")
     text = "Test accuracy against training samples"
     title(figure, panels[0], text, lines, measured, measured)
+
+
+def _draw_published(panels: Sequence[Axes]) -> None:
+    """The paper's accuracies as stars, and its least N for 90 % as dashed lines."""
+    known = published.numbers()
+    drawn: list[float] = []
+    for model in published.models_of_table1():
+        accuracy = known[f"table1/{model}_test_accuracy"].value
+        place = N_PUBLISHED * 1.1 ** drawn.count(accuracy)
+        published_point(panels[0], model, place, accuracy, 8)
+        drawn.append(accuracy)
+    limit = known["accuracy_vs_n/n_for_90_percent"].value
+    look: Any = {"color": "0.5", "lw": 0.7, "ls": (0, (4, 3)), "zorder": 0}
+    for axes in panels:
+        axes.plot([limit, limit], [0, 90], **look)
+        axes.axhline(90, **look)
+    text = f"paper: > 90 %\nonly for N > {limit:g}"
+    panels[0].text(
+        limit * 1.05,
+        42,
+        text,
+        ha="left",
+        color="0.3",
+        fontsize=6,
+    )

@@ -67,19 +67,24 @@ class Case:
         import cv2
 
         self._temporary = tempfile.TemporaryDirectory()  # it goes when the case goes
-        folder, size = Path(self._temporary.name), (math.isqrt(self.d),) * 2
+        folder = Path(self._temporary.name)
+        side = math.isqrt(self.d)
         lossless = cv2.VideoWriter.fourcc(*"FFV1")
         video = cv2.VideoWriter(
-            str(folder / "video.avi"), lossless, RATE_HZ, size, isColor=False
+            str(folder / "video.avi"),
+            lossless,
+            RATE_HZ,
+            (side, side),
+            isColor=False,
         )
         lines, first = ["start_s,end_s,label"], 0
         for c, n in enumerate(np.bincount(self.labels)):
-            (folder / "images" / str(c)).mkdir(parents=True)
-            for k, frame in enumerate(self.pixels.numpy()[self.labels == c]):
-                cv2.imwrite(
-                    str(folder / "images" / str(c) / f"{k}.png"), frame.reshape(size)
-                )
-                video.write(frame.reshape(size))
+            of_class = folder / "images" / str(c)
+            of_class.mkdir(parents=True)
+            frames = self.pixels.numpy()[self.labels == c]
+            for k, frame in enumerate(frames.reshape(-1, side, side)):
+                cv2.imwrite(str(of_class / f"{k}.png"), frame)
+                video.write(frame)
             lines.append(f"{first / RATE_HZ},{(first + n) / RATE_HZ},{c}")
             first += n
         video.release()
@@ -87,27 +92,29 @@ class Case:
         return folder
 
     def _made(self, labels: np.ndarray, stream: int) -> Tensor:
-        frames = np.fromiter(
-            self._drawn(labels, stream), (np.uint8, self.d), len(labels)
-        )
+        drawn = self._drawn(labels, stream)
+        frames = np.fromiter(drawn, (np.uint8, self.d), len(labels))
         return torch.from_numpy(frames)
 
-    def _drawn(self, labels: np.ndarray, stream: int) -> Iterator[np.ndarray]:
+    def _drawn(
+        self,
+        labels: np.ndarray,
+        stream: int,
+    ) -> Iterator[np.ndarray]:
         """One frame [D] after another; every pattern is a stretch of one long random sequence."""
         n, spare = len(labels), min(15 * self.d, 2**22)
-        patterns = np.random.default_rng(self.seed).standard_gamma(
-            3, self.d + spare, np.float32
-        )
-        of_class = np.random.default_rng([self.seed, 0]).integers(0, spare, self.l)
-        rng = np.random.default_rng([self.seed, stream])
-        gains = 1 + 0.01 * rng.standard_normal(n)
-        for label, start, gain in zip(
-            labels, rng.integers(0, spare, n), gains, strict=True
-        ):
-            pattern = patterns[of_class[label] :][: self.d] + patterns[start:][: self.d]
-            yield np.minimum(np.float32(gain * 50 / 3 / 2) * pattern, 255).astype(
-                np.uint8
-            )
+        of_sequence = np.random.default_rng(self.seed)
+        sequence = of_sequence.standard_gamma(3, self.d + spare, np.float32)
+        of_classes = np.random.default_rng([self.seed, 0])
+        starts_of_classes = of_classes.integers(0, spare, self.l)
+        of_frames = np.random.default_rng([self.seed, stream])
+        gains = 1 + 0.01 * of_frames.standard_normal(n)
+        starts = of_frames.integers(0, spare, n)
+        for label, start, gain in zip(labels, starts, gains, strict=True):
+            of_class = sequence[starts_of_classes[label] :][: self.d]
+            pattern = of_class + sequence[start:][: self.d]
+            grey = np.float32(gain * 50 / 3 / 2) * pattern
+            yield np.minimum(grey, 255).astype(np.uint8)
 
     def verdict(self, result: np.ndarray) -> str:
         """Compare a result in common form with the reference, which is computed in numpy alone.
@@ -115,14 +122,19 @@ class Case:
         ``yes, ties aside``: other bits only where the median or the majority leaves them open.
         """
         if self.operation == "hamming":
-            q, p = (unpack_bits(x, self.d) for x in (self.words, self.prototypes))
-            distances = np.stack([(q != prototype).sum(1) for prototype in p], 1)
-            return "yes" if np.array_equal(result, distances) else "no"
+            queries = unpack_bits(self.words, self.d)
+            prototypes = unpack_bits(self.prototypes, self.d)
+            distances = [(queries != one).sum(1) for one in prototypes]
+            right = np.array_equal(result, np.stack(distances, 1))
+            return "yes" if right else "no"
         if self.operation == "predict":
-            right = np.array_equal(result, np.arange(HELD_OUT) % self.l)
-            return "same labels" if right else "no"
+            labels = np.arange(HELD_OUT) % self.l
+            return "same labels" if np.array_equal(result, labels) else "no"
         expected, free = self.expected
-        if result.shape != expected.shape or ((result ^ expected) & ~free).any():
+        if result.shape != expected.shape:
+            return "no"
+        differing = result ^ expected
+        if (differing & ~free).any():
             return "no"
         return "yes" if np.array_equal(result, expected) else "yes, ties aside"
 
@@ -130,21 +142,21 @@ class Case:
     def expected(self) -> tuple[np.ndarray, np.ndarray]:
         """Packed bits of the result, and the bits that ties leave open."""
         if self.operation == "encode":
-            rows = [tuple(map(pack_bits, threshold(x))) for x in self.pixels.numpy()]
-            passed, equal = zip(*rows, strict=True)
-            return np.stack(passed), np.stack(equal)
+            rows = [threshold(frame) for frame in self.pixels.numpy()]
+            passed_of_all, equal_of_all = zip(*rows, strict=True)
+            return pack_bits(np.stack(passed_of_all)), pack_bits(np.stack(equal_of_all))
         low, ones, high = np.zeros((3, self.l, self.d), np.int32)
         for frame, label in zip(self.pixels.numpy(), self.labels, strict=True):
             passed, equal = threshold(frame)
-            if (
-                self.operation == "bundle"
-            ):  # of hypervectors, which have no ties any more
+            if self.operation == "bundle":
+                # Of hypervectors, which have no ties any more.
                 equal = np.zeros_like(equal)
             ones[label] += passed
             low[label] += passed & ~equal
             high[label] += passed | equal
         n = np.bincount(self.labels, minlength=self.l)[:, None]
-        return pack_bits(2 * ones > n), pack_bits((2 * low <= n) & (2 * high >= n))
+        free = (2 * low <= n) & (2 * high >= n)
+        return pack_bits(2 * ones > n), pack_bits(free)
 
 
 def threshold(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -154,13 +166,16 @@ def threshold(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     with h(w) = (w·0x9E3779B1 mod 2³²) >> 26.
     """
     ones = len(pixels) // 2
-    level = np.partition(pixels, len(pixels) - ones)[len(pixels) - ones]
+    zeros = len(pixels) - ones
+    level = np.partition(pixels, zeros)[zeros]
     passed, equal = pixels > level, pixels == level
     ties = np.flatnonzero(equal)
     word, bit = np.divmod(ties, 64)
-    turn = (bit + ((word * 0x9E3779B1 % 2**32) >> 26)) % 64
+    rotation = (word * 0x9E3779B1 % 2**32) >> 26
+    turn = (bit + rotation) % 64
     in_order = ties[np.lexsort((word, turn))]
-    passed[in_order[: ones - int(passed.sum())]] = True
+    missing = ones - int(passed.sum())
+    passed[in_order[:missing]] = True
     return passed, equal
 
 
@@ -172,4 +187,9 @@ def pack_bits(mask: np.ndarray) -> np.ndarray:
 def unpack_bits(words: Tensor, d: int) -> np.ndarray:
     """Packed words [..., W] → bool [..., D]."""
     packed = words.numpy().view(np.uint8)
-    return np.unpackbits(packed, axis=-1, count=d, bitorder="little").view(np.bool_)
+    return np.unpackbits(
+        packed,
+        axis=-1,
+        count=d,
+        bitorder="little",
+    ).view(np.bool_)

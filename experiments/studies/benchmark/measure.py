@@ -33,7 +33,10 @@ _SAMPLE_S = (
 
 @experiment(revision=1, uses=("hdc.HDCClassifier",), timed=True)
 def benchmark(
-    run: Run, steps: Sequence[Mapping[str, Any]], budget_s: float, seed: int
+    run: Run,
+    steps: Sequence[Mapping[str, Any]],
+    budget_s: float,
+    seed: int,
 ) -> Iterator[Row]:
     """One row: a route at one size.
 
@@ -48,7 +51,8 @@ def benchmark(
     for step in steps:
         for size in itertools.product(*(step[key] for key in SIZE)):
             key = dict(zip(SIZE, size, strict=True))
-            compute = functools.partial(measure, Case(**key, seed=seed), budget_s)
+            case = Case(**key, seed=seed)
+            compute = functools.partial(measure, case, budget_s)
             for row in run.part(key, compute):
                 yield row
                 if row["status"] == "wrong result":
@@ -70,22 +74,31 @@ def measure(case: Case, budget_s: float) -> list[Row]:
         rows.append(row)
         if row["status"] == "ok":
             samplers[route.name] = sampler(route.call)
-    turns: list[dict[str, float]] = []
-    deadline = time.perf_counter() + budget_s * len(samplers)
-    while len(turns) < 7 or (len(turns) < 30 and time.perf_counter() < deadline):
-        turns.append({name: sample() for name, sample in samplers.items()})
+    times = _timed(samplers, budget_s * len(samplers))
     for row in rows:
         if row["route"] in samplers:
-            seconds = np.array([turn[row["route"]] for turn in turns])
-            row |= {
-                "median_s": float(np.median(seconds)),
-                "min_s": float(seconds.min()),
-            }
-            row["samples"] = len(turns)
+            seconds = times[row["route"]]
+            row["median_s"] = float(np.median(seconds))
+            row["min_s"] = float(seconds.min())
+            row["samples"] = len(seconds)
             if OURS in samplers:
-                ours = np.array([turn[OURS] for turn in turns])
-                row["ratio_to_ours"] = float(np.median(seconds / ours))
+                ratios = seconds / times[OURS]
+                row["ratio_to_ours"] = float(np.median(ratios))
     return rows
+
+
+def _timed(
+    samplers: Mapping[str, Callable[[], float]], budget_s: float
+) -> dict[str, np.ndarray]:
+    """Seconds of each route in turns, so that all meet the same states of the machine: at least
+    seven, and up to thirty within the budget."""
+    turns: list[list[float]] = []
+    deadline = time.perf_counter() + budget_s
+    while len(turns) < 30:
+        if len(turns) >= 7 and time.perf_counter() >= deadline:
+            break
+        turns.append([sample() for sample in samplers.values()])
+    return dict(zip(samplers, np.array(turns).T, strict=True))
 
 
 def check(route: Route, case: Case) -> Row:
@@ -103,5 +116,6 @@ def check(route: Route, case: Case) -> Row:
 def sampler(call: Callable[[], Any]) -> Callable[[], float]:
     """A function that gives the seconds of a call, the mean over 20 ms of short ones."""
     timer = timeit.Timer(call)
-    repeats = max(1, math.ceil(_SAMPLE_S / max(min(timer.repeat(3, 1)), 1e-7)))
+    shortest = max(min(timer.repeat(3, 1)), 1e-7)
+    repeats = max(1, math.ceil(_SAMPLE_S / shortest))
     return lambda: timer.timeit(repeats) / repeats

@@ -57,62 +57,75 @@ def bundle_routes(case: Case) -> Iterator[Route]:
 def hamming_routes(case: Case) -> Iterator[Route]:
     """Distances of queries and prototypes."""
     pair = case.words, case.prototypes
-    q, p = (x.numpy().view(np.uint8) for x in pair)
+    queries, prototypes = (words.numpy().view(np.uint8) for words in pair)
 
     def faiss_distances() -> np.ndarray:
-        distances, order = load("faiss").knn_hamming(q, p, len(p))
+        faiss = load("faiss")
+        distances, order = faiss.knn_hamming(queries, prototypes, len(prototypes))
         return np.take_along_axis(distances, order.argsort(1), 1)
 
+    def numkong_distances() -> Any:
+        numkong = load("numkong")
+        return numkong.cdist(queries, prototypes, metric="hamming", dtype="uint1")
+
     yield from ours(lambda backend: partial(bits.hamming, *pair, backend))
-    metric = {"metric": "hamming", "dtype": "uint1"}
-    yield Route(names.NUMKONG, "numkong", lambda: load("numkong").cdist(q, p, **metric))
+    yield Route(names.NUMKONG, "numkong", numkong_distances)
     yield Route("faiss.knn_hamming", "faiss", faiss_distances)
 
 
 def train_routes(case: Case) -> Iterator[Route]:
     """Frames to prototypes."""
-    frames, copied = case.pixels, np.zeros(case.pixels.shape, np.uint8)
-    yield from ours(
-        lambda backend: lambda: HDCClassifier(backend=backend).fit(frames, case.labels)
-    )
-    yield Route(
-        names.READ,
-        "numpy",
-        lambda: np.bitwise_xor.reduce(frames.numpy().view(np.uint64)),
-    )
-    yield Route(names.COPY, "numpy", lambda: np.copyto(copied, frames.numpy()))
+    frames = case.pixels
+    pixels = frames.numpy()
+    copied = np.zeros(pixels.shape, np.uint8)
 
-    def ordinary(ones: Callable[[Tensor], Tensor]) -> Callable[[], Tensor]:
-        return lambda: multisets(by_class(case, ones(frames)))
+    def train(backend: str) -> HDCClassifier:
+        return HDCClassifier(backend=backend).fit(frames, case.labels)
 
-    for name, ones in zip(names.ORDINARY_ROUTES, (torch_bits, numpy_bits), strict=True):
-        yield Route(name, "torchhd", ordinary(ones))
+    def ordinary(ones: Callable[[Tensor], Tensor]) -> Tensor:
+        return multisets(by_class(case, ones(frames)))
+
+    def read() -> np.ndarray:
+        return np.bitwise_xor.reduce(pixels.view(np.uint64))
+
+    yield from ours(lambda backend: partial(train, backend))
+    yield Route(names.READ, "numpy", read)
+    yield Route(names.COPY, "numpy", partial(np.copyto, copied, pixels))
+    of_frames = (torch_bits, numpy_bits)
+    for name, ones in zip(names.ORDINARY_ROUTES, of_frames, strict=True):
+        yield Route(name, "torchhd", partial(ordinary, ones))
 
 
 def predict_routes(case: Case) -> Iterator[Route]:
     """A frame to its label; successive calls take successive held-out frames."""
     frames, labels = case.held_out.split(1), np.arange(case.l)
-    ones = cache(lambda: load("torchhd").BSCTensor(torch_bits(case.examples)))
+    prototypes = case.prototypes.numpy().view(np.uint64)
+    n_bytes = -(-case.d // 8)
+
+    @cache
+    def ones() -> Any:
+        return load("torchhd").BSCTensor(torch_bits(case.examples))
 
     def opencv_label(frame: Tensor) -> np.intp:
-        query = np.zeros_like(case.prototypes[:1].numpy()).view(np.uint8)
-        query[:, : -(-case.d // 8)] = opencv_words(frame.numpy())
-        differing = query.view(np.uint64) ^ case.prototypes.numpy().view(np.uint64)
-        return np.bitwise_count(differing).sum(1, dtype=np.int64).argmin()
+        query = np.zeros_like(prototypes[:1]).view(np.uint8)
+        query[:, :n_bytes] = opencv_words(frame.numpy())
+        differing = np.bitwise_count(query.view(np.uint64) ^ prototypes)
+        return differing.sum(1, dtype=np.int64).argmin()
 
     def torchhd_label(frame: Tensor) -> Tensor:
-        query = load("torchhd").BSCTensor(torch_bits(frame))
-        return load("torchhd").hamming_similarity(query, ones()).argmax()
+        torchhd = load("torchhd")
+        query = torchhd.BSCTensor(torch_bits(frame))
+        return torchhd.hamming_similarity(query, ones()).argmax()
 
     def each(label: Callable[[Tensor], Any]) -> Callable[[], Any]:
         turn = itertools.cycle(frames)
         return lambda: label(next(turn))
 
-    yield from ours(
-        lambda backend: each(
-            HDCClassifier(backend=backend).fit(case.examples, labels).predict
-        )
-    )
+    def predict(backend: str) -> Callable[[], Any]:
+        model = HDCClassifier(backend=backend).fit(case.examples, labels)
+        return each(model.predict)
+
+    yield from ours(predict)
     yield Route(
         "torch.median, torchhd.hamming_similarity", "torchhd", each(torchhd_label)
     )
@@ -125,8 +138,9 @@ def folder_routes(case: Case) -> Iterator[Route]:
 
     def decode() -> None:
         cv2 = load("cv2")
+        read = partial(cv2.imread, flags=cv2.IMREAD_UNCHANGED)
         with ThreadPoolExecutor() as pool:
-            for _ in pool.map(partial(cv2.imread, flags=cv2.IMREAD_UNCHANGED), files):
+            for _ in pool.map(read, files):
                 pass
 
     yield from ours(partial(trained_on, case.folder / "images"))
@@ -137,7 +151,8 @@ def video_routes(case: Case) -> Iterator[Route]:
     """A video to prototypes."""
 
     def decode() -> None:
-        capture = load("cv2").VideoCapture(str(case.folder / "video.avi"))
+        path = str(case.folder / "video.avi")
+        capture = load("cv2").VideoCapture(path)
         while capture.read()[0]:
             pass
 
@@ -174,11 +189,8 @@ def common_form(case: Case, call: Callable[[], Any]) -> np.ndarray:
     result: Any = call()
     if isinstance(result, HDCClassifier):
         result = result.prototypes_
-    if (
-        isinstance(result, Tensor)
-        and result.dtype == torch.int64
-        and case.operation != "hamming"
-    ):
+    is_packed = isinstance(result, Tensor) and result.dtype == torch.int64
+    if is_packed and case.operation != "hamming":
         result = unpack_bits(result, case.d)
     array = np.asarray(result)
     return pack_bits(array) if array.dtype == np.bool_ else array
@@ -210,14 +222,15 @@ def numpy_bits(frames: Tensor) -> Tensor:
 
 def opencv_words(frames: np.ndarray) -> np.ndarray:
     """The same of uint8 frames, packed, by OpenCV's histograms; exact to 2^24 pixels."""
+    cv2 = load("cv2")
     middle = (frames.shape[1] + 1) // 2
-    counts = (
-        load("cv2").calcHist([x], [0], None, [256], [0, 256]).ravel() for x in frames
-    )
-    levels = [np.searchsorted(x.astype(np.int64).cumsum(), middle) for x in counts]
-    return np.stack(
-        [pack_bits(x > level) for x, level in zip(frames, levels, strict=True)]
-    )
+    words = []
+    for frame in frames:
+        counts = cv2.calcHist([frame], [0], None, [256], [0, 256])
+        up_to_level = counts.ravel().astype(np.int64).cumsum()
+        level = np.searchsorted(up_to_level, middle)
+        words.append(pack_bits(frame > level))
+    return np.stack(words)
 
 
 def by_class(case: Case, ones: Tensor) -> list[Tensor]:

@@ -65,7 +65,10 @@ COLUMNS = {
     title="Goals of the classifier, N = 400, D = 250,000. {machine}",
     note=NOTE,
 )
-def goals(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+def goals(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> pd.DataFrame:
     """What was to be reached, as far as it was measured."""
     single = of_route(rows, "predict", OURS_COMPILED)
     name = "predict one frame: hdc, compiled, ms"
@@ -79,7 +82,12 @@ def goals(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     return pd.DataFrame([line for line in table if not math.isnan(line["Measured"])])
 
 
-def _goal(name: str, bound: str, limit: float, value: float) -> dict[str, Any]:
+def _goal(
+    name: str,
+    bound: str,
+    limit: float,
+    value: float,
+) -> dict[str, Any]:
     """A row: what was wanted, what was measured, and whether it was met."""
     met = value >= limit if bound == "≥" else value <= limit
     return {
@@ -98,7 +106,10 @@ def _goal(name: str, bound: str, limit: float, value: float) -> dict[str, Any]:
     columns=COLUMNS,
     note=NOTE,
 )
-def headline(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+def headline(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> pd.DataFrame:
     """The rows of the headline size; of operations on other numbers of frames, theirs."""
     rows = rows[rows["operation"].isin(OPERATIONS)]
     rows = rows[(rows["d"] == HEADLINE["d"]) & (rows["l"] == HEADLINE["l"])]

@@ -23,8 +23,9 @@ def against_rival(rows: pd.DataFrame) -> str:
     rows = rows[rows.kind.isin(DECIDING) & (rows.unit == "points")]
     if not len(rows):
         return ""
-    ahead = sum(rules.more_accurate(each) == YES for each in _estimates(rows))
-    behind = sum(rules.at_least_as_accurate(each) == NO for each in _estimates(rows))
+    differences = _estimates(rows)
+    ahead = sum(rules.more_accurate(each) == YES for each in differences)
+    behind = sum(rules.at_least_as_accurate(each) == NO for each in differences)
     return (
         f"ahead of {_inside(display_name(RIVAL))} by {LEAST:g} points or more on {ahead} of "
         f"{_recordings(len(rows))}, behind by as much on {behind}"
@@ -71,7 +72,8 @@ def contrast(rows: pd.DataFrame) -> str:
 def recalibration(rows: pd.DataFrame) -> str:
     """How often an update of HDC gains, and how often ridge regression gains more than any."""
     rows = rows[rows.kind.isin(DECIDING)]
-    places = rows.groupby(rows.evidence.str.partition(", ")[0], sort=False)
+    names = rows.evidence.str.partition(", ")[0]
+    places = rows.groupby(names, sort=False)
     gained = better = compared = 0
     for _, part in places:
         of_ridge = part.evidence.str.contains("ridge")
@@ -79,7 +81,8 @@ def recalibration(rows: pd.DataFrame) -> str:
         gained += int((of_hdc.verdict == YES).any())
         if of_ridge.any() and len(of_hdc):
             compared += 1
-            better += int(part[of_ridge].value.max() > of_hdc.value.max())
+            ridge = part[of_ridge].value
+            better += int(ridge.max() > of_hdc.value.max())
     if not len(places):
         return ""
     text = f"HDC with p = 0.75 gains on {gained} of {_recordings(len(places))}"
@@ -91,10 +94,10 @@ def recalibration(rows: pd.DataFrame) -> str:
 def faults(rows: pd.DataFrame) -> str:
     """The change of each model, from the least to the greatest loss."""
     parts = []
-    for model, part in rows.groupby(rows.evidence.str.rpartition(", ")[0], sort=False):
-        ends = sorted(
-            {f"{value:+.1f}" for value in (part.value.min(), part.value.max())}
-        )
+    models = rows.evidence.str.rpartition(", ")[0]
+    for model, part in rows.groupby(models, sort=False):
+        least, most = part.value.min(), part.value.max()
+        ends = sorted({f"{least:+.1f}", f"{most:+.1f}"})
         parts.append(f"{model} {' to '.join(ends)} points".replace("-", "−"))
     return "; ".join(parts)
 
@@ -112,8 +115,9 @@ PHRASES = {
 
 def _estimates(rows: pd.DataFrame) -> list[Estimate]:
     """Differences in points as fractions."""
-    columns = rows[["value", "value_low", "value_high"]].astype(float) / 100
-    return [Estimate(*line) for line in columns.itertuples(index=False)]
+    columns = rows[["value", "value_low", "value_high"]]
+    fractions = columns.astype(float) / 100
+    return [Estimate(*line) for line in fractions.itertuples(index=False)]
 
 
 def _recordings(count: int) -> str:
@@ -122,4 +126,5 @@ def _recordings(count: int) -> str:
 
 def _inside(name: str) -> str:
     """A name as it stands within a sentence; an abbreviation keeps its capitals."""
-    return name if name[1:2].isupper() else name[:1].lower() + name[1:]
+    first, rest = name[:1], name[1:]
+    return name if rest[:1].isupper() else first.lower() + rest

@@ -63,28 +63,44 @@ CLAIMS: Any = OmegaConf.load(Path(__file__).with_name("claims.yaml"))
 # Evidence: each function yields the columns that differ from those of its line of EVIDENCE.
 
 
-def _of_recordings(results: Results, sizes: Sequence[int] = ()) -> Iterator[Evidence]:
+def _of_recordings(
+    results: Results,
+    sizes: Sequence[int] = (),
+) -> Iterator[Evidence]:
     """HDC less its rival by the split that counts: mean over some numbers of frames per class, or
     at the most."""
     for scene, measured in recordings(results).items():
         if saturated(measured):
             continue
-        if found := over_rival(measured, sizes):
-            values = zip(*(value for value, _ in found), strict=True)
-            value = Estimate(*(float(np.mean(part)) for part in values))
-            n = None if sizes else f"{found[0][1]} frames per class"
-            yield {"evidence": scene, "kind": _kind(measured), "value": value, "n": n,
-                   "command": f"{RUN}recordings scene={scene}"}  # fmt: skip
+        found = over_rival(measured, sizes)
+        if found:
+            estimates = np.array([estimate for estimate, _ in found])
+            value = Estimate(*estimates.mean(axis=0).tolist())
+            _, most = found[0]
+            n = None if sizes else f"{most} frames per class"
+            yield {
+                "evidence": scene,
+                "kind": _kind(measured),
+                "value": value,
+                "n": n,
+                "command": f"{RUN}recordings scene={scene}",
+            }
 
 
 def _of_scenes(results: Results) -> Iterator[Evidence]:
     """HDC less its rival on simulated scenes, on the same test samples."""
     for scene in (scene_of_table1(), *HARD, "tactile"):
         groups = [results.group(scene, model) for model in ("hdc", RIVAL)]
-        if paired := difference(groups[0].runs, groups[1].runs):
+        of_hdc, of_rival = (group.runs for group in groups)
+        paired = difference(of_hdc, of_rival)
+        if paired is not None:
             name = f"{scene}, fitted to HDC" if _fitted(scene) else scene
-            row = {"evidence": name, "value": paired, "n": f"{len(groups[0].runs)} seeds",
-                   "command": f"{RUN}all_scenes scene={scene}"}  # fmt: skip
+            row = {
+                "evidence": name,
+                "value": paired,
+                "n": f"{len(of_hdc)} seeds",
+                "command": f"{RUN}all_scenes scene={scene}",
+            }
             if all(group.right.mean() >= SATURATED for group in groups):
                 row |= {"evidence": f"{scene}, saturated", "verdict": UNDECIDED}
             yield row
@@ -97,12 +113,17 @@ def _slower(results: Results, models: Sequence[str]) -> Iterator[Evidence]:
         for way, runs in ratios.items():
             if not runs:  # a way that was not measured
                 continue
-            # One run has no range.
-            bounds = (min(runs), max(runs)) if len(runs) > 1 else ()
-            value = Estimate(float(np.median(runs)), *bounds)
-            count = "1 run" if len(runs) == 1 else f"{len(runs)} runs"
-            yield {"evidence": f"{display_name(model)}, over {way}", "kind": TIMED, "value": value,
-                   "verdict": rules.slower(runs), "n": count}  # fmt: skip
+            value, count = Estimate(float(np.median(runs))), "1 run"
+            if len(runs) > 1:
+                value = value._replace(low=min(runs), high=max(runs))
+                count = f"{len(runs)} runs"
+            yield {
+                "evidence": f"{display_name(model)}, over {way}",
+                "kind": TIMED,
+                "value": value,
+                "verdict": rules.slower(runs),
+                "n": count,
+            }
 
 
 def _kind(measured: Measured) -> str:
@@ -118,13 +139,19 @@ def _fitted(scene: str) -> bool:
 
 
 def _of_places(
-    results: Results, name: str, read: Callable[[pd.DataFrame, str], Iterator[Evidence]]
+    results: Results,
+    name: str,
+    read: Callable[[pd.DataFrame, str], Iterator[Evidence]],
 ) -> Iterator[Evidence]:
     """Evidence of a measurement, on each kind of frames."""
     for suffix, measured in with_places(results, name):
-        of = {"kind": _kind(measured), "command": measured.record.command}
+        of = {
+            "kind": _kind(measured),
+            "command": measured.record.command,
+            "n": f"{measured.frame.seed.nunique()} seeds",
+        }
         for row in read(measured.frame, suffix.lstrip("_")):
-            yield {**of, "n": f"{measured.frame.seed.nunique()} seeds", **row}
+            yield {**of, **row}
 
 
 def _few(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
@@ -132,10 +159,10 @@ def _few(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     equal = tidy(rows).query("equal")
     by_seed = equal.pivot_table("accuracy", "seed", "model")
     if {"hdc", RIVAL} <= set(by_seed):
-        value = mean_interval((by_seed["hdc"] - by_seed[RIVAL]).tolist())
+        ahead = by_seed["hdc"] - by_seed[RIVAL]
         yield {
             "evidence": f"{place or 'touch'}, N up to {equal.n.max()}",
-            "value": value,
+            "value": mean_interval(ahead.tolist()),
         }
 
 
@@ -144,19 +171,25 @@ def _first(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     first = first_crossings(rows).query("model == 'hdc'")["first"]
     if not len(first):
         return
-    yield {"evidence": f"{place or 'touch'}, fitted", "value": middle(first),
-           "n": f"{len(first)} experiments", "verdict": UNDECIDED}  # fmt: skip
+    yield {
+        "evidence": f"{place or 'touch'}, fitted",
+        "value": middle(first),
+        "n": f"{len(first)} experiments",
+        "verdict": UNDECIDED,
+    }
 
 
 def _contrast(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     """Contrast of prototypes less that of the speckle, on samples held out."""
     if "speckle" in set(rows.kind):
-        before, after = (
-            mean_contrast(rows, k, "held-out")[0] for k in ("speckle", "prototype")
-        )
-        yield {"evidence": place or "touch", "value": Estimate(after - before),
-               "quantity": f"contrast {number(before)} to {number(after)}",
-               "verdict": YES if after > before else NO}  # fmt: skip
+        before = mean_contrast(rows, "speckle", "held-out").value
+        after = mean_contrast(rows, "prototype", "held-out").value
+        yield {
+            "evidence": place or "touch",
+            "value": Estimate(after - before),
+            "quantity": f"contrast {number(before)} to {number(after)}",
+            "verdict": YES if after > before else NO,
+        }
 
 
 def _recalibration(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
@@ -169,27 +202,34 @@ def _recalibration(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     ):
         of_model = every[every.model == model].set_index("seed")
         part = of_model.query(f"update == '{update}' and n_new == 50").new
-        gained = (part - of_model.query("method == 'stored'").new).dropna()
+        stored = of_model.query("method == 'stored'").new
+        gained = (part - stored).dropna()
         if len(gained):
-            row = {"evidence": f"{place or 'drift'}, {name}",
-                   "quantity": f"gained, to {100 * part.mean():.3g} %",
-                   "value": mean_interval(gained.tolist())}  # fmt: skip
+            row = {
+                "evidence": f"{place or 'drift'}, {name}",
+                "quantity": f"gained, to {100 * part.mean():.3g} %",
+                "value": mean_interval(gained.tolist()),
+            }
             yield row if "p = " in name else {**row, "verdict": UNDECIDED}
 
 
 def _faults(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
     """Accuracy lost when one stored bit in 100 is flipped."""
     rows = rows.assign(accuracy=rows.right / rows.n_test)
-    for model, kind in (("hdc", "bit_flips"), (RIVAL, "bit_flips_int8")):
+    kinds = {"hdc": "bit_flips", RIVAL: "bit_flips_int8"}
+    for model, kind in kinds.items():
         of_model = rows[rows.model == model]
-        clean = of_model[of_model.disturbance == "none"].groupby("seed").accuracy.mean()
-        flipped = of_model[(of_model.disturbance == kind) & (of_model.level == FLIPPED)]
-        lost = (flipped.groupby("seed").accuracy.mean() - clean).dropna()
+        clean = of_model[of_model.disturbance == "none"]
+        disturbed = of_model[of_model.disturbance == kind]
+        flipped = disturbed[disturbed.level == FLIPPED]
+        before = clean.groupby("seed").accuracy.mean()
+        after = flipped.groupby("seed").accuracy.mean()
+        lost = (after - before).dropna()
         if len(lost):
-            value = mean_difference(lost.tolist(), float(flipped.n_test.iloc[0]))
+            n_test = float(flipped.n_test.iloc[0])
             row = {
                 "evidence": f"{display_name(model)}, {place or 'touch'}",
-                "value": value,
+                "value": mean_difference(lost.tolist(), n_test),
             }
             yield row if model == "hdc" else {**row, "verdict": UNDECIDED}
 
@@ -238,15 +278,36 @@ def evidence(results: Results) -> pd.DataFrame:
     unit, n, rule, command, verdict``."""
     rows = []
     for claim, read, experiment, quantity, rule, unit in EVIDENCE:
-        of = {"claim": claim, "evidence": "", "kind": SIMULATED, "quantity": quantity}
-        rest = {"unit": unit, "n": None, "rule": rule, "command": f"{RUN}{experiment}"}
+        of = {
+            "claim": claim,
+            "evidence": "",
+            "kind": SIMULATED,
+            "quantity": quantity,
+        }
+        rest = {
+            "unit": unit,
+            "n": None,
+            "rule": rule,
+            "command": f"{RUN}{experiment}",
+        }
         for found in read(results):
             value = found["value"]
             verdict = found.get("verdict") or getattr(rules, rule)(value)
             factor = 100 if unit == "points" else 1
             shown = Estimate(*(factor * bound for bound in value))
-            line = {**of, **shown.columns("value"), **rest, **found}
-            rows.append({**line, "verdict": verdict, "value": shown.value})
+            line = {
+                **of,
+                **shown.columns("value"),
+                **rest,
+                **found,
+            }
+            rows.append(
+                {
+                    **line,
+                    "verdict": verdict,
+                    "value": shown.value,
+                }
+            )
     return frame(
         rows, () if rows else ("claim", "evidence", "kind", "value", "verdict")
     )
@@ -284,8 +345,8 @@ def decided_by(claim: str, rows: pd.DataFrame) -> str:
     kinds = set(rows.kind)
     if TIMED in kinds:
         return "times"
-    found = [kind for kind in (*DECIDING, SIMULATED) if kind in kinds]
-    deciding = [kind for kind in found if kind != SIMULATED or claim == "contrast"]
+    may_decide = (*DECIDING, SIMULATED) if claim == "contrast" else DECIDING
+    deciding = [kind for kind in may_decide if kind in kinds]
     if not deciding:
         return "simulated frames, which can only refute"
     return f"{' and '.join(deciding)} frames"
@@ -352,7 +413,12 @@ def claims(results: Results) -> pd.DataFrame | None:
     return data
 
 
-def _verdict(claim: str, paper: str, word: str, part: pd.DataFrame) -> dict[str, str]:
+def _verdict(
+    claim: str,
+    paper: str,
+    word: str,
+    part: pd.DataFrame,
+) -> dict[str, str]:
     """The row of a claim."""
     phrase = PHRASES[claim](part)
     row = {"claim": claim, "paper": paper, "word": word}
@@ -360,7 +426,8 @@ def _verdict(claim: str, paper: str, word: str, part: pd.DataFrame) -> dict[str,
     row["decided_by"] = decided_by(claim, part)
     for kind in KINDS_SHOWN:
         kinds = (kind, TIMED) if kind == SIMULATED else (kind,)
-        lines = [_text(line) for line in records(part[part.kind.isin(kinds)])]
+        of_kinds = part[part.kind.isin(kinds)]
+        lines = [_text(line) for line in records(of_kinds)]
         row[kind] = "\n".join(lines) or "–"
     return row
 

@@ -40,27 +40,40 @@ class Start:
 
     def factor(self, pixels: int, classes: int) -> float:
         """Scale of a draw of its family (uniform in ±1, or of unit variance)."""
-        limits = {
+        factors = {
+            "zeros": 0.0,
             "linear": 1 / math.sqrt(pixels),
             "glorot": math.sqrt(6 / (pixels + classes)),
+            "normal": self.std,
         }
-        return (limits | {"zeros": 0.0, "normal": self.std})[self.rule]
+        return factors[self.rule]
 
     def sigma(self, pixels: int, classes: int) -> float:
         """Standard deviation of a weight."""
-        deviation = 1.0 if self.family == "normal" else 1 / math.sqrt(3)
-        return self.factor(pixels, classes) * deviation
+        factor = self.factor(pixels, classes)
+        if self.family == "normal":
+            return factor
+        return factor * (1 / math.sqrt(3))
 
 
-def draw(seed: int, number: int, classes: int, pixels: int) -> dict[str, Tensor]:
+def draw(
+    seed: int,
+    number: int,
+    classes: int,
+    pixels: int,
+) -> dict[str, Tensor]:
     """Initial weights of unit size, different for each number at a seed: ``uniform`` (in ±1) and
     ``normal`` weights float32 [L, D], ``intercepts`` in ±1, float64 [L]."""
-    state = np.random.SeedSequence([seed, number]).generate_state(1)[0]
-    random = torch.Generator().manual_seed(int(state))
+    sequence = np.random.SeedSequence([seed, number])
+    state = int(sequence.generate_state(1)[0])
+    random = torch.Generator().manual_seed(state)
+    uniform = torch.rand(classes, pixels, generator=random)
+    normal = torch.randn(classes, pixels, generator=random)
+    intercepts = torch.rand(classes, generator=random).double()
     return {
-        "uniform": torch.rand(classes, pixels, generator=random).mul_(2).sub_(1),
-        "normal": torch.randn(classes, pixels, generator=random),
-        "intercepts": torch.rand(classes, generator=random).double().mul_(2).sub_(1),
+        "uniform": uniform.mul_(2).sub_(1),
+        "normal": normal,
+        "intercepts": intercepts.mul_(2).sub_(1),
     }
 
 
@@ -82,21 +95,29 @@ class StartProducts:
         intercepts: in ±1, float64 [draws, L].
     """
 
-    def __init__(self, frames: Tensor, seed: int, draws: int, classes: int):
+    def __init__(
+        self,
+        frames: Tensor,
+        seed: int,
+        draws: int,
+        classes: int,
+    ):
         flat = frames.flatten(1)
         n, self.pixels = flat.shape
         everyone = np.arange(n)
         bank = Bank(frames, np.zeros(n, np.int64), 1)
         self.gram, _ = bank.kernel(everyone, everyone[:0], "raw")
         self.sums = flat.sum(dim=1, dtype=torch.float64)
-        drawn = [draw(seed, number, classes, self.pixels) for number in range(draws)]
+        numbers = range(draws)
+        drawn = [draw(seed, number, classes, self.pixels) for number in numbers]
         self.intercepts = torch.stack([one["intercepts"] for one in drawn])
         self.logits, self.weight_sums = {}, {}
         for family in ("uniform", "normal"):
             weights = torch.cat([one[family] for one in drawn])
             logits = _products_with(flat, weights).view(n, draws, classes)
             self.logits[family] = logits.transpose(0, 1)
-            self.weight_sums[family] = weights.double().sum(dim=1).view(-1, classes)
+            of_weights = weights.double().sum(dim=1)
+            self.weight_sums[family] = of_weights.view(-1, classes)
 
 
 def _products_with(flat: Tensor, weights: Tensor) -> Tensor:
@@ -104,7 +125,8 @@ def _products_with(flat: Tensor, weights: Tensor) -> Tensor:
     products = torch.zeros(len(flat), len(weights), dtype=torch.float64)
     for first in range(0, flat.shape[1], _COLUMNS):
         part = slice(first, first + _COLUMNS)
-        products.addmm_(flat[:, part].double(), weights[:, part].T.double())
+        of_frames, of_weights = flat[:, part], weights[:, part]
+        products.addmm_(of_frames.double(), of_weights.T.double())
     return products
 
 
@@ -130,28 +152,43 @@ class Problem:
     ):
         self.n_train = n = len(train)
         self._known, pixels = known, known.pixels
-        self._order = order = torch.from_numpy(np.concatenate([train, test]))
-        sums, gram = known.sums[order], known.gram[order][:, order]
+        order = torch.from_numpy(np.concatenate([train, test]))
+        self._order = order
+        sums = known.sums[order]
+        gram = known.gram[order][:, order]
         scale, offset = (1.0 if scaling == "raw" else 1 / 255), 0.0
         if scaling == "standard_global":
-            offset = float(sums[:n].sum()) / (n * pixels)
-            square = float(gram.diagonal()[:n].sum()) / (n * pixels)
+            count = n * pixels
+            squares = gram.diagonal()[:n]
+            offset = float(sums[:n].sum()) / count
+            square = float(squares.sum()) / count
             scale = (square - offset**2) ** -0.5
         self._scale, self._offset = scale, offset
-        inner = scale**2 * (gram - offset * (sums[:, None] + sums) + offset**2 * pixels)
-        self.kernel, self.targets = inner[:, :n], torch.from_numpy(labels)[order]
-        inverse = torch.linalg.pinv(self.kernel[:n], rtol=_RANK, hermitian=True)
+        both = sums[:, None] + sums
+        inner = scale**2 * (gram - offset * both + offset**2 * pixels)
+        self.kernel = inner[:, :n]
+        self.targets = torch.from_numpy(labels)[order]
+        inverse = torch.linalg.pinv(
+            self.kernel[:n],
+            rtol=_RANK,
+            hermitian=True,
+        )
         self._inverse = self.kernel[n:] @ inverse
-        across = inner.diagonal()[n:] - (self._inverse * self.kernel[n:]).sum(dim=1)
-        self.across = float(across.clamp(min=0).sqrt().mean())
+        within = (self._inverse * self.kernel[n:]).sum(dim=1)
+        across = inner.diagonal()[n:] - within
+        lengths = across.clamp(min=0).sqrt()
+        self.across = float(lengths.mean())
 
     def start(self, start: Start, number: int) -> tuple[Tensor, Tensor]:
         """Initial logits [N + M, L] of a draw, and the change [M, L] of the test logits when the
         weights are projected on the span of the training frames."""
-        raw = self._known.logits[start.family][number][self._order]
-        factor = start.factor(self._known.pixels, raw.shape[1])
-        weights = self._known.weight_sums[start.family][number]
-        logits = factor * (self._scale * (raw - self._offset * weights))
+        family = start.family
+        raw = self._known.logits[family][number][self._order]
+        weights = self._known.weight_sums[family][number]
+        _, classes = raw.shape
+        factor = start.factor(self._known.pixels, classes)
+        scaled = self._scale * (raw - self._offset * weights)
+        logits = factor * scaled
         within = self._inverse @ logits[: self.n_train]
         shift = within - logits[self.n_train :]
         if start.rule == "linear":

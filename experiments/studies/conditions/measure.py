@@ -7,6 +7,7 @@ networks are ordinary runs of ``model=softmax``, ``cnn1`` and ``cnn3``.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -52,7 +53,8 @@ def table1_conditions(
         frames = made.frames(range(len(made.labels)))
         train, test = data.choose(made, split, seed)
         hdc = HDCClassifier().fit(frames[train], made.labels[train])
-        right = float((hdc.predict(frames[test]) == made.labels[test]).mean())
+        is_right = hdc.predict(frames[test]) == made.labels[test]
+        right = float(is_right.mean())
         classes, dimension = len(made.classes), frames[0].numel()
         products = StartProducts(frames, seed, draws, classes)
         for scaling in pixels:
@@ -107,23 +109,31 @@ def train_all(
     classes = starts.shape[1]
     targets = problem.targets[:n]
     descent = Descent(
-        problem.kernel, targets, classes, rate, logits=starts, batch=batch, seed=seed
+        problem.kernel,
+        targets,
+        classes,
+        rate,
+        logits=starts,
+        batch=batch,
+        seed=seed,
     )
     readings = [Reading(levels) for _ in trainings]
-    alive = list(range(len(trainings)))
+    alive = readings
+    reports = {*range(steps_between, steps, steps_between), steps}
     for step in range(1, steps + 1):
         descent.step()
-        if step % steps_between and step != steps:
+        if step not in reports:
             continue
         shares = accuracies(descent.logits, to_span, problem)
-        for k, share in zip(alive, shares, strict=True):
-            readings[k].note(step, share)
-        kept = [place for place, k in enumerate(alive) if not readings[k].ended]
-        if not kept:
+        for reading, share in zip(alive, shares, strict=True):
+            reading.note(step, share)
+        goes_on = [not reading.ended for reading in alive]
+        if not any(goes_on):
             break
-        if len(kept) < len(alive):
-            alive = [alive[place] for place in kept]
-            descent.drop(torch.tensor(kept))
+        if not all(goes_on):
+            alive = list(itertools.compress(alive, goes_on))
+            kept = torch.tensor(goes_on).nonzero().flatten()
+            descent.drop(kept)
             to_span = to_span[:, :, kept].contiguous()
     return [reading.columns for reading in readings]
 
@@ -133,8 +143,8 @@ def side_by_side(
 ) -> tuple[Tensor, Tensor]:
     """Initial logits [N + M, L, V], and changes of test logits by projection [M, L, V]."""
     begun = [problem.start(*training) for training in trainings]
-    logits = torch.stack([logits for logits, _ in begun], dim=2)
-    return logits, torch.stack([shift for _, shift in begun], dim=2)
+    logits, shifts = zip(*begun, strict=True)
+    return torch.stack(logits, dim=2), torch.stack(shifts, dim=2)
 
 
 class Reading:
@@ -146,8 +156,10 @@ class Reading:
     def __init__(self, levels: Mapping[str, float]):
         self._levels = levels
         *_, self._last = levels
-        names = [f"{value}_{level}" for level in levels for value in ("steps", *VALUES)]
-        self.columns: Row = dict.fromkeys(names)
+        self.columns: Row = {}
+        for level in levels:
+            for value in ("steps", *VALUES):
+                self.columns[f"{value}_{level}"] = None
 
     @property
     def ended(self) -> bool:
@@ -182,4 +194,5 @@ def accuracies(
 def accuracy(logits: Tensor, targets: Tensor) -> list[float]:
     """Share of frames whose class has the highest logit, ties included: [n, L, V] → V numbers."""
     right = logits[torch.arange(len(targets)), targets]
-    return (right >= logits.amax(dim=1)).double().mean(dim=0).tolist()
+    is_highest = right >= logits.amax(dim=1)
+    return is_highest.double().mean(dim=0).tolist()

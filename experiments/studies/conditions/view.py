@@ -56,7 +56,10 @@ STUDY = Study(
         "inside": Column("Trials as published, %", percent),
     },
 )
-def conditions(rows: pd.DataFrame, config: dict[str, Any]) -> pd.DataFrame:
+def conditions(
+    rows: pd.DataFrame,
+    config: dict[str, Any],
+) -> pd.DataFrame:
     """One row a condition: optimiser, scale of the pixels and initial weights."""
     groups = rows.assign(inside=as_published(rows)).groupby(KEY, sort=False)
     names = (

@@ -79,7 +79,8 @@ def correlation_images(
     pictures = dict(zip(KINDS, [frames, *white], strict=True))
     for k, name in enumerate(sensor.classes):
         for picture, images in pictures.items():
-            image = images.view(frames.shape)[k, top : top + edge, left : left + edge]
+            square = (slice(top, top + edge), slice(left, left + edge))
+            image = images.view(frames.shape)[k][square]
             _, png = cv2.imencode(".png", np.ascontiguousarray(image.numpy()))
             text = base64.b64encode(png.tobytes()).decode()
             yield {
@@ -98,7 +99,8 @@ def correlations(
     samples: Sequence[str] = SAMPLES,
 ) -> Iterator[Row]:
     """Every C_ij of a scene, a row each; see :func:`correlation`."""
-    sums, prototypes = add_up(scene, members_of(scene, split, seed), kinds, samples)
+    members = members_of(scene, split, seed)
+    sums, prototypes = add_up(scene, members, kinds, samples)
     for kind in kinds:
         parts = dict(sums[_correlated(kind)])
         if "all" in samples:
@@ -110,6 +112,7 @@ def correlations(
             else:
                 means = total.pair_means()
             for i, j in np.ndindex(means.shape):
+                pair = [i] if i == j else [i, j]
                 yield {
                     "kind": kind,
                     "samples": part,
@@ -117,7 +120,7 @@ def correlations(
                     "class_j": scene.classes[j],
                     "value": float(means[i, j]),
                     "n": total.n,
-                    "undefined": int(total.undefined[list({i, j})].sum()),
+                    "undefined": int(total.undefined[pair].sum()),
                 }
 
 
@@ -130,10 +133,10 @@ def members_of(
         ValueError: if classes have different numbers of samples, for which Eq. 4 is not defined.
     """
     members = {}
-    for part, chosen in zip(PARTS, data.choose(scene, split, seed), strict=True):
-        by_class = [
-            chosen[scene.labels[chosen] == c] for c in range(len(scene.classes))
-        ]
+    of_parts = data.choose(scene, split, seed)
+    for part, chosen in zip(PARTS, of_parts, strict=True):
+        labels = scene.labels[chosen]
+        by_class = [chosen[labels == c] for c in range(len(scene.classes))]
         counts = sorted({len(indices) for indices in by_class})
         if len(counts) > 1:
             raise ValueError(
@@ -153,9 +156,8 @@ def add_up(
     n_classes, dimension = len(scene.classes), math.prod(scene.shape)
     parts = PARTS if "all" in samples else samples
     sums: Sums = {}
-    for kind in kinds:
-        empty = {part: CorrelationSums(n_classes, dimension) for part in parts}
-        sums[_correlated(kind)] = empty
+    for correlated in map(_correlated, kinds):
+        sums[correlated] = {p: CorrelationSums(n_classes, dimension) for p in parts}
     counters = Counters(n_classes, dimension)
     for part, indices in members.items():
         if part == "held-out" and part not in parts:
@@ -165,14 +167,24 @@ def add_up(
             words = Median().encode(frames)
             if part == "training":
                 counters.add(words, torch.arange(n_classes))
-            samples_of = {
-                "hypervector": bits.unpack(words, dimension),
-                "speckle": frames.flatten(1),
-            }
-            for correlated, by_part in sums.items():
-                if part in by_part:
-                    by_part[part].add(samples_of[correlated])
+            if part in parts:
+                _add(sums, part, frames.flatten(1), words)
     return sums, bits.unpack(counters.majority(), dimension)
+
+
+def _add(
+    sums: Sums,
+    part: str,
+    pixels: Tensor,
+    words: Tensor,
+) -> None:
+    """One sample of every class: pixels [L, D] and packed hypervectors."""
+    samples_of = {
+        "hypervector": bits.unpack(words, pixels.shape[1]),
+        "speckle": pixels,
+    }
+    for correlated, by_part in sums.items():
+        by_part[part].add(samples_of[correlated])
 
 
 def _correlated(kind: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -35,13 +35,21 @@ STUDY = Study(
 SYMBOLS = {"speckle": "$C^s$", "hypervector": "$C^b$", "prototype": "$C^p$"}
 
 
-def mean_contrast(rows: pd.DataFrame, kind: str, samples: str) -> Estimate:
+def mean_contrast(
+    rows: pd.DataFrame,
+    kind: str,
+    samples: str,
+) -> Estimate:
     """ΔC, mean over seeds: of ``training``, ``held-out`` or ``all`` samples."""
-    return mean_interval([contrast(c) for c in matrices(rows, kind, samples)[1]])
+    _, values, _ = matrices(rows, kind, samples)
+    return mean_interval([contrast(matrix) for matrix in values])
 
 
 @STUDY.quantities(of="correlation")
-def quantities(rows: pd.DataFrame, config: Mapping[str, Any]) -> Iterator[Quantity]:
+def quantities(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> Iterator[Quantity]:
     """Fig. 4: the largest C^s_ll and the contrasts ΔC, of all samples, as Eq. 4 has them."""
     training, held_out = (
         mean_contrast(rows, "prototype", samples).value
@@ -66,18 +74,34 @@ def quantities(rows: pd.DataFrame, config: Mapping[str, Any]) -> Iterator[Quanti
 
 
 @STUDY.figure(
-    "fig4_images", of="correlation_images", size=(3.4, 2.5), kind="webp",
+    "fig4_images",
+    of="correlation_images",
+    size=(3.4, 2.5),
+    kind="webp",
     caption="Speckle, hypervector and prototype of each class, on {frames} (Fig. 4(a)): the same "
     "part of a frame in each row, white 1, black 0.",
-)  # fmt: skip
-def images(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
+)
+def images(
+    figure: Figure,
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> None:
     """The same part of a frame, its hypervector and the prototype, a column a class."""
-    pictures, classes = list(rows.picture.unique()), list(rows["class"].unique())
-    figure.set_layout_engine("constrained", w_pad=0.01, h_pad=0.01, wspace=0, hspace=0)
+    pictures = list(rows.picture.unique())
+    classes = list(rows["class"].unique())
+    figure.set_layout_engine(
+        "constrained",
+        w_pad=0.01,
+        h_pad=0.01,
+        wspace=0,
+        hspace=0,
+    )
     axes = figure.subplots(len(pictures), len(classes), squeeze=False)
     for row in rows.to_dict("records"):
-        place = axes[pictures.index(row["picture"]), classes.index(row["class"])]
-        image = plt.imread(io.BytesIO(base64.b64decode(row["png"])))
+        line, column = pictures.index(row["picture"]), classes.index(row["class"])
+        place = axes[line, column]
+        png = base64.b64decode(row["png"])
+        image = plt.imread(io.BytesIO(png))
         # Speckle: from dark to 0.6 of the camera's range, above which few pixels are.
         brightest = 0.6 if row["picture"] == "speckle" else 1
         place.imshow(
@@ -92,23 +116,33 @@ def images(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> Non
 
 
 @STUDY.figure(
-    "fig4_correlations", of="correlation", size=(3.4, 3.9),
+    "fig4_correlations",
+    of="correlation",
+    size=(3.4, 3.9),
     caption="Correlations within and between classes, on {frames}, mean over seeds (Fig. 4(b) to "
     "(e)); (d) prototypes (rows) with held-out samples (columns); (e) 95 % intervals over seeds.",
     needs=lambda rows, config: set(SYMBOLS) == set(rows.kind),
-)  # fmt: skip
-def fig4(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
+)
+def fig4(
+    figure: Figure,
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> None:
     """The three correlation matrices, and their contrasts with the paper's."""
     panels = figure.subplots(2, 2).flat
-    for axes, letter, (kind, symbol), samples in zip(
-        panels, "bcd", SYMBOLS.items(), ("all", "all", "held-out"), strict=False
-    ):
+    for axes, letter, kind in zip(panels, "bcd", SYMBOLS, strict=False):
+        samples = "held-out" if kind == "prototype" else "all"
         classes, values, _ = matrices(rows, kind, samples)
         mean = values.mean(0)
-        cells = [[f"{value:.3f}".removeprefix("0") for value in line] for line in mean]
-        matrix(axes, mean, classes, cells)
-        panel(axes, letter, f"{symbol}: {kind}{'s' * (kind != 'speckle')}")
+        matrix(axes, mean, classes, [_without_zero(line) for line in mean])
+        several = kind if kind == "speckle" else f"{kind}s"
+        panel(axes, letter, f"{SYMBOLS[kind]}: {several}")
     _contrasts(figure.axes[3], rows)
+
+
+def _without_zero(values: Iterable[float]) -> list[str]:
+    """Three decimals each, without the zero before the point."""
+    return [f"{value:.3f}".removeprefix("0") for value in values]
 
 
 def _contrasts(axes: Axes, rows: pd.DataFrame) -> None:
@@ -123,12 +157,16 @@ def _contrasts(axes: Axes, rows: pd.DataFrame) -> None:
     x = np.arange(len(bars))
     value, spread = errors([mean_contrast(rows, *of) for of in bars.values()])
     axes.bar(
-        x, value, yerr=spread, color="#56B4E9", width=0.7, error_kw={"elinewidth": 0.7}
+        x,
+        value,
+        yerr=spread,
+        color="#56B4E9",
+        width=0.7,
+        error_kw={"elinewidth": 0.7},
     )
-    known = [
-        published.numbers()[f"correlation/contrast_{of[0]}"].value
-        for of in bars.values()
-    ]
+    numbers = published.numbers()
+    names = [f"correlation/contrast_{kind}" for kind, _ in bars.values()]
+    known = [numbers[name].value for name in names]
     axes.plot(x, known, zorder=4, **PAPER)
     axes.set_xticks(x, list(bars), fontsize=5.5)
     axes.tick_params(axis="y", labelsize=5.5)

@@ -38,7 +38,8 @@ def crossing(
     for seed, sensor in run.scenes(scene, seeds):
         bank = bank_of(sensor)
         for draw in range(draws):
-            drawn = int(np.random.default_rng((seed, draw)).integers(2**31))
+            random = np.random.default_rng((seed, draw))
+            drawn = int(random.integers(2**31))
             pool, test = split(bank.labels, n_test=n_test, seed=drawn)
             most = sizes[-1]
             order = learning_curve_subsets(pool, bank.labels, [most], drawn)[most]

@@ -40,7 +40,8 @@ def _whole(n: float) -> str:
 def tidy(rows: pd.DataFrame) -> pd.DataFrame:
     """A row for each n: ``seed``, ``draw``, ``model``, ``n``, ``accuracy``, and whether classes
     are ``equal``."""
-    every = rows.explode(["n", "right"]).astype({"n": int, "right": int})
+    every = rows.explode(["n", "right"])
+    every = every.astype({"n": int, "right": int})
     return every.assign(
         accuracy=every.right / every.n_test, equal=every.n % every.n_classes == 0
     ).reset_index(drop=True)
@@ -53,38 +54,48 @@ def first_crossings(rows: pd.DataFrame) -> pd.DataFrame:
     every = every[every.equal]
     n = every.n.where(every.accuracy > LEVEL, np.inf)
     keys = ["model", "seed", "draw"]
-    return every.assign(first=n).groupby(keys, sort=False)["first"].min().reset_index()
+    experiments = every.assign(first=n).groupby(keys, sort=False)
+    return experiments["first"].min().reset_index()
 
 
 @STUDY.table(
-    "crossing", of="crossing", key=("model",),
+    "crossing",
+    of="crossing",
+    key=("model",),
     title=f"First N at which one experiment exceeds {LEVEL:.0%}, on {{frames}}",
     columns={"first": Column("First N, median [95 % of experiments]", _whole)},
     note=f"The paper: the accuracy exceeded {LEVEL:.0%} only when N > {_LIMIT:g}. Asked at "
     "multiples of the number of classes, as the paper's N_s = N/L; ∞: the last N was not enough. "
     "The N of one experiment are nested; whether the paper's were is not known. The simulated "
     "sensor was fitted to this number, so agreement is no evidence.",
-)  # fmt: skip
-def first(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+)
+def first(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> pd.DataFrame:
     """Distribution of the first crossing by model."""
     table = []
     for model, of_model in first_crossings(rows).groupby("model", sort=False):
-        table.append({"model": model, **middle(of_model["first"]).columns("first")})
+        estimate = middle(of_model["first"])
+        table.append({"model": model, **estimate.columns("first")})
     return pd.DataFrame(table)
 
 
 def middle(first: pd.Series) -> Estimate:
     """Median and central 95 % of experiments; an infinity is no number to average."""
-    low, median, high = np.quantile(first, (0.025, 0.5, 0.975), method="inverted_cdf")
+    levels = (0.025, 0.5, 0.975)
+    low, median, high = np.quantile(first, levels, method="inverted_cdf")
     return Estimate(median, low, high)
 
 
 @STUDY.figure(
-    "crossing", of=("crossing", "crossing_theory"), size=(3.4, 4.9),
+    "crossing",
+    of=("crossing", "crossing_theory"),
+    size=(3.4, 4.9),
     caption="Test accuracy against N, with theory, and the share of experiments that have "
     "exceeded 90 % by then, on {frames} (Fig. 5(b)); bars: 95 % over sensors, each the mean of its "
     "experiments; theory is from correlations alone.",
-)  # fmt: skip
+)
 def figure(
     figure: Figure,
     rows: pd.DataFrame,
@@ -98,18 +109,45 @@ def figure(
     n = np.unique(every.n[every.equal])
     line_plot(accuracy, every[every.equal], "n", "percent", ms=2.2)
     for name in shown:
-        mean = 100 * expected[expected.n.isin(n)].groupby("n")[name].mean()
+        by_n = expected[expected.n.isin(n)].groupby("n")
+        mean = 100 * by_n[name].mean()
+        _, line = THEORY[name]
         accuracy.plot(
-            mean.index, mean, color="black", ls=THEORY[name][1], lw=0.9, zorder=4
+            mean.index,
+            mean,
+            color="black",
+            ls=line,
+            lw=0.9,
+            zorder=4,
         )
-    accuracy.axhline(100 * LEVEL, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
+    accuracy.axhline(
+        100 * LEVEL,
+        color="0.5",
+        lw=0.7,
+        ls=(0, (4, 3)),
+        zorder=0,
+    )
     accuracy.set_ylabel("test accuracy (%)")
     firsts = first_crossings(rows)
     for model, of_model in firsts.groupby("model", sort=False):
         colour, marker, line = style_of(str(model))
         passed = [100 * (of_model["first"] <= k).mean() for k in n]
-        share.step(n, passed, where="post", color=colour, ls=line, lw=0.9)
-        share.plot(n, passed, color=colour, marker=marker, ms=2.2, ls="")
+        share.step(
+            n,
+            passed,
+            where="post",
+            color=colour,
+            ls=line,
+            lw=0.9,
+        )
+        share.plot(
+            n,
+            passed,
+            color=colour,
+            marker=marker,
+            ms=2.2,
+            ls="",
+        )
     share.set(
         ylabel="experiments that have\nexceeded 90 % (%)",
         xlabel="training samples of all classes, N",
@@ -126,10 +164,22 @@ def figure(
         (share, "b", "first N above 90 %, as many samples of every class"),
     ):
         panel(axes, letter, title)
-        axes.axvline(_LIMIT, color="0.5", lw=0.7, ls=(0, (4, 3)), zorder=0)
+        axes.axvline(
+            _LIMIT,
+            color="0.5",
+            lw=0.7,
+            ls=(0, (4, 3)),
+            zorder=0,
+        )
         axes.set_xlim(every.n.min() - 1, every.n.max() + 1)
     lines = [
-        Line2D([], [], color="black", ls=THEORY[name][1], label=THEORY[name][0])
+        Line2D(
+            [],
+            [],
+            color="black",
+            ls=THEORY[name][1],
+            label=THEORY[name][0],
+        )
         for name in shown
     ]
     handles = [*map(handle, firsts.model.unique()), *lines]

@@ -93,7 +93,11 @@ class Choice(NamedTuple):
 
 
 def choose(
-    scene: Scene, old_split: Mapping[str, Any], n_test: int, order: str, seed: int
+    scene: Scene,
+    old_split: Mapping[str, Any],
+    n_test: int,
+    order: str,
+    seed: int,
 ) -> Choice:
     """The samples of a scene with sessions 0 and 1."""
     only = np.zeros(len(scene.labels), np.int64)
@@ -108,7 +112,11 @@ def choose(
 
 
 def subsets(
-    choice: Choice, labels: np.ndarray, sizes: Sequence[int], order: str, seed: int
+    choice: Choice,
+    labels: np.ndarray,
+    sizes: Sequence[int],
+    order: str,
+    seed: int,
 ) -> dict[int, np.ndarray]:
     """n of the pool for each n, stratified and nested: the first in time of each class, or any."""
     if order == "random":
@@ -138,7 +146,11 @@ def updates(
     first = len(choice.tests["new"])
 
     def row(
-        predicted: np.ndarray, n: int, draw: int, method: str, p: float | None
+        predicted: np.ndarray,
+        n: int,
+        draw: int,
+        method: str,
+        p: float | None,
     ) -> Row:
         right = predicted == bank.labels[asked]
         return {

@@ -45,21 +45,30 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
         DataFrame: ``order``, ``model``, ``method``, ``p``, ``update`` (both in words), ``n_new`` (0
         for the stored model), ``seed``; accuracies ``new`` and ``old`` by room.
     """
+    ways = zip(rows.method, rows.p, strict=True)
     shares = rows.assign(
         new=rows.right_new / rows.n_test_new,
         old=rows.right_old / rows.n_test_old,
-        update=[UPDATES[m].format(p) for m, p in zip(rows.method, rows.p, strict=True)],
+        update=[UPDATES[method].format(p) for method, p in ways],
     )
     keys = ["order", "model", "method", "p", "update", "n_new", "seed"]
-    return (
-        shares.groupby(keys, sort=False, dropna=False)[list(ROOMS)].mean().reset_index()
-    )
+    by_seed = shares.groupby(keys, sort=False, dropna=False)
+    return by_seed[list(ROOMS)].mean().reset_index()
 
 
 @STUDY.table(
-    "drift", of="drift", key=_WAY, title="Recalibration and training again, on {frames}",
-    shown=("order", "model", "update", *(f"new_{n}" for n in _SHOWN), f"old_{_SHOWN[0]}",
-           f"old_{N_NEW}"),
+    "drift",
+    of="drift",
+    key=_WAY,
+    title="Recalibration and training again, on {frames}",
+    shown=(
+        "order",
+        "model",
+        "update",
+        *(f"new_{n}" for n in _SHOWN),
+        f"old_{_SHOWN[0]}",
+        f"old_{N_NEW}",
+    ),
     columns={
         "order": Column("Order", lambda order: ORDERS[order]),
         "update": Column("Trained on"),
@@ -69,16 +78,19 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     note="New samples alone are the paper's p = 1 for HDC. Intervals: Student, 95 %, over seeds, "
     "each a sensor. Equal votes: a new sample counts N_old/N_new times. From the old weights: the "
     "penalty is on the distance from them.",
-)  # fmt: skip
-def recalibration(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+)
+def recalibration(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> pd.DataFrame:
     """Every model and update, in both rooms."""
-    n_test = {room: int(rows[f"n_test_{room}"].iloc[0]) for room in ROOMS}
     table = []
     for way, of_way in accuracies(rows).groupby(_WAY, sort=False):
         line: dict[str, Any] = dict(zip(_WAY, way, strict=True))
         for n, at in of_way.groupby("n_new"):
             for room in ROOMS:
-                share = estimates.mean_share(at[room].tolist(), n_test[room])
+                n_test = int(rows[f"n_test_{room}"].iloc[0])
+                share = estimates.mean_share(at[room].tolist(), n_test)
                 # A stored model stays what it is, however many new samples there are.
                 for shown in [n] if n else _SHOWN:
                     line |= share.columns(f"{room}_{shown}")
@@ -98,47 +110,74 @@ def shown_ways(by_seed: pd.DataFrame) -> list[tuple[str, str]]:
     at = updated[updated.n_new == N_NEW]
     of_hdc = at[at.model == "hdc"].sort_values(["p", "update"])
     ways = [("hdc", update) for update in of_hdc["update"].unique()]
-    others = at[at.model != "hdc"].groupby(["model", "update"], sort=False).new.mean()
-    for _, of_model in others.groupby("model", sort=False):
+    others = at[at.model != "hdc"].groupby(["model", "update"], sort=False)
+    means = others.new.mean()
+    for _, of_model in means.groupby("model", sort=False):
         ways.append(of_model.idxmax())
     return ways
 
 
-def _look(model: str, update: str, k: int) -> dict[str, Any]:
+def _look(
+    model: str,
+    update: str,
+    k: int,
+) -> dict[str, Any]:
     """How a way is drawn, the k-th of its model."""
     label = literal(f"{display_name(model)}: {update}")
     colour, marker, line = style_of(model)
     if model == "hdc":
-        colour, marker, line = (
-            _OF_HDC[k % len(_OF_HDC)],
-            _MARKERS[k % len(_MARKERS)],
-            "-",
-        )
-    return {"label": label, "color": colour, "marker": marker, "ls": line}
+        colour = _OF_HDC[k % len(_OF_HDC)]
+        marker = _MARKERS[k % len(_MARKERS)]
+        line = "-"
+    return {
+        "label": label,
+        "color": colour,
+        "marker": marker,
+        "ls": line,
+    }
 
 
 @STUDY.figure(
-    "fig8_drift", of="drift", size=(3.4, 6.6),
+    "fig8_drift",
+    of="drift",
+    size=(3.4, 6.6),
     caption="Accuracy in the new and in the old room after an update with N_new samples, "
     "on {frames} (Fig. 8(b)): HDC by every update, others by their best; dashed grey: HDC, "
     "not updated; 95 % intervals over seeds.",
-)  # fmt: skip
-def fig8(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
+)
+def fig8(
+    figure: Figure,
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> None:
     """(a) the new room, (b) the old one, both against N_new."""
-    by_seed = accuracies(rows[rows.order == rows.order.iloc[0]])
-    by_seed = by_seed.assign(way=by_seed["model"] + "; " + by_seed["update"])
-    looks = {
-        f"{model}; {update}": _look(model, update, k)
-        for k, (model, update) in enumerate(shown_ways(by_seed))
-    }
+    first_order = rows[rows.order == rows.order.iloc[0]]
+    by_seed = accuracies(first_order)
+    by_seed["way"] = by_seed["model"] + "; " + by_seed["update"]
+    looks = {}
+    for k, (model, update) in enumerate(shown_ways(by_seed)):
+        looks[f"{model}; {update}"] = _look(model, update, k)
+    order = list(looks)
     panels = figure.subplots(2, 1, sharex=True)
     for axes, room, letter in zip(panels, ROOMS, "ab", strict=True):
-        shown = by_seed[by_seed.way.isin(looks)].assign(percent=100 * by_seed[room])
-        shown = shown.sort_values("way", key=lambda ways: ways.map(list(looks).index))
-        handles = line_plot(axes, shown, "n_new", "percent", by="way", looks=looks)
-        stored = by_seed[(by_seed.model == "hdc") & (by_seed.method == "stored")]
+        shown = by_seed[by_seed.way.isin(looks)]
+        shown = shown.assign(percent=100 * shown[room])
+        shown = shown.sort_values("way", key=lambda ways: ways.map(order.index))
+        handles = line_plot(
+            axes,
+            shown,
+            "n_new",
+            "percent",
+            by="way",
+            looks=looks,
+        )
+        stored = by_seed.query("model == 'hdc' and method == 'stored'")
         axes.axhline(
-            100 * stored[room].mean(), color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0
+            100 * stored[room].mean(),
+            color="0.5",
+            lw=0.8,
+            ls=(0, (4, 3)),
+            zorder=0,
         )
         axes.set(ylim=(15, 103), ylabel="accuracy (%)")
         panel(axes, letter, f"test samples of the {room} room")
@@ -147,8 +186,19 @@ def fig8(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
         numbers = [
             published.numbers()[f"drift/{name}_accuracy"].value for name in PUBLISHED
         ]
-        panels[0].plot(0.015, numbers[0], zorder=5, transform=across, **PAPER)
-        panels[0].plot(N_NEW, numbers[1], zorder=5, **PAPER)
+        panels[0].plot(
+            0.015,
+            numbers[0],
+            zorder=5,
+            transform=across,
+            **PAPER,
+        )
+        panels[0].plot(
+            N_NEW,
+            numbers[1],
+            zorder=5,
+            **PAPER,
+        )
         handles.append(star("paper: p = 0; p = 0.5 or 0.75"))
     axes.set(xscale="log", xlabel="samples of the new room, $N^{new}$")
     sizes = sorted(set(by_seed.n_new) - {0})
@@ -158,21 +208,28 @@ def fig8(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
 
 
 @STUDY.quantities(of="drift")
-def quantities(rows: pd.DataFrame, config: Mapping[str, Any]) -> Iterator[Quantity]:
+def quantities(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> Iterator[Quantity]:
     """Fig. 8(b): accuracy of HDC in the new room before and after an update with N_new = 50, the
     mean of p = 0.5 and 0.75, for which the paper has one number."""
-    order, n_test = rows.order.iloc[0], int(rows.n_test_new.iloc[0])
-    by_seed = accuracies(rows[(rows.order == order) & (rows.model == "hdc")])
-    before = by_seed.method == "stored"
-    after = by_seed.p.isin(PAPERS) & (by_seed.n_new == N_NEW)
-    for name, ways in zip(PUBLISHED, (by_seed[before], by_seed[after]), strict=True):
+    order = rows.order.iloc[0]
+    n_test = int(rows.n_test_new.iloc[0])
+    of_hdc = rows[rows.model == "hdc"]
+    by_seed = accuracies(of_hdc[of_hdc.order == order])
+    after = by_seed[by_seed.n_new == N_NEW]
+    found = (
+        by_seed[by_seed.method == "stored"],
+        after[after.p.isin(PAPERS)],
+    )
+    for name, ways in zip(PUBLISHED, found, strict=True):
         values = ways.groupby("seed").new.mean().tolist()
         if values:
+            least = estimates.least_variance(values, n_test)
             yield Quantity.of(
                 f"drift/{name}_accuracy",
-                estimates.one_sensor(
-                    values, estimates.least_variance(values, n_test)
-                ).within(0, 1),
+                estimates.one_sensor(values, least).within(0, 1),
                 estimates.ONE_SENSOR,
                 100,
                 n=n_test * len(values),

@@ -44,7 +44,10 @@ def footprint(
 
 
 def unneeded(
-    row: Row, scene: str, model: str, needed: Mapping[str, Mapping[str, Sequence[str]]]
+    row: Row,
+    scene: str,
+    model: str,
+    needed: Mapping[str, Mapping[str, Sequence[str]]],
 ) -> list[str]:
     """Modules that were loaded and that neither the scene nor the model needs, as far as it is
     said what both need."""

@@ -13,12 +13,24 @@ from typing import Any
 
 # Loaded by some part of the project, needed by few.
 WATCHED = (
-    "cv2", "sklearn", "pandas", "matplotlib", "scipy", "scipy.stats", "baselines.cnn",
-    "scenes.sensor.texture", "scenes.fibre", "scenes.recorded",
-)  # fmt: skip
+    "cv2",
+    "sklearn",
+    "pandas",
+    "matplotlib",
+    "scipy",
+    "scipy.stats",
+    "baselines.cnn",
+    "scenes.sensor.texture",
+    "scenes.fibre",
+    "scenes.recorded",
+)
 
 
-def main(scene_name: str, model_name: str, frames: str) -> None:
+def main(
+    scene_name: str,
+    model_name: str,
+    frames: str,
+) -> None:
     """Make some frames, learn them, and predict one; print what it took."""
     begin = time.perf_counter()
     importlib.import_module("torch")
@@ -48,7 +60,11 @@ def main(scene_name: str, model_name: str, frames: str) -> None:
         "torch_s": torch_s,
         "first_prediction_s": time.perf_counter() - begin,
     }
-    row |= {"peak_bytes": peak_bytes(), "status": "ok", "origin": scene.origin}
+    row |= {
+        "peak_bytes": peak_bytes(),
+        "status": "ok",
+        "origin": scene.origin,
+    }
     row["loaded"] = " ".join(name for name in WATCHED if name in sys.modules)
     print(json.dumps(row))
 

@@ -35,6 +35,9 @@ COLUMNS = {
     note="Every row is a process of its own: scene and model built, ten frames made and learnt, "
     "one predicted. The sensor is simulated, the matrices of the fibre are measured.",
 )
-def footprint(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+def footprint(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> pd.DataFrame:
     """A row a process."""
     return rows

@@ -46,7 +46,8 @@ def library(
     for seed, recording in run.scenes(scene, seeds):
         pool, test = draw_split(recording, split, (seed, 0), most_test)
         order, _ = nested(pool, recording.labels, (), (seed, 0))
-        train = np.sort(np.concatenate([of_class[:n_per_class] for of_class in order]))
+        chosen = [of_class[:n_per_class] for of_class in order]
+        train = np.sort(np.concatenate(chosen))
         frames, queries = (
             recording.frames(part).cpu().numpy() for part in (train, test)
         )
@@ -57,12 +58,18 @@ def library(
             for name, peer in _peers(readout, model).items():
                 others, of_peer = _timed(peer, frames, labels, queries, repeats)
                 yield {
-                    "origin": recording.origin, "seed": seed, "readout": readout, "peer": name,
-                    "n_train": len(train), "n_test": len(test), "dimension": frames[0].size,
+                    "origin": recording.origin,
+                    "seed": seed,
+                    "readout": readout,
+                    "peer": name,
+                    "n_train": len(train),
+                    "n_test": len(test),
+                    "dimension": frames[0].size,
                     "right": int((answers == recording.labels[test]).sum()),
                     "same": int((answers == others).sum()),
-                    **times, **{f"peer_{key}": value for key, value in of_peer.items()},
-                }  # fmt: skip
+                    **times,
+                    **{f"peer_{key}": value for key, value in of_peer.items()},
+                }
         run.note(f"seed {seed}")
 
 
@@ -84,7 +91,11 @@ def _peers(readout: str, model: HDCClassifier) -> dict[str, Any]:
 
 
 def _timed(
-    model: Any, frames: Frames, labels: np.ndarray, queries: Frames, repeats: int
+    model: Any,
+    frames: Frames,
+    labels: np.ndarray,
+    queries: Frames,
+    repeats: int,
 ) -> tuple[np.ndarray, dict[str, float]]:
     """Answers to the queries, and the shortest times."""
 
@@ -108,7 +119,11 @@ def _timed(
 def _brighter_half(frames: Frames) -> np.ndarray:
     """Bits [N, D]: the ⌊D/2⌋ brightest pixels of a frame; of equal ones the first."""
     flat = frames.reshape(len(frames), -1)
-    order = np.argsort(-flat.astype(np.int32), axis=1, kind="stable")
+    order = np.argsort(
+        -flat.astype(np.int32),
+        axis=1,
+        kind="stable",
+    )
     chosen = np.zeros(flat.shape, bool)
     np.put_along_axis(chosen, order[:, : flat.shape[1] // 2], True, axis=1)
     return chosen

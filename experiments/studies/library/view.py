@@ -48,11 +48,15 @@ def library(results: Results) -> pd.DataFrame | None:
             ["readout", "peer"], sort=False
         ):
             times = ("fit_s", "peer_fit_s", "predict_s", "peer_predict_s")
-            table.append({
-                "recording": scene, "readout": readout, "peer": peer,
-                "same": f"{rows.same.sum()} of {rows.n_test.sum()}",
-                **{name: rows[name].median() for name in times},
-            })  # fmt: skip
+            table.append(
+                {
+                    "recording": scene,
+                    "readout": readout,
+                    "peer": peer,
+                    "same": f"{rows.same.sum()} of {rows.n_test.sum()}",
+                    **{name: rows[name].median() for name in times},
+                }
+            )
     if not table:
         return None
     data = pd.DataFrame(table)

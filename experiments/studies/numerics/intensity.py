@@ -14,7 +14,10 @@ def camera_of(camera: Camera) -> MountedCamera:
     return MountedCamera(camera, torch.device("cpu"))
 
 
-def exact_intensity(camera: Camera, phases: NDArray[np.float64]) -> NDArray[np.float64]:
+def exact_intensity(
+    camera: Camera,
+    phases: NDArray[np.float64],
+) -> NDArray[np.float64]:
     """I/⟨I⟩ float64 [crop, crop] of phases [P] in rad: |F[A·e^{iφ}]|², summed over polarisations,
     times the illumination; cosines have the mantissa of ``numpy.longdouble``, the rest float64."""
     long = phases.astype(np.longdouble).reshape(camera.polarisations, -1)

@@ -30,16 +30,18 @@ Samples = NDArray[Any]
 
 @experiment(revision=1)
 def numerics(
-    run: Run, samples: int = 100, pixels: int = 25_000, repeats: int = 3
+    run: Run,
+    samples: int = 100,
+    pixels: int = 25_000,
+    repeats: int = 3,
 ) -> Iterator[Row]:
     """One row: a method on one input. Columns: ``input``, ``method``, ``number`` (its precision),
     ``error`` against an exact reference, ``time_s``, ``tolerance``, the error that it may have, and
     of what this project uses ``verdict``: whether it ``holds`` or ``fails``.
     Arguments: configs/experiment/numerics.yaml.
     """
-    with threadpool_limits(
-        1
-    ):  # of numpy and torch: waiting threads would count as CPU time
+    # Of numpy and torch: waiting threads would count as CPU time.
+    with threadpool_limits(1):
         for row, call in (*phases(), *correlations(samples, pixels)):
             call()
             times = timeit.repeat(
@@ -65,7 +67,8 @@ def phases() -> Iterator[tuple[Row, Callable[[], object]]]:
         exact = exact_intensity(camera, drawn)
         for number, given in PHASES.items():
             call = partial(_frame_of, mounted, given, torch.from_numpy(drawn)[None])
-            error = float(np.sqrt(((call() - exact) ** 2).mean()))
+            squares = (call() - exact) ** 2
+            error = float(np.sqrt(squares.mean()))
             row: Row = {
                 "input": "phases",
                 "method": f"to {largest:.0e} rad",
@@ -77,7 +80,9 @@ def phases() -> Iterator[tuple[Row, Callable[[], object]]]:
 
 
 def _frame_of(
-    mounted: MountedCamera, given: Callable[[Tensor], Tensor], phases: Tensor
+    mounted: MountedCamera,
+    given: Callable[[Tensor], Tensor],
+    phases: Tensor,
 ) -> Samples:
     """Intensity float32 [crop, crop] of phases [1, P], given in another precision."""
     return mounted.intensity(given(phases))[0].numpy()
@@ -96,7 +101,10 @@ PHASES: dict[str, Callable[[Tensor], Tensor]] = {
 }
 
 
-def correlations(n: int, d: int) -> Iterator[tuple[Row, Callable[[], object]]]:
+def correlations(
+    n: int,
+    d: int,
+) -> Iterator[tuple[Row, Callable[[], object]]]:
     """Error of C_ll; the tolerance is half of the last digit that the paper prints."""
     for name, frames in (
         ("8-bit speckle", speckle(n, d)),
@@ -113,8 +121,10 @@ def correlations(n: int, d: int) -> Iterator[tuple[Row, Callable[[], object]]]:
 def speckle(n: int, d: int) -> Samples:
     """Frames uint8 [n, d] of mean 50 that share a fifth of their variance."""
     rng = stream(0, "numerics")
-    common, single = rng.gamma(0.4, 25, d), rng.gamma(1.6, 25, (n, d))
-    return (common + single).round().clip(0, 255).astype(np.uint8)
+    common = rng.gamma(0.4, 25, d)
+    single = rng.gamma(1.6, 25, (n, d))
+    grey = (common + single).round()
+    return grey.clip(0, 255).astype(np.uint8)
 
 
 def flat(n: int, d: int) -> Samples:
@@ -127,15 +137,17 @@ def flat(n: int, d: int) -> Samples:
 
 def exact_mean(frames: Samples) -> float:
     """C_ll of integer frames [N_s, D] by integer sums and roots of 50 digits."""
-    rows = frames.astype(np.int64) - frames.min(
-        1, keepdims=True
-    )  # changes no covariance
+    # Less its minimum, a frame has the same covariances.
+    rows = frames.astype(np.int64) - frames.min(1, keepdims=True)
     sums = rows.sum(1).astype(object)
-    covariance = rows.shape[1] * (rows @ rows.T).astype(object) - np.outer(sums, sums)
+    products = (rows @ rows.T).astype(object)
+    covariance = rows.shape[1] * products - np.outer(sums, sums)
     with localcontext(prec=50):
         root = [Decimal(variance).sqrt() for variance in covariance.diagonal()]
-        pairs = zip(*np.triu_indices(len(rows), 1), strict=True)
-        values = [Decimal(covariance[i, j]) / (root[i] * root[j]) for i, j in pairs]
+        values = []
+        for i, j in zip(*np.triu_indices(len(rows), 1), strict=True):
+            correlation = Decimal(covariance[i, j]) / (root[i] * root[j])
+            values.append(correlation)
         return float(sum(values) / len(values))
 
 

@@ -19,14 +19,10 @@ STUDY = Study(
     "How exact are phases of many turns and mean correlations, and what would another digit cost?",
     10,
 )
-FLOOR = (
-    2.0**-54
-)  # half a unit in the last place of a correlation near one: smaller is drawn there
-COLOURS = {
-    "float32": "#0072B2",
-    "mixed": "#009E73",
-    "float64": "#D55E00",
-}  # Okabe and Ito's
+# Half a unit in the last place of a correlation near one: smaller is drawn there.
+FLOOR = 2.0**-54
+# Okabe and Ito's.
+COLOURS = {"float32": "#0072B2", "mixed": "#009E73", "float64": "#D55E00"}
 
 
 @STUDY.table(
@@ -46,7 +42,10 @@ COLOURS = {
     "phases; mixed: reduced modulo 2π in float64, the remainder in float32. Verdict: of what this "
     "project uses; it holds if its error is within the tolerance.",
 )
-def table(rows: pd.DataFrame, config: dict[str, Any]) -> pd.DataFrame | None:
+def table(
+    rows: pd.DataFrame,
+    config: dict[str, Any],
+) -> pd.DataFrame | None:
     """A row a method; None of records that judge nothing."""
     return rows if "verdict" in rows else None
 
@@ -61,7 +60,9 @@ def table(rows: pd.DataFrame, config: dict[str, Any]) -> pd.DataFrame | None:
     size=(3.4, 5.2),
 )
 def error_against_time(
-    figure: Figure, rows: pd.DataFrame, config: dict[str, Any]
+    figure: Figure,
+    rows: pd.DataFrame,
+    config: dict[str, Any],
 ) -> None:
     """A panel an input: a colour a precision, a marker a method."""
     every = figure.subplots(rows["input"].nunique(), 1)
@@ -70,14 +71,35 @@ def error_against_time(
     ):
         markers = dict(zip(part["method"].unique(), "os^", strict=False))
         for row in part.to_dict("records"):
-            look = {"marker": markers[row["method"]], "color": COLOURS[row["number"]]}
+            look = {
+                "marker": markers[row["method"]],
+                "color": COLOURS[row["number"]],
+            }
             axes.loglog(1e3 * row["time_s"], max(row["error"], FLOOR), **look)
         tolerance = part["tolerance"].iloc[0]
-        axes.axhline(tolerance, color="0.5", lw=0.8, ls="--", zorder=0)
-        place = {"transform": axes.get_yaxis_transform(), "ha": "right", "va": "bottom"}
-        axes.text(0.98, tolerance, "tolerable", fontsize=5.5, color="0.4", **place)
+        axes.axhline(
+            tolerance,
+            color="0.5",
+            lw=0.8,
+            ls="--",
+            zorder=0,
+        )
+        place = {
+            "transform": axes.get_yaxis_transform(),
+            "ha": "right",
+            "va": "bottom",
+        }
+        axes.text(
+            0.98,
+            tolerance,
+            "tolerable",
+            fontsize=5.5,
+            color="0.4",
+            **place,
+        )
         axes.set(xlabel="CPU time (ms)", ylabel="error")
-        axes.set_xlim(300 * part["time_s"].min(), 3000 * part["time_s"].max())
+        times = part["time_s"]
+        axes.set_xlim(300 * times.min(), 3000 * times.max())
         axes.margins(y=0.15)
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
         axes.xaxis.set_minor_locator(NullLocator())
@@ -86,7 +108,15 @@ def error_against_time(
         looks = [(n, COLOURS[n], "o") for n in part["number"].unique()]
         looks += [(method, "0.4", marker) for method, marker in markers.items()]
         handles = [
-            Line2D([], [], ls="", color=c, marker=m, label=n) for n, c, m in looks
+            Line2D(
+                [],
+                [],
+                ls="",
+                color=c,
+                marker=m,
+                label=n,
+            )
+            for n, c, m in looks
         ]
         axes.legend(
             handles=handles, loc="center left", bbox_to_anchor=(1, 0.5), handlelength=1

@@ -65,10 +65,13 @@ NOTE = (
 )
 
 
-def recordings(results: Results, name: str = "recordings") -> dict[str, Measured]:
+def recordings(
+    results: Results,
+    name: str = "recordings",
+) -> dict[str, Measured]:
     """Finished measurements by the name of their scene; a fibre counts once, by one input field."""
-    found = by_scene(results, name)
-    return {scene: found[scene] for scene in found if fields_of(found[scene]) == 1}
+    found = by_scene(results, name).items()
+    return {scene: measured for scene, measured in found if fields_of(measured) == 1}
 
 
 def fields_of(measured: Measured) -> int:
@@ -85,7 +88,8 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     several = every.seed.nunique() > 1
     every["unit"] = every.seed if several else every.draw
     every["accuracy"] = every.right / every.n_test
-    return every.groupby(["split", "model", "n", "unit"]).accuracy.mean().reset_index()
+    by_unit = every.groupby(["split", "model", "n", "unit"])
+    return by_unit.accuracy.mean().reset_index()
 
 
 def summary(measured: Measured) -> pd.DataFrame:
@@ -95,7 +99,13 @@ def summary(measured: Measured) -> pd.DataFrame:
     table = []
     for (model, n), part in every.groupby(["model", "n"]):
         estimate = over_units(part.accuracy, seeds)
-        table.append({"model": model, "n": n, **estimate.columns("accuracy")})
+        table.append(
+            {
+                "model": model,
+                "n": n,
+                **estimate.columns("accuracy"),
+            }
+        )
     return pd.DataFrame(table)
 
 
@@ -111,9 +121,10 @@ def front(results: Results) -> pd.DataFrame | None:
     table = []
     for scene, measured in found.items():
         about = {"recording": scene, "kind": "", "frames": ""}
-        first = {**about, **_about(scene, measured)}
+        of_first = _about(scene, measured)
         for k, line in enumerate(_by_size(measured)):
-            table.append({**(about if k else first), **line})
+            described = about if k else {**about, **of_first}
+            table.append({**described, **line})
     if not table:
         return None
     commands = [f"{RUN}recordings scene={scene}" for scene in found]
@@ -138,13 +149,17 @@ def _wide(
     commands: Sequence[str],
 ) -> pd.DataFrame:
     """The rows with the columns of what they are first, then each model's value, then bounds."""
-    models = list(dict.fromkeys(m for one in found for m in models_of(one.frame)))
+    models: dict[str, None] = {}
+    for measured in found:
+        models |= dict.fromkeys(models_of(measured.frame))
+    of_models = model_columns(models, ", %", percent)
+    every = {**columns, **of_models}
     data = pd.DataFrame(table)
-    data.attrs["columns"] = {**columns, **model_columns(models, ", %", percent)}
-    names = [name for name in data.attrs["columns"] if name in data]
-    data.attrs |= {"shown": names, "commands": commands}
-    bounds = [name + end for name in models for end in ENDS[1:] if name + end in data]
-    return data[[*names, *bounds]]
+    names = [name for name in every if name in data]
+    data.attrs |= {"columns": every, "shown": names, "commands": commands}
+    bounds = [name + end for name in models for end in ENDS[1:]]
+    known = [bound for bound in bounds if bound in data]
+    return data[[*names, *known]]
 
 
 def _by_size(measured: Measured) -> Iterator[dict[str, Any]]:
@@ -156,7 +171,8 @@ def _by_size(measured: Measured) -> Iterator[dict[str, Any]]:
     middle = [n for n in sizes if n == 5]
     for n in dict.fromkeys((sizes[0], *middle, sizes[-1])):
         line = {"n": n}
-        for model, part in lines[lines.n == n].set_index("model").iterrows():
+        at = lines[lines.n == n].set_index("model")
+        for model, part in at.iterrows():
             for end in ENDS:
                 line[f"{model}{end}"] = part[f"accuracy{end}"]
         yield line
@@ -172,16 +188,18 @@ def _by_size(measured: Measured) -> Iterator[dict[str, Any]]:
 def fields(results: Results) -> pd.DataFrame | None:
     """Each fibre that was seen through several numbers of input fields, by that number."""
     found = by_scene(results, "recordings")
-    several = [_fibre(found[name]) for name in found if fields_of(found[name]) > 1]
-    chosen = [name for name in found if _fibre(found[name]) in several]
+    several = [_fibre(one) for one in found.values() if fields_of(one) > 1]
+    chosen = {name: one for name, one in found.items() if _fibre(one) in several}
     table = []
-    for scene in sorted(chosen, key=lambda name: fields_of(found[name])):
-        count, side = (
-            fields_of(found[scene]),
-            found[scene].record.config["scene"]["side"],
-        )
-        about = {"recording": scene, "fields": count, "pixels": 2 * side**2 * count}
-        table += [{**about, **line} for line in _by_size(found[scene])]
+    for scene in sorted(chosen, key=lambda name: fields_of(chosen[name])):
+        count = fields_of(chosen[scene])
+        side = chosen[scene].record.config["scene"]["side"]
+        about = {
+            "recording": scene,
+            "fields": count,
+            "pixels": 2 * side**2 * count,
+        }
+        table += [{**about, **line} for line in _by_size(chosen[scene])]
     if not table:
         return None
     columns = {
@@ -191,7 +209,7 @@ def fields(results: Results) -> pd.DataFrame | None:
         "n": COLUMNS["n"],
     }
     commands = [f"{RUN}recordings scene={scene}" for scene in chosen]
-    return _wide(table, columns, [found[scene] for scene in chosen], commands)
+    return _wide(table, columns, chosen.values(), commands)
 
 
 def _fibre(measured: Measured) -> dict[str, Any]:
@@ -240,15 +258,20 @@ def _theory_beside(
     """Rows of one recording; none where one of the two models of the theory was not measured."""
     pair = ["hdc", "correlation"]
     lines = accuracies(bench.frame).query("split == 'random' and model in @pair")
-    found = (
-        lines.groupby(["n", "model"]).accuracy.mean().unstack().reindex(columns=pair)
-    )
-    rows = expected.frame.assign(cost=lambda frame: frame.mean_image - frame.hdc)
+    means = lines.groupby(["n", "model"]).accuracy.mean()
+    found = means.unstack().reindex(columns=pair).dropna()
+    theory = expected.frame
+    rows = theory.assign(cost=theory.mean_image - theory.hdc)
     for n, part in rows.groupby("n"):
-        if n not in found.index or found.loc[n].isna().any():
+        if n not in found.index:
             continue
         hdc, image = found.loc[n]
-        line = {"recording": scene, "n": n, "hdc": hdc, "mean_image": image}
+        line = {
+            "recording": scene,
+            "n": n,
+            "hdc": hdc,
+            "mean_image": image,
+        }
         line["cost"] = image - hdc
         for name in ("hdc", "mean_image", "cost"):
             estimate = over_units(part[name].tolist(), seeds=False)
@@ -269,41 +292,76 @@ def every_model(figure: Figure, results: Results) -> None:
     shown = unsaturated(results)
     summaries = {scene: summary(measured) for scene, measured in shown.items()}
     models = _by_mean(summaries.values())
-    panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    panels = figure.subplots(
+        1,
+        len(shown),
+        sharey=True,
+        squeeze=False,
+    )[0]
     letters = iter(LETTERS)
-    for axes, (scene, lines) in zip(panels, summaries.items(), strict=True):
-        for n, (colour, marker) in SIZES.items():
-            at = lines[lines.n == n].set_index("model")
-            places = [k for k, model in enumerate(models) if model in at.index]
-            values = at.loc[[models[k] for k in places]]
-            x, spread = errors(values[[f"accuracy{end}" for end in ENDS]], 100)
-            look = {"color": colour, "marker": marker, "ls": "", "ms": 2.6}
-            axes.errorbar(x, places, xerr=np.maximum(spread, 0), elinewidth=0.5, **look)
+    for axes, scene in zip(panels, shown, strict=True):
         _frame_of_panel(axes, models, _chance(shown[scene].frame))
+        _draw_accuracies(axes, models, summaries[scene])
         panel(axes, next(letters), wrapped(scene_name(scene), 14))
-    panels[0].set_yticks(range(len(models)), [literal(display_name(m)) for m in models])
-    for label, model in zip(panels[0].get_yticklabels(), models, strict=True):
-        label.set(fontsize=6, fontweight="bold" if model == "hdc" else "normal")
+    names = [literal(display_name(model)) for model in models]
+    panels[0].set_yticks(range(len(models)), names)
+    labels = panels[0].get_yticklabels()
+    for label, model in zip(labels, models, strict=True):
+        weight = "bold" if model == "hdc" else "normal"
+        label.set(fontsize=6, fontweight=weight)
     handles = [
-        Line2D([], [], color=colour, marker=marker, ls="", ms=3, label=str(n))
+        Line2D(
+            [],
+            [],
+            color=colour,
+            marker=marker,
+            ls="",
+            ms=3,
+            label=str(n),
+        )
         for n, (colour, marker) in SIZES.items()
     ]
     where: Any = {"loc": "outside lower center", "ncols": len(SIZES)}
     figure.legend(handles=handles, title="frames per class", **where)
 
 
+def _draw_accuracies(
+    axes: Axes,
+    models: Sequence[str],
+    lines: pd.DataFrame,
+) -> None:
+    """A marker for each number of frames in the line of each model."""
+    for n, (colour, marker) in SIZES.items():
+        at = lines[lines.n == n].set_index("model")
+        measured = [model for model in models if model in at.index]
+        columns = [f"accuracy{end}" for end in ENDS]
+        x, spread = errors(at.loc[measured, columns], 100)
+        axes.errorbar(
+            x,
+            [models.index(model) for model in measured],
+            xerr=np.maximum(spread, 0),
+            elinewidth=0.5,
+            color=colour,
+            marker=marker,
+            ls="",
+            ms=2.6,
+        )
+
+
 def unsaturated(results: Results) -> dict[str, Measured]:
     """The recordings that can tell models apart."""
-    found = recordings(results)
-    return {scene: found[scene] for scene in found if not saturated(found[scene])}
+    found = recordings(results).items()
+    return {scene: measured for scene, measured in found if not saturated(measured)}
 
 
 def _by_mean(summaries: Any) -> list[str]:
     """Models, the least accurate first, by their mean over recordings at the most frames."""
     most = [lines[lines.n == lines.n.max()] for lines in summaries]
-    means = pd.concat(most).groupby("model").accuracy.mean().sort_values()
+    by_model = pd.concat(most).groupby("model")
+    means = by_model.accuracy.mean().sort_values()
     every = pd.concat(list(summaries)).model.unique()
-    return [*(model for model in every if model not in means.index), *means.index]
+    others = [model for model in every if model not in means.index]
+    return [*others, *means.index]
 
 
 def _chance(rows: pd.DataFrame) -> float | None:
@@ -311,7 +369,11 @@ def _chance(rows: pd.DataFrame) -> float | None:
     return 100 / rows.n_classes.iloc[0] if "n_classes" in rows else None
 
 
-def _frame_of_panel(axes: Axes, models: Sequence[str], chance: float | None) -> None:
+def _frame_of_panel(
+    axes: Axes,
+    models: Sequence[str],
+    chance: float | None,
+) -> None:
     """Axis, lines of the models, the band of HDC and the dashed line of chance."""
     axes.set(xlim=(0, 103), ylim=(-0.7, len(models) - 0.3))
     axes.set_xticks([0, 50, 100])
@@ -321,9 +383,21 @@ def _frame_of_panel(axes: Axes, models: Sequence[str], chance: float | None) -> 
     axes.set_axisbelow(True)
     if "hdc" in models:
         at = models.index("hdc")
-        axes.axhspan(at - 0.5, at + 0.5, color="0.88", lw=0, zorder=0)
+        axes.axhspan(
+            at - 0.5,
+            at + 0.5,
+            color="0.88",
+            lw=0,
+            zorder=0,
+        )
     if chance is not None:
-        axes.axvline(chance, color="0.4", lw=0.7, ls="--", zorder=0)
+        axes.axvline(
+            chance,
+            color="0.4",
+            lw=0.7,
+            ls="--",
+            zorder=0,
+        )
 
 
 @STUDY.figure(
@@ -336,15 +410,25 @@ def _frame_of_panel(axes: Axes, models: Sequence[str], chance: float | None) -> 
 def distances(figure: Figure, results: Results) -> None:
     """Histograms of intra- and inter-class distances, a panel a recording."""
     shown = recordings(results, "recording_distances")
-    panels = figure.subplots(1, len(shown), squeeze=False, sharex=True)[0]
-    for letter, axes, (scene, measured) in zip(
-        LETTERS, panels, shown.items(), strict=False
-    ):
-        for kind, colour in (("intra", "#0072B2"), ("inter", "#D55E00")):
+    panels = figure.subplots(
+        1,
+        len(shown),
+        squeeze=False,
+        sharex=True,
+    )[0]
+    colours = {"intra": "#0072B2", "inter": "#D55E00"}
+    for letter, axes, scene in zip(LETTERS, panels, shown, strict=False):
+        measured = shown[scene]
+        for kind, colour in colours.items():
             part = measured.frame.query("kind == @kind")
             counts = part.groupby("low")["count"].sum()
             look = {"color": colour, "lw": 0.9, "label": kind}
-            axes.step(counts.index, counts / counts.sum(), where="post", **look)
+            axes.step(
+                counts.index,
+                counts / counts.sum(),
+                where="post",
+                **look,
+            )
         separated = number(separation(measured.frame), 2)
         panel(axes, letter, f"{wrapped(scene_name(scene), 22)}\nd′ = {separated}")
         axes.set_yticks([])
@@ -357,8 +441,9 @@ def distances(figure: Figure, results: Results) -> None:
 def separation(rows: pd.DataFrame) -> float:
     """d′ = |mean inter − mean intra| / √((variance inter + variance intra)/2)."""
     moments = rows.groupby("kind")[["mean", "variance"]].mean()
-    gap = abs(moments["mean"]["inter"] - moments["mean"]["intra"])
-    return float(gap / np.sqrt(moments["variance"].mean()))
+    means, variances = moments["mean"], moments["variance"]
+    gap = abs(means["inter"] - means["intra"])
+    return float(gap / np.sqrt(variances.mean()))
 
 
 def over_rival(
@@ -367,16 +452,25 @@ def over_rival(
     """HDC's accuracy less that of the primary rival, by the split that counts, and n: each of these
     frames a class that was asked for, or the most at which one is below :data:`SATURATED`; nothing
     where one of the two was not measured."""
-    rows = measured.frame[measured.frame.model.isin(("hdc", RIVAL))]
+    rows = measured.frame
+    rows = rows[rows.model.isin(("hdc", RIVAL))]
     if rows.model.nunique() < 2:
         return []
     every = accuracies(rows).query("split == 'counts'")
-    chosen = [n for n in sizes if n in set(every.n)]
-    if not sizes:
-        least = every.groupby(["n", "model"]).accuracy.mean().groupby("n").min()
+    if sizes:
+        known = set(every.n)
+        chosen = [n for n in sizes if n in known]
+    else:
+        means = every.groupby(["n", "model"]).accuracy.mean()
+        least = means.groupby("n").min()
         open_sizes = least[least < SATURATED].index
-        chosen = [int(max(open_sizes)) if len(open_sizes) else int(least.index.min())]
+        size = open_sizes.max() if len(open_sizes) else least.index.min()
+        chosen = [int(size)]
     at = every.pivot(index=["n", "unit"], columns="model", values="accuracy")
     seeds = rows.seed.nunique() > 1
     less = at["hdc"] - at[RIVAL]
-    return [(over_units(less[n].tolist(), seeds), n) for n in chosen]
+    found = []
+    for n in chosen:
+        by_unit = less[n].tolist()
+        found.append((over_units(by_unit, seeds), n))
+    return found

@@ -12,14 +12,19 @@ from torch import Tensor
 _BLOCK = 2**18  # bytes of a tensor whose flips are drawn at a time
 
 
-def power(frames: np.ndarray, level: float, random: np.random.Generator) -> np.ndarray:
+def power(
+    frames: np.ndarray,
+    level: float,
+    random: np.random.Generator,
+) -> np.ndarray:
     """Laser power that differs from frame to frame [N, H, W]: factors uniform in 1 ± level."""
     brightest = np.iinfo(frames.dtype).max
     factors = random.uniform(1 - level, 1 + level, len(frames))
-    pairs = zip(frames, factors, strict=True)
-    return np.stack(
-        [np.minimum(np.rint(x * c), brightest).astype(x.dtype) for x, c in pairs]
-    )
+    brighter = []
+    for frame, factor in zip(frames, factors, strict=True):
+        grey = np.minimum(np.rint(frame * factor), brightest)
+        brighter.append(grey.astype(frame.dtype))
+    return np.stack(brighter)
 
 
 def dead_pixels(
@@ -28,16 +33,21 @@ def dead_pixels(
     """A fraction `level` of the pixels, the same ones in all frames [N, H, W], reads zero."""
     result = frames.copy()
     flat = result.reshape(len(frames), -1)
-    dead = random.choice(
-        flat.shape[1], round(level * flat.shape[1]), replace=False, shuffle=False
-    )
+    _, pixels = flat.shape
+    count = round(level * pixels)
+    dead = random.choice(pixels, count, replace=False, shuffle=False)
     flat[:, dead] = 0
     return result
 
 
-def shift(frames: np.ndarray, level: int, random: np.random.Generator) -> np.ndarray:
+def shift(
+    frames: np.ndarray,
+    level: int,
+    random: np.random.Generator,
+) -> np.ndarray:
     """The camera moved by `level` columns; what comes into sight repeats the column at the edge."""
-    return frames[:, :, np.maximum(np.arange(frames.shape[2]) - level, 0)]
+    columns = np.arange(frames.shape[2]) - level
+    return frames[:, :, np.maximum(columns, 0)]
 
 
 OF_FRAMES: dict[str, Callable[[np.ndarray, float, np.random.Generator], np.ndarray]] = {
@@ -56,7 +66,10 @@ def flipped_bits(
     The tensors are contiguous, on the CPU, of any type, and changed in place. The same seed flips
     the same bits, which undoes it.
     """
-    memory = [tensor.detach().view(-1).view(torch.uint8).numpy() for tensor in tensors]
+    memory = []
+    for tensor in tensors:
+        stored = tensor.detach().view(-1).view(torch.uint8)
+        memory.append(stored.numpy())
     _flip(memory, rate, seed)
     yield
     _flip(memory, rate, seed)
@@ -85,12 +98,23 @@ def flipped_bits_of_int8(
             tensor.copy_(exact)
 
 
-def _flip(memory: Sequence[np.ndarray], rate: float, seed: Sequence[int]) -> None:
+def _flip(
+    memory: Sequence[np.ndarray],
+    rate: float,
+    seed: Sequence[int],
+) -> None:
     random = np.random.default_rng(list(seed))
     for stored in memory:
         for start in range(0, len(stored), _BLOCK):
             block = stored[start : start + _BLOCK]
             flips = np.zeros(8 * len(block), np.bool_)
             count = random.binomial(len(flips), rate)
-            flips[random.choice(len(flips), count, replace=False, shuffle=False)] = True
+            flips[
+                random.choice(
+                    len(flips),
+                    count,
+                    replace=False,
+                    shuffle=False,
+                )
+            ] = True
             block ^= np.packbits(flips)

@@ -56,7 +56,12 @@ def robustness(
                 model, sensor, test, disturbances, bit_error_rates, keep, seed
             )
             for row in made:
-                yield {"origin": sensor.origin, "model": name, "seed": seed, **row}
+                yield {
+                    "origin": sensor.origin,
+                    "model": name,
+                    "seed": seed,
+                    **row,
+                }
             run.note(f"seed {seed}, {name}")
 
 
@@ -70,7 +75,8 @@ def rows_of(
     seed: int = 0,
 ) -> Iterator[Row]:
     """The rows of one trained model, which is left as it was; the first is undisturbed."""
-    labels, frames = scene.labels[test], data.take(scene, test, Clock())[:]
+    labels = scene.labels[test]
+    frames = data.take(scene, test, Clock())[:]
     state = model.state_tensors() or {}
     same = {
         "n_test": len(labels),
@@ -78,9 +84,17 @@ def rows_of(
         "model_bytes": sum(tensor.nbytes for tensor in state.values()),
     }
 
-    def row(disturbance: str, level: float, predicted: np.ndarray) -> Row:
+    def row(
+        disturbance: str,
+        level: float,
+        predicted: np.ndarray,
+    ) -> Row:
         right = int((predicted == labels).sum())
-        tested = {"disturbance": disturbance, "level": float(level), "right": right}
+        tested = {
+            "disturbance": disturbance,
+            "level": float(level),
+            "right": right,
+        }
         return {**tested, **same}
 
     yield row("none", 0, model.predict(frames))

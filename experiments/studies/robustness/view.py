@@ -75,14 +75,19 @@ def _level(row: Mapping[str, Any]) -> str:
 
 
 @STUDY.table(
-    "robustness", of="robustness", key=("disturbance", "level"),
+    "robustness",
+    of="robustness",
+    key=("disturbance", "level"),
     title="Test accuracy, %, when something goes wrong after training, on {frames}",
     columns={
         "disturbance": Column("Disturbance", lambda name: LEVELS[name][0]),
         "level": Column("Level", cell=_level),
     },
-)  # fmt: skip
-def disturbed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+)
+def disturbed(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> pd.DataFrame:
     """Accuracy of each model, a column, under each disturbance."""
     table = accuracies(rows)
     models = list(rows.model.unique())

@@ -62,15 +62,17 @@ def groups(results: Results) -> list[Group]:
     for group in results.groups():
         key = group.scene, group.model
         if group.pixels is None and group.runs:
-            whole[key] = max(
-                whole.get(key, group), group, key=lambda g: g.n_train or math.inf
-            )
+            before = whole.get(key, group)
+            whole[key] = max(before, group, key=lambda one: one.n_train or math.inf)
     order = [*configs.sweep(EXPERIMENT)["scene"]]
 
     def place(group: Group) -> tuple[bool, int, str, bool]:
-        at = order.index(group.scene) if group.scene in order else len(order)
+        at = len(order)
+        if group.scene in order:
+            at = order.index(group.scene)
         simulated = group.runs[0].record.scene.origin == SIMULATED
-        return simulated, at, group.scene, group.model.partition(" (")[0] != "hdc"
+        model, _, _ = group.model.partition(" (")
+        return simulated, at, group.scene, model != "hdc"
 
     return sorted(whole.values(), key=place)
 
@@ -82,16 +84,27 @@ def groups(results: Results) -> list[Group]:
     note="Fitted: parameters of the scene were chosen by the accuracy of HDC on it. Each model "
     "on all pixels of a scene and the most training samples that it was given.",
     shown=(
-        "scene", "origin", "model", "seeds", "test_accuracy_final", "over_hdc", "training_time_s",
-        "training_time_over_hdc", "predict_single_s", "model_bytes", "status",
+        "scene",
+        "origin",
+        "model",
+        "seeds",
+        "test_accuracy_final",
+        "over_hdc",
+        "training_time_s",
+        "training_time_over_hdc",
+        "predict_single_s",
+        "model_bytes",
+        "status",
     ),
-)  # fmt: skip
+)
 def all_scenes(results: Results) -> pd.DataFrame:
     """One row per scene and model."""
     every = groups(results)
-    data = frame(
-        row(group, results.group(group.scene, "hdc", group.n_train)) for group in every
-    )
+    rows = []
+    for group in every:
+        hdc = results.group(group.scene, "hdc", group.n_train)
+        rows.append(row(group, hdc))
+    data = frame(rows)
     data.attrs["commands"] = rows_of.commands(every)
     return data
 
@@ -115,29 +128,27 @@ def confusions(figure: Figure, results: Results) -> None:
         axes.tick_params(axis="x", rotation=90)
         of = f", {PAPER[group.scene]}" if group.scene in PAPER else ""
         accuracy = 100 * estimates.share(group).value
-        scene = textwrap.fill(literal(group.scene.replace("_", " ")), 17)
+        name = literal(group.scene.replace("_", " "))
+        scene = textwrap.fill(name, 17)
         panel(axes, letter, f"{scene}{of}\n{accuracy:.1f} %")
-    frames = frames_of([{"origin": g.runs[0].record.scene.origin} for g in chosen])
+    origins = [{"origin": group.runs[0].record.scene.origin} for group in chosen]
+    frames = frames_of(origins)
     head(figure, "Confusion by HDC, % of the true label", [frames])
 
 
 def confused(results: Results) -> list[Group]:
     """HDC's runs on each scene of few classes."""
-    return [
-        g for g in groups(results) if g.model == "hdc" and len(g.classes) <= PRINTED
-    ]
+    of_hdc = [group for group in groups(results) if group.model == "hdc"]
+    return [group for group in of_hdc if len(group.classes) <= PRINTED]
 
 
 def confusion(axes: Axes, group: Group) -> None:
     """Shares of each true class in percent."""
     counts = group.confusion()
-    shares = 100 * counts / np.maximum(counts.sum(1, keepdims=True), 1)
+    of_class = counts.sum(1, keepdims=True)
+    shares = 100 * counts / np.maximum(of_class, 1)
     few = len(group.classes) <= PRINTED
-    cells = (
-        [[f"{x:.0f}" if x >= 0.5 else "" for x in line] for line in shares]
-        if few
-        else None
-    )
+    cells = [_whole(line) for line in shares] if few else None
     gamma = 1 if few else 0.4  # a colour has to show one of 100 test samples
     bar = matrix(axes, shares, group.classes, cells, CONFUSION_MAP, (0, 100), gamma)
     if few:
@@ -146,12 +157,16 @@ def confusion(axes: Axes, group: Group) -> None:
         bar.set_ticks([0, 5, 20, 50, 100])
 
 
+def _whole(shares: np.ndarray) -> list[str]:
+    """Shares in whole percent; less than half a percent is left blank."""
+    return [f"{share:.0f}" if share >= 0.5 else "" for share in shares]
+
+
 def positions(record: Finished) -> np.ndarray:
     """Places along the line of contacts of a run on the scene ``spatial``: mm [L]."""
     line = record.config["scene"]["classes"]
-    return np.linspace(
-        0.0, 1e3 * math.dist(line["start"], line["stop"]), line["number"]
-    )
+    length = math.dist(line["start"], line["stop"])
+    return np.linspace(0.0, 1e3 * length, line["number"])
 
 
 @STUDY.figure(
@@ -163,14 +178,12 @@ def positions(record: Finished) -> np.ndarray:
 )
 def spatial(figure: Figure, results: Results) -> None:
     """Fig. 7 and the error in millimetres."""
-    group, measured = (
-        results.group("spatial", "hdc"),
-        dict(with_places(results, "correlation")),
-    )
+    group = results.group("spatial", "hdc")
+    measured = dict(with_places(results, "correlation"))
     grid = figure.add_gridspec(2, 2, height_ratios=(1.4, 1))
-    left, right, below = (
-        figure.add_subplot(grid[at]) for at in ((0, 0), (0, 1), (1, slice(None)))
-    )
+    left = figure.add_subplot(grid[0, 0])
+    right = figure.add_subplot(grid[0, 1])
+    below = figure.add_subplot(grid[1, :])
     if "_spatial" in measured:
         classes, values, _ = matrices(
             measured["_spatial"].frame, "prototype", "held-out"
@@ -187,15 +200,25 @@ def spatial(figure: Figure, results: Results) -> None:
     panel(right, "b", "confusion (%)")
     at = positions(group.runs[0].record)
     truth = np.concatenate([run.record.test_labels for run in group.runs])
-    error = np.abs(
-        at[np.concatenate([run.record.predicted for run in group.runs])] - at[truth]
+    found = np.concatenate([run.record.predicted for run in group.runs])
+    error = np.abs(at[found] - at[truth])
+    sums = np.bincount(truth, error, len(at))
+    mean = sums / np.bincount(truth, minlength=len(at))
+    below.plot(
+        at,
+        mean,
+        color="#0072B2",
+        marker="o",
+        ms=2,
     )
-    mean = np.bincount(truth, error, len(at)) / np.bincount(truth, minlength=len(at))
-    below.plot(at, mean, color="#0072B2", marker="o", ms=2)
-    below.set(xlabel="true position (mm)", ylim=(0, None), ylabel="mean |error| (mm)")
-    text = "mean {:.2f} mm, median {:.3g} mm, 95th percentile {:.3g} mm"
-    panel(below, "c", text.format(error.mean(), *np.percentile(error, (50, 95))))
-    frames = frames_of([{"origin": group.runs[0].record.scene.origin}])
+    below.set(xlabel="true position (mm)", ylabel="mean |error| (mm)")
+    below.set_ylim(0, None)
+    median, most = np.percentile(error, (50, 95))
+    text = f"mean {error.mean():.2f} mm, median {median:.3g} mm, "
+    text += f"95th percentile {most:.3g} mm"
+    panel(below, "c", text)
+    origin = group.runs[0].record.scene.origin
+    frames = frames_of([{"origin": origin}])
     details = [f"{frames}, seeds: {len(group.runs)}"]
     head(figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", details)
 
@@ -207,5 +230,9 @@ def quantities(results: Results) -> Iterator[Quantity]:
         group = results.group(scene, "hdc")
         if group.runs:
             share, n = estimates.share_of_one_sensor(group), len(group.right)
-            rest = {"n": n, "seeds": len(group.runs), "made_by": f"{RUN}{EXPERIMENT}"}
+            rest = {
+                "n": n,
+                "seeds": len(group.runs),
+                "made_by": f"{RUN}{EXPERIMENT}",
+            }
             yield Quantity.of(f"{scene}/test_accuracy", share, ONE_SENSOR, 100, **rest)

@@ -61,7 +61,11 @@ class Case:
             else "holds",
         }
 
-    def _error(self, compute: Callable[[], Any], exact: Any) -> float | None:
+    def _error(
+        self,
+        compute: Callable[[], Any],
+        exact: Any,
+    ) -> float | None:
         """The error of a computation; None where it raises or gives no finite number."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -81,7 +85,16 @@ def case(*texts: Any, name: str = "", **rest: Any) -> Any:
 
     def register(prepare: Any) -> Any:
         words = name or prepare.__name__.replace("_", " ")
-        CASES.append(Case(*texts, **{"name": words, "prepare": prepare, **rest}))
+        CASES.append(
+            Case(
+                *texts,
+                **{
+                    "name": words,
+                    "prepare": prepare,
+                    **rest,
+                },
+            )
+        )
         return prepare
 
     return register

@@ -45,7 +45,10 @@ COLUMNS = {
     note="The same input, computed the obvious way and ours, against an exact reference. A case "
     "holds if our error is within the tolerance.",
 )
-def stability(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+def stability(
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> pd.DataFrame:
     """One row per case."""
     holding = (rows["verdict"] == "holds").sum()
     rows.attrs["title"] = (

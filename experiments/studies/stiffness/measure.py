@@ -54,14 +54,16 @@ def stiffness(
         strength = penalty * float(at_start.mean())
         a, b = softmax.optimum(gram, targets, strength)
         at_optimum = softmax.spectrum(gram, gram @ a + b, 1, strength)
-        noise = torch.from_numpy(np.random.default_rng(seed).standard_normal(a.shape))
+        random = np.random.default_rng(seed)
+        noise = torch.from_numpy(random.standard_normal(a.shape))
         zero: dict[str, Any] = {"steps": steps, "each": 1}
         best = zero | {
             "coefficients": a[:, :, None],
             "intercepts": b[:, None],
             "decay": strength,
         }
-        near = best | {"coefficients": (a * (1 + _PERTURBATION * noise))[:, :, None]}
+        perturbed = a * (1 + _PERTURBATION * noise)
+        near = best | {"coefficients": perturbed[:, :, None]}
         minibatches = {
             "steps": epochs,
             "each": -(-len(targets) // batch),
@@ -83,10 +85,15 @@ def stiffness(
                 rate = 2 / float(lambda_max) * 2.0 ** (k / 2 + 0.25)
                 losses = descend(gram, targets, rate, seed=seed, **how)
                 yield {
-                    "origin": made.origin, "pixels": name, "method": method, "start": start,
-                    "lambda_max": float(lambda_max), "predicted": 2 / float(lambda_max),
-                    "rate": rate, **verdict([loss - least for loss in losses], least),
-                }  # fmt: skip
+                    "origin": made.origin,
+                    "pixels": name,
+                    "method": method,
+                    "start": start,
+                    "lambda_max": float(lambda_max),
+                    "predicted": 2 / float(lambda_max),
+                    "rate": rate,
+                    **verdict([loss - least for loss in losses], least),
+                }
 
 
 def descend(
@@ -112,7 +119,9 @@ def descend(
 def verdict(losses: Sequence[float], floor: float = 0.0) -> Row:
     """Whether the loss (less the floor) rises, exceeds the one at the start, and ends above it."""
     slack = _ROUNDING * max(losses[0], floor)
-    highest = math.inf if any(map(math.isnan, losses)) else max(losses)
+    highest = max(losses)
+    if any(map(math.isnan, losses)):
+        highest = math.inf
     return {  # a loss that is not a number has not fallen
         "loss_start": losses[0],
         "loss_end": losses[-1],

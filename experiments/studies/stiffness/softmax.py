@@ -25,7 +25,11 @@ from baselines.softmax_dual import DualSoftmaxRegression
 _ROWS = 16  # rows of the frames, all N, in float64 at a time
 
 
-def kernel(pixels: str, frames: Tensor, labels: np.ndarray) -> tuple[Tensor, Tensor]:
+def kernel(
+    pixels: str,
+    frames: Tensor,
+    labels: np.ndarray,
+) -> tuple[Tensor, Tensor]:
     """K float64 [N, N] of frames uint8 [N, H, W] in a scaling, and class indices int64 [N].
 
     ``standard`` pixels have no Gram matrix in integers, so that all are multiplied in float64.
@@ -51,7 +55,11 @@ def kernel(pixels: str, frames: Tensor, labels: np.ndarray) -> tuple[Tensor, Ten
     return gram, targets
 
 
-def optimum(gram: Tensor, targets: Tensor, penalty: float) -> tuple[Tensor, Tensor]:
+def optimum(
+    gram: Tensor,
+    targets: Tensor,
+    penalty: float,
+) -> tuple[Tensor, Tensor]:
     """Minimiser of F + penalty/2·‖W‖²: A float64 [N, L] of W = AᵀX, and b [L]."""
     solver = DualSoftmaxRegression(C=1 / (penalty * len(targets)), tol=1e-14)
     solver.classes_ = np.arange(int(targets.max()) + 1)
@@ -64,12 +72,20 @@ def optimum(gram: Tensor, targets: Tensor, penalty: float) -> tuple[Tensor, Tens
 
 def start_spectrum(gram: Tensor, classes: int) -> np.ndarray:
     """The N eigenvalues of H at W = 0 that are not zero, largest first."""
-    return (torch.linalg.eigvalsh(gram + 1) / (len(gram) * classes)).flip(0).numpy()
+    values = torch.linalg.eigvalsh(gram + 1)
+    scaled = values / (len(gram) * classes)
+    return scaled.flip(0).numpy()
 
 
-def minibatch_lambda(gram: Tensor, classes: int, batch: int, seed: int) -> float:
+def minibatch_lambda(
+    gram: Tensor,
+    classes: int,
+    batch: int,
+    seed: int,
+) -> float:
     """λ_max of the Hessian of a minibatch at W = 0, mean over the minibatches of an epoch."""
-    order = torch.randperm(len(gram), generator=torch.Generator().manual_seed(seed))
+    random = torch.Generator().manual_seed(seed)
+    order = torch.randperm(len(gram), generator=random)
     parts = order.split(batch)
     return float(
         np.mean([start_spectrum(gram[part][:, part], classes)[0] for part in parts])
@@ -99,5 +115,11 @@ def spectrum(
         (n * classes, n * classes), matvec=product, dtype=np.float64
     )
     start = np.random.default_rng(0).standard_normal(n * classes)
-    values = eigsh(operator, k=count, which="LA", v0=start, return_eigenvectors=False)
+    values = eigsh(
+        operator,
+        k=count,
+        which="LA",
+        v0=start,
+        return_eigenvectors=False,
+    )
     return np.sort(values)[::-1] + penalty

@@ -47,7 +47,10 @@ COLUMNS = {
     "steps; where the loss never exceeds its start, the last rate of the sweep is shown.",
     columns=COLUMNS,
 )
-def limits(rows: pd.DataFrame, config: dict[str, Any]) -> pd.DataFrame:
+def limits(
+    rows: pd.DataFrame,
+    config: dict[str, Any],
+) -> pd.DataFrame:
     """One row a sweep: the predicted largest stable rate and the measured ones."""
     lines = []
     rate = published.value("table1/learning_rate")

@@ -66,11 +66,14 @@ def _trained(cells: Mapping[str, Any]) -> str:
         return str(cells["status"])
     if cells["stop"] == "reached":
         return "not continued"
-    ends = ("", "_low", "_high")
-    accuracy, low, high = (percent(cells[f"test_accuracy_final{end}"]) for end in ends)
+    accuracy = percent(cells["test_accuracy_final"])
+    low = percent(cells["test_accuracy_final_low"])
+    high = percent(cells["test_accuracy_final_high"])
+    text = f"{accuracy} [{low}, {high}]"
     time, seconds = cells["training_time_s"], cells["total_time_s"]
-    later = isinstance(time, str) or seconds > 1.01 * time
-    return f"{accuracy} [{low}, {high}]" + (f" in {number(seconds)} s" if later else "")
+    if isinstance(time, str) or seconds > 1.01 * time:
+        text += f" in {number(seconds)} s"
+    return text
 
 
 COLUMNS = {
@@ -114,12 +117,12 @@ def table1(results: Results) -> pd.DataFrame | None:
     groups = [results.group(scene(), model) for model in models]
     rows = []
     for group in groups:
-        line = row(group, groups[0], paper=True) | {
-            "training_time_over_ordinary_hdc": None
-        }
+        line = row(group, groups[0], paper=True)
+        line["training_time_over_ordinary_hdc"] = None
         seconds = ordinary_training_s(results, group)
-        if seconds and isinstance(line.get("training_time_s"), float):
-            line["training_time_over_ordinary_hdc"] = line["training_time_s"] / seconds
+        time = line.get("training_time_s")
+        if seconds and isinstance(time, float):
+            line["training_time_over_ordinary_hdc"] = time / seconds
         rows.append(line)
     if not any(line["seeds"] for line in rows):
         return None
@@ -134,23 +137,24 @@ def seconds_to(run: Run, accuracy: float) -> float:
     """Training time at the first report of at least this test accuracy; infinite without one.
     A one-pass model is asked once, when it is fitted."""
     if not run.iterative:
-        return (
-            run.record.training_s
-            if run.record.test_accuracy_final >= accuracy
-            else math.inf
-        )
-    reached = (
-        r["training_s"] for r in run.curve if r.get("test_accuracy", -1) >= accuracy
-    )
-    return next(reached, math.inf)
+        if run.record.test_accuracy_final < accuracy:
+            return math.inf
+        return run.record.training_s
+    for report in run.curve:
+        if report.get("test_accuracy", -1) >= accuracy:
+            return report["training_s"]
+    return math.inf
 
 
 def _over_seeds(name: str, values: Sequence[float]) -> dict[str, float]:
     """Median, and lowest to highest where they differ; nothing of no values."""
     if not values:
         return {}
-    bounds = (min(values), max(values)) if min(values) < max(values) else ()
-    return estimates.Estimate(float(np.median(values)), *bounds).columns(name)
+    estimate = estimates.Estimate(float(np.median(values)))
+    lowest, highest = min(values), max(values)
+    if lowest < highest:
+        estimate = estimate._replace(low=lowest, high=highest)
+    return estimate.columns(name)
 
 
 def _or_never(value: float) -> str:
@@ -174,36 +178,53 @@ def _or_never(value: float) -> str:
 def equal_accuracy(results: Results) -> pd.DataFrame | None:
     """A row for each model of Table I and its extension, and one for the fewest pixels it needs."""
     hdc = results.group(scene(), "hdc")
-    ours = {
-        run.seeds: (run.record.training_s, run.record.test_accuracy_final)
-        for run in hdc.runs
-    }
-    extended = [
-        m
-        for name in ("table1", "table1_extended")
-        for m in configs.sweep(name)["model"]
+    models = [
+        *configs.sweep("table1")["model"],
+        *configs.sweep("table1_extended")["model"],
+        *results.extra_models(scene()),
     ]
-    rows, place = [], scene()
-    for model in dict.fromkeys([*extended, *results.extra_models(place)]):
-        same = (g for g in results.groups() if (g.scene, g.model) == (place, model))
-        for group in sorted(
-            (g for g in same if g.n_train is None), key=lambda g: g.pixels or 0
-        ):
-            runs = [run for run in group.runs if run.seeds in ours]
-            times = [seconds_to(run, ours[run.seeds][1]) for run in runs]
-            if not runs or (group.pixels and max(times) == math.inf):
+    rows = []
+    for model in dict.fromkeys(models):
+        for group in _by_pixels(results, model):
+            line = _as_accurate(group, hdc)
+            if line is None:
                 continue
-            ratios = [
-                time / ours[run.seeds][0] for run, time in zip(runs, times, strict=True)
-            ]
-            rows.append({
-                "model": model, "pixels": group.pixels or "all", "seeds": len(runs),
-                **_over_seeds("time", times),
-                **_over_seeds("ratio", ratios if group.machines == hdc.machines else []),
-            })  # fmt: skip
-            if group.pixels:
+            rows.append(line)
+            if group.pixels:  # fewer than any that follow
                 break
     return frame(rows)
+
+
+def _by_pixels(results: Results, model: str) -> list[Group]:
+    """Groups of a model on the scene of Table I: all pixels first, then from the fewest up."""
+    place = (scene(), model)
+    groups = [g for g in results.groups() if (g.scene, g.model) == place]
+    of_all_samples = [group for group in groups if group.n_train is None]
+    return sorted(of_all_samples, key=lambda group: group.pixels or 0)
+
+
+def _as_accurate(group: Group, hdc: Group) -> dict[str, Any] | None:
+    """Times to the accuracy of HDC of the same seed; None without such seeds, or where one with
+    fewer pixels never gets there."""
+    ours = {run.seeds: run.record for run in hdc.runs}
+    times, ratios = [], []
+    for run in group.runs:
+        if run.seeds in ours:
+            record = ours[run.seeds]
+            time = seconds_to(run, record.test_accuracy_final)
+            times.append(time)
+            ratios.append(time / record.training_s)
+    if not times or (group.pixels and max(times) == math.inf):
+        return None
+    if group.machines != hdc.machines:
+        ratios = []
+    return {
+        "model": group.model,
+        "pixels": group.pixels or "all",
+        "seeds": len(times),
+        **_over_seeds("time", times),
+        **_over_seeds("ratio", ratios),
+    }
 
 
 @STUDY.figure(
@@ -226,15 +247,13 @@ def error_vs_time(
     floor = error_axis(axes, rows)
     axes.set_xscale("log")
     if behind is not None:
-        for group in _curves_of(behind):
-            for run in group.runs:
-                _curve(axes, run, floor, _hdc_s(behind), alpha=0.2)
-    for group, line in zip(groups, rows, strict=True):
-        for run in group.runs:
-            _curve(axes, run, floor, _hdc_s(results))
+        _draw_curves(axes, behind, floor, alpha=0.2)
+    _draw_curves(axes, results, floor)
+    hdc_s = _hdc_s(results)
+    for line in rows:
         if not isinstance(line["training_time_s"], str):
-            at = [line["total_time_s"] / _hdc_s(results)]
-            error_bars(axes, group.model, at, [line], floor, marker=False)
+            at = [line["total_time_s"] / hdc_s]
+            error_bars(axes, line["model"], at, [line], floor, marker=False)
     for model in PAPER:
         known = row(results.group(scene(), model), groups[0], paper=True)
         error = max(1 - known["published_test_accuracy"], floor)
@@ -248,8 +267,21 @@ def error_vs_time(
         ("*", 8, "paper, Table I"),
         ("o", 6, "training accuracy > 90 %"),
     ):
-        look: Any = {"marker": marker, "ms": size, "mfc": "white", "mec": "black"}
-        handles.append(Line2D([], [], label=label, ls="", **look))
+        look: Any = {
+            "marker": marker,
+            "ms": size,
+            "mfc": "white",
+            "mec": "black",
+        }
+        handles.append(
+            Line2D(
+                [],
+                [],
+                label=label,
+                ls="",
+                **look,
+            )
+        )
     text = "Test error against training time"
     title(figure, axes, text, rows, shown, shown, handles)
 
@@ -261,6 +293,18 @@ def _curves_of(results: Results) -> list[Group]:
     return [group for group in groups if group.runs]
 
 
+def _draw_curves(
+    axes: Axes,
+    results: Results,
+    floor: float,
+    alpha: float = 0.75,
+) -> None:
+    hdc_s = _hdc_s(results)
+    for group in _curves_of(results):
+        for run in group.runs:
+            _curve(axes, run, floor, hdc_s, alpha)
+
+
 def _hdc_s(results: Results) -> float:
     """Training time of HDC in Table I, median over runs."""
     runs = results.group(scene(), "hdc").runs
@@ -269,7 +313,11 @@ def _hdc_s(results: Results) -> float:
 
 
 def _curve(
-    axes: Axes, run: Run, floor: float, hdc_s: float, alpha: float = 0.75
+    axes: Axes,
+    run: Run,
+    floor: float,
+    hdc_s: float,
+    alpha: float = 0.75,
 ) -> None:
     """Error over the reports of one run, times over HDC's; a ring where training accuracy passed
     90 %."""
@@ -277,16 +325,35 @@ def _curve(
     reports = [report for report in run.curve if "test_accuracy" in report]
     if not reports:
         return
-    times = np.array([report["training_s"] for report in reports]) / hdc_s
-    errors = np.maximum([1 - report["test_accuracy"] for report in reports], floor)
+    seconds = np.array([report["training_s"] for report in reports])
+    accuracies = np.array([report["test_accuracy"] for report in reports])
+    times = seconds / hdc_s
+    errors = np.maximum(1 - accuracies, floor)
     shape = marker if len(times) < 3 else None
-    look: Any = {"color": colour, "ls": line, "lw": 0.8, "marker": shape}
+    look: Any = {
+        "color": colour,
+        "ls": line,
+        "lw": 0.8,
+        "marker": shape,
+    }
     axes.plot(times, errors, alpha=alpha, **look)
     reached = estimates.training_time(run) / hdc_s
     if np.isfinite(reached):
-        at = int(np.argmin(np.abs(times - reached)))
-        ring: Any = {"mfc": "white", "mec": colour, "ms": 5, "zorder": 4}
-        axes.plot(times[at], errors[at], "o", alpha=min(1, alpha / 0.75), **ring)
+        nearest = np.abs(times - reached).argmin()
+        at = int(nearest)
+        ring: Any = {
+            "mfc": "white",
+            "mec": colour,
+            "ms": 5,
+            "zorder": 4,
+        }
+        axes.plot(
+            times[at],
+            errors[at],
+            "o",
+            alpha=min(1, alpha / 0.75),
+            **ring,
+        )
 
 
 @STUDY.quantities()
@@ -301,38 +368,52 @@ def quantities(results: Results) -> Iterator[Quantity]:
             "seeds": len(group.runs),
             "made_by": " && ".join(rows_of.commands([group])),
         }
+        n_runs = len(group.runs)
         note = f"median; {line['cpu']}, {line['threads']} threads; paper: Apple M1"
         time = line["training_time_s"]
-        yield Quantity(
-            f"{name}_training_time", time, n=len(group.runs), note=note, **seeds
-        )
+        yield Quantity(f"{name}_training_time", time, n=n_runs, note=note, **seeds)
         if model == "hdc":
-            share = estimates.share_of_one_sensor(group)
-            accuracy = f"{name}_test_accuracy"
             yield Quantity.of(
-                accuracy, share, ONE_SENSOR, 100, n=line["n_test"], **seeds
+                f"{name}_test_accuracy",
+                estimates.share_of_one_sensor(group),
+                ONE_SENSOR,
+                100,
+                n=line["n_test"],
+                **seeds,
             )
             yield Quantity("touch/labels", len(group.classes), made_by=f"{RUN}table1")
             continue
         yield from _ratios(results, group)
         for kind, called, n in (
-            ("train", "training", line["n_train"] * len(group.runs)),
+            ("train", "training", line["n_train"] * n_runs),
             ("test", "test", line["n_test"]),
         ):
-            best, final = line[f"{kind}_accuracy_max"], line[f"{kind}_accuracy_final"]
+            best = line[f"{kind}_accuracy_max"]
+            final = line[f"{kind}_accuracy_final"]
             if best is not None:
                 note = f"maximum of a run, as published; {100 * final:.4g} % at its end"
                 yield Quantity(
-                    f"{name}_{called}_accuracy", 100 * best, n=n, note=note, **seeds
+                    f"{name}_{called}_accuracy",
+                    100 * best,
+                    n=n,
+                    note=note,
+                    **seeds,
                 )
-    iterative = [group for model, group in groups.items() if model != "hdc"]
-    rates = {
-        run.record.config["model"]["lr"] for group in iterative for run in group.runs
-    }
+    yield from _learning_rate(groups)
+
+
+def _learning_rate(groups: Mapping[str, Group]) -> Iterator[Quantity]:
+    """That of the iterative models, where it is one."""
+    rates = set()
+    for model, group in groups.items():
+        if model != "hdc":
+            rates |= {run.record.config["model"]["lr"] for run in group.runs}
     if len(rates) == 1:
-        note = "softmax and CNNs"
         yield Quantity(
-            "table1/learning_rate", rates.pop(), note=note, made_by=f"{RUN}table1"
+            "table1/learning_rate",
+            rates.pop(),
+            note="softmax and CNNs",
+            made_by=f"{RUN}table1",
         )
 
 
@@ -346,10 +427,17 @@ def _ratios(results: Results, group: Group) -> Iterator[Quantity]:
         if not ratios or not all(map(math.isfinite, ratios)):
             yield Quantity(name, None, condition=condition, made_by=by)
             continue
-        ends = min(ratios), max(ratios), "lowest to highest run", condition
-        n = len(ratios)
         yield Quantity(
-            name, float(np.median(ratios)), *ends, n=n, seeds=n, made_by=by, note=note
+            name,
+            float(np.median(ratios)),
+            min(ratios),
+            max(ratios),
+            "lowest to highest run",
+            condition,
+            n=len(ratios),
+            seeds=len(ratios),
+            made_by=by,
+            note=note,
         )
 
 
@@ -357,14 +445,18 @@ def time_ratios(results: Results, group: Group) -> dict[str, list[float]]:
     """Training time over HDC's in each run, by each way of computing HDC; by this library's the
     time of the same seed, by ordinary routes one time for all."""
     hdc = results.group(group.scene, "hdc")
-    own = {run.seeds: estimates.training_time(run) for run in hdc.runs}
+    own = {}
+    if group.machines == hdc.machines:
+        own = _times(hdc)
     ordinary = ordinary_training_s(results, group)
-    if group.machines != hdc.machines:
-        own = {}
-    times = {run.seeds: estimates.training_time(run) for run in group.runs}
-    return {
-        AS_WRITTEN: [
-            time / own[seeds] for seeds, time in times.items() if seeds in own
-        ],
-        ORDINARY: [time / ordinary for time in times.values()] if ordinary else [],
-    }
+    times = _times(group)
+    as_written = [time / own[seeds] for seeds, time in times.items() if seeds in own]
+    by_ordinary = []
+    if ordinary:
+        by_ordinary = [time / ordinary for time in times.values()]
+    return {AS_WRITTEN: as_written, ORDINARY: by_ordinary}
+
+
+def _times(group: Group) -> dict[str, float]:
+    """Training times by the seeds of the run."""
+    return {run.seeds: estimates.training_time(run) for run in group.runs}

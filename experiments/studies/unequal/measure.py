@@ -81,7 +81,10 @@ def unequal(
 
 
 def _training_set(
-    order: Sequence[np.ndarray], n: int, larger: int, more: int
+    order: Sequence[np.ndarray],
+    n: int,
+    larger: int,
+    more: int,
 ) -> np.ndarray:
     """The first n frames of each class, and so many more of one."""
     parts = []

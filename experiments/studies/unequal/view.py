@@ -48,7 +48,8 @@ def measurements(results: Results) -> dict[str, Measured]:
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """A row for each n, extra and model, with intervals: ``accuracy``, its ``change`` from equal
     classes in the same draws, and ``to_larger``, the share that is put into the larger class."""
-    every = rows.explode(["n", "right", "to_larger"]).astype({"n": int})
+    every = rows.explode(["n", "right", "to_larger"])
+    every = every.astype({"n": int})
     seeds = every.seed.nunique() > 1
     every["unit"] = every.seed if seeds else every.draw
     every["accuracy"] = every.right.astype(float) / every.n_test
@@ -126,7 +127,12 @@ def _changes(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
 def figure(figure: Figure, results: Results) -> None:
     """A panel a scene, a line a model."""
     shown = measurements(results)
-    panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    panels = figure.subplots(
+        1,
+        len(shown),
+        sharey=True,
+        squeeze=False,
+    )[0]
     drawn: dict[str, None] = {}
     for letter, axes, (scene, measured) in zip(
         LETTERS, panels, shown.items(), strict=False
@@ -136,9 +142,19 @@ def figure(figure: Figure, results: Results) -> None:
         for model, extra in lines:
             part = every[(every.model == model) & (every.extra == extra)]
             look = _look(model, extra)
-            axes.plot(part.n, 100 * part.accuracy, ms=2, lw=1, **look)
+            axes.plot(
+                part.n,
+                100 * part.accuracy,
+                ms=2,
+                lw=1,
+                **look,
+            )
             low, high = 100 * part.accuracy_low, 100 * part.accuracy_high
-            band = {"color": look["color"], "alpha": 0.1, "lw": 0}
+            band = {
+                "color": look["color"],
+                "alpha": 0.1,
+                "lw": 0,
+            }
             axes.fill_between(part.n, low, high, **band)
             drawn.setdefault(model)
         ticks = [n for n in (2, 5, 10, 20) if n in set(every.n)]
@@ -147,10 +163,24 @@ def figure(figure: Figure, results: Results) -> None:
         axes.minorticks_off()
         panel(axes, letter, literal(scene_name(scene)))
     panels[0].set_ylabel("test accuracy (%)")
-    handles = [Line2D([], [], label="HDC, equal classes", **_look("hdc", 0))]
+    handles = [
+        Line2D(
+            [],
+            [],
+            label="HDC, equal classes",
+            **_look("hdc", 0),
+        )
+    ]
     for model in drawn:
         name = literal(f"{display_name(model)}, one more")
-        handles.append(Line2D([], [], label=name, **_look(model, 1)))
+        handles.append(
+            Line2D(
+                [],
+                [],
+                label=name,
+                **_look(model, 1),
+            )
+        )
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
     head(figure, "One more frame in one class", [])
 

@@ -56,8 +56,10 @@ def values(
             known = scene_at(scene, seed, False, run.console)
         numbers = known.values[:, 0]
         if at_least is not None:
-            pool, test = (part[numbers[part] >= at_least] for part in (pool, test))
-        order = np.random.default_rng((seed, row["draw"], 1)).permutation(pool)
+            pool = pool[numbers[pool] >= at_least]
+            test = test[numbers[test] >= at_least]
+        random = np.random.default_rng((seed, row["draw"], 1))
+        order = random.permutation(pool)
         sizes = [n for n in n_train if n <= len(order)]
         train = order[: max(sizes)]
         bank = bank_of(recording, np.concatenate([train, test]))
@@ -68,7 +70,8 @@ def values(
         row["unit"] = known.units[0]
         for n in sizes:
             y = numbers[train[:n]]
-            for model, answer in answers(bank, y, queries, bins).items():
+            of_models = answers(bank, y, queries, bins)
+            for model, answer in of_models.items():
                 error = float(np.abs(answer - truth).mean())
                 yield {**row, "n": n, "model": model, "error": error}
             of_regressor = regressor(bank, y, queries, truth, alphas)
@@ -99,18 +102,24 @@ def coverage(
         order, _ = nested(pool, recording.labels, [], key)
         n = min(n_per_class, *map(len, order))
         train = np.concatenate([of_class[:n] for of_class in order])
-        model = HDCClassifier().fit(recording.frames(train), recording.labels[train])
+        learnt = recording.frames(train)
+        model = HDCClassifier().fit(learnt, recording.labels[train])
         frames, labels = recording.frames(test), recording.labels[test]
-        row |= {"n": n, "n_test": len(test), "alpha": list(alphas)}
+        row |= {
+            "n": n,
+            "n_test": len(test),
+            "alpha": list(alphas),
+        }
         row["accuracy"] = model.score(frames, labels)
         sets = [model.predict_set(frames, alpha) for alpha in alphas]
         row["covered"] = [covered(of_alpha, labels) for of_alpha in sets]
         row["size"] = [_mean(map(len, of_alpha)) for of_alpha in sets]
-        row["refused"] = [_mean(len(s) == 0 for s in of_alpha) for of_alpha in sets]
+        row["refused"] = [empty(of_alpha) for of_alpha in sets]
         others = getattr(recording, "unknown", None)
         row["unknown_refused"] = [None for _ in alphas]
         if others is not None:
-            some = np.random.default_rng(key).permutation(len(others.labels))
+            random = np.random.default_rng(key)
+            some = random.permutation(len(others.labels))
             strange = others.frames(some[:most_test])
             row["unknown_refused"] = refused_shares(model, strange, alphas)
         yield row
@@ -128,8 +137,18 @@ def covered(sets: Sequence[np.ndarray], labels: np.ndarray) -> float:
     return _mean(label in one for one, label in zip(sets, labels, strict=True))
 
 
+def empty(sets: Sequence[np.ndarray]) -> float:
+    """Share of sets without a label."""
+    return _mean(len(one) == 0 for one in sets)
+
+
 def parts(
-    run: Run, scene: Any, splits: Any, seeds: Sequence[int], draws: int, most_test: int
+    run: Run,
+    scene: Any,
+    splits: Any,
+    seeds: Sequence[int],
+    draws: int,
+    most_test: int,
 ) -> Iterator[tuple[Any, Row, np.ndarray, np.ndarray]]:
     """Every draw of every split: the recording, the row's start, indices to learn and to test."""
     for seed, recording in run.scenes(scene, seeds):
@@ -143,7 +162,10 @@ def parts(
 
 
 def answers(
-    bank: Bank, y: np.ndarray, queries: np.ndarray, bins: int
+    bank: Bank,
+    y: np.ndarray,
+    queries: np.ndarray,
+    bins: int,
 ) -> dict[str, np.ndarray]:
     """Numbers [Q] of the queries by each model of the first frames, whose values are y [n].
 
@@ -156,22 +178,31 @@ def answers(
     train = np.arange(len(y))
     asked = bank.at(queries)
     nearest = HDCRegressor(readout="neighbours").fit(bank.at(train), y)
+    of_bits = bank.kernel(train, queries, "bits")
+    of_greys = bank.kernel(train, queries, "unit_centred")
     return {
         "mean": np.full(len(queries), y.mean()),
         "bins": binned(bank, y, queries, bins),
         "nearest_neighbour": nearest.predict(asked),
-        "ridge_bits": ridge_values(*bank.kernel(train, queries, "bits"), y),
-        "ridge_greys": ridge_values(*bank.kernel(train, queries, "unit_centred"), y),
+        "ridge_bits": ridge_values(*of_bits, y),
+        "ridge_greys": ridge_values(*of_greys, y),
     }
 
 
-def binned(bank: Bank, y: np.ndarray, queries: np.ndarray, bins: int) -> np.ndarray:
+def binned(
+    bank: Bank,
+    y: np.ndarray,
+    queries: np.ndarray,
+    bins: int,
+) -> np.ndarray:
     """The mean value of the bin whose prototype is nearest."""
     train = np.arange(len(y))
-    edges = np.unique(np.quantile(y, np.linspace(0, 1, bins + 1)[1:-1]))
+    inner = np.linspace(0, 1, bins + 1)[1:-1]
+    edges = np.unique(np.quantile(y, inner))
     places = np.searchsorted(edges, y, side="right")
     filled, bin_of = np.unique(places, return_inverse=True)
-    centres = np.array([y[bin_of == k].mean() for k in range(len(filled))])
+    means = [y[bin_of == k].mean() for k in range(len(filled))]
+    centres = np.array(means)
     model = HDCClassifier().fit(bank.at(train), bin_of)
     return centres[model.predict(bank.at(queries))]
 
@@ -184,17 +215,29 @@ def regressor(
     alphas: Sequence[float],
 ) -> Row:
     """Error, coverage and width of the library's regressor of the first frames [n]."""
-    model = HDCRegressor().fit(bank.at(np.arange(len(y))), y)
+    train = np.arange(len(y))
+    asked = bank.at(queries)
+    model = HDCRegressor().fit(bank.at(train), y)
     inside, width = [], []
     for alpha in alphas:
-        answer, low, high = model.predict(bank.at(queries), True, alpha)
-        inside.append(float(((low <= truth) & (truth <= high)).mean()))
+        answer, low, high = model.predict(asked, True, alpha)
+        holds = (low <= truth) & (truth <= high)
+        inside.append(float(holds.mean()))
         width.append(float((high - low).mean()))
     error = float(np.abs(answer - truth).mean())
-    return {"error": error, "alpha": list(alphas), "covered": inside, "width": width}
+    return {
+        "error": error,
+        "alpha": list(alphas),
+        "covered": inside,
+        "width": width,
+    }
 
 
-def ridge_values(inside: Tensor, across: Tensor, y: np.ndarray) -> np.ndarray:
+def ridge_values(
+    inside: Tensor,
+    across: Tensor,
+    y: np.ndarray,
+) -> np.ndarray:
     """Ridge regression of numbers with the penalty of least leave-one-out error.
 
     It is that of the frames themselves, whose weights lie in the span of the training frames.
@@ -205,7 +248,8 @@ def ridge_values(inside: Tensor, across: Tensor, y: np.ndarray) -> np.ndarray:
     """
     span = KernelPCA(kernel="precomputed", remove_zero_eig=True)
     coordinates = span.fit_transform(inside.numpy())
-    unit = float((coordinates**2).sum()) / len(y)
+    squares = coordinates**2
+    unit = float(squares.sum()) / len(y)
     model = RidgeCV(alphas=unit * PENALTIES).fit(coordinates, y)
     return model.predict(span.transform(across.numpy()))
 

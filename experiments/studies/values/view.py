@@ -62,7 +62,11 @@ def measured(
         )
 
 
-def means(rows: pd.DataFrame, column: str, name: str) -> dict[str, float]:
+def means(
+    rows: pd.DataFrame,
+    column: str,
+    name: str,
+) -> dict[str, float]:
     """Mean of a column with its interval: over seeds where there are several, else over draws."""
     several = rows.seed.nunique() > 1
     of = rows.groupby("seed" if several else "draw")[column].mean()
@@ -136,7 +140,11 @@ def _promises(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     columns = [column for column in PROMISED if column in rows]
     every = rows.explode(["alpha", *columns])
     for (split, alpha), part in every.groupby(["split", "alpha"], sort=False):
-        line = {"split": split, "n": part.n.iloc[0], "promised": 1 - alpha}
+        line = {
+            "split": split,
+            "n": part.n.iloc[0],
+            "promised": 1 - alpha,
+        }
         for column in columns:
             if part[column].notna().all():
                 line |= means(part, column, column)

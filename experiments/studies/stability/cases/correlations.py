@@ -16,7 +16,11 @@ from experiments.studies.stability.case import case
 D = 250_000
 
 
-def correlation_case(extreme: str, naive: str, tolerance: float = 1e-10) -> Any:
+def correlation_case(
+    extreme: str,
+    naive: str,
+    tolerance: float = 1e-10,
+) -> Any:
     ours = "mean_pair_correlations"
     return case(
         "correlations", extreme, naive, ours, "correlation", tolerance=tolerance
@@ -38,7 +42,10 @@ def correlated(levels: int) -> NDArray[np.int64]:
 
 
 def compared(
-    naive: Callable[..., float], frames: NDArray[np.int64], given: Any, ours: Any = None
+    naive: Callable[..., float],
+    frames: NDArray[np.int64],
+    given: Any,
+    ours: Any = None,
 ) -> tuple[Any, ...]:
     """A computation for `given`, the frames in its type, beside ours for the frames in ours."""
     samples = given if ours is None else ours
@@ -88,7 +95,7 @@ def squares_that_underflow() -> Any:
     "N_s = 2: one pair; the mean over a whole Gram matrix counts each frame with itself",
     "mean of numpy.corrcoef",
     1e-12,
-)  # fmt: skip
+)
 def two_samples_a_class() -> Any:
     frames = correlated(256)
     return compared(

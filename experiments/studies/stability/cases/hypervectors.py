@@ -28,10 +28,15 @@ def random(seed: int = 0) -> np.random.Generator:
 
 def random_bits(n: int, d: int) -> Tensor:
     """Random bits, bool [n, d]."""
-    return torch.from_numpy(random().integers(0, 2, (n, d), dtype=np.uint8).view(bool))
+    drawn = random().integers(0, 2, (n, d), dtype=np.uint8)
+    return torch.from_numpy(drawn.view(bool))
 
 
-def counted(words: Tensor, d: int, labels: Tensor) -> Counters:
+def counted(
+    words: Tensor,
+    d: int,
+    labels: Tensor,
+) -> Counters:
     """Counters of these hypervectors."""
     counters = Counters(int(labels.max()) + 1, d)
     counters.add(words, labels)
@@ -94,113 +99,151 @@ def violations(ones: np.ndarray, pixels: np.ndarray) -> int:
     of_frame, of_constant = ones
     wrong = np.count_nonzero(~of_frame & (pixels > m))
     wrong += np.count_nonzero(of_frame & (pixels < m))
-    wrong += sum(abs(int(row.sum()) - k) for row in ones)
+    for bits_of_one in ones:
+        wrong += abs(int(bits_of_one.sum()) - k)
     tied = pixels == m
     only_here = np.count_nonzero(tied & of_frame & ~of_constant)
     only_there = np.count_nonzero(tied & of_constant & ~of_frame)
     return int(wrong + min(only_here, only_there))
 
 
-def definition(make: Callable[[int], np.ndarray], dtype: str, d: int = D) -> Any:
+def definition(
+    make: Callable[[int], np.ndarray],
+    dtype: str,
+    d: int = D,
+) -> Any:
     """A frame and a constant one: their bits by comparison with the median, and by the encoder."""
     frame = torch.from_numpy(make(d).astype(dtype))
     both = torch.stack([frame, frame[:1].expand(d)])
 
     def naive() -> np.ndarray:
-        return torch.stack([row > row.median() for row in both]).numpy()
+        above = [row > row.median() for row in both]
+        return torch.stack(above).numpy()
 
     def ours() -> np.ndarray:
-        return bits.unpack(Median().encode(both), d).numpy().astype(bool)
+        words = Median().encode(both)
+        return bits.unpack(words, d).numpy().astype(bool)
 
     return naive, ours, frame.numpy()
 
 
 for _name, _extreme, _pixels, _dtype in FRAMES:
     hypervector_case(
-        _extreme, "pixel > median", "hdc.encoders.Median", "bits", name=f"definition {_name}",
+        _extreme,
+        "pixel > median",
+        "hdc.encoders.Median",
+        "bits",
+        name=f"definition {_name}",
         error=violations,
-    )(partial(definition, _pixels, _dtype))  # fmt: skip
+    )(partial(definition, _pixels, _dtype))
 
 
 def tail_bits(d: int) -> Any:
     """Ones of a prototype whose bits are all tied, so that it is all ones: as many as D."""
     mask = random_bits(1, d)
     pair = bits.pack(torch.cat((mask, ~mask)))
-    return (
-        lambda: bits.count_ones(~bits.majority(pair, "zero")[None]),
-        lambda: bits.count_ones(bits.majority(pair, "one")[None]),
-        d,
-    )
+
+    def naive() -> Tensor:
+        complement = ~bits.majority(pair, "zero")
+        return bits.count_ones(complement[None])
+
+    def ours() -> Tensor:
+        words = bits.majority(pair, "one")
+        return bits.count_ones(words[None])
+
+    return naive, ours, d
 
 
 for _d in (1, 3, 63, 65, 127, 129, 1000, D):
     hypervector_case(
         f"D = {_d:,}: a complement also sets bits beyond the last pixel",
-        "~majority(words, ties to zero)", "hdc.bits.majority(words, 'one')", "bits",
+        "~majority(words, ties to zero)",
+        "hdc.bits.majority(words, 'one')",
+        "bits",
         name=f"tail bits of {_d:,} pixels",
-    )(partial(tail_bits, _d))  # fmt: skip
+    )(partial(tail_bits, _d))
 
 
 @hypervector_case(
     "opposite hypervectors: sums of bits kept in bytes wrap at 256",
-    "numpy.bitwise_count, summed in uint8", "hdc.bits.hamming", "bits",
-)  # fmt: skip
+    "numpy.bitwise_count, summed in uint8",
+    "hdc.bits.hamming",
+    "bits",
+)
 def distances_above_255(d: int = D) -> Any:
     mask = random_bits(1, d)
     a, b = bits.pack(mask), bits.pack(~mask)
-    return (
-        lambda: np.bitwise_count((a ^ b).numpy().view(np.uint64)).sum(dtype=np.uint8),
-        lambda: bits.hamming(a, b),
-        d,
-    )
+
+    def naive() -> np.uint8:
+        differing = (a ^ b).numpy().view(np.uint64)
+        return np.bitwise_count(differing).sum(dtype=np.uint8)
+
+    return naive, partial(bits.hamming, a, b), d
 
 
 @hypervector_case(
     "50 of 51 prototypes equally near to every query: the lowest index is expected",
-    "topk(1, largest=False)", "HDCClassifier.predict", "queries", error=differing,
-)  # fmt: skip
+    "topk(1, largest=False)",
+    "HDCClassifier.predict",
+    "queries",
+    error=differing,
+)
 def hamming_ties(d: int = 1024) -> Any:
-    frames = torch.from_numpy(random().integers(0, 256, (2, d), dtype=np.uint8))
-    model = HDCClassifier().fit(frames[[0] + [1] * 50], np.arange(51))
+    drawn = random().integers(0, 256, (2, d), dtype=np.uint8)
+    frames = torch.from_numpy(drawn)
+    one_and_fifty = [0] + [1] * 50
+    model = HDCClassifier().fit(frames[one_and_fifty], np.arange(51))
     queries = frames[1:].repeat(20, 1)
     distances = torch.from_numpy(model.distances(queries))
-    return (
-        lambda: distances.topk(1, largest=False).indices[:, 0],
-        lambda: model.predict(queries),
-        1,
-    )
+
+    def naive() -> Tensor:
+        nearest = distances.topk(1, largest=False)
+        return nearest.indices[:, 0]
+
+    return naive, partial(model.predict, queries), 1
 
 
 @hypervector_case(
     "70,000 samples in a class: 16-bit counters wrap at 2^16",
-    "uint16 counters", "hdc.prototypes.Counters", "counts",
-)  # fmt: skip
+    "uint16 counters",
+    "hdc.prototypes.Counters",
+    "counts",
+)
 def counters_above_2_to_the_16(n: int = 70_000, d: int = 1000) -> Any:
-    ones = [
-        round(n * share) for share in np.linspace(0, 1, d)
-    ]  # how often each bit is set
-    mask = torch.from_numpy(np.arange(n)[:, None] < np.array(ones))
-    words, labels = bits.pack(mask), torch.zeros(n, dtype=torch.int64)
-    return (
-        lambda: mask.numpy().sum(0, dtype=np.uint16),
-        lambda: counted(words, d, labels).counts()[0],
-        ones,
-    )
+    # How often each bit is set.
+    ones = [round(n * share) for share in np.linspace(0, 1, d)]
+    sample = np.arange(n)
+    mask = sample[:, None] < np.array(ones)
+    words = bits.pack(torch.from_numpy(mask))
+    labels = torch.zeros(n, dtype=torch.int64)
+
+    def ours() -> Tensor:
+        (counts,) = counted(words, d, labels).counts()
+        return counts
+
+    return partial(mask.sum, 0, dtype=np.uint16), ours, ones
 
 
 @hypervector_case(
     "classes of 1, 2 and 997 samples: one threshold for all empties the small ones",
-    "count > N / (2 L)", "Counters.majority", "bits", error=differing,
-)  # fmt: skip
+    "count > N / (2 L)",
+    "Counters.majority",
+    "bits",
+    error=differing,
+)
 def unequal_classes(d: int = 10_000) -> Any:
     sizes = torch.tensor([1, 2, 997])
-    labels, mask = torch.repeat_interleave(torch.arange(3), sizes), random_bits(1000, d)
-    words, counts = (
-        bits.pack(mask),
-        torch.stack([mask[labels == c].sum(0) for c in range(3)]),
-    )
-    return (
-        lambda: counts > len(labels) / 6,
-        lambda: bits.unpack(counted(words, d, labels).majority(), d),
-        2 * counts > sizes[:, None],
-    )
+    labels = torch.repeat_interleave(torch.arange(3), sizes)
+    mask = random_bits(1000, d)
+    words = bits.pack(mask)
+    of_classes = [mask[labels == c].sum(0) for c in range(3)]
+    counts = torch.stack(of_classes)
+
+    def naive() -> Tensor:
+        return counts > len(labels) / 6
+
+    def ours() -> Tensor:
+        prototypes = counted(words, d, labels).majority()
+        return bits.unpack(prototypes, d)
+
+    return naive, ours, 2 * counts > sizes[:, None]

@@ -14,9 +14,13 @@ from scenes.sensor.seeds import stream
 
 
 @case(
-    "sensor", "phases of up to 10^7 rad, a million turns: float32 resolves 1 rad there",
-    "phases in float32", "MountedCamera.intensity", "mean intensities", tolerance=1e-4,
-)  # fmt: skip
+    "sensor",
+    "phases of up to 10^7 rad, a million turns: float32 resolves 1 rad there",
+    "phases in float32",
+    "MountedCamera.intensity",
+    "mean intensities",
+    tolerance=1e-4,
+)
 def phases_of_a_million_turns() -> Any:
     camera = Camera(grid=64, crop=60, pupil=24)
     drawn = stream(3, "numerics").uniform(-1e7, 1e7, camera.path_count)

@@ -22,9 +22,13 @@ from hdc import HDCClassifier
 from hdc.products import integer_product
 
 MODELS: tuple[Any, ...] = (
-    HDCClassifier, SoftmaxRegression, DualSoftmaxRegression, RidgeReadout, CorrelationClassifier,
+    HDCClassifier,
+    SoftmaxRegression,
+    DualSoftmaxRegression,
+    RidgeReadout,
+    CorrelationClassifier,
     NearestNeighbour,
-)  # fmt: skip
+)
 
 
 training_case = partial(case, "training")
@@ -32,38 +36,49 @@ training_case = partial(case, "training")
 
 def halves(n: int = 1) -> tuple[Tensor, np.ndarray]:
     """Two frames of four pixels, one half bright each, n times; and their labels."""
-    frames = torch.tensor([[[255, 255, 0, 0]], [[0, 0, 255, 255]]], dtype=torch.uint8)
+    pixels = [[255, 255, 0, 0], [0, 0, 255, 255]]
+    frames = torch.tensor(pixels, dtype=torch.uint8)[:, None]
     return frames.repeat(n, 1, 1), np.tile([0, 1], n)
 
 
 @training_case(
     "250,000 products of −128 and −128: an int32 sum wraps at 2^31",
-    "int32 matrix product", "integer_product", "relative", error=relative,
-)  # fmt: skip
+    "int32 matrix product",
+    "integer_product",
+    "relative",
+    error=relative,
+)
 def integer_overflow(d: int = 250_000) -> Any:
     x = torch.full((1, d), -128, dtype=torch.int8)
-    return lambda: x.int() @ x.int().T, lambda: integer_product(x, x.T), 128 * 128 * d
+    wide = x.int()
+    naive = partial(torch.matmul, wide, wide.T)
+    ours = partial(integer_product, x, x.T)
+    return naive, ours, 128 * 128 * d
 
 
 @training_case(
     "logits of ±10,160 and a wrong label: e^10160 is above any float, ∞/∞ is NaN",
-    "−log(exp(z) / Σ exp(z))", "SoftmaxRegression", "relative", error=relative,
+    "−log(exp(z) / Σ exp(z))",
+    "SoftmaxRegression",
+    "relative",
+    error=relative,
     tolerance=1e-6,
-)  # fmt: skip
+)
 def logits_of_ten_thousand() -> Any:
     # One step of rate 1.25 from W = 0 gives W_0 = −W_1 = 1.25·(x_0 − x_1)/8, logits ±1.25·255²/8,
     # and a loss of twice that for the third of four frames, whose label is wrong.
-    frames = torch.tensor(
-        [[[0, 255]], [[0, 255]], [[0, 255]], [[255, 0]]], dtype=torch.uint8
-    )
-    labels, rate = np.array([0, 0, 1, 1]), 1.25
-    weights = torch.tensor([[-255.0, 255.0], [255.0, -255.0]]) * (rate / 8)
+    pixels = [[0, 255], [0, 255], [0, 255], [255, 0]]
+    frames = torch.tensor(pixels, dtype=torch.uint8)[:, None]
+    labels = np.array([0, 0, 1, 1])
+    rate = 1.25
+    weights = torch.tensor([[-255.0, 255.0], [255.0, -255.0]])
+    weights *= rate / 8
 
     def naive() -> Tensor:
-        exponentials = (frames.flatten(1).float() @ weights.T).exp()
-        likelihood = (exponentials / exponentials.sum(1, keepdim=True))[
-            range(4), labels
-        ]
+        logits = frames.flatten(1).float() @ weights.T
+        exponentials = logits.exp()
+        probabilities = exponentials / exponentials.sum(1, keepdim=True)
+        likelihood = probabilities[range(4), labels]
         return -likelihood.log().mean()
 
     def ours() -> float:
@@ -82,34 +97,40 @@ def logits_of_ten_thousand() -> Any:
 
 @training_case(
     "two frames, each 50 times: with a Gram matrix of rank one, Newton's step is singular",
-    "Newton's method, dense Hessian K·S·K + K", "DualSoftmaxRegression", "relative",
-    error=relative, tolerance=1e-6,
-)  # fmt: skip
+    "Newton's method, dense Hessian K·S·K + K",
+    "DualSoftmaxRegression",
+    "relative",
+    error=relative,
+    tolerance=1e-6,
+)
 def duplicated_samples(m: int = 50, c: float = 1.0) -> Any:
     frames, labels = halves(m)
+
     # Centred, the frames are ±d with k = d·d = 1. With W_0 = −W_1 = β·d the objective is
     # 2mC·log(1 + e^{−2βk}) + β²k.
-    beta = mpmath.findroot(lambda b: b - 2 * m * c / (1 + mpmath.exp(2 * b)), 1.0)
+    def slope(b: Any) -> Any:
+        return b - 2 * m * c / (1 + mpmath.exp(2 * b))
+
+    beta = mpmath.findroot(slope, 1.0)
 
     def naive() -> float:
-        x, y = frames.flatten(1).double() / 255, torch.from_numpy(1.0 - labels)
+        x = frames.flatten(1).double() / 255
+        y = torch.from_numpy(1.0 - labels)
         x -= x.mean(0)
         gram = x @ x.T
         a = torch.zeros(2 * m, dtype=torch.float64)
-        for _ in range(
-            20
-        ):  # on the difference of the classes' weights, whose penalty is |v|²/4
+        # On the difference of the classes' weights, whose penalty is |v|²/4.
+        for _ in range(20):
             p = (gram @ a).sigmoid()
-            hessian = gram @ torch.diag(2 * c * p * (1 - p)) @ gram + gram
-            a -= torch.linalg.solve(hessian, gram @ (2 * c * (p - y) + a))
+            curvature = torch.diag(2 * c * p * (1 - p))
+            hessian = gram @ curvature @ gram + gram
+            gradient = gram @ (2 * c * (p - y) + a)
+            a -= torch.linalg.solve(hessian, gradient)
         return float((gram @ a)[0])
 
     def ours() -> float:
-        scores = (
-            DualSoftmaxRegression(C=c, tol=1e-14)
-            .fit(frames, labels)
-            .scores(frames[:1])[0]
-        )
+        model = DualSoftmaxRegression(C=c, tol=1e-14)
+        scores = model.fit(frames, labels).scores(frames[:1])[0]
         return float(scores[0] - scores[1])
 
     return naive, ours, float(2 * beta)
@@ -117,25 +138,31 @@ def duplicated_samples(m: int = 50, c: float = 1.0) -> Any:
 
 @training_case(
     "nearly separable frames, C = 10^6: full steps of Newton's method overshoot until exp(z) is ∞",
-    "Newton's method, full steps", "DualSoftmaxRegression", "relative", error=relative,
+    "Newton's method, full steps",
+    "DualSoftmaxRegression",
+    "relative",
+    error=relative,
     tolerance=1e-6,
-)  # fmt: skip
+)
 def steps_that_overshoot(c: float = 1e6) -> Any:
     pixels = [[0, 255], [2, 1], [0, 1], [1, 0], [255, 5], [0, 255], [20, 20]]
     labels = np.array([0, 1, 0, 0, 0, 0, 0])
     frames = torch.tensor(pixels, dtype=torch.uint8)[:, None]
-    x = np.column_stack([np.array(pixels) / 255, np.ones(len(pixels))])
-    signed = x * (1 - 2 * labels)[:, None]
-    penalty = np.diag(
-        [0.5, 0.5, 0.0]
-    )  # ¼|v|² of the difference v of the classes' weights
+    scaled = np.array(pixels) / 255
+    x = np.column_stack([scaled, np.ones(len(pixels))])
+    signs = 1 - 2 * labels
+    signed = x * signs[:, None]
+    # ¼|v|² of the difference v of the classes' weights.
+    penalty = np.diag([0.5, 0.5, 0.0])
 
     # F(v, b) = C Σ log(1 + e^{−z}) + ¼|v|²: scikit-learn's objective of two classes.
     def objective(w: np.ndarray) -> float:
-        return c * np.logaddexp(0, -signed @ w).sum() + w @ penalty @ w / 2
+        losses = np.logaddexp(0, -signed @ w)
+        return c * losses.sum() + w @ penalty @ w / 2
 
     def gradient(w: np.ndarray) -> np.ndarray:
-        return -c * signed.T @ expit(-signed @ w) + penalty @ w
+        missing = expit(-signed @ w)
+        return -c * signed.T @ missing + penalty @ w
 
     def hessian(w: np.ndarray) -> np.ndarray:
         p = expit(signed @ w)
@@ -148,44 +175,61 @@ def steps_that_overshoot(c: float = 1e6) -> Any:
         return objective(w)
 
     def ours() -> float:
-        return DualSoftmaxRegression(C=c, tol=1e-14).fit(frames, labels).objective_
+        model = DualSoftmaxRegression(C=c, tol=1e-14)
+        return model.fit(frames, labels).objective_
 
     exact = minimize(
-        objective, np.zeros(3), method="trust-exact", jac=gradient, hess=hessian,
+        objective,
+        np.zeros(3),
+        method="trust-exact",
+        jac=gradient,
+        hess=hessian,
         options={"gtol": 1e-3, "maxiter": 5000},
-    )  # fmt: skip
+    )
     return naive, ours, exact.fun
 
 
 @training_case(
     "samples of classes 0 and 2 of three: the mean of no sample is NaN, nearest to all",
-    "nearest of three class means", "six models", "wrong labels",
-)  # fmt: skip
+    "nearest of three class means",
+    "six models",
+    "wrong labels",
+)
 def a_class_without_training_samples(n: int = 10, side: int = 16) -> Any:
-    noise = np.random.default_rng(0).integers(0, 256, (n, side, side), dtype=np.uint8)
-    frames, labels = torch.from_numpy(noise), np.arange(n) % 2 * 2
+    random = np.random.default_rng(0)
+    noise = random.integers(0, 256, (n, side, side), dtype=np.uint8)
+    frames = torch.from_numpy(noise)
+    labels = np.arange(n) % 2 * 2
 
     def naive() -> int:
         x = frames.flatten(1).numpy().astype(float)
         means = np.array([x[labels == c].mean(0) for c in range(3)])
-        return (((x[:, None] - means) ** 2).sum(2).argmin(1) != labels).sum()
+        distances = ((x[:, None] - means) ** 2).sum(2)
+        return (distances.argmin(1) != labels).sum()
 
     def ours() -> list[int]:
-        return [
-            (model().fit(frames, labels).predict(frames) != labels).sum()
-            for model in MODELS
-        ]
+        wrong = []
+        for model in MODELS:
+            predicted = model().fit(frames, labels).predict(frames)
+            wrong.append((predicted != labels).sum())
+        return wrong
 
     return naive, ours, 0
 
 
 @training_case(
     "a frame without contrast is asked: its correlation is 0/0; zero is expected",
-    "numpy.corrcoef", "CorrelationClassifier", "correlation",
-)  # fmt: skip
+    "numpy.corrcoef",
+    "CorrelationClassifier",
+    "correlation",
+)
 def a_constant_frame_is_asked() -> Any:
     frames, labels = halves()
     constant = torch.full((1, 1, 4), 128, dtype=torch.uint8)
     rows = torch.cat([constant, frames]).flatten(1).numpy()
     model = CorrelationClassifier().fit(frames, labels)
-    return lambda: np.corrcoef(rows)[0, 1:], lambda: model.scores(constant), 0
+
+    def naive() -> np.ndarray:
+        return np.corrcoef(rows)[0, 1:]
+
+    return naive, partial(model.scores, constant), 0
