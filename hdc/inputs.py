@@ -270,6 +270,18 @@ def check_two_classes(classes: np.ndarray) -> None:
         )
 
 
+def check_share(share: Any) -> float:
+    """A share of frames that may be missed, as a float.
+
+    Raises:
+        ValueError: if it is not in (0, 1).
+    """
+    is_float = isinstance(share, float | np.floating)
+    if not is_float or not 0 < share < 1:
+        raise ValueError(f"reject, alpha: expected a share in (0, 1), found {share!r}")
+    return float(share)
+
+
 def check_option(name: str, value: Any, options: Iterable[Any]) -> None:
     """Raise ValueError, listing the options, for a value that is none of them."""
     options = list(options)

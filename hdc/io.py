@@ -185,3 +185,18 @@ def check_tensors(
         fits = tuple(tensor.shape) == shapes.get(name) and str(tensor.dtype) == expected
         if not fits or not tensor.isfinite().all():
             raise ValueError(f"{name}: {tensor.dtype} {tuple(tensor.shape)}")
+
+
+def prefixed(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """The tensors of one part of a model, by the names that they have in its file."""
+    return {f"{prefix}.{name}": tensor for name, tensor in tensors.items()}
+
+
+def without_prefix(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Those of the tensors of a file that are of one part, by their names in that part."""
+    start = f"{prefix}."
+    return {
+        name.removeprefix(start): tensor
+        for name, tensor in tensors.items()
+        if name.startswith(start)
+    }

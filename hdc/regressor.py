@@ -13,8 +13,9 @@ from torch import Tensor
 
 from hdc import bits, inputs
 from hdc.encoders import ENCODERS, make_encoder
-from hdc.estimator import Estimator, check_share
-from hdc.io import check_tensors
+from hdc.estimator import Estimator
+from hdc.inputs import check_share
+from hdc.io import check_tensors, prefixed
 from hdc.readouts import VALUE_READOUTS, make_value_readout
 from hdc.readouts.values import ValueReadout
 
@@ -79,7 +80,7 @@ class HDCRegressor(Estimator):
         """
         trained = self._untrained()
         trained._check_parameters()
-        frames = trained._given(frames, training=True)
+        frames = trained._checked_frames(frames, training=True)
         values = inputs.targets(y, len(frames))
         trained._one = values.ndim == 1
         trained._check_enough(frames)
@@ -128,7 +129,7 @@ class HDCRegressor(Estimator):
 
     def _pairs(self, frames: Any, y: Any) -> tuple[Tensor, Tensor]:
         """Hypervectors [N, W], and numbers float64 [N, T] like those of training."""
-        frames = self._given(frames, training=True)
+        frames = self._checked_frames(frames, training=True)
         values = inputs.targets(y, len(frames))
         table = _table(values)
         if (values.ndim == 1) != self._one or table.shape[1] != self._values.shape[1]:
@@ -204,19 +205,9 @@ class HDCRegressor(Estimator):
             shares.append(_predicted_share(truth, answers))
         return float(np.mean(shares))
 
-    @classmethod
-    def components(
-        cls, encoder: Any = "median", readout: Any = "ridge", **_: Any
-    ) -> tuple[type, ...]:
-        """The classes of the parts that such parameters give by name."""
-        given = {"encoder": encoder, "readout": readout}
-        named = [name for name in given if isinstance(given[name], str)]
-        return tuple(type(cls.parts[name](given[name])) for name in named)
-
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         tensors = {"words": self._words, "values": self._values}
-        for name, tensor in self.readout_.stored().items():
-            tensors[f"readout.{name}"] = tensor
+        tensors |= prefixed("readout", self.readout_.stored())
         return {"recalibrated": self._recalibrated, "one": self._one}, tensors
 
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:

@@ -27,19 +27,86 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.inputs import Label
+from hdc.estimator import Estimator
+from hdc.inputs import Label, check_share
+from hdc.readouts.majority import Counting
 
 KEPT = 19
 """Hypervectors kept of a class: p-values in steps of 5 %; 0.6 MB a class at D = 250,000."""
 RATE = 0.05
 """Share of known frames that are refused unless another is given."""
 _GOLDEN = 0x9E3779B97F4A7C15  # 2^64 over the golden ratio
+
+
+class Rejecting(Estimator):
+    """A classifier that says which classes a frame may be of, or that it is of none.
+
+    It compares with the prototypes of a read-out that counts, whatever read-out decides.
+    """
+
+    classes_: np.ndarray
+    _majority: Counting  # prototypes for distances and rejection: the read-out's own, if it counts
+    _sample: Sample
+    _peers: list[Peers | None] | None  # of sample and prototypes, made when asked for
+
+    def predict_set(self, frames: Any, alpha: float = 0.1) -> list[np.ndarray]:
+        """The classes that each of Q frames may be of: Q arrays of labels.
+
+        For fresh frames exchangeable with the training frames of their class, the set has the right
+        label with probability 1 − alpha at least (:mod:`hdc.rejection`). It is empty for a frame
+        that is like none of the classes.
+
+        Raises:
+            ValueError: as :meth:`is_known`.
+        """
+        share = check_share(alpha)
+        possible = self._p_values(frames, share) > share
+        return [self.classes_[row] for row in possible]
+
+    def is_known(self, frames: Any, reject: float = RATE) -> np.ndarray:
+        """Whether frames are as near to a prototype as frames of its class are: bool [Q].
+
+        False where :meth:`predict_set` is empty: for a share `reject` of fresh frames of known
+        classes at most, if they come as the training frames did, and for noise, a black frame or an
+        object that was not trained, as long as there are 1/reject training frames.
+
+        Raises:
+            ValueError: for a share outside (0, 1).
+        """
+        share = check_share(reject)
+        return self._p_values(frames, share).max(1) > share
+
+    def _p_values(self, frames: Any, alpha: float) -> np.ndarray:
+        self._check_is_trained()
+        parts = [
+            p_values(self._known_peers(), words, alpha)
+            for words in self._encoded(frames)
+        ]
+        return np.concatenate(parts)
+
+    def _known_peers(self) -> list[Peers | None]:
+        peers = self._peers  # another thread may be making them, too, and of the same
+        if peers is None:
+            peers = self._make_peers()
+            self._peers = peers
+        return peers
+
+    def _make_peers(self) -> list[Peers | None]:
+        prototypes = self._majority.deciding()
+        peers: list[Peers | None] = []
+        for row, label in enumerate(self.classes_.tolist()):
+            if self._sample.seen.get(label):
+                peers.append(Peers.of(self._sample.of(label), prototypes[row]))
+            else:
+                peers.append(None)
+        return peers
 
 
 class Sample:
