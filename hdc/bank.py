@@ -20,7 +20,7 @@ from hdc import bits, inputs, products
 from hdc.encoders import Encoder, Median, encode_with
 from hdc.parameters import check_choice, has_plain_parameters
 from hdc.products import Moments
-from hdc.readouts.products import gram
+from hdc.readouts.arithmetic import gram
 
 KERNELS = ("unit", "unit_centred", "raw", "standard_global", "standardised", "bits")
 """Scalings of pixels (baselines.pixels) whose products follow from those of the grey values."""

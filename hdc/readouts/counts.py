@@ -10,9 +10,9 @@ from torch import Tensor
 from hdc import bits
 from hdc.parameters import check_choice
 from hdc.prototypes import Counters
+from hdc.readouts.arithmetic import dot
 from hdc.readouts.base import without_empty
 from hdc.readouts.majority import Counting, smallest
-from hdc.readouts.products import dot
 
 
 class Counts(Counting):

@@ -31,8 +31,8 @@ from hdc import bits
 from hdc.io import check_tensors
 from hdc.parameters import is_number
 from hdc.prototypes import Counters
+from hdc.readouts.arithmetic import combinations, dot, gram
 from hdc.readouts.base import NOWHERE, Readout
-from hdc.readouts.products import combinations, dot, gram
 
 SHRINKAGES = ("ledoit_wolf", "oas")
 MOST_FRAMES = 8000
