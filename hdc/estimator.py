@@ -194,7 +194,8 @@ class Estimator(Parametrised, ABC):
         # Not the backend: the best one depends on the machine, and the model does not.
         parameters: dict[str, Any] = {"device": str(self.device)}
         for name, make in self.parts.items():
-            parameters[name] = describe(make(getattr(self, name)), self._known[name])
+            part = make(getattr(self, name))
+            parameters[name] = describe(part, self._known[name])
         header, tensors = self._stored()
         tensors |= io.prefixed("encoder", self.encoder_.state())
         header = {"kind": type(self).__name__, **header}
@@ -218,6 +219,9 @@ class Estimator(Parametrised, ABC):
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a model that :meth:`save` wrote; one of a missing GPU computes on the CPU.
+
+        A file may name an encoder or a read-out of one's own, whose module is imported: load only
+        files that you trust.
 
         Raises:
             ValueError: if the file is not such a model, of another class, or damaged; it is named.
