@@ -22,12 +22,21 @@ def wilson(n_right: float, n: int, level: float = 0.95) -> tuple[float, float]:
     """
     z = NormalDist().inv_cdf((1 + level) / 2)
     p, z2_n = n_right / n, z * z / n
-    half = math.sqrt(z2_n * (p * (1 - p) + z2_n / 4))
-    low, high = ((p + z2_n / 2 + side * half) / (1 + z2_n) for side in (-1, 1))
-    return (low if n_right > 0 else 0.0), (high if n_right < n else 1.0)
+    variance = p * (1 - p) + z2_n / 4
+    half = math.sqrt(z2_n * variance)
+    centre = p + z2_n / 2
+    low = (centre - half) / (1 + z2_n)
+    high = (centre + half) / (1 + z2_n)
+    # Exact at the ends, which rounding would miss.
+    if n_right <= 0:
+        low = 0.0
+    if n_right >= n:
+        high = 1.0
+    return low, high
 
 
 def confusion(predicted: np.ndarray, labels: np.ndarray, n_classes: int) -> np.ndarray:
     """Counts int64 [L, L]: row, true class; column, predicted class."""
     pairs = np.asarray(labels) * n_classes + np.asarray(predicted)
-    return np.bincount(pairs, minlength=n_classes**2).reshape(n_classes, n_classes)
+    counts = np.bincount(pairs, minlength=n_classes**2)
+    return counts.reshape(n_classes, n_classes)

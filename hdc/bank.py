@@ -20,7 +20,7 @@ from hdc import bits, inputs, products
 from hdc.encoders import Encoder, Median, encode_with
 from hdc.parameters import check_choice, has_plain_parameters
 from hdc.products import Moments
-from hdc.readouts.products import gram
+from hdc.readouts.arithmetic import gram
 
 KERNELS = ("unit", "unit_centred", "raw", "standard_global", "standardised", "bits")
 """Scalings of pixels (baselines.pixels) whose products follow from those of the grey values."""
@@ -70,9 +70,12 @@ class Bank:
         """
         key = make if key is None else key
         if key not in self._made:
-            parts = [make(part) for part in self.frames.split(_BATCH)]
-            self._made[key] = torch.cat(parts)
+            self._made[key] = self._in_batches(make)
         return self._made[key]
+
+    def _in_batches(self, make: Callable[[Tensor], Tensor]) -> Tensor:
+        parts = [make(part) for part in self.frames.split(_BATCH)]
+        return torch.cat(parts)
 
     def words(self, encoder: Encoder | None = None, backend: str = "numpy") -> Tensor:
         """Hypervectors int64 [N, W] by an encoder, computed once unless it has learned.
@@ -87,10 +90,12 @@ class Bank:
             return encode_with(encoder, frames, 0, backend)
 
         if encoder.learns:
-            return torch.cat([make(part) for part in self.frames.split(_BATCH)])
+            return self._in_batches(make)
         # Arrays among the parameters are not told apart by their text.
-        plain = has_plain_parameters(encoder)
-        return self.each(make, (type(encoder), repr(encoder)) if plain else encoder)
+        key: Hashable = encoder
+        if has_plain_parameters(encoder):
+            key = (type(encoder), repr(encoder))
+        return self.each(make, key)
 
     @functools.cached_property
     def greys(self) -> Tensor:
@@ -100,9 +105,11 @@ class Bank:
     @functools.cached_property
     def bits(self) -> Tensor:
         """Products of hypervectors in ±1, D − 2·Hamming, float64 [N, N]."""
-        backend = bits.choose_backend("auto", "cpu", len(self) * self.dimension)
+        n_pixels = len(self) * self.dimension
+        backend = bits.choose_backend("auto", "cpu", n_pixels)
         words = self.words()
-        return gram(words, words, self.dimension, backend).to(self.frames.device)
+        found = gram(words, words, self.dimension, backend)
+        return found.to(self.frames.device)
 
     @functools.cached_property
     def moments(self) -> Moments:
@@ -113,7 +120,9 @@ class Bank:
     def _images(self) -> Tensor:
         """Pixels [N, D] in a type that torch can do arithmetic on."""
         flat = self.frames.flatten(1)
-        return flat if flat.dtype == torch.uint8 else flat.to(torch.int32)
+        if flat.dtype == torch.uint8:
+            return flat
+        return flat.to(torch.int32)
 
     # What one subset needs -----------------------------------------------------------------------
 
@@ -133,7 +142,8 @@ class Bank:
             pixels: one of :data:`KERNELS`.
         """
         check_choice("pixels", pixels, KERNELS)
-        rows, n = np.concatenate([train, queries]), len(train)
+        rows = np.concatenate([train, queries])
+        n = len(train)
         if pixels == "bits":
             part = self.bits[np.ix_(rows, train)]
         elif pixels == "standardised":
@@ -148,25 +158,29 @@ class Bank:
         """:meth:`kernel` of scaled frames less the mean scaled training frame."""
         if pixels in ("raw", "unit", "unit_centred"):
             # The offset cancels: the small integers do without it, and lose nothing to it.
-            square = (1.0 if pixels == "raw" else 1 / self.white) ** 2
+            scale = 1.0 if pixels == "raw" else 1 / self.white
+            square = scale**2
             inside = square * self.greys[np.ix_(train, train)]
             across = square * self.greys[np.ix_(queries, train)]
         else:
             inside, across = self.kernel(train, queries, pixels)
-        means, mean = inside.mean(0), inside.mean()
+        means = inside.mean(0)
+        mean = inside.mean()
         own = across.mean(1, keepdim=True)
-        return inside - means - means[:, None] + mean, across - means - own + mean
+        centred_inside = inside - means - means[:, None] + mean
+        centred_across = across - means - own + mean
+        return centred_inside, centred_across
 
     def _standardised(self, rows: np.ndarray, columns: np.ndarray) -> Tensor:
         greys = self.greys[np.ix_(rows, columns)]
-        moments = self.moments
-        return standardised(
-            greys, moments.of(rows), moments.of(columns), self.dimension
-        )
+        ours = self.moments.of(rows)
+        theirs = self.moments.of(columns)
+        return standardised(greys, ours, theirs, self.dimension)
 
     def _scaled(self, rows: np.ndarray, train: np.ndarray, pixels: str) -> Tensor:
         """Products of scale·(x − offset), the same two numbers for all pixels."""
-        ours, theirs = self.moments.of(rows), self.moments.of(train)
+        ours = self.moments.of(rows)
+        theirs = self.moments.of(train)
         mean = float(theirs.first.mean()) / self.dimension
         centred = pixels in ("unit_centred", "standard_global")
         offset = mean if centred else -products.constant_of(self.frames)
@@ -175,8 +189,9 @@ class Bank:
             square = float(theirs.second.mean()) / self.dimension
             scale = (square - mean**2) ** -0.5
         shift = offset * (ours.first[:, None] + theirs.first)
+        constant = offset**2 * self.dimension
         greys = self.greys[np.ix_(rows, train)]
-        return scale**2 * (greys - shift + offset**2 * self.dimension)
+        return scale**2 * (greys - shift + constant)
 
 
 class Selection:
@@ -187,12 +202,14 @@ class Selection:
     """
 
     def __init__(self, bank: Bank, rows: np.ndarray) -> None:
-        self.bank, self.rows = bank, np.asarray(rows, dtype=np.int64)
+        self.bank = bank
+        self.rows = np.asarray(rows, dtype=np.int64)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """[n, H, W] or [n, D]."""
-        return (len(self.rows), *self.bank.frames.shape[1:])
+        frame_shape = self.bank.frames.shape[1:]
+        return (len(self.rows), *frame_shape)
 
     @property
     def dtype(self) -> torch.dtype:
@@ -222,7 +239,9 @@ def standardised(
 ) -> Tensor:
     """Products of standardised frames [n, m] from those of their greys and the moments of both."""
     across = torch.outer(rows.first, columns.first) / dimension
-    lengths = torch.outer(deviations(rows, dimension), deviations(columns, dimension))
+    ours = deviations(rows, dimension)
+    theirs = deviations(columns, dimension)
+    lengths = torch.outer(ours, theirs)
     return (greys - across) / lengths
 
 
@@ -230,4 +249,5 @@ def deviations(moments: Moments, dimension: int) -> Tensor:
     """Standard deviation of the pixels of each frame; 1 for a constant frame."""
     variance = moments.second / dimension - (moments.first / dimension) ** 2
     # The least variance of a frame of whole numbers that is not constant is about 1/D.
-    return torch.where(variance > 0.1 / dimension, variance, 1.0).sqrt()
+    varies = variance > 0.1 / dimension
+    return torch.where(varies, variance, 1.0).sqrt()

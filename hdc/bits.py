@@ -31,9 +31,8 @@ from hdc import planes
 WORD = 64
 TIES = ("zero", "one", "random")
 BACKENDS = ("numpy", "compiled")
-_WORTH_LOADING = (
-    2**30
-)  # pixels; numba and the kernels take 0.6 s to load, 10^9 pixels save 0.45 s
+_WORTH_LOADING = 2**30
+"""Pixels; numba and the kernels take 0.6 s to load, 10^9 pixels save 0.45 s."""
 
 # Eight bools seen as one int64 times this constant carry their bits into the top byte, in order.
 _GATHER_BYTE = 0x0102040810204080
@@ -76,13 +75,17 @@ def choose_backend(backend: str, device: torch.device | str, n_pixels: int = 0) 
     ``"auto"`` is ``"compiled"`` on the CPU where the kernels are loaded already, or where numba is
     installed and loading it pays: for more than about 4000 frames of 500 × 500.
     """
-    if backend == "auto":
-        ready = "hdc.compiled" in sys.modules or (
-            n_pixels > _WORTH_LOADING and importlib.util.find_spec("numba") is not None
-        )
-        return "compiled" if ready and torch.device(device).type == "cpu" else "numpy"
-    kernels(backend, device)
-    return backend
+    if backend != "auto":
+        kernels(backend, device)
+        return backend
+    if torch.device(device).type != "cpu":
+        return "numpy"
+    if "hdc.compiled" in sys.modules:
+        return "compiled"
+    pays = n_pixels > _WORTH_LOADING
+    if pays and importlib.util.find_spec("numba") is not None:
+        return "compiled"
+    return "numpy"
 
 
 def words_for(dimension: int) -> int:
@@ -107,7 +110,8 @@ def pack(mask: Tensor) -> Tensor:
         return top_bytes.to(torch.uint8).view(torch.int64)
     bytes_ = np.packbits(mask.numpy(), axis=-1, bitorder="little")
     words = np.zeros((*batch, width), np.int64)
-    words.view(np.uint8)[..., : bytes_.shape[-1]] = bytes_
+    n_bytes = bytes_.shape[-1]
+    words.view(np.uint8)[..., :n_bytes] = bytes_
     return torch.from_numpy(words)
 
 
@@ -116,7 +120,8 @@ def unpack(words: Tensor, dimension: int) -> Tensor:
     check_width(words, dimension)
     if words.device.type != "cpu":
         shifts = torch.arange(WORD).to(words)
-        return ((words.unsqueeze(-1) >> shifts) & 1).flatten(-2)[..., :dimension].bool()
+        separate = (words.unsqueeze(-1) >> shifts) & 1
+        return separate.flatten(-2)[..., :dimension].bool()
     bytes_ = words.contiguous().numpy().view(np.uint8)
     ones = np.unpackbits(bytes_, axis=-1, count=dimension, bitorder="little")
     return torch.from_numpy(ones.view(np.bool_))
@@ -124,16 +129,16 @@ def unpack(words: Tensor, dimension: int) -> Tensor:
 
 def popcount(words: Tensor) -> Tensor:
     """Number of ones of each word: int64 [...] to uint8 [...]."""
-    if words.device.type == "cpu":  # numpy counts the magnitude of signed integers
-        return torch.from_numpy(np.bitwise_count(words.numpy().view(np.uint64)))
+    if words.device.type == "cpu":
+        return torch.from_numpy(_popcount_by_numpy(words))
     return _swar_popcount(words).to(torch.uint8)
 
 
 def count_ones(words: Tensor) -> Tensor:
     """Number of ones of each hypervector: int64 [..., W] to int64 [...]."""
     if words.device.type == "cpu":
-        counts = np.bitwise_count(words.numpy().view(np.uint64))
-        return torch.from_numpy(np.asarray(counts.sum(-1, dtype=np.int64)))
+        ones = _popcount_by_numpy(words).sum(-1, dtype=np.int64)
+        return torch.from_numpy(np.asarray(ones))
     return _swar_popcount(words).sum(-1)
 
 
@@ -149,28 +154,36 @@ def hamming(queries: Tensor, prototypes: Tensor, backend: str = "numpy") -> Tens
             "hamming: expected equal widths, found {} and {} words".format(*widths)
         )
     if queries.device.type != "cpu":
-        distances = queries.new_empty(len(queries), len(prototypes))
-        step = max(1, 2**23 // max(1, prototypes.numel()))  # at most about 256 MB
-        for start in range(0, len(queries), step):
-            differing = queries[start : start + step, None] ^ prototypes
-            distances[start : start + step] = _swar_popcount(differing).sum(-1)
-        return distances
-    if compiled := kernels(backend, "cpu"):
-        pair = (np.ascontiguousarray(words.numpy()) for words in (queries, prototypes))
-        return torch.from_numpy(compiled.hamming(*pair))
-    q, p = (
-        words.contiguous().numpy().view(np.uint64) for words in (queries, prototypes)
-    )
-    out = np.empty((len(q), len(p)), np.int64)
+        return _hamming_by_torch(queries, prototypes)
+    asked = queries.contiguous().numpy()
+    known = prototypes.contiguous().numpy()
+    compiled = kernels(backend, "cpu")
+    if compiled:
+        return torch.from_numpy(compiled.hamming(asked, known))
+    return torch.from_numpy(_hamming_by_numpy(asked, known))
+
+
+def _hamming_by_torch(queries: Tensor, prototypes: Tensor) -> Tensor:
+    distances = queries.new_empty(len(queries), len(prototypes))
+    step = max(1, 2**23 // max(1, prototypes.numel()))  # at most about 256 MB
+    for start in range(0, len(queries), step):
+        differing = queries[start : start + step, None] ^ prototypes
+        distances[start : start + step] = _swar_popcount(differing).sum(-1)
+    return distances
+
+
+def _hamming_by_numpy(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
+    asked = queries.view(np.uint64)
+    known = prototypes.view(np.uint64)
+    distances = np.empty((len(asked), len(known)), np.int64)
     # Some tens of queries a step keep the intermediate words in the processor's cache.
-    step = max(1, 2**16 // max(1, q.shape[1]))
-    for start in range(0, len(q), step):
-        block = q[start : start + step]
-        for j, prototype in enumerate(p):
-            np.bitwise_count(block ^ prototype).sum(
-                -1, out=out[start : start + step, j]
-            )
-    return torch.from_numpy(out)
+    step = max(1, 2**16 // max(1, asked.shape[1]))
+    for start in range(0, len(asked), step):
+        block = asked[start : start + step]
+        for j, prototype in enumerate(known):
+            column = distances[start : start + step, j]
+            np.bitwise_count(block ^ prototype).sum(-1, out=column)
+    return distances
 
 
 def majority(
@@ -190,7 +203,8 @@ def majority(
     """
     if len(words) == 0:
         raise ValueError("majority: expected at least one hypervector, found none")
-    return majority_of_counts(planes.vertical_sum(words), len(words), ties, tie_breaker)
+    counts = planes.vertical_sum(words)
+    return majority_of_counts(counts, len(words), ties, tie_breaker)
 
 
 def majority_of_counts(
@@ -222,13 +236,22 @@ def random_hypervector(
     """
     source = np.random.PCG64(seed_sequence(seed, stream))
     # A double has 53 random bits, and so has p.
-    ones = source.random_raw(dimension) >> np.uint64(11) < round(p * 2**53)
-    return pack(torch.from_numpy(ones))
+    drawn = source.random_raw(dimension) >> np.uint64(11)
+    is_one = drawn < round(p * 2**53)
+    return pack(torch.from_numpy(is_one))
 
 
 def seed_sequence(seed: int, stream: tuple[int, ...]) -> np.random.SeedSequence:
     """numpy's source of random numbers for any integer seed, negative ones too, and a stream."""
-    return np.random.SeedSequence(2 * abs(int(seed)) - int(seed < 0), spawn_key=stream)
+    not_negative = 2 * abs(int(seed))
+    if seed < 0:
+        not_negative -= 1
+    return np.random.SeedSequence(not_negative, spawn_key=stream)
+
+
+def _popcount_by_numpy(words: Tensor) -> np.ndarray:
+    """Ones of each word [...] on the CPU, as uint8; of signed integers numpy counts magnitudes."""
+    return np.bitwise_count(words.numpy().view(np.uint64))
 
 
 def _swar_popcount(words: Tensor) -> Tensor:
@@ -244,7 +267,9 @@ def _swar_popcount(words: Tensor) -> Tensor:
 
 def check_width(words: Tensor, dimension: int) -> None:
     """Raise ValueError for hypervectors [..., W] that do not have the words of D bits."""
-    if (found := words.shape[-1]) != (width := words_for(dimension)):
+    found = words.shape[-1]
+    width = words_for(dimension)
+    if found != width:
         raise ValueError(
             f"words: expected {width} words for D = {dimension}, found {found}"
         )

@@ -5,6 +5,7 @@ scikit-learn is not imported: it takes as long as torch, and 100 MB.
 
 from __future__ import annotations
 
+import inspect
 import sys
 import warnings
 from abc import ABC, abstractmethod
@@ -40,10 +41,21 @@ class Estimator(Parametrised, ABC):
     n_features_in_: int
     dimension_: int
     metadata_: dict[str, Any]
-    _columns: list[str | int] | None = (
-        None  # of the data frame that the model learned from
-    )
-    _used: dict[str, Any]  # the parameters of the parts that were trained
+    _columns: list[str | int] | None = None
+    """Of the data frame that the model learned from."""
+    _used: dict[str, Any]
+    """The parameters of the parts that were trained."""
+
+    @classmethod
+    def components(cls, **parameters: Any) -> tuple[type, ...]:
+        """The classes of the parts that such parameters give by name, or leave as they are."""
+        defaults = inspect.signature(cls).parameters
+        found = []
+        for name, make in cls.parts.items():
+            part = parameters.get(name, defaults[name].default)
+            if isinstance(part, str):
+                found.append(type(make(part)))
+        return tuple(found)
 
     def _check_parameters(self) -> None:
         for name, make in self.parts.items():
@@ -101,7 +113,7 @@ class Estimator(Parametrised, ABC):
         n_pixels = 0 if frames is None else prod(frames.shape)
         return bits.choose_backend(self.backend, self.device, n_pixels)
 
-    def _given(self, frames: Any, training: bool = False) -> Any:
+    def _checked_frames(self, frames: Any, training: bool = False) -> Any:
         """Frames with a shape; those of a data frame have the columns of training, in its order.
 
         Raises:
@@ -138,7 +150,7 @@ class Estimator(Parametrised, ABC):
 
     def _encoded(self, frames: Any) -> Iterator[Tensor]:
         """Hypervectors of frames, a chunk at a time."""
-        frames = self._given(frames)
+        frames = self._checked_frames(frames)
         backend = self._backend(frames)
         for start in range(0, max(1, len(frames)), CHUNK):
             yield self._encode(self._chunk(frames, start), start, backend)
@@ -150,9 +162,12 @@ class Estimator(Parametrised, ABC):
     def _adopt(self, trained: Self) -> None:
         """Take over all that another model of the same parameters has learned."""
         parameters = self.get_params(deep=False)
-        learned = {k: v for k, v in vars(trained).items() if k not in parameters}
-        for name in [n for n in vars(self) if n.endswith("_") and n not in learned]:
-            delattr(self, name)
+        learned = dict(vars(trained))
+        for name in parameters:
+            learned.pop(name, None)
+        for name in list(vars(self)):
+            if name.endswith("_") and name not in learned:
+                delattr(self, name)
         vars(self).update(learned)
 
     # Files ---------------------------------------------------------------------------------------
@@ -179,10 +194,10 @@ class Estimator(Parametrised, ABC):
         # Not the backend: the best one depends on the machine, and the model does not.
         parameters: dict[str, Any] = {"device": str(self.device)}
         for name, make in self.parts.items():
-            parameters[name] = describe(make(getattr(self, name)), self._known[name])
+            part = make(getattr(self, name))
+            parameters[name] = describe(part, self._known[name])
         header, tensors = self._stored()
-        learned = self.encoder_.state().items()
-        tensors |= {f"encoder.{name}": tensor for name, tensor in learned}
+        tensors |= io.prefixed("encoder", self.encoder_.state())
         header = {"kind": type(self).__name__, **header}
         header |= {"parameters": parameters, "frame_shape": self.frame_shape_}
         header |= {"columns": self._columns, "metadata": metadata}
@@ -204,6 +219,9 @@ class Estimator(Parametrised, ABC):
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a model that :meth:`save` wrote; one of a missing GPU computes on the CPU.
+
+        A file may name an encoder or a read-out of one's own, whose module is imported: load only
+        files that you trust.
 
         Raises:
             ValueError: if the file is not such a model, of another class, or damaged; it is named.
@@ -253,10 +271,9 @@ class Estimator(Parametrised, ABC):
     def _restore_encoder(self, tensors: dict[str, Tensor]) -> None:
         """Have the encoder learn its own of the tensors, which are taken out."""
         encoder = make_encoder(self.encoder).unlearned()
-        learned = {}
-        for name in list(tensors):
-            if name.startswith("encoder."):
-                learned[name.removeprefix("encoder.")] = tensors.pop(name)
+        learned = io.without_prefix("encoder", tensors)
+        for name in learned:
+            del tensors[f"encoder.{name}"]
         encoder.restore(learned, self.n_features_in_)
         self._use_encoder(encoder)
 
@@ -298,15 +315,3 @@ def _columns_of(frames: Any) -> list[str | int] | None:
 def _column_name(name: Any) -> str | int:
     """A name that JSON has: a number stays one."""
     return int(name) if isinstance(name, Integral) else str(name)
-
-
-def check_share(share: Any) -> float:
-    """A share of frames that may be missed, as a float.
-
-    Raises:
-        ValueError: if it is not in (0, 1).
-    """
-    is_float = isinstance(share, float | np.floating)
-    if not is_float or not 0 < share < 1:
-        raise ValueError(f"reject, alpha: expected a share in (0, 1), found {share!r}")
-    return float(share)

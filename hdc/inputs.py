@@ -15,9 +15,8 @@ from torch import Tensor
 Label = str | int | float | bool
 _VALUES = {"frames": "pixels", "labels": "labels", "targets": "numbers"}
 _LARGEST_TARGET = 1e300  # sums of larger ones overflow
-_CONTINUOUS = (
-    30  # frames whose fractional labels all differ that are no classes any more
-)
+_CONTINUOUS = 30
+"""Frames whose labels have fractions and all differ: more are no classes any more."""
 
 
 class FrameSource(Protocol):
@@ -107,7 +106,8 @@ def tensor(frames: Any) -> Tensor:
             raise TypeError(
                 f"frames: expected real or integer pixels, found dtype {array.dtype}"
             )
-        array = array.astype(array.dtype.newbyteorder("="), order="C", copy=False)
+        native = array.dtype.newbyteorder("=")
+        array = array.astype(native, order="C", copy=False)
         # numpy calls an axis of length 1 contiguous whatever its stride; torch refuses negative.
         if not array.flags.writeable or min(array.strides, default=0) < 0:
             array = array.copy()
@@ -149,7 +149,7 @@ def label_array(labels: Any, n: int) -> np.ndarray:
     if isinstance(labels, np.ndarray):
         items = labels.tolist()
     else:
-        items = [x.item() if isinstance(x, np.generic | Tensor) else x for x in labels]
+        items = [_as_python(label) for label in labels]
     for i, label in enumerate(items):
         if not isinstance(label, Label) or label != label:
             raise ValueError(
@@ -159,6 +159,11 @@ def label_array(labels: Any, n: int) -> np.ndarray:
     array = np.array(items) if of_one_type else np.array(items, object)
     # numpy drops null characters at the end of a string.
     return array if array.tolist() == items else np.array(items, object)
+
+
+def _as_python(label: Any) -> Any:
+    """A number of numpy or torch as Python's, others as they are."""
+    return label.item() if isinstance(label, np.generic | Tensor) else label
 
 
 def _without_column(labels: Any) -> Any:
@@ -268,6 +273,18 @@ def check_two_classes(classes: np.ndarray) -> None:
         raise ValueError(
             f"labels: expected at least two classes, found one class, {found!r}"
         )
+
+
+def check_share(share: Any) -> float:
+    """A share of frames that may be missed, as a float.
+
+    Raises:
+        ValueError: if it is not in (0, 1).
+    """
+    is_float = isinstance(share, float | np.floating)
+    if not is_float or not 0 < share < 1:
+        raise ValueError(f"reject, alpha: expected a share in (0, 1), found {share!r}")
+    return float(share)
 
 
 def check_option(name: str, value: Any, options: Iterable[Any]) -> None:

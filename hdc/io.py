@@ -1,7 +1,9 @@
 """Files written whole or not at all, and the file of a saved model.
 
 A model is one safetensors file: its tensors, and under the key ``"model"`` a header of JSON, which
-ends with the SHA-256 of all the rest. Equal models are equal files.
+ends with the SHA-256 of all the rest. Equal models are equal files. Loading one whose encoder or
+read-out is a class of one's own imports the module that the file names, so load only files that you
+trust; the SHA-256 shows damage, not who wrote it.
 """
 
 from __future__ import annotations
@@ -185,3 +187,18 @@ def check_tensors(
         fits = tuple(tensor.shape) == shapes.get(name) and str(tensor.dtype) == expected
         if not fits or not tensor.isfinite().all():
             raise ValueError(f"{name}: {tensor.dtype} {tuple(tensor.shape)}")
+
+
+def prefixed(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """The tensors of one part of a model, by the names that they have in its file."""
+    return {f"{prefix}.{name}": tensor for name, tensor in tensors.items()}
+
+
+def without_prefix(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Those of the tensors of a file that are of one part, by their names in that part."""
+    start = f"{prefix}."
+    return {
+        name.removeprefix(start): tensor
+        for name, tensor in tensors.items()
+        if name.startswith(start)
+    }

@@ -23,6 +23,8 @@ class Parametrised:
 
     parts: ClassVar[Mapping[str, Callable[[Any], Any]]] = {}
     """Parameter → the function that makes the part of a name or an object."""
+    stand_ins: ClassVar[Mapping[str, str]] = {}
+    """Parameter → what stands in a file for a value that is no JSON, such as an array."""
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Constructor parameters by name; with `deep`, those of the parts as ``part__name``."""
@@ -192,13 +194,19 @@ def is_number(value: Any) -> bool:
 
 
 def describe(part: Parametrised, known: Mapping[str, type]) -> dict[str, Any]:
-    """Class and parameters of a part, and of its own parts, as JSON; what is no JSON is None."""
+    """Class and parameters of a part, and of its own parts, as JSON.
+
+    What is no JSON is None, or what the part says in `stand_ins`.
+    """
     parameters = part.get_params(deep=False)
     for name, value in parameters.items():
         if name in part.parts:
             parameters[name] = describe(part.parts[name](value), known)
-        else:
-            parameters[name] = _as_json(value)
+            continue
+        stored = _as_json(value)
+        if stored is None and value is not None:
+            stored = part.stand_ins.get(name)
+        parameters[name] = stored
     return {"class": name_of(part, known), "parameters": parameters}
 
 

@@ -60,7 +60,8 @@ def _count_into(counts: Any, words: Any, rows: Sequence[int]) -> None:
     waiting: list[list[Any]] = [[plane] if plane.any() else [] for plane in counts]
     waiting.append([])
     for i in rows:
-        row, p = words[i], 0
+        row = words[i]
+        p = 0
         while p < n_planes:
             held = waiting[p]
             held.append(row)

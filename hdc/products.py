@@ -71,10 +71,9 @@ def _planes(block: Tensor) -> list[tuple[int, Tensor]]:
         return [(1, block.contiguous())]
     if block.dtype == torch.uint8:
         return [(1, _signed(block))]
-    return [
-        (256, _signed((block >> 8).to(torch.uint8))),
-        (1, _signed((block & 255).to(torch.uint8))),
-    ]
+    high = (block >> 8).to(torch.uint8)
+    low = (block & 255).to(torch.uint8)
+    return [(256, _signed(high)), (1, _signed(low))]
 
 
 def _signed(block: Tensor) -> Tensor:
@@ -105,10 +104,14 @@ def native_is_exact() -> bool:
     """
     if not hasattr(torch, "_int_mm"):
         return False
-    signs = torch.arange(64 * 64).reshape(64, 64) * 7919 % 13 < 6
-    a = torch.where(signs, 127, -128).to(torch.int8)
+    mixed = torch.arange(64 * 64).reshape(64, 64) * 7919 % 13
+    a = torch.where(mixed < 6, 127, -128).to(torch.int8)
     pairs = [(a, a.T), (a, a), (a[:1], a), (a[:, :1], a[:1])]
-    return all(bool((_native(x, y) == x.long() @ y.long()).all()) for x, y in pairs)
+    for left, right in pairs:
+        exact = left.long() @ right.long()
+        if not torch.equal(_native(left, right).long(), exact):
+            return False
+    return True
 
 
 def _native(a: Tensor, b: Tensor) -> Tensor:

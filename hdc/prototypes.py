@@ -40,7 +40,8 @@ class Counters:
         self.dimension = dimension
         self.backend = backend
         self.n = torch.zeros(n_classes, dtype=torch.int64)
-        self.planes = planes.zeros((n_classes, 1, bits.words_for(dimension)), device)
+        width = bits.words_for(dimension)
+        self.planes = planes.zeros((n_classes, 1, width), device)
 
     def add(self, words: Tensor, labels: Tensor) -> None:
         """Count hypervectors int64 [N, W] with class indices int64 [N] in [0, L).
@@ -50,15 +51,20 @@ class Counters:
         """
         bits.check_width(words, self.dimension)
         order, n = self._order(words, labels)
-        if kernels := bits.kernels(self.backend, self.device):
+        kernels = bits.kernels(self.backend, self.device)
+        if kernels:
             kernels.count_into(
-                *(x.numpy() for x in (self.planes, words, order, n.cumsum(0)))
+                self.planes.numpy(),
+                words.numpy(),
+                order.numpy(),
+                n.cumsum(0).numpy(),
             )
         else:
-            rows, start = order.tolist(), 0
+            start = 0
             for c, n_c in enumerate(n.tolist()):
                 if n_c:
-                    planes.count_into(self.planes[c], words, rows[start : start + n_c])
+                    rows = order[start : start + n_c].tolist()
+                    planes.count_into(self.planes[c], words, rows)
                     start += n_c
         self.n = self.n + n
 
@@ -83,7 +89,7 @@ class Counters:
         order, n = self._order(frames, labels)
         width = bits.words_for(self.dimension)
         kept = torch.from_numpy(np.empty((len(chosen), width), np.int64))
-        places = torch.full((len(frames),), -1)
+        places = torch.full((len(frames),), -1)  # of each frame among the kept
         places[list(chosen)] = torch.arange(len(chosen))
         equal, split = compiled.count_uint8(
             frames.reshape(len(frames), -1).numpy(),
@@ -100,13 +106,15 @@ class Counters:
 
     def _order(self, samples: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
         """Rows of samples, class by class, and how many each class has; room for them is made."""
-        labels, n_classes = labels.cpu(), len(self.n)
+        labels = labels.cpu()
+        n_classes = len(self.n)
         if len(samples) != len(labels):
             raise ValueError(
                 f"labels: expected {len(samples)}, one a sample, found {len(labels)}"
             )
-        if len(outside := labels[(labels < 0) | (labels >= n_classes)]):
-            found = int(outside[0])
+        is_outside = (labels < 0) | (labels >= n_classes)
+        if is_outside.any():
+            found = int(labels[is_outside][0])
             raise ValueError(
                 f"labels: expected class indices in [0, {n_classes}), found {found}"
             )
@@ -129,8 +137,11 @@ class Counters:
         total = self.n.clone()
         total[list(rows)] += other.n
         self.reserve(max(total.tolist(), default=0))
-        for c, counts in zip(rows, other.planes.to(self.planes.device), strict=True):
-            self.planes[c] = planes.add(self.planes[c], counts)[: self.planes.shape[1]]
+        n_planes = self.planes.shape[1]  # those above are empty
+        added = other.planes.to(self.planes.device)
+        for c, counts in zip(rows, added, strict=True):
+            summed = planes.add(self.planes[c], counts)
+            self.planes[c] = summed[:n_planes]
         self.n = total
 
     def scaled(self, weights: Sequence[int]) -> Counters:
@@ -143,7 +154,8 @@ class Counters:
             # Horner's scheme: twice what there is, and once more.
             for bit in f"{weight:b}":
                 total = torch.cat((torch.zeros_like(total[:1]), total))
-                total = planes.add(total, self.planes[c]) if bit == "1" else total
+                if bit == "1":
+                    total = planes.add(total, self.planes[c])
             kept = min(len(total), scaled.planes.shape[1])  # the planes above are empty
             scaled.planes[c, :kept] = total[:kept]
         return scaled
@@ -159,7 +171,8 @@ class Counters:
         thinned.n = self.n.clamp(max=size)
         thinned.reserve(max(thinned.n.tolist(), default=0))
         for c in range(len(self.n)):
-            counts = self._thinned(c, size, seed)[: thinned.planes.shape[1]]
+            counts = self._thinned(c, size, seed)
+            counts = counts[: thinned.planes.shape[1]]
             thinned.planes[c, : len(counts)] = counts
         return thinned
 
@@ -168,15 +181,15 @@ class Counters:
         if n <= size:
             return self.planes[c]
         ones = self.counts([c])[0].numpy(force=True)
-        source = np.random.Generator(
-            np.random.PCG64(bits.seed_sequence(seed, (_THINNING, c)))
-        )
-        drawn = torch.from_numpy(source.hypergeometric(ones, n - ones, size)).to(
-            self.device
-        )
-        return torch.stack(
-            [bits.pack(drawn >> p & 1 == 1) for p in range(size.bit_length())]
-        )
+        seeds = bits.seed_sequence(seed, (_THINNING, c))
+        source = np.random.Generator(np.random.PCG64(seeds))
+        drawn = source.hypergeometric(ones, n - ones, size)
+        counts = torch.from_numpy(drawn).to(self.device)
+        sliced = []
+        for p in range(size.bit_length()):
+            has_bit = counts >> p & 1 == 1
+            sliced.append(bits.pack(has_bit))
+        return torch.stack(sliced)
 
     def majority(self, ties: str = "zero", seed: int = 0) -> Tensor:
         """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1).
@@ -186,7 +199,8 @@ class Counters:
         Raises:
             ValueError: for a class without samples or an unknown rule.
         """
-        if len(empty := (self.n == 0).nonzero()):
+        empty = (self.n == 0).nonzero()
+        if len(empty):
             raise ValueError(
                 f"class {int(empty[0])}: expected at least one sample, found none"
             )
@@ -196,7 +210,8 @@ class Counters:
         self, ties: str = "zero", seed: int = 0, size: int | None = None
     ) -> Tensor:
         """:meth:`majority`, zeros for classes without samples; `size` as of :meth:`thinned`."""
-        prototypes = planes.zeros((len(self.n), self.planes.shape[2]), self.device)
+        shape = len(self.n), self.planes.shape[2]
+        prototypes = planes.zeros(shape, self.device)
         for c in self.n.nonzero().flatten().tolist():
             prototypes[c] = self.prototype(c, ties, seed, size=size)
         return prototypes
@@ -217,9 +232,12 @@ class Counters:
         is that of ``extra=2`` where a one becomes a zero, of ``extra=-2`` where a zero becomes a
         one.
         """
-        n, counts, breaker = int(self.n[c]), self.planes[c], None
+        n = int(self.n[c])
+        counts = self.planes[c]
         if size is not None and n > size:
-            n, counts = size, self._thinned(c, size, seed)
+            n = size
+            counts = self._thinned(c, size, seed)
+        breaker = None
         if ties == "random" and (n + extra) % 2 == 0:
             breaker = self._tie_breaker(seed, c)
         return bits.majority_of_counts(counts, n + extra, ties, breaker)
@@ -227,11 +245,11 @@ class Counters:
     def counts(self, rows: Sequence[int] | None = None) -> Tensor:
         """The counts of all or some classes as integers int64 [L, D]."""
         chosen = self.planes if rows is None else self.planes[list(rows)]
-        total = torch.zeros(
-            len(chosen), self.dimension, dtype=torch.int64, device=self.device
-        )
+        shape = len(chosen), self.dimension
+        total = torch.zeros(shape, dtype=torch.int64, device=self.device)
         for p in range(chosen.shape[1]):
-            total += bits.unpack(chosen[:, p], self.dimension).long() << p
+            plane = bits.unpack(chosen[:, p], self.dimension)
+            total += plane.long() << p
         return total
 
     @property
@@ -248,9 +266,8 @@ class Counters:
             self.planes = grown
 
     def _tie_breaker(self, seed: int, c: int) -> Tensor:
-        return bits.random_hypervector(self.dimension, seed, stream=(_TIES, c)).to(
-            self.device
-        )
+        breaker = bits.random_hypervector(self.dimension, seed, stream=(_TIES, c))
+        return breaker.to(self.device)
 
 
 def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]:
@@ -267,26 +284,30 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
     share = Fraction(float(p)).limit_denominator(_P_STEPS)
     of_old, of_new = [], []
     for n_old, n_new in zip(old.n.tolist(), new.n.tolist(), strict=True):
-        a, b = (share.denominator - share.numerator) * n_new, share.numerator * n_old
+        weight_old = (share.denominator - share.numerator) * n_new
+        weight_new = share.numerator * n_old
         if n_old == 0 or n_new == 0:
-            a = b = 1
-        of_old.append(a // gcd(a, b))
-        of_new.append(b // gcd(a, b))
+            weight_old = weight_new = 1
+        divisor = gcd(weight_old, weight_new)
+        of_old.append(weight_old // divisor)
+        of_new.append(weight_new // divisor)
     votes = old.scaled(of_old)
     votes.merge(new.scaled(of_new))
     while (votes.n >= 2**_VOTE_BITS).any():
-        votes.n, votes.planes = votes.n >> 1, votes.planes[:, 1:].contiguous()
-        of_new = [w // 2 for w in of_new]
+        votes.n = votes.n >> 1
+        votes.planes = votes.planes[:, 1:].contiguous()
+        of_new = [weight // 2 for weight in of_new]
     return votes, of_new
 
 
 def replaced_bits(n_classes: int, dimension: int, p: float, seed: int) -> Tensor:
     """Bits that are one with probability p, drawn class by class: int64 [L, W] (CPU)."""
     check_probability(p)
-    streams = [(_RECALIBRATION, c) for c in range(n_classes)]
-    return torch.stack(
-        [bits.random_hypervector(dimension, seed, p, s) for s in streams]
-    )
+    drawn = []
+    for c in range(n_classes):
+        stream = (_RECALIBRATION, c)
+        drawn.append(bits.random_hypervector(dimension, seed, p, stream))
+    return torch.stack(drawn)
 
 
 def check_probability(p: float) -> None:

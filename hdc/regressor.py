@@ -13,8 +13,9 @@ from torch import Tensor
 
 from hdc import bits, inputs
 from hdc.encoders import ENCODERS, make_encoder
-from hdc.estimator import Estimator, check_share
-from hdc.io import check_tensors
+from hdc.estimator import Estimator
+from hdc.inputs import check_share
+from hdc.io import check_tensors, prefixed
 from hdc.readouts import VALUE_READOUTS, make_value_readout
 from hdc.readouts.values import ValueReadout
 
@@ -79,7 +80,7 @@ class HDCRegressor(Estimator):
         """
         trained = self._untrained()
         trained._check_parameters()
-        frames = trained._given(frames, training=True)
+        frames = trained._checked_frames(frames, training=True)
         values = inputs.targets(y, len(frames))
         trained._one = values.ndim == 1
         trained._check_enough(frames)
@@ -105,7 +106,9 @@ class HDCRegressor(Estimator):
                 "partial_fit: expected a model that was not recalibrated; fit anew"
             )
         words, values = self._pairs(frames, y)
-        self._learn(torch.cat((self._words, words)), torch.cat((self._values, values)))
+        all_words = torch.cat((self._words, words))
+        all_values = torch.cat((self._values, values))
+        self._learn(all_words, all_values)
         return self
 
     def recalibrate(self, frames: Any, y: Any) -> Self:
@@ -128,10 +131,11 @@ class HDCRegressor(Estimator):
 
     def _pairs(self, frames: Any, y: Any) -> tuple[Tensor, Tensor]:
         """Hypervectors [N, W], and numbers float64 [N, T] like those of training."""
-        frames = self._given(frames, training=True)
+        frames = self._checked_frames(frames, training=True)
         values = inputs.targets(y, len(frames))
         table = _table(values)
-        if (values.ndim == 1) != self._one or table.shape[1] != self._values.shape[1]:
+        as_many = table.shape[1] == self._values.shape[1]
+        if (values.ndim == 1) != self._one or not as_many:
             raise ValueError(
                 f"targets: expected as many a frame as before, found {values.shape}"
             )
@@ -183,40 +187,36 @@ class HDCRegressor(Estimator):
         share = check_share(alpha)
         readout = self.readout_
         readout.backend = self._backend()
-        parts: list[tuple[Tensor, ...]] = []
+        if not return_interval:
+            values = [readout.values(words) for words in self._encoded(frames)]
+            return self._shaped(values)
+        centres, lowers, uppers = [], [], []
         for words in self._encoded(frames):
-            if return_interval:
-                centre, without = readout.without(words)
-                parts.append((centre, *_ends(without, readout.residuals_, share)))
-            else:
-                parts.append((readout.values(words),))
-        answers = [torch.cat(part).numpy() for part in zip(*parts, strict=True)]
-        if self._one:
-            answers = [answer[:, 0] for answer in answers]
-        return tuple(answers) if return_interval else answers[0]
+            centre, without = readout.without(words)
+            lower, upper = _ends(without, readout.residuals_, share)
+            centres.append(centre)
+            lowers.append(lower)
+            uppers.append(upper)
+        return self._shaped(centres), self._shaped(lowers), self._shaped(uppers)
+
+    def _shaped(self, parts: list[Tensor]) -> np.ndarray:
+        """Numbers [Q, T] in parts, as one array of the shape of the targets of training."""
+        answers = torch.cat(parts).numpy()
+        return answers[:, 0] if self._one else answers
 
     def score(self, frames: Any, y: Any) -> float:
         """R², the share of the variance that is predicted, averaged over targets."""
         found = self.predict(frames)
         values = inputs.targets(y, len(found)).reshape(found.shape)
         shares = []
-        for truth, answers in zip(_table(values).T, _table(found).T, strict=True):
+        pairs = zip(_table(values).T, _table(found).T, strict=True)
+        for truth, answers in pairs:
             shares.append(_predicted_share(truth, answers))
         return float(np.mean(shares))
 
-    @classmethod
-    def components(
-        cls, encoder: Any = "median", readout: Any = "ridge", **_: Any
-    ) -> tuple[type, ...]:
-        """The classes of the parts that such parameters give by name."""
-        given = {"encoder": encoder, "readout": readout}
-        named = [name for name in given if isinstance(given[name], str)]
-        return tuple(type(cls.parts[name](given[name])) for name in named)
-
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         tensors = {"words": self._words, "values": self._values}
-        for name, tensor in self.readout_.stored().items():
-            tensors[f"readout.{name}"] = tensor
+        tensors |= prefixed("readout", self.readout_.stored())
         return {"recalibrated": self._recalibrated, "one": self._one}, tensors
 
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
@@ -229,7 +229,9 @@ class HDCRegressor(Estimator):
         self._one = bool(header["one"])
         words = words.to(self.device)
         readout = make_value_readout(self.readout).unlearned()
-        own = {name.removeprefix("readout."): found for name, found in tensors.items()}
+        own = {}
+        for name, tensor in tensors.items():
+            own[name.removeprefix("readout.")] = tensor
         readout.restore(own, words, values, self.dimension_)
         self._take(readout, words, values, bool(header["recalibrated"]))
 
@@ -250,15 +252,19 @@ def _predicted_share(values: Tensor, found: Tensor) -> float:
     if unit == 0:
         return float((errors == 0).all())
     error = ((errors / unit) ** 2).sum()
-    return float(1 - error / ((deviations / unit) ** 2).sum())
+    spread = ((deviations / unit) ** 2).sum()
+    return float(1 - error / spread)
 
 
 def _ends(without: Tensor, residuals: Tensor, alpha: float) -> tuple[Tensor, Tensor]:
     """Jackknife+ ends [Q, T] of predictions without each frame [Q, N, T] and errors [N, T]."""
-    n, spread = len(residuals), residuals.abs()
-    low, high = floor(alpha * (n + 1)), ceil((1 - alpha) * (n + 1))
+    n = len(residuals)
+    spread = residuals.abs()
+    low = floor(alpha * (n + 1))
+    high = ceil((1 - alpha) * (n + 1))
     if low < 1 or high > n:
         infinite = torch.full_like(without[:, 0], torch.inf)
         return -infinite, infinite
-    lower = (without - spread).kthvalue(low, dim=1).values
-    return lower, (without + spread).kthvalue(high, dim=1).values
+    lower = (without - spread).kthvalue(low, dim=1)
+    upper = (without + spread).kthvalue(high, dim=1)
+    return lower.values, upper.values

@@ -27,19 +27,86 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.inputs import Label
+from hdc.estimator import Estimator
+from hdc.inputs import Label, check_share
+from hdc.readouts.majority import Counting
 
 KEPT = 19
 """Hypervectors kept of a class: p-values in steps of 5 %; 0.6 MB a class at D = 250,000."""
 RATE = 0.05
 """Share of known frames that are refused unless another is given."""
 _GOLDEN = 0x9E3779B97F4A7C15  # 2^64 over the golden ratio
+
+
+class Rejecting(Estimator):
+    """A classifier that says which classes a frame may be of, or that it is of none.
+
+    It compares with the prototypes of a read-out that counts, whatever read-out decides.
+    """
+
+    classes_: np.ndarray
+    _majority: Counting  # prototypes for distances and rejection: the read-out's own, if it counts
+    _sample: Sample
+    _peers: list[Peers | None] | None  # of sample and prototypes, made when asked for
+
+    def predict_set(self, frames: Any, alpha: float = 0.1) -> list[np.ndarray]:
+        """The classes that each of Q frames may be of: Q arrays of labels.
+
+        For fresh frames exchangeable with the training frames of their class, the set has the right
+        label with probability 1 − alpha at least (:mod:`hdc.rejection`). It is empty for a frame
+        that is like none of the classes.
+
+        Raises:
+            ValueError: as :meth:`is_known`.
+        """
+        share = check_share(alpha)
+        possible = self._p_values(frames, share) > share
+        return [self.classes_[row] for row in possible]
+
+    def is_known(self, frames: Any, reject: float = RATE) -> np.ndarray:
+        """Whether frames are as near to a prototype as frames of its class are: bool [Q].
+
+        False where :meth:`predict_set` is empty: for a share `reject` of fresh frames of known
+        classes at most, if they come as the training frames did, and for noise, a black frame or an
+        object that was not trained, as long as there are 1/reject training frames.
+
+        Raises:
+            ValueError: for a share outside (0, 1).
+        """
+        share = check_share(reject)
+        return self._p_values(frames, share).max(1) > share
+
+    def _p_values(self, frames: Any, alpha: float) -> np.ndarray:
+        self._check_is_trained()
+        parts = [
+            p_values(self._known_peers(), words, alpha)
+            for words in self._encoded(frames)
+        ]
+        return np.concatenate(parts)
+
+    def _known_peers(self) -> list[Peers | None]:
+        peers = self._peers  # another thread may be making them, too, and of the same
+        if peers is None:
+            peers = self._make_peers()
+            self._peers = peers
+        return peers
+
+    def _make_peers(self) -> list[Peers | None]:
+        prototypes = self._majority.deciding()
+        peers: list[Peers | None] = []
+        for row, label in enumerate(self.classes_.tolist()):
+            if self._sample.seen.get(label):
+                peers.append(Peers.of(self._sample.of(label), prototypes[row]))
+            else:
+                peers.append(None)
+        return peers
 
 
 class Sample:
@@ -55,8 +122,7 @@ class Sample:
         for i, label in enumerate(labels):
             k = self.seen.get(label, 0)
             self.seen[label] = k + 1
-            # Vitter's reservoir; frame k takes a place at random among k + 1.
-            place = k if k < KEPT else (k * _GOLDEN % 2**64) * (k + 1) >> 64
+            place = k if k < KEPT else _random_place(k)
             if place < KEPT:
                 chosen[label, place] = i
         return {i: place for place, i in chosen.items()}
@@ -80,52 +146,79 @@ class Sample:
 
     def put(self, label: Label, words: Tensor, seen: int) -> None:
         """Keep these hypervectors, of so many, for a class."""
-        self._kept[label], self.seen[label] = list(words), seen
+        self._kept[label] = list(words)
+        self.seen[label] = seen
 
     def merge(self, other: Sample) -> None:
         """Make this a sample of all that came by either."""
         for label, n_other in other.seen.items():
-            words, n = other.of(label), self.seen.get(label, 0)
+            words = other.of(label)
+            n = self.seen.get(label, 0)
             if n:
                 mine = self.of(label)
-                share = max(round(KEPT * n_other / (n + n_other)), KEPT - len(mine))
-                words = torch.cat((mine[: KEPT - len(words[:share])], words[:share]))
+                share = round(KEPT * n_other / (n + n_other))
+                theirs = words[: max(share, KEPT - len(mine))]
+                words = torch.cat((mine[: KEPT - len(theirs)], theirs))
             self.put(label, words, n + n_other)
+
+
+def _random_place(k: int) -> int:
+    """Place of frame k among k + 1 (Vitter's reservoir), the same whenever it is asked for."""
+    return (k * _GOLDEN % 2**64) * (k + 1) >> 64
 
 
 @dataclass(frozen=True)
 class Peers:
     """The kept frames of one class, and what a new frame changes for them."""
 
-    prototype: Tensor  # int64 [W]
-    constant: np.ndarray  # [m], distances d_i for a black frame x
-    gained: Tensor  # [W], bits of the prototype that become one if x has a one where x_i has none
-    shared: Tensor  # [m, W], bits of x_i that are not lost, or not gained, where x has a one, too
-    held_out: (
-        np.ndarray
-    )  # [m], leave-one-out distances less their mean; none of a single frame
-    mean: float  # of the leave-one-out distances
+    prototype: Tensor
+    """int64 [W]."""
+    constant: np.ndarray
+    """[m], distances d_i for a black frame x."""
+    gained: Tensor
+    """[W], bits of the prototype that become one if x has a one where x_i has none."""
+    shared: Tensor
+    """[m, W], bits of x_i that are not lost, or not gained, where x has a one, too."""
+    held_out: np.ndarray
+    """[m], leave-one-out distances less their mean; none of a single frame."""
+    mean: float
+    """Of the leave-one-out distances; NaN of a single frame."""
 
     @classmethod
     def of(cls, words: Tensor, prototypes: Tensor) -> Peers:
         """Peers of kept hypervectors [m, W] and prototypes [5, W] of the read-out's EXTRAS."""
         if_gained, if_zero, prototype, if_one, if_lost = prototypes
-        lost, gained = prototype & ~if_lost, if_gained & ~prototype
-        constant = bits.count_ones(words ^ prototype) + bits.count_ones(words & lost)
+        lost = prototype & ~if_lost
+        gained = if_gained & ~prototype
+        constant = bits.count_ones(words ^ prototype)
+        constant += bits.count_ones(words & lost)
         without = (words & if_one) | (~words & if_zero)
-        held_out = bits.count_ones(words ^ without).numpy(force=True).astype(np.float64)
-        held_out = held_out if len(held_out) > 1 else held_out[:0]
-        mean = float(held_out.mean()) if len(held_out) else np.nan
-        shared, d_i = words & (lost | gained), constant.numpy(force=True)
-        return cls(prototype, d_i, gained, shared, held_out - mean, mean)
+        distances = bits.count_ones(words ^ without)
+        held_out = distances.numpy(force=True).astype(np.float64)
+        mean = np.nan
+        if len(held_out) > 1:
+            mean = float(held_out.mean())
+            held_out = held_out - mean
+        else:
+            held_out = held_out[:0]
+        return cls(
+            prototype=prototype,
+            constant=constant.numpy(force=True),
+            gained=gained,
+            shared=words & (lost | gained),
+            held_out=held_out,
+            mean=mean,
+        )
 
     def compare(self, words: Tensor) -> tuple[np.ndarray, np.ndarray]:
         """Distances d [Q] of hypervectors [Q, W] as if of this class, and d_i [Q, m]."""
-        ones = bits.count_ones(words)[:, None] + bits.count_ones(self.shared)
-        overlap = (ones - bits.hamming(words, self.shared)) // 2
+        ones = bits.count_ones(words)[:, None]
+        differing = bits.hamming(words, self.shared)
+        overlap = (ones + bits.count_ones(self.shared) - differing) // 2
         gained = bits.count_ones(words & self.gained)[:, None]
         distances = bits.count_ones(words ^ self.prototype)
-        d_i = self.constant + (gained - overlap).numpy(force=True)
+        moved = (gained - overlap).numpy(force=True)
+        d_i = self.constant + moved
         return distances.numpy(force=True), d_i
 
 
@@ -135,7 +228,7 @@ def p_values(peers: Sequence[Peers | None], words: Tensor, alpha: float) -> np.n
     A class without kept frames has p = 0.
     """
     result = np.zeros((len(words), len(peers)))
-    n = sum(len(own.constant) for own in peers if own is not None)
+    n = sum(len(peer.constant) for peer in peers if peer is not None)
     if (n + 1) * alpha < 1:
         least = f"expected at least {1 / (n + 1):.2g} with {n} frames kept; no frame is refused"
         warnings.warn(f"{alpha:g} of known frames: {least}", stacklevel=2)
@@ -143,13 +236,23 @@ def p_values(peers: Sequence[Peers | None], words: Tensor, alpha: float) -> np.n
         if own is None:
             continue
         d, d_i = own.compare(words)
-        if (len(own.constant) + 1) * alpha >= 1:
-            result[:, c] = (1 + (d_i >= d[:, None]).sum(1)) / (d_i.shape[1] + 1)
+        m = d_i.shape[1]
+        as_far = (d_i >= d[:, None]).sum(1)
+        if (m + 1) * alpha >= 1:
+            result[:, c] = (1 + as_far) / (m + 1)
             continue
-        others = [p.held_out for b, p in enumerate(peers) if p is not None and b != c]
-        pool = np.sort(np.concatenate([*others, np.empty(0)]))
-        mean = (d_i.sum(1) + d) / (d_i.shape[1] + 1)
-        beyond = len(pool) - np.searchsorted(pool, d - mean, "left")
-        beyond += (d_i >= d[:, None]).sum(1)
-        result[:, c] = (1 + beyond) / (1 + d_i.shape[1] + len(pool))
+        others = _held_out_of_others(peers, c)
+        mean = (d_i.sum(1) + d) / (m + 1)
+        nearer = np.searchsorted(others, d - mean, "left")
+        as_far += len(others) - nearer
+        result[:, c] = (1 + as_far) / (1 + m + len(others))
     return result
+
+
+def _held_out_of_others(peers: Sequence[Peers | None], c: int) -> np.ndarray:
+    """Leave-one-out distances, each less the mean of its class, of all classes but c, sorted."""
+    found = [np.empty(0)]
+    for other, peer in enumerate(peers):
+        if peer is not None and other != c:
+            found.append(peer.held_out)
+    return np.sort(np.concatenate(found))

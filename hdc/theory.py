@@ -84,22 +84,21 @@ def correlations(pairs: Floats, labels: NDArray[np.int64]) -> Correlations:
     pairs = pairs.copy()
     np.fill_diagonal(pairs, np.nan)
     members = [np.flatnonzero(labels == c) for c in classes]
-    blocks = [[pairs[np.ix_(q, k)] for k in members] for q in members]
-    mean = np.array([[np.nanmean(block) for block in row] for row in blocks])
-    sample = np.array(
-        [[np.nanvar(b, axis=1, ddof=1).mean() for b in row] for row in blocks]
-    )
-    of_query = [
-        np.stack([np.nanmean(b, axis=1) - np.nanmean(b) for b in row]) for row in blocks
-    ]
-    query = np.array([(rows - rows.mean(0)).var(axis=1, ddof=1) for rows in of_query])
-    # A mean over n samples keeps 1/n of their variance, which the first term has already.
+    mean, sample, query, third = np.empty((4, len(classes), len(classes)))
+    for row, queries in enumerate(members):
+        deviations = []
+        for column, samples in enumerate(members):
+            block = pairs[np.ix_(queries, samples)]
+            of_query = np.nanmean(block, axis=1, keepdims=True)
+            mean[row, column] = np.nanmean(block)
+            sample[row, column] = np.nanvar(block, axis=1, ddof=1).mean()
+            third[row, column] = np.nanmean((block - of_query) ** 3)
+            deviations.append(of_query[:, 0] - mean[row, column])
+        common = np.mean(deviations, axis=0)
+        query[row] = np.var(deviations - common, axis=1, ddof=1)
+    # A mean over n samples keeps 1/n of their variance, which `sample` has already.
     query = np.maximum(query - sample / counts, 0)
-    third = [
-        [((b - np.nanmean(b, axis=1, keepdims=True)) ** 3) for b in row]
-        for row in blocks
-    ]
-    skew = np.array([[np.nanmean(b) for b in row] for row in third]) / sample**1.5
+    skew = third / sample**1.5
     return Correlations(mean, np.sqrt(sample), np.sqrt(query), skew)
 
 
@@ -109,7 +108,8 @@ def bit_correlations(words: Tensor, dimension: int) -> Floats:
     distances = bits.hamming(words, words).numpy() / dimension
     both = (ones[:, None] + ones - distances) / 2
     deviation = np.sqrt(ones * (1 - ones))
-    return (both - np.outer(ones, ones)) / np.outer(deviation, deviation)
+    covariance = both - np.outer(ones, ones)
+    return covariance / np.outer(deviation, deviation)
 
 
 def correlations_of(
@@ -131,11 +131,12 @@ def hdc_accuracy(moments: Correlations, n: int, dimension: float) -> float:
     """
 
     def scores(shares: Shares) -> tuple[Floats, Floats, Floats]:
+        within = np.diag(moments.mean)
         r = expected(moments.mean, shares)
-        gain = (
-            expected(moments.mean + _STEP, shares, np.diag(moments.mean)) - r
-        ) / _STEP
-        return r, gain, (1 - _alike(moments.mean, shares)) / dimension
+        r_beyond = expected(moments.mean + _STEP, shares, within)
+        gain = (r_beyond - r) / _STEP
+        noise = (1 - _alike(moments.mean, shares)) / dimension
+        return r, gain, noise
 
     return _accuracy(moments, n, scores)
 
@@ -144,7 +145,8 @@ def mean_image_accuracy(moments: Correlations, n: int) -> float:
     """The same for the mean frame of each class, from correlations of frames."""
 
     def scores(shares: Shares) -> tuple[Floats, Floats, Floats]:
-        gain = np.sqrt(shares / (1 + (shares - 1) * np.diag(moments.mean)))
+        within = np.diag(moments.mean)
+        gain = np.sqrt(shares / (1 + (shares - 1) * within))
         none = np.zeros_like(moments.mean)
         return gain * moments.mean, gain + none, none
 
@@ -162,20 +164,25 @@ def _accuracy(
     base[: n % n_classes] += 1
     u, weight = special.roots_sh_legendre(_NODES)
     right = []
-    for turn in range(n_classes if n % n_classes else 1):
+    n_turns = 1 if n % n_classes == 0 else n_classes
+    for turn in range(n_turns):
         shares = np.roll(base, turn)
         r, gain, noise = scores(shares)
-        variance = gain**2 * (moments.sample**2 / shares + moments.query**2)
+        sample_variance = moments.sample**2 / shares
+        variance = gain**2 * (sample_variance + moments.query**2)
         third = gain**3 * moments.skew * moments.sample**3 / shares**2
         for q in range(n_classes):
             sigma = np.sqrt(variance[q] + noise[q] + _NO_LESS)
-            # Four over the square of the skewness is the shape of a gamma distribution.
-            shape = 4 / np.maximum(third[q] / sigma**3, _NO_SKEW) ** 2
-            score = (gammaincinv(shape[q], u) - shape[q]) / np.sqrt(shape[q])
-            rest = np.arange(n_classes) != q
-            margin = (r[q, q] + sigma[q] * score[:, None] - r[q, rest]) / sigma[rest]
-            shape = shape[rest]
-            below = gammainc(shape, np.maximum(shape + np.sqrt(shape) * margin, 0))
+            skewness = np.maximum(third[q] / sigma**3, _NO_SKEW)
+            shape = 4 / skewness**2  # of a gamma distribution of this skewness
+            quantile = gammaincinv(shape[q], u)
+            own_score = (quantile - shape[q]) / np.sqrt(shape[q])
+            own = r[q, q] + sigma[q] * own_score[:, None]
+            others = np.arange(n_classes) != q
+            margin = (own - r[q, others]) / sigma[others]
+            shape = shape[others]
+            reached = np.maximum(shape + np.sqrt(shape) * margin, 0)
+            below = gammainc(shape, reached)
             right.append(weight @ below.prod(axis=1))
     return float(np.mean(right))
 
@@ -191,8 +198,8 @@ def expected(mean: Floats, shares: Shares, within: Floats | None = None) -> Floa
     z, weight = _normal()
     rho = _gaussian(np.diag(mean) if within is None else within)
     votes = _votes(z, rho, shares)
-    beta = np.clip(_gaussian(mean) / np.sqrt(rho), 0, _MOST)
-    bit = 2 * ndtr(beta[..., None] * z / np.sqrt(1 - beta[..., None] ** 2)) - 1
+    beta = np.clip(_gaussian(mean) / np.sqrt(rho), 0, _MOST)[..., None]
+    bit = 2 * ndtr(beta * z / np.sqrt(1 - beta**2)) - 1
     return np.einsum("qlz,lz,z->ql", bit, votes, weight)
 
 
@@ -203,16 +210,15 @@ def _alike(mean: Floats, shares: Shares) -> Floats:
     """
     z, weight = _normal()
     rho = _gaussian(np.diag(mean))
-    between = np.clip(
-        _gaussian(mean) / np.sqrt(np.outer(rho, rho)), 0, 1
-    )  # of z_q and z_l
+    lengths = np.sqrt(np.outer(rho, rho))
+    between = np.clip(_gaussian(mean) / lengths, 0, 1)  # of z_q and z_l
     order = np.arange(_NODES)
-    polynomials = (
-        special.eval_hermitenorm(order[:, None], z)
-        / np.exp(gammaln(order + 1) / 2)[:, None]
-    )
-    parts = (_votes(z, rho, shares) * weight) @ polynomials.T
-    alike = np.einsum("qk,lk,qlk->ql", parts, parts, between[..., None] ** order)
+    norms = np.exp(gammaln(order + 1) / 2)
+    polynomials = special.eval_hermitenorm(order[:, None], z) / norms[:, None]
+    votes = _votes(z, rho, shares)
+    parts = (votes * weight) @ polynomials.T
+    powers = between[..., None] ** order
+    alike = np.einsum("qk,lk,qlk->ql", parts, parts, powers)
     rest = alike.sum(1) - np.diag(alike)
     np.fill_diagonal(alike, rest / max(len(rho) - 1, 1))
     return alike
@@ -220,15 +226,22 @@ def _alike(mean: Floats, shares: Shares) -> Floats:
 
 def _votes(z: Floats, rho: Floats, shares: Shares) -> Floats:
     """2M(z) − 1 for each class [L, len(z)]."""
-    p = ndtr(np.sqrt(rho / (1 - rho))[:, None] * z)
-    above = [special.bdtrc(k[:, None].astype(float), shares[:, None], p)
-             for k in ((shares - 1) // 2, shares // 2)]  # fmt: skip
-    return above[0] + above[1] - 1
+    steepness = np.sqrt(rho / (1 - rho))
+    p = ndtr(steepness[:, None] * z)
+    at_least_half = _more_than((shares - 1) // 2, shares, p)
+    above_half = _more_than(shares // 2, shares, p)
+    return at_least_half + above_half - 1
+
+
+def _more_than(k: Shares, shares: Shares, p: Floats) -> Floats:
+    """P(Bin(N_s, p) > k) of each class [L, len(z)]."""
+    return special.bdtrc(k[:, None].astype(float), shares[:, None], p)
 
 
 def _gaussian(correlation: Floats) -> Floats:
     """ρ of the Gaussians whose signs have this correlation."""
-    return np.clip(np.sin(np.pi / 2 * np.asarray(correlation)), _LEAST, _MOST)
+    rho = np.sin(np.pi / 2 * np.asarray(correlation))
+    return np.clip(rho, _LEAST, _MOST)
 
 
 def _normal() -> tuple[Floats, Floats]:

@@ -14,10 +14,12 @@ def combine(words: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
     words = np.ascontiguousarray(words)
     coefficients = np.ascontiguousarray(coefficients)
     width = words.shape[1]
-    sums = np.empty((coefficients.shape[1], width * WORD), np.float32)
+    n_sums = coefficients.shape[1]
+    sums = np.empty((n_sums, width * WORD), np.float32)
 
     def work(start: int, stop: int) -> None:
-        _combine(words, coefficients, sums, start * _BLOCK, min(width, stop * _BLOCK))
+        end = min(width, stop * _BLOCK)
+        _combine(words, coefficients, sums, start * _BLOCK, end)
 
     share(work, -(-width // _BLOCK), words.nbytes)
     return sums

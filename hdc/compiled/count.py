@@ -7,9 +7,8 @@ import numpy as np
 from hdc.compiled.encode import RULES, encode_rows
 from hdc.compiled.operations import compile_kernel, ones, share
 
-_BLOCK = (
-    512  # words a row counted at a time: they stay in the cache with their counters
-)
+_BLOCK = 512
+"""Words a row counted at a time: they stay in the cache with their counters."""
 _EIGHT = 8  # hypervectors that _count takes at once; their words stay in the cache
 
 
@@ -33,15 +32,16 @@ def count_uint8(
     images = np.ascontiguousarray(images)
     ties = np.zeros((len(images), 2), np.int64)
     code = RULES.index(rule)
-    shared: list[
-        tuple[int, np.ndarray]
-    ] = []  # counts of a class that another thread began
+    # Counts of classes that another thread began.
+    shared: list[tuple[int, np.ndarray]] = []
 
     def work(start: int, stop: int) -> None:
         first = int(np.searchsorted(ends, start, "right"))
-        for c in range(first, int(np.searchsorted(ends, stop, "left")) + 1):
+        last = int(np.searchsorted(ends, stop, "left"))
+        for c in range(first, last + 1):
             begin = int(ends[c - 1]) if c else 0
-            left, right = max(start, begin), min(stop, int(ends[c]))
+            left = max(start, begin)
+            right = min(stop, int(ends[c]))
             if left == right:
                 continue
             into = counts[c : c + 1]
@@ -54,7 +54,8 @@ def count_uint8(
     share(work, len(images), images.nbytes)
     for c, part in shared:
         _add(counts[c], part[0])
-    equal, missing = ties[:, :1], ties[:, 1:]
+    equal = ties[:, :1]
+    missing = ties[:, 1:]
     return equal, (missing > 0) & (missing < equal)
 
 
@@ -70,7 +71,9 @@ def count_into(
     def work(start: int, stop: int) -> None:
         _count(counts, words, order, ends, start * _BLOCK, stop * _BLOCK)
 
-    share(work, -(-words.shape[1] // _BLOCK), len(order) * words.shape[1] * 8)
+    width = words.shape[1]
+    n_blocks = -(-width // _BLOCK)
+    share(work, n_blocks, n_bytes=len(order) * width * 8)
 
 
 def hamming(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
@@ -80,7 +83,8 @@ def hamming(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
     def work(start: int, stop: int) -> None:
         _hamming(queries[start:stop], prototypes, distances[start:stop])
 
-    share(work, len(queries), queries.nbytes * max(1, len(prototypes)))
+    n_bytes = queries.nbytes * max(1, len(prototypes))
+    share(work, len(queries), n_bytes)
     return distances
 
 

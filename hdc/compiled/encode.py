@@ -31,13 +31,15 @@ def encode_uint8(
 
     def work(start: int, stop: int) -> None:
         rows = np.arange(start, stop)
+        into = words[start:stop]
         if len(wanted) == 1:
-            encode_rows(images, rows, words[start:stop], ties, 127, n_ones[0], code)
+            encode_rows(images, rows, into, ties, 127, n_ones[0], code)
         else:
-            _encode_levels(images, rows, words[start:stop], ties, wanted, code)
+            _encode_levels(images, rows, into, ties, wanted, code)
 
     share(work, len(images), images.nbytes)
-    n_equal, missing = ties[:, ::2], ties[:, 1::2]
+    n_equal = ties[:, ::2]
+    missing = ties[:, 1::2]
     return n_equal, (missing > 0) & (missing < n_equal)
 
 

@@ -29,10 +29,12 @@ _SHARE_BYTES = 2**17  # of input that are worth another thread
 
 def share(work: Callable[[int, int], object], n: int, n_bytes: int) -> None:
     """work(start, stop) on consecutive pieces of range(n), one a thread."""
-    n_threads = max(1, min(torch.get_num_threads(), n, n_bytes // _SHARE_BYTES))
+    worth = n_bytes // _SHARE_BYTES
+    n_threads = max(1, min(torch.get_num_threads(), n, worth))
     cuts = [n * i // n_threads for i in range(n_threads + 1)]
     pool = _pool(os.getpid())
-    others = [pool.submit(work, *cut) for cut in itertools.pairwise(cuts[1:])]
+    pieces = itertools.pairwise(cuts[1:])
+    others = [pool.submit(work, *piece) for piece in pieces]
     work(0, cuts[1])
     for other in others:
         other.result()
@@ -69,9 +71,10 @@ def _compare(relation: str):
         def code(context, builder, signature, arguments):
             pixels, row, start, level = arguments
             view = context.make_array(signature.args[0])(context, builder, pixels)
+            # Without a check of bounds.
             place = cgutils.get_item_pointer(
                 context, builder, signature.args[0], view, (row, start)
-            )  # without a check of bounds
+            )
             vector = ir.VectorType(ir.IntType(8), WORD)
             block = builder.load(builder.bitcast(place, vector.as_pointer()), align=1)
             i32 = ir.IntType(32)

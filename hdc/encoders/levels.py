@@ -74,7 +74,8 @@ class Levels(RankEncoder):
             return self
         total: Any = 0
         for start in range(0, len(frames), CHUNK):
-            part = inputs.tensor(frames[start : start + CHUNK]).flatten(1).cpu()
+            part = inputs.tensor(frames[start : start + CHUNK])
+            part = part.flatten(1).cpu()
             if part.is_floating_point():
                 check_finite(part, start)
             total = total + part.double().sum(0)
@@ -87,8 +88,9 @@ class Levels(RankEncoder):
         return self
 
     def dimension(self, n_pixels: int) -> int:
-        n = int(self.lit_.sum()) if self.learns else n_pixels
-        return super().dimension(n)
+        if self.learns:
+            n_pixels = int(self.lit_.sum())
+        return super().dimension(n_pixels)
 
     def encode(
         self,
@@ -98,11 +100,14 @@ class Levels(RankEncoder):
         out: Tensor | None = None,
     ) -> Tensor:
         if self.learns:
-            frames = frames.flatten(1)[:, self.lit_.to(frames.device)]
+            lit = self.lit_.to(frames.device)
+            frames = frames.flatten(1)[:, lit]
         return super().encode(frames, first, backend, out)
 
     def state(self) -> dict[str, Tensor]:
-        return {"lit": bits.pack(self.lit_)} if self.learns else {}
+        if not self.learns:
+            return {}
+        return {"lit": bits.pack(self.lit_)}
 
     def restore(self, tensors: Mapping[str, Tensor], n_pixels: int) -> None:
         if not self.learns:

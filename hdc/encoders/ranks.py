@@ -31,9 +31,8 @@ from hdc.encoders.ties import TIES, first_ties
 from hdc.parameters import check_choice
 
 _STEP = 2**20  # pixels of several frames thresholded at once, at up to 30 bytes each
-_SMALL = (
-    4096  # pixels per frame up to which that is faster than one frame after another
-)
+_SMALL = 4096
+"""Pixels per frame up to which that is faster than one frame after another."""
 _SAMPLE = 4096  # pixels of a frame that are sorted, at most
 
 
@@ -153,7 +152,8 @@ def encode_ranks(
     """
     check_frames(frames)
     kernels = bits.kernels(backend, frames.device)
-    n, n_pixels = len(frames), frames.shape[1:].numel()
+    n = len(frames)
+    n_pixels = frames.shape[1:].numel()
     ones = count_ones(quantiles, n_pixels)
     width = bits.words_for(len(ones) * n_pixels)
     if out is None:
@@ -162,21 +162,21 @@ def encode_ranks(
     if kernels and frames.dtype == torch.uint8 and n_pixels > 1:
         images = frames.reshape(n, n_pixels).numpy()
         equal, split = kernels.encode_uint8(images, words.numpy(), ones, rule)
-        return words, ties_of(
-            torch.from_numpy(equal), torch.from_numpy(split), n_pixels
-        )
+        ties = ties_of(torch.from_numpy(equal), torch.from_numpy(split), n_pixels)
+        return words, ties
+    if n == 0:
+        return words, Ties([], 0)
     step = max(1, _STEP // n_pixels)
     route = _route(frames, n_pixels)
-    counted = []
+    equals, splits = [], []
     for start in range(0, n, step):
-        pixels = _pixels(frames[start : start + step], first + start)
-        counted.append(
-            _encode_block(route, pixels, ones, rule, words[start : start + step])
-        )
-    if not counted:
-        return words, Ties([], 0)
-    equal, split = (torch.cat(part).cpu() for part in zip(*counted, strict=True))
-    return words, ties_of(equal, split, n_pixels)
+        chosen = slice(start, start + step)
+        pixels = _pixels(frames[chosen], first + start)
+        equal, split = _encode_block(route, pixels, ones, rule, words[chosen])
+        equals.append(equal)
+        splits.append(split)
+    ties = ties_of(torch.cat(equals).cpu(), torch.cat(splits).cpu(), n_pixels)
+    return words, ties
 
 
 def count_ones(quantiles: Sequence[Fraction], n_pixels: int) -> list[int]:
@@ -216,7 +216,8 @@ def ties_of(equal: Tensor, split: Tensor, n_pixels: int) -> Ties:
     constant = equal[:, 0] == n_pixels
     counted = equal[split & ~constant[:, None]]
     most = int(counted.max()) if len(counted) else 0
-    return Ties(constant.nonzero().flatten().tolist(), most)
+    numbers = constant.nonzero().flatten().tolist()
+    return Ties(numbers, most)
 
 
 def _pixels(frames: Tensor, first: int) -> Tensor:
@@ -236,8 +237,9 @@ def check_finite(pixels: Tensor, first: int) -> None:
     values = pixels.numpy() if pixels.device.type == "cpu" else pixels
     if math.isfinite(values.min()) and math.isfinite(values.max()):  # NaN is both
         return
-    index = int((~pixels.isfinite().all(1)).nonzero()[0])
-    value = pixels[index][~pixels[index].isfinite()][0].item()
+    finite = pixels.isfinite()
+    index = int((~finite.all(1)).nonzero()[0])
+    value = pixels[index][~finite[index]][0].item()
     found = "NaN" if math.isnan(value) else value
     raise ValueError(f"frames[{first + index}]: expected finite pixels, found {found}")
 
@@ -269,8 +271,9 @@ def _encode_block(
             rows[:] = words
         else:
             _put(words, rows, t * n_pixels)
+        some_missing = level.missing > 0
         counts.append(level.n_equal)
-        splits.append((level.missing > 0) & (level.missing < level.n_equal))
+        splits.append(some_missing & (level.missing < level.n_equal))
     return torch.stack(counts, 1), torch.stack(splits, 1)
 
 
@@ -280,9 +283,11 @@ def _put(words: Tensor, rows: Tensor, start: int) -> None:
     width = words.shape[1]
     rows[:, place : place + width] |= words << shift
     if shift:
-        above = (words >> (bits.WORD - shift)) & ((1 << shift) - 1)
-        room = min(width, rows.shape[1] - place - 1)
-        rows[:, place + 1 : place + 1 + room] |= above[:, :room]
+        low_bits = (1 << shift) - 1
+        above = (words >> (bits.WORD - shift)) & low_bits
+        following = place + 1
+        room = min(width, rows.shape[1] - following)
+        rows[:, following : following + room] |= above[:, :room]
 
 
 def _route(frames: Tensor, n_pixels: int) -> Any:
@@ -318,25 +323,34 @@ def _by_partition(pixels: Tensor, ones: Sequence[int]) -> list[_Level]:
     levels = []
     for wanted, place in zip(ones, places, strict=True):
         threshold = ordered[:, place, None]
-        above, equal = images > threshold, images == threshold
-        levels.append(_level(torch.from_numpy(above), torch.from_numpy(equal), wanted))
+        above = torch.from_numpy(images > threshold)
+        equal = torch.from_numpy(images == threshold)
+        levels.append(_level(above, equal, wanted))
     return levels
 
 
 def _level(above: Tensor, equal: Tensor, wanted: int) -> _Level:
     """A level from masks [B, D]."""
-    missing = wanted - above.sum(1)
-    return _Level(bits.pack(above), bits.pack(equal), missing, equal.sum(1))
+    return _Level(
+        above=bits.pack(above),
+        equal=bits.pack(equal),
+        missing=wanted - above.sum(1),
+        n_equal=equal.sum(1),
+    )
+
+
+_Selected = tuple[np.ndarray, np.ndarray, int, int]  # a level of one frame
 
 
 def _by_counting(pixels: Tensor, ones: Sequence[int]) -> list[_Level]:
     """:func:`_by_torch` of integers on the CPU, one frame after another; D > 1."""
-    mask = np.zeros(bits.words_for(pixels.shape[1]) * bits.WORD, np.bool_)
-    found: list[list[tuple[np.ndarray, np.ndarray, int, int]]] = [[] for _ in ones]
+    n_pixels = pixels.shape[1]
+    mask = np.zeros(bits.words_for(n_pixels) * bits.WORD, np.bool_)
+    places = _places(n_pixels)
+    found: list[list[_Selected]] = [[] for _ in ones]
     for image in pixels.numpy():
-        sample = np.sort(
-            image[_places(len(image))], kind="stable"
-        )  # to 16 bits, a radix sort
+        # "stable" is a radix sort for up to 16 bits.
+        sample = np.sort(image[places], kind="stable")
         for of_level, wanted in zip(found, ones, strict=True):
             of_level.append(_select(image, wanted, sample, mask))
     levels = []
@@ -354,7 +368,7 @@ def _by_counting(pixels: Tensor, ones: Sequence[int]) -> list[_Level]:
 
 def _select(
     pixels: np.ndarray, ones: int, sample: np.ndarray, mask: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, int, int]:
+) -> _Selected:
     """Threshold integers [D] in two or three passes, so that `ones` are at or above it.
 
     Returns:
@@ -363,20 +377,21 @@ def _select(
     """
     n_pixels = len(pixels)
     # More than `ones` pixels are above `low`, as `below` says; the others not, as `above` says.
-    low, high = np.iinfo(pixels.dtype).min - 1, int(np.iinfo(pixels.dtype).max)
-    below, n_below = np.full(len(mask) // bits.WORD, -1), n_pixels
-    if rest := n_pixels % bits.WORD:
-        below[-1] = (1 << rest) - 1
+    of_type = np.iinfo(pixels.dtype)
+    low = of_type.min - 1
+    high = int(of_type.max)
+    below, n_below = _all_ones(n_pixels), n_pixels
     above, n_above = np.zeros_like(below), 0
+    last = len(sample) - 1
     at = len(sample) * (n_pixels - ones) // n_pixels
     while high - low > 1:
-        value = int(sample[min(max(0, at), len(sample) - 1)])
+        value = int(sample[min(max(0, at), last)])
         if not low < value < high:
             nearest = low + 1 if value <= low else high - 1
             value = nearest if pixels.itemsize == 1 else (low + high) // 2
         np.greater(pixels, value, out=mask[:n_pixels])
         larger = np.packbits(mask, bitorder="little").view(np.int64)
-        n = int(_popcount(larger).sum(dtype=np.int64))
+        n = _count(larger)
         if n > ones:
             low, below, n_below = value, larger, n
         else:
@@ -390,9 +405,21 @@ def _select(
 def _places(n_pixels: int) -> np.ndarray:
     """Which pixels are the sample: one of each stretch, at random, lest they follow a pattern."""
     n = min(_SAMPLE, max(32, n_pixels // 16), n_pixels)
-    offsets = np.arange(n) + np.random.default_rng(0).random(n)
+    within = np.random.default_rng(0).random(n)
+    offsets = np.arange(n) + within
     return (offsets * n_pixels / n).astype(np.intp)
 
 
-def _popcount(words: np.ndarray) -> np.ndarray:
-    return np.bitwise_count(words.view(np.uint64))
+def _all_ones(n_pixels: int) -> np.ndarray:
+    """Words int64 [W] of so many ones."""
+    words = np.full(bits.words_for(n_pixels), -1)
+    rest = n_pixels % bits.WORD
+    if rest:
+        words[-1] = (1 << rest) - 1
+    return words
+
+
+def _count(words: np.ndarray) -> int:
+    """Ones of words int64 [W]."""
+    ones = np.bitwise_count(words.view(np.uint64))
+    return int(ones.sum(dtype=np.int64))

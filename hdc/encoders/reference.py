@@ -21,6 +21,11 @@ _LARGEST = 18  # bits that floating-point pixels are scaled to
 _STEP = 2**22  # pixels of several frames at a time; 8 bytes each, several times
 # A pixel below the first is rounded to 0.
 _POWERS = [2.0**k for k in range(-2, _LARGEST + 1)]
+_EXACT = (torch.uint8, torch.int8, torch.int16, torch.uint16)
+
+
+GIVEN = "given"
+"""Stands in a file for a frame that was given."""
 
 
 class Reference(Encoder):
@@ -34,13 +39,16 @@ class Reference(Encoder):
 
     Args:
         base: the encoder of the differences, a name or an object; one that learns nothing.
-        frame: reference frame [H, W] or [D]; by default learned of the training frames.
+        frame: reference frame [H, W] or [D]; by default learned of the training frames. A saved
+            model keeps what it made of the frame, not the frame: loaded, it is ``"given"``, and
+            :meth:`fit` asks for it anew.
 
     Attributes:
         reference_: int64 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
     """
 
     learns: ClassVar[bool] = True
+    stand_ins: ClassVar = {"frame": GIVEN}
 
     reference_: Tensor
 
@@ -72,10 +80,16 @@ class Reference(Encoder):
         """Learn the mean of the standardised training frames, or take the given frame.
 
         Raises:
-            ValueError: for a given frame of another shape than the training frames.
+            ValueError: for a given frame of another shape than the training frames, or one that
+                the file of the model does not keep.
         """
         if self.frame is None:
             return self.zero(frames)
+        if isinstance(self.frame, str) and self.frame == GIVEN:
+            raise ValueError(
+                "frame: expected the reference frame that the model was given, which its file does "
+                "not keep; set it, or None to learn one"
+            )
         given = torch.as_tensor(np.asarray(self.frame))
         expected = tuple(frames.shape[1:])
         if tuple(given.shape) != expected:
@@ -97,7 +111,8 @@ class Reference(Encoder):
         step = _frames_at_a_time(frames)
         for start in range(0, len(frames), step):
             part = inputs.tensor(frames[start : start + step])
-            total = total + standardised(part, start).sum(0, dtype=torch.int64)
+            values = standardised(part, start)
+            total = total + values.sum(0, dtype=torch.int64)
         self.reference_ = total // len(frames)
         return self
 
@@ -121,8 +136,8 @@ class Reference(Encoder):
         for start in range(0, max(1, len(frames)), step):
             part = frames[start : start + step]
             values = standardised(part, first + start)
-            flat = ~values.any(1)
-            constant += [start + i for i in flat.nonzero().flatten().tolist()]
+            flat = (~values.any(1)).nonzero().flatten()
+            constant += (start + flat).tolist()
             difference = values - reference
             words.append(encode_with(self.base_, difference, first + start, "numpy"))
         warn_of_constant(constant, first)
@@ -156,19 +171,20 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
     pixels = _integers(frames.reshape(len(frames), -1), first)
     n_pixels = pixels.shape[1]
     sums = pixels.sum(1)
-    squares = (pixels * pixels).sum(1).tolist()
-    deviations = [
-        max(1, math.isqrt(n_pixels * square - total**2))
-        for total, square in zip(sums.tolist(), squares, strict=True)
-    ]
+    squares = (pixels * pixels).sum(1)
+    deviations = []
+    for total, square in zip(sums.tolist(), squares.tolist(), strict=True):
+        deviation = math.isqrt(n_pixels * square - total**2)
+        deviations.append(max(1, deviation))
     divisors = torch.tensor(deviations, dtype=torch.float64, device=frames.device)
-    numerators = (n_pixels * pixels - sums[:, None]).double() * 2**FRACTION
-    return (numerators / divisors[:, None]).floor().to(torch.int32)
+    centred = n_pixels * pixels - sums[:, None]
+    scaled = centred.double() * 2**FRACTION
+    return (scaled / divisors[:, None]).floor().to(torch.int32)
 
 
 def _integers(pixels: Tensor, first: int) -> Tensor:
     """Pixels [N, D] as int64 of at most 18 bits; those of more are scaled, frame by frame."""
-    if pixels.dtype in (torch.uint8, torch.int8, torch.int16, torch.uint16):
+    if pixels.dtype in _EXACT:
         return pixels.to(torch.int64)
     values = pixels.double()
     if len(values):
@@ -177,5 +193,7 @@ def _integers(pixels: Tensor, first: int) -> Tensor:
     _, largest = torch.frexp(values.abs().amax(1, keepdim=True))
     # Powers of two from a table: those that torch computes are of 32 bits, and end at 2¹²⁷.
     powers = torch.tensor(_POWERS, dtype=torch.float64, device=values.device)
-    places = (exponents - largest + len(_POWERS) - 1).clamp(min=0)
-    return (mantissas * powers[places.long()]).round().to(torch.int64)
+    last = len(_POWERS) - 1
+    places = (exponents - largest + last).clamp(min=0).long()
+    scaled = mantissas * powers[places]
+    return scaled.round().to(torch.int64)

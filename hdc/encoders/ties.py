@@ -6,11 +6,14 @@ would differ. ``spread`` takes pixel j = 64·w + b by the key
 
     ((b + h(w)) mod 64, w),    h(w) = (w·0x9E3779B1 mod 2³²) >> 26,
 
-an order that is even over rows and columns, needs no table, and serves every threshold, so that a
-frame's code of several thresholds stays a thermometer. ``raster`` takes the first pixels of the
-frame: those at its top, where a large area of equal pixels loses its lower part. ``below`` takes
-all ties where they fit exactly and none otherwise, which is the plain comparison
-``pixel > median``; hypervectors then have fewer ones.
+an order that needs no table and serves every threshold, so that a frame's code of several
+thresholds stays a thermometer. The chosen pixels lie all over the frame; how evenly depends on its
+size. Of one half of 500 × 500 pixels a row has 48 to 52 %, but of 100 × 150 it has 37 to 66 %: a
+deviation (RMS) 1.9 times that of a random choice. Columns are more even than at random in both.
+
+``raster`` takes the first pixels of the frame: those at its top, where a large area of equal pixels
+loses its lower part. ``below`` takes all ties where they fit exactly and none otherwise, which is
+the plain comparison ``pixel > median``; hypervectors then have fewer ones.
 """
 
 from __future__ import annotations
@@ -51,12 +54,13 @@ def _first_in_raster(equal: Tensor, missing: Tensor) -> Tensor:
     running = counts.cumsum(1)
     fits = running <= missing[:, None]
     kept = equal * fits
-    cut = fits.sum(1, keepdim=True).clamp(
-        max=equal.shape[1] - 1
-    )  # the word that fits in part
-    room = missing[:, None] - (running - counts).gather(1, cut)
+    last = equal.shape[1] - 1
+    cut = fits.sum(1, keepdim=True).clamp(max=last)  # the word that fits in part
+    before = (running - counts).gather(1, cut)
+    room = missing[:, None] - before
     ones = bits.unpack(equal.gather(1, cut), bits.WORD)
-    part = bits.pack(ones & (ones.cumsum(1) <= room))
+    among_first = ones.cumsum(1) <= room
+    part = bits.pack(ones & among_first)
     return kept.scatter(1, cut, part)
 
 
@@ -84,11 +88,14 @@ def _whole_rounds(rotated: Any, wanted: Any) -> tuple[Any, Any]:
         between = (of_high - of_low).clip(1, None)
         guess = low + (wanted - of_low) * (high - low) // between
         guess = guess.clip(low + 1, high - 1)
-        guess = guess * (high - low > 1) + low * (high - low <= 1)
+        found = high - low <= 1
+        guess = guess * ~found + low * found
         count = _count_ones(rotated & _low_bits(guess))
         fits = count <= wanted
-        low, of_low = guess * fits + low * ~fits, count * fits + of_low * ~fits
-        high, of_high = guess * ~fits + high * fits, count * ~fits + of_high * fits
+        low = guess * fits + low * ~fits
+        of_low = count * fits + of_low * ~fits
+        high = guess * ~fits + high * fits
+        of_high = count * ~fits + of_high * fits
     return low, of_low
 
 
@@ -100,7 +107,8 @@ def _low_bits(n: Any) -> Any:
 def _count_ones(words: Any) -> Any:
     """Ones of each hypervector [B, W], as [B, 1]."""
     if isinstance(words, np.ndarray):
-        return np.bitwise_count(words.view(np.uint64)).sum(1, dtype=np.int64)[:, None]
+        ones = np.bitwise_count(words.view(np.uint64))
+        return ones.sum(1, dtype=np.int64)[:, None]
     return bits.count_ones(words)[:, None]
 
 
@@ -113,7 +121,9 @@ def _rotated_left(words: Any, by: Any) -> Any:
 def _rotations(width: int, device: torch.device) -> Any:
     """h(w) of the words of a hypervector, int64 [W]."""
     rotations = _rotations_on_cpu(width)
-    return rotations if device.type == "cpu" else torch.from_numpy(rotations).to(device)
+    if device.type == "cpu":
+        return rotations
+    return torch.from_numpy(rotations).to(device)
 
 
 @functools.lru_cache(maxsize=4)

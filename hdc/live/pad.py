@@ -9,7 +9,7 @@ from typing import Any
 
 from nicegui import events, ui
 
-from hdc.live.session import Session
+from hdc.live.session import Interval, Session
 from hdc.live.sources import Pressable, Touch
 
 NEAR = 2e-3
@@ -61,7 +61,9 @@ class Pad:
     def __init__(
         self, do: Callable[..., Any], session: Session, source: Pressable
     ) -> None:
-        self._do, self._session, self._source = do, session, source
+        self._do = do
+        self._session = session
+        self._source = source
         size = source.length * 1e3, source.width * 1e3
         self._drawing = ui.interactive_image(
             size=size, on_mouse=self._pressed, events=["mousedown"], sanitize=False
@@ -71,25 +73,27 @@ class Pad:
             "of a class the robot returns to where it was taught. Cross: the predicted place."
         ).classes("small")
         self._depth = slider("depth in mm", 0.1, source.deepest * 1e3, 0.1, 1.8)
-        ui.button("Lift off", on_click=lambda: self._press()).props(
-            "no-caps outline dense"
-        )
+        lift = ui.button("Lift off", on_click=lambda: self._press())
+        lift.props("no-caps outline dense")
 
-    def show(self, values: Sequence[tuple[float, float, float]]) -> None:
+    def show(self, values: Sequence[Interval]) -> None:
         """Draw taught places, touches, and the predicted place: x and y, value first, in mm."""
         names = list(self._session.counts)
         drawn = []
         for name, touches in self._session.places.items():
-            title, look = html.escape(name), colour(names, name)
+            title = html.escape(name)
+            look = colour(names, name)
             for touch in touches:
                 x, y = self._at(touch.x, touch.y)
                 drawn.append(_PLACE.format(x, y, c=look, name=title))
         for touch in self._source.touches:
             x, y = self._at(touch.x, touch.y)
-            drawn.append(_TOUCH.format(x, y, 1 + 900 * touch.depth))
+            radius = 1 + 900 * touch.depth
+            drawn.append(_TOUCH.format(x, y, radius))
         if len(values) == 2:
             (x, *_), (y, *_) = values
-            drawn.append(_CROSS.format(*self._at(x * 1e-3, y * 1e-3)))
+            place = self._at(x * 1e-3, y * 1e-3)
+            drawn.append(_CROSS.format(*place))
         self._drawing.content = "".join(drawn)
 
     def _at(self, x: float, y: float) -> tuple[float, float]:
@@ -106,7 +110,8 @@ class Pad:
                 if apart < NEAR:
                     near.append((apart, touch.x, touch.y))
         _, x, y = min(near, default=(0.0, x, y))
-        await self._press(Touch(x, y, self._depth.value * 1e-3))
+        depth = self._depth.value * 1e-3
+        await self._press(Touch(x, y, depth))
 
     async def _press(self, *touches: Touch) -> None:
         await self._do(lambda session: self._source.press(touches))

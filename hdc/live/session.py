@@ -32,6 +32,10 @@ ALPHA = 0.1
 _NUMBER = re.compile(r"([-+]?\d+(?:\.\d+)?)\s*[^\d\s]*")  # "1.5" or "1.5 mm"
 
 
+Interval = tuple[float, float, float]
+"""A value, and the lower and upper end of its interval."""
+
+
 @dataclass(frozen=True)
 class Answer:
     """The model's prediction for a frame."""
@@ -40,9 +44,8 @@ class Answer:
     likely: tuple[str, ...] = ()  # prediction set
     distances: Mapping[str, float] = field(default_factory=dict)
     """Hamming, to each prototype, as a share of the bits."""
-    values: tuple[
-        tuple[float, float, float], ...
-    ] = ()  # value, low, high, where taught
+    values: tuple[Interval, ...] = ()
+    """Where taught."""
 
     @property
     def margin(self) -> float | None:
@@ -105,7 +108,8 @@ class Session:
         elif trained is not None:
             self.model = trained
             names = map(str, trained.classes_.tolist())
-            self.counts = dict(zip(names, trained.counts_.tolist(), strict=True))
+            counts = trained.counts_.tolist()
+            self.counts = dict(zip(names, counts, strict=True))
 
     # Prediction ----------------------------------------------------------------------------------
 
@@ -116,7 +120,7 @@ class Session:
         """
         frame = self.source.frame()
         words = Median().encode(tensor(frame[None]))
-        hypervector = bits.unpack(words, frame.size)[0].numpy()
+        hypervector = bits.unpack(words[0], frame.size).numpy()
         begin = time.perf_counter()
         answer = self.ask(frame)
         seconds = time.perf_counter() - begin
@@ -139,7 +143,7 @@ class Session:
             values=values,
         )
 
-    def _values(self, frame: np.ndarray) -> tuple[tuple[float, float, float], ...]:
+    def _values(self, frame: np.ndarray) -> tuple[Interval, ...]:
         """Each value of a frame with its interval; none where none was taught."""
         if self.regressor is None:
             return ()
@@ -171,7 +175,8 @@ class Session:
         else:
             self._check_known(name)
         # Samples join the latest recalibration of their class: they are of today, too.
-        lessons = [s.lesson for s in self._samples if s.label == name]
+        own = [sample for sample in self._samples if sample.label == name]
+        lessons = [sample.lesson for sample in own]
         lesson = max(lessons, default=Lesson())
         samples = self._take(name, n, self._touches, lesson)
         pressed = isinstance(self.source, Pressable)
@@ -200,8 +205,8 @@ class Session:
             raise ValueError(
                 "There is nothing to recalibrate yet: teach two classes first."
             )
-        latest = max((s.lesson.number for s in self._samples), default=0)
-        lesson = Lesson(latest + 1, p)
+        numbers = [sample.lesson.number for sample in self._samples]
+        lesson = Lesson(max(numbers, default=0) + 1, p)
         samples: list[Sample] = []
         if name is None:
             for label in self.counts:
@@ -219,8 +224,11 @@ class Session:
             self._check_known(name)
             kept = [sample for sample in self._samples if sample.label != name]
         self._train(kept)
-        known = self.counts
-        self.places = {name: p for name, p in self.places.items() if name in known}
+        self.places = {
+            label: touches
+            for label, touches in self.places.items()
+            if label in self.counts
+        }
         self.tests.clear()
 
     def use(self, readout: str) -> None:
@@ -249,7 +257,8 @@ class Session:
     def _value(self, name: str, touches: tuple[Touch, ...]) -> tuple[float, ...] | None:
         """The place of a touch in mm, or the number in a name; None where there is neither."""
         if len(touches) == 1:
-            return 1e3 * touches[0].x, 1e3 * touches[0].y
+            (touch,) = touches
+            return 1e3 * touch.x, 1e3 * touch.y
         number = _NUMBER.fullmatch(name)
         if number is None or isinstance(self.source, Pressable):
             return None
@@ -267,7 +276,9 @@ class Session:
         model = _classifier(samples, readout)
         regressor = _regressor(samples, readout)
         self._samples = samples
-        self.model, self.regressor, self.readout = model, regressor, readout
+        self.model = model
+        self.regressor = regressor
+        self.readout = readout
         self.counts = dict(Counter(sample.label for sample in samples))
 
     def saved(self) -> bytes:

@@ -136,12 +136,14 @@ class Recorded:
 
     @property
     def label(self) -> str:
-        return self.classes[self._labels[max(0, self._place)]]
+        shown = max(0, self._place)
+        return self.classes[self._labels[shown]]
 
     def frame(self) -> np.ndarray:
         if self.playing or self._place < 0:
             self._place = (self._place + 1) % len(self._order)
-        return self._recording.frames(self._order[[self._place]])[0]
+        (frame,) = self._recording.frames(self._order[[self._place]])
+        return frame
 
     def play(self) -> None:
         """Play, or pause."""
@@ -155,7 +157,8 @@ class Recorded:
     def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
         """The next n frames of the class that is shown, or all of them where there are fewer."""
         shown = max(0, self._place)
-        ahead = np.roll(np.arange(len(self._order)), -shown - 1)
+        all_places = np.arange(len(self._order))
+        ahead = np.roll(all_places, -shown - 1)
         same = self._labels[ahead] == self._labels[shown]
         places = ahead[same][:n]
         self._place = int(places[-1])

@@ -36,8 +36,10 @@ class Worker:
     """Runs a session in one thread until :meth:`stop`; its `view` is replaced for each frame."""
 
     def __init__(self, session: Session) -> None:
-        self.session, self.view = session, View()
-        self._lock, self._stopped = threading.Lock(), threading.Event()
+        self.session = session
+        self.view = View()
+        self._lock = threading.Lock()
+        self._stopped = threading.Event()
         self._tested = self._asked = -WATCHED
         self._thread = threading.Thread(target=self._run, daemon=True, name="sensor")
 
@@ -79,7 +81,9 @@ class Worker:
         grey = frame
         if frame.dtype != np.uint8:
             grey = (frame >> 8).astype(np.uint8)
-        drawn = np.hstack([grey, hypervector * np.uint8(255)])
+        black_or_white = hypervector * np.uint8(255)
+        drawn = np.hstack([grey, black_or_white])
         quality = [cv2.IMWRITE_JPEG_QUALITY, 70]
-        picture = cv2.imencode(".jpg", drawn, quality)[1].tobytes()
-        self.view = View(picture, answer, session.source.label, seconds=seconds)
+        _, picture = cv2.imencode(".jpg", drawn, quality)
+        label = session.source.label
+        self.view = View(picture.tobytes(), answer, label, seconds=seconds)

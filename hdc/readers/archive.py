@@ -188,7 +188,8 @@ def _values(
     """The chosen columns of numbers, float64 [N, k]; None of no columns."""
     if not columns:
         return None
-    wrong = [c for c in columns if c not in arrays or arrays[c].shape != (n,)]
+    fitting = {name for name, array in arrays.items() if array.shape == (n,)}
+    wrong = [name for name in columns if name not in fitting]
     if wrong:
         raise SettingError(
             f"value_columns: expected arrays [{n}], found no {', '.join(wrong)}"

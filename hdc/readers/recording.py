@@ -59,12 +59,16 @@ class Window:
         self.shape(*image.shape[:2])
         if image.ndim == 1:
             return image[:: self.subsample]
-        x, y, w, h = self.crop or (0, 0, image.shape[1], image.shape[0])
-        return image[y : y + h : self.subsample, x : x + w : self.subsample]
+        height, width = image.shape[:2]
+        x, y, w, h = self.crop or (0, 0, width, height)
+        rows = slice(y, y + h, self.subsample)
+        columns = slice(x, x + w, self.subsample)
+        return image[rows, columns]
 
 
 def _is_crop(crop: tuple[int, ...]) -> bool:
-    if len(crop) != 4 or not all(isinstance(n, int | np.integer) for n in crop):
+    whole = all(isinstance(n, int | np.integer) for n in crop)
+    if len(crop) != 4 or not whole:
         return False
     return min(crop) >= 0 and min(crop[2:]) >= 1
 
@@ -175,12 +179,15 @@ class Recording:
     def fingerprint(self) -> str:
         """SHA-256 over the recorded bytes, the pixels kept of them, labels, values and order."""
         window = (self.window.crop, self.window.subsample)
-        digest = hashlib.sha256(repr((self.digest(), window, self.classes)).encode())
+        kept = (self.digest(), window, self.classes)
+        digest = hashlib.sha256(repr(kept).encode())
         if self.labels is not None:
-            digest.update(np.ascontiguousarray(self.labels, dtype="<i8").data)
+            labels = np.ascontiguousarray(self.labels, dtype="<i8")
+            digest.update(labels.data)
         digest.update(repr(self.order.tolist()).encode())
         if self.values is not None:
-            digest.update(repr((self.value_names, self.values.tolist())).encode())
+            values = (self.value_names, self.values.tolist())
+            digest.update(repr(values).encode())
         return digest.hexdigest()
 
 
@@ -207,8 +214,9 @@ def class_indices(
         raise ValueError(
             f"{where}: expected one of the {len(classes)} classes, found {unknown}"
         )
-    rows = {name: row for row, name in enumerate(classes)}
-    return classes, np.array([rows[name] for name in names], dtype=np.int64)
+    row_of = {name: row for row, name in enumerate(classes)}
+    rows = [row_of[name] for name in names]
+    return classes, np.array(rows, dtype=np.int64)
 
 
 def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> None:
@@ -248,6 +256,5 @@ def with_progress(items: Iterable[T], total: int, what: str) -> Generator[T]:
     from rich.console import Console
     from rich.progress import track
 
-    yield from track(
-        items, what, total=total, transient=True, console=Console(stderr=True)
-    )
+    console = Console(stderr=True)
+    yield from track(items, what, total=total, transient=True, console=console)

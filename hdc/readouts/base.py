@@ -62,8 +62,7 @@ class Readout(Parametrised, ABC):
 
     def state(self) -> dict[str, Tensor]:
         """The tensors that a prediction needs; they share memory with the read-out."""
-        learned = vars(self).items()
-        return {k: v for k, v in learned if k.endswith("_") and isinstance(v, Tensor)}
+        return learned_tensors(self)
 
     def stored(self) -> dict[str, Tensor]:
         """The tensors of a file: :meth:`state`, and what further training needs."""
@@ -98,6 +97,15 @@ class Updatable(Readout):
     @abstractmethod
     def merge(self, other: Self, places: Sequence[int]) -> None:
         """Learn what another one has learned, whose class k is class places[k] here."""
+
+
+def learned_tensors(readout: object) -> dict[str, Tensor]:
+    """The tensors among the attributes that end in an underscore."""
+    return {
+        name: value
+        for name, value in vars(readout).items()
+        if name.endswith("_") and isinstance(value, Tensor)
+    }
 
 
 def without_empty(scores: Tensor, empty: Tensor) -> Tensor:

@@ -10,9 +10,9 @@ from torch import Tensor
 from hdc import bits
 from hdc.parameters import check_choice
 from hdc.prototypes import Counters
+from hdc.readouts.arithmetic import dot
 from hdc.readouts.base import without_empty
 from hdc.readouts.majority import Counting, smallest
-from hdc.readouts.products import dot
 
 
 class Counts(Counting):
@@ -33,15 +33,12 @@ class Counts(Counting):
 
     def scores(self, words: Tensor) -> Tensor:
         """The cosines, float64 [Q, L]."""
-        size = (
-            smallest(self.counters_)
-            if self.balance and not self.recalibrated_
-            else None
-        )
-        found = cosines(self.counters_, words, size) / math.sqrt(
-            self.counters_.dimension
-        )
-        return without_empty(found, self.counters_.n == 0)
+        counters = self.counters_
+        size = None
+        if self.balance and not self.recalibrated_:
+            size = smallest(counters)
+        found = cosines(counters, words, size) / math.sqrt(counters.dimension)
+        return without_empty(found, counters.n == 0)
 
     def adapt(
         self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
@@ -65,9 +62,8 @@ def cosines(counters: Counters, words: Tensor, size: int | None = None) -> Tenso
         raise ValueError(
             f"counters: expected fewer samples, found {int(counters.n.max())}"
         )
-    lengths = torch.tensor(
-        norms(counters, size), dtype=torch.float64, device=words.device
-    )
+    found = norms(counters, size)
+    lengths = torch.tensor(found, dtype=torch.float64, device=words.device)
     ones = bits.count_ones(counters.planes)
     products = dot(counters.planes, ones, counters.n, words, counters.dimension)
     return products / lengths.clamp(min=1)
@@ -79,15 +75,14 @@ def norms(counters: Counters, size: int | None = None) -> list[float]:
     for planes, n in zip(counters.planes, counters.n.tolist(), strict=True):
         total, square = moments(planes)
         length = 4 * square - 4 * n * total + n * n * counters.dimension
-        if size is not None and 1 < n > size:
-            # n·D + Σ_{i≠k} x_i·x_k = ‖s‖², and the mean product of a pair is that of a subset's.
-            diagonal = n * counters.dimension
-            pairs = (length - diagonal) * size * (size - 1) / (n * (n - 1))
-            lengths.append(
-                math.sqrt(max(0.0, size * counters.dimension + pairs)) * n / size
-            )
-        else:
+        if size is None or n <= max(size, 1):
             lengths.append(math.sqrt(length))
+            continue
+        # n·D + Σ_{i≠k} x_i·x_k = ‖s‖², and the mean product of a pair is that of a subset's.
+        of_pairs = length - n * counters.dimension
+        pairs = of_pairs * size * (size - 1) / (n * (n - 1))
+        square = max(0.0, size * counters.dimension + pairs)
+        lengths.append(math.sqrt(square) * n / size)
     return lengths
 
 
@@ -98,8 +93,9 @@ def moments(planes: Tensor) -> tuple[int, int]:
     """
     first = second = 0
     for p, plane in enumerate(planes):
-        ones = bits.count_ones(plane & planes[p:]).tolist()
-        first += ones[0] << p
-        second += ones[0] << 2 * p
-        second += sum(n << (2 * p + k + 1) for k, n in enumerate(ones[1:], 1))
+        ones, *in_both = bits.count_ones(plane & planes[p:]).tolist()
+        first += ones << p
+        second += ones << 2 * p
+        for q, n in enumerate(in_both, p + 1):
+            second += n << (p + q + 1)  # b_p b_q and b_q b_p
     return first, second

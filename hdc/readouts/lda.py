@@ -31,8 +31,8 @@ from hdc import bits
 from hdc.io import check_tensors
 from hdc.parameters import is_number
 from hdc.prototypes import Counters
+from hdc.readouts.arithmetic import combinations, dot, gram
 from hdc.readouts.base import NOWHERE, Readout
-from hdc.readouts.products import combinations, dot, gram
 
 SHRINKAGES = ("ledoit_wolf", "oas")
 MOST_FRAMES = 8000
@@ -93,7 +93,8 @@ class LDA(Readout):
         dual, alpha = _dual_weights(
             products, of_means, onehot, share, dimension, self.shrinkage
         )
-        offsets = -0.5 * ((of_means + of_means.mean(1, keepdim=True)) * dual).sum(0)
+        halfway = of_means + of_means.mean(1, keepdim=True)
+        offsets = -0.5 * (halfway * dual).sum(0)
         weights = combinations(dual, words, self.backend)[:, :dimension]
         means = class_means(words, place, len(known), dimension, self.backend)
         planes, scales, offsets = _quantised(weights, means, offsets)
@@ -125,10 +126,10 @@ class LDA(Readout):
     def scores(self, words: Tensor) -> Tensor:
         """The discriminants, int64 [Q, L]."""
         n = torch.full((len(self.weights_),), 2 * _OFFSET)
-        products = (
-            dot(self.weights_, self._ones, n, words, self._dimension, self.backend) // 2
-        )
-        return products * self.scales_.to(words.device) + self.offsets_.to(words.device)
+        twice = dot(self.weights_, self._ones, n, words, self._dimension, self.backend)
+        scales = self.scales_.to(words.device)
+        offsets = self.offsets_.to(words.device)
+        return twice // 2 * scales + offsets
 
     def state(self) -> dict[str, Tensor]:
         return {
@@ -143,12 +144,18 @@ class LDA(Readout):
     def restore(
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
     ) -> None:
-        shape = (n_classes, _PLANES, bits.words_for(dimension))
-        expected = {"weights": shape, "scales": (n_classes,), "offsets": (n_classes,)}
-        check_tensors(tensors, {**expected, "shrinkage": ()}, floats=("shrinkage",))
+        shapes = {
+            "weights": (n_classes, _PLANES, bits.words_for(dimension)),
+            "scales": (n_classes,),
+            "offsets": (n_classes,),
+            "shrinkage": (),
+        }
+        check_tensors(tensors, shapes, floats=("shrinkage",))
         bits.check_padding(tensors["weights"], dimension)
-        self.weights_, self.shrinkage_ = tensors["weights"], tensors["shrinkage"].cpu()
-        self.scales_, self.offsets_ = tensors["scales"].cpu(), tensors["offsets"].cpu()
+        self.weights_ = tensors["weights"]
+        self.shrinkage_ = tensors["shrinkage"].cpu()
+        self.scales_ = tensors["scales"].cpu()
+        self.offsets_ = tensors["offsets"].cpu()
         self._dimension = dimension
         self._ones = bits.count_ones(self.weights_)
 
@@ -164,14 +171,17 @@ def closed_form(
         n: frames less classes.
         d: D.
     """
-    first, second = trace / n, squares / n**2
+    first = trace / n
+    second = squares / n**2
     spread = second - first**2 / d
     if spread <= 0:
         return 1.0
     if kind == "ledoit_wolf":
-        share = (float((diagonal**2).sum()) / n**2 - second / n) / spread
+        fourth = float((diagonal**2).sum()) / n**2
+        share = (fourth - second / n) / spread
     else:
-        share = ((1 - 2 / d) * second + first**2) / ((n + 1 - 2 / d) * spread)
+        numerator = (1 - 2 / d) * second + first**2
+        share = numerator / ((n + 1 - 2 / d) * spread)
     return min(1.0, max(0.0, share))
 
 
@@ -204,13 +214,15 @@ def _dual_weights(
     if alpha == 1:
         return centred, 1.0
     # α = 0 has no inverse where there are fewer frames than bits; rounding's share is the least.
-    penalty = max(alpha / (1 - alpha) * trace / dimension, 1e-10 * trace / n)
+    least = 1e-10 * trace / n
+    penalty = max(alpha / (1 - alpha) * trace / dimension, least)
     right = of_means - of_means.mean(1, keepdim=True)  # G·E'
     right = right - onehot @ (share.T @ right)
     products.diagonal().add_(penalty)
     factor = torch.linalg.cholesky(products)
     solved = torch.cholesky_solve(right, factor)
-    return centred - (solved - share @ (onehot.T @ solved)), alpha
+    solved_within = solved - share @ (onehot.T @ solved)
+    return centred - solved_within, alpha
 
 
 def _centre_within_classes(
@@ -233,7 +245,8 @@ def class_means(
     counters = Counters(n_classes, dimension, "cpu", backend)
     counters.add(words.cpu(), rows)
     n = counters.n[:, None]
-    return (2 * counters.counts() - n).float() / n
+    sums = 2 * counters.counts() - n
+    return sums.float() / n
 
 
 def _quantised(
@@ -249,7 +262,8 @@ def _quantised(
     scales = torch.ones(len(weights), dtype=torch.float64)
     offsets = offsets.clone()
     for c, w in enumerate(weights):
-        q = (w * (_LEVELS / _unit(w.abs()))).round_().clamp_(-_LEVELS, _LEVELS)
+        steps = _LEVELS / _unit(w.abs())
+        q = (w * steps).round_().clamp_(-_LEVELS, _LEVELS)
         planes.append(_packed(q))
         if not q.any():
             continue
@@ -259,7 +273,8 @@ def _quantised(
             scales[c] = _product(away, w) / kept
         else:
             scales[c] = _product(w, q) / _product(q, q)
-        offsets[c] += _product(w - scales[c].float() * q, centre)
+        lost = w - scales[c].float() * q
+        offsets[c] += _product(lost, centre)
     return torch.stack(planes), scales.clamp(min=1e-300), offsets
 
 
@@ -280,5 +295,8 @@ def _unit(sizes: Tensor) -> float:
 def _packed(q: Tensor) -> Tensor:
     """q + 8 of the bits [D] as planes int64 [4, W]; zeros beyond D."""
     shifted = (q + _OFFSET).to(torch.uint8)
-    planes = [bits.pack((shifted >> p) & 1 == 1) for p in range(_PLANES)]
+    planes = []
+    for p in range(_PLANES):
+        has_bit = (shifted >> p) & 1 == 1
+        planes.append(bits.pack(has_bit))
     return torch.stack(planes)

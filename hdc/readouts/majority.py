@@ -50,7 +50,8 @@ class Counting(Updatable):
     def start(self, n_classes: int, dimension: int, device: torch.device | str) -> Self:
         """Be ready to count for so many classes."""
         self.counters_ = Counters(n_classes, dimension, device)
-        self.recalibrated_, self._deciding = False, None
+        self.recalibrated_ = False
+        self._deciding = None
         self._reset()
         return self
 
@@ -79,15 +80,21 @@ class Counting(Updatable):
 
     def settle(self) -> None:
         """Make the prototypes of classes that have more samples, or all where that changes them."""
-        counters, size = self.counters_, self._common_size()
+        counters = self.counters_
+        size = self._common_size()
         # Others may be reading the ones of before.
         prototypes = torch.empty_like(self.prototypes_)
         planes.plain(prototypes)[:] = planes.plain(self.prototypes_)
-        changed = self._changed if size == self._size else range(len(counters.n))
+        changed = self._changed
+        if size != self._size:
+            changed = set(range(len(counters.n)))
         for c in changed:
             if counters.n[c]:
-                prototypes[c] = counters.prototype(c, self.ties, self.seed, size=size)
-        self.prototypes_, self._size, self._changed = prototypes, size, set()
+                made = counters.prototype(c, self.ties, self.seed, size=size)
+                prototypes[c] = made
+        self.prototypes_ = prototypes
+        self._size = size
+        self._changed = set()
 
     def arrange(self, places: Sequence[int], n_classes: int) -> None:
         old = self.counters_
@@ -116,10 +123,10 @@ class Counting(Updatable):
         check_probability(share)
         check_choice("method", method, METHODS)
         classes = rows.unique().tolist()
-        new = Counters(
-            len(classes), self.counters_.dimension, words.device, self.backend
-        )
-        new.add(words, torch.searchsorted(torch.tensor(classes), rows))
+        dimension = self.counters_.dimension
+        new = Counters(len(classes), dimension, words.device, self.backend)
+        places = torch.searchsorted(torch.tensor(classes), rows)
+        new.add(words, places)
         size = smallest(new) if self.balance else None
         if method == "merge":
             self._merge_votes(new, classes, share, seed, size)
@@ -136,17 +143,21 @@ class Counting(Updatable):
         size: int | None,
     ) -> None:
         """Prototypes of the votes of old and new hypervectors."""
-        old, deciding = self.counters_, self.deciding()
+        old = self.counters_
+        deciding = self.deciding()
         if self.balance and not self.recalibrated_:
             old = old.thinned(smallest(old), self.seed)
+        if size:
+            new = new.thinned(size, seed)
         placed = Counters(len(old.n), old.dimension, old.device)
-        placed.merge(new.thinned(size, seed) if size else new, classes)
+        placed.merge(new, classes)
         votes, weights = merged(old, placed, share)
         for c in classes:
             deciding[c] = deciding_prototypes(
                 votes, c, self.ties, self.seed, weights[c]
             )
-        self.counters_, self._deciding = votes, deciding
+        self.counters_ = votes
+        self._deciding = deciding
         self.prototypes_ = votes.prototypes(self.ties, self.seed)
 
     def _replace_bits(
@@ -158,15 +169,19 @@ class Counting(Updatable):
         size: int | None,
     ) -> None:
         """Prototypes of which each bit is the new one's with a probability (paper, Fig. 8(a))."""
-        before, deciding = self.prototypes_, self.deciding()
-        mask = replaced_bits(len(before), new.dimension, share, seed).to(before.device)
+        before = self.prototypes_
+        deciding = self.deciding()
+        mask = replaced_bits(len(before), new.dimension, share, seed)
+        mask = mask.to(before.device)
         after = before.clone()
         fresh = new.prototypes(self.ties, self.seed, size)
         for i, c in enumerate(classes):
             after[c] ^= (before[c] ^ fresh[i]) & mask[c]
             near = deciding_prototypes(new, i, self.ties, self.seed)
-            deciding[c] = before[c] ^ ((before[c] ^ near) & mask[c])
-        self.prototypes_, self._deciding = after, deciding
+            replaced = (before[c] ^ near) & mask[c]
+            deciding[c] = before[c] ^ replaced
+        self.prototypes_ = after
+        self._deciding = deciding
 
     def deciding(self) -> Tensor:
         """Prototypes [L, 5, W] with :data:`EXTRAS` hypervectors more, for :mod:`hdc.rejection`."""
@@ -174,8 +189,9 @@ class Counting(Updatable):
             return self._deciding.clone()
         n_classes, width = self.prototypes_.shape
         decided = self.prototypes_.new_zeros(n_classes, len(EXTRAS), width)
-        for c in self.counters_.n.nonzero().flatten().tolist():
-            decided[c] = deciding_prototypes(self.counters_, c, self.ties, self.seed)
+        counters = self.counters_
+        for c in counters.n.nonzero().flatten().tolist():
+            decided[c] = deciding_prototypes(counters, c, self.ties, self.seed)
         return decided
 
     def distances(self, words: Tensor) -> Tensor:
@@ -210,29 +226,35 @@ class Counting(Updatable):
             "deciding": (n_classes, len(EXTRAS), width),
         }
         check_tensors(tensors, expected)
-        if (n < 0).any() or (n >= 2**53).any() or not n.any():
+        out_of_range = (n < 0) | (n >= 2**53)
+        if out_of_range.any() or not n.any():
             raise ValueError(f"sample counts {n.tolist()}")
         for name in ("planes", "prototypes", "deciding"):
             if name in tensors:
                 bits.check_padding(tensors[name], dimension)
         self.start(n_classes, dimension, counts.device)
-        self.counters_.planes, self.counters_.n = counts, n
+        self.counters_.planes = counts
+        self.counters_.n = n
         self.prototypes_ = tensors["prototypes"]
         self._deciding = tensors.get("deciding")
         self.recalibrated_ = bool(tensors["recalibrated"])
-        self._size, self._changed = self._common_size(), set()
+        self._size = self._common_size()
+        self._changed = set()
 
     def _common_size(self) -> int | None:
         """Samples a class that prototypes count as, where some classes are thinned."""
+        if not self.balance:
+            return None
         least = smallest(self.counters_)
-        return least if self.balance and (self.counters_.n > least).any() else None
+        return least if (self.counters_.n > least).any() else None
 
     def _reset(self) -> None:
         """Have all prototypes made anew: random ties and thinned counts go by rows."""
         counters = self.counters_
         shape = len(counters.n), bits.words_for(counters.dimension)
         self.prototypes_ = planes.zeros(shape, counters.device)
-        self._size, self._changed = -1, set()
+        self._size = -1
+        self._changed = set()
 
 
 class Majority(Counting):
@@ -271,12 +293,15 @@ def deciding_prototypes(
     counters: Counters, c: int, ties: str, seed: int, weight: int = 1
 ) -> Tensor:
     """The prototypes of class c with :data:`EXTRAS` hypervectors of a weight, int64 [5, W]."""
-    made = [counters.prototype(c, ties, seed, weight * extra) for extra in EXTRAS]
+    extras = [weight * extra for extra in EXTRAS]
+    made = [counters.prototype(c, ties, seed, extra) for extra in extras]
     # With fewer than no hypervectors every count is a majority, beyond bit D, too.
-    inside = bits.pack(torch.ones(counters.dimension, dtype=torch.bool))
-    return torch.stack(made) & inside.to(counters.device)
+    all_ones = torch.ones(counters.dimension, dtype=torch.bool)
+    inside = bits.pack(all_ones).to(counters.device)
+    return torch.stack(made) & inside
 
 
 def smallest(counters: Counters) -> int:
     """Samples of the smallest class that has any."""
-    return int(counters.n[counters.n > 0].min()) if counters.n.any() else 0
+    found = counters.n[counters.n > 0]
+    return int(found.min()) if len(found) else 0

@@ -40,8 +40,10 @@ class Neighbours(Updatable):
         check_integer("n_neighbours", self.n_neighbours, 1)
 
     def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
-        self._n_classes, self._dimension = n_classes, dimension
-        self.frames_, self.rows_ = words.clone(), rows
+        self._n_classes = n_classes
+        self._dimension = dimension
+        self.frames_ = words.clone()
+        self.rows_ = rows
         return self
 
     def add(self, words: Tensor, rows: Tensor) -> None:
@@ -50,19 +52,20 @@ class Neighbours(Updatable):
 
     def arrange(self, places: Sequence[int], n_classes: int) -> None:
         self._n_classes = n_classes
-        self.rows_ = torch.tensor(list(places), dtype=torch.int64)[self.rows_]
+        new_row = torch.tensor(list(places), dtype=torch.int64)
+        self.rows_ = new_row[self.rows_]
 
     def merge(self, other: Self, places: Sequence[int]) -> None:
-        self.add(
-            other.frames_, torch.tensor(list(places), dtype=torch.int64)[other.rows_]
-        )
+        new_row = torch.tensor(list(places), dtype=torch.int64)
+        self.add(other.frames_, new_row[other.rows_])
 
     def adapt(
         self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
     ) -> None:
         """Take the new hypervectors in place of the kept ones of their classes, whatever else."""
         others = ~torch.isin(self.rows_, rows)
-        self.frames_ = torch.cat((self.frames_[others.to(self.frames_.device)], words))
+        kept = self.frames_[others.to(self.frames_.device)]
+        self.frames_ = torch.cat((kept, words))
         self.rows_ = torch.cat((self.rows_[others], rows))
 
     def scores(self, words: Tensor) -> Tensor:
@@ -73,15 +76,13 @@ class Neighbours(Updatable):
         distances = bits.hamming(words, self.frames_, self.backend)
         rows = self.rows_.to(words.device).expand_as(distances)
         far = self._dimension + 1
-        nearest = distances.new_full((len(words), self._n_classes), far)
-        scores = -nearest.scatter_reduce(1, rows, distances, "amin")
+        farthest = distances.new_full((len(words), self._n_classes), far)
+        scores = -farthest.scatter_reduce(1, rows, distances, "amin")
         if self.n_neighbours > 1:
             by_distance_and_class = distances * self._n_classes + rows
             k = min(self.n_neighbours, len(self.frames_))
-            voting = (
-                by_distance_and_class.topk(k, dim=1, largest=False).values
-                % self._n_classes
-            )
+            nearest = by_distance_and_class.topk(k, dim=1, largest=False)
+            voting = nearest.values % self._n_classes
             votes = torch.zeros_like(scores)
             votes.scatter_add_(1, voting, torch.ones_like(voting))
             scores += (far + 1) * votes
@@ -98,9 +99,12 @@ class Neighbours(Updatable):
     ) -> None:
         rows = tensors["rows"].cpu()
         width = bits.words_for(dimension)
-        check_tensors(tensors, {"frames": (len(rows), width), "rows": (len(rows),)})
+        shapes = {"frames": (len(rows), width), "rows": (len(rows),)}
+        check_tensors(tensors, shapes)
         if len(rows) == 0 or rows.min() < 0 or rows.max() >= n_classes:
             raise ValueError(f"rows: expected classes in [0, {n_classes})")
         bits.check_padding(tensors["frames"], dimension)
-        self._n_classes, self._dimension = n_classes, dimension
-        self.frames_, self.rows_ = tensors["frames"], rows
+        self._n_classes = n_classes
+        self._dimension = dimension
+        self.frames_ = tensors["frames"]
+        self.rows_ = rows

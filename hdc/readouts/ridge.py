@@ -22,8 +22,8 @@ from torch import Tensor
 from hdc import bits
 from hdc.io import check_tensors
 from hdc.parameters import is_number
+from hdc.readouts.arithmetic import dot, gram
 from hdc.readouts.base import Readout
-from hdc.readouts.products import dot, gram
 from hdc.readouts.values import ValueReadout
 
 PENALTIES = tuple(10.0**k for k in range(-4, 5))
@@ -53,9 +53,8 @@ class Ridge(Readout):
         check_penalty(self.penalty)
 
     def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
-        fitted = solve(
-            words, _signs(rows, n_classes), dimension, self.penalty, self.backend
-        )
+        targets = _signs(rows, n_classes)
+        fitted = solve(words, targets, dimension, self.penalty, self.backend)
         empty = torch.bincount(rows, minlength=n_classes) == 0
         fitted.linear.intercepts[empty] = _LOWEST
         self.linear_ = fitted.linear
@@ -66,10 +65,9 @@ class Ridge(Readout):
     ) -> None:
         """Go to the weights near those of before that fit new frames, whatever else is asked."""
         targets = _signs(rows, len(self.linear_.planes))
-        prior, dimension = self.linear_, self.linear_.dimension
-        self.linear_ = solve(
-            words, targets, dimension, None, self.backend, prior
-        ).linear
+        prior = self.linear_
+        fitted = solve(words, targets, prior.dimension, None, self.backend, prior)
+        self.linear_ = fitted.linear
 
     def scores(self, words: Tensor) -> Tensor:
         """The linear functions, float64 [Q, L]."""
@@ -110,20 +108,20 @@ class RidgeValues(ValueReadout):
         check_penalty(self.penalty)
 
     def fit(self, words: Tensor, values: Tensor, dimension: int) -> Self:
-        return self._learn(
-            solve(words, values, dimension, self.penalty, self.backend), words
-        )
+        fitted = solve(words, values, dimension, self.penalty, self.backend)
+        return self._learn(fitted, words)
 
     def adapt(self, words: Tensor, values: Tensor) -> Self:
         """Go to the weights near those of before that fit new frames, with their penalty."""
-        dimension = self.linear_.dimension
-        return self._learn(
-            solve(words, values, dimension, None, self.backend, self.linear_), words
-        )
+        prior = self.linear_
+        fitted = solve(words, values, prior.dimension, None, self.backend, prior)
+        return self._learn(fitted, words)
 
     def _learn(self, fitted: Fit, words: Tensor) -> Self:
-        self.linear_, self.residuals_ = fitted.linear, fitted.residuals
-        self._words, self._dual = words, None
+        self.linear_ = fitted.linear
+        self.residuals_ = fitted.residuals
+        self._words = words
+        self._dual = None
         return self
 
     def values(self, words: Tensor) -> Tensor:
@@ -137,7 +135,8 @@ class RidgeValues(ValueReadout):
         centre = self.values(words)
         products = gram(words, self._words, dimension, self.backend)
         smoother = self._dual.smoother(products)
-        return centre, centre[:, None] - smoother[..., None] * self.residuals_
+        moved = smoother[..., None] * self.residuals_
+        return centre, centre[:, None] - moved
 
     def stored(self) -> dict[str, Tensor]:
         return {**self.linear_.tensors(), "residuals": self.residuals_}
@@ -151,16 +150,17 @@ class RidgeValues(ValueReadout):
     ) -> None:
         parts = dict(tensors)
         residuals = parts.pop("residuals").cpu()
-        check_tensors(
-            {"residuals": residuals}, {"residuals": tuple(values.shape)}, ("residuals",)
-        )
-        self.linear_ = Linear.of(parts, values.shape[1], dimension)
-        self.residuals_, self._dual, self._words = residuals, None, words
+        shapes = {"residuals": tuple(values.shape)}
+        check_tensors({"residuals": residuals}, shapes, floats=("residuals",))
+        linear = Linear.of(parts, values.shape[1], dimension)
+        self._learn(Fit(linear, residuals), words)
 
 
 def check_penalty(penalty: Any) -> None:
     """Raise ValueError for a penalty that is neither None nor a number above zero."""
-    if penalty is not None and not (is_number(penalty) and penalty > 0):
+    if penalty is None:
+        return
+    if not is_number(penalty) or penalty <= 0:
         raise ValueError(
             f"penalty: expected a number above zero or None, found {penalty!r}"
         )
@@ -168,7 +168,8 @@ def check_penalty(penalty: Any) -> None:
 
 def _signs(rows: Tensor, n_classes: int) -> Tensor:
     """1 for the class of each frame and −1 for the others, float64 [N, L]."""
-    return 2 * torch.eye(n_classes, dtype=torch.float64)[rows] - 1
+    onehot = torch.eye(n_classes, dtype=torch.float64)[rows]
+    return 2 * onehot - 1
 
 
 @dataclass(frozen=True)
@@ -185,39 +186,48 @@ class Linear:
         """w·x + b of hypervectors int64 [Q, W], float64 [Q, T]; the products are exact."""
         n = torch.full((len(self.planes),), 2 * _OFFSET)
         ones = bits.count_ones(self.planes)
-        products = dot(self.planes, ones, n, words, self.dimension, backend) // 2
-        return products * self.scales.to(words.device) + self.intercepts.to(
-            words.device
-        )
+        twice = dot(self.planes, ones, n, words, self.dimension, backend)
+        scales = self.scales.to(words.device)
+        intercepts = self.intercepts.to(words.device)
+        return twice // 2 * scales + intercepts
 
     def weights(self, start: int, stop: int) -> Tensor:
         """Weights float64 [T, B] of the bits in words start to stop."""
-        shifted = bits.unpack(self.planes[..., start:stop], (stop - start) * bits.WORD)
+        n_bits = (stop - start) * bits.WORD
+        sliced = bits.unpack(self.planes[..., start:stop], n_bits).double().cpu()
         powers = 2.0 ** torch.arange(_PLANES, dtype=torch.float64)
-        q = torch.einsum("p,tpb->tb", powers, shifted.double().cpu()) - _OFFSET
-        return q * self.scales[:, None]
+        shifted = torch.einsum("p,tpb->tb", powers, sliced)
+        return (shifted - _OFFSET) * self.scales[:, None]
 
     def tensors(self) -> dict[str, Tensor]:
         """The tensors of a file."""
         penalty = torch.tensor(self.penalty, dtype=torch.float64)
-        values = {
+        return {
+            "weights": self.planes,
             "scales": self.scales,
             "intercepts": self.intercepts,
             "penalty": penalty,
         }
-        return {"weights": self.planes, **values}
 
     @classmethod
     def of(cls, tensors: Mapping[str, Tensor], n: int, dimension: int) -> Linear:
         """From :meth:`tensors` of n functions; a ValueError for others."""
         width = bits.words_for(dimension)
-        shapes = {"weights": (n, _PLANES, width), "scales": (n,), "intercepts": (n,)}
+        shapes = {
+            "weights": (n, _PLANES, width),
+            "scales": (n,),
+            "intercepts": (n,),
+            "penalty": (),
+        }
         floats = ("scales", "intercepts", "penalty")
-        check_tensors(tensors, {**shapes, "penalty": ()}, floats)
+        check_tensors(tensors, shapes, floats)
         bits.check_padding(tensors["weights"], dimension)
-        scales, intercepts = tensors["scales"].cpu(), tensors["intercepts"].cpu()
         return cls(
-            tensors["weights"], scales, intercepts, float(tensors["penalty"]), dimension
+            planes=tensors["weights"],
+            scales=tensors["scales"].cpu(),
+            intercepts=tensors["intercepts"].cpu(),
+            penalty=float(tensors["penalty"]),
+            dimension=dimension,
         )
 
 
@@ -235,12 +245,14 @@ class Dual(NamedTuple):
         products -= means
         products -= means[:, None] - means.mean()
         products.diagonal().add_(penalty)
-        return cls(torch.cholesky_inverse(torch.linalg.cholesky(products)), means)
+        factor = torch.linalg.cholesky(products)
+        return cls(torch.cholesky_inverse(factor), means)
 
     def smoother(self, products: Tensor) -> Tensor:
         """S_i(x) from products of Q frames with the training frames: float64 [Q, N]."""
         shift = self.means - self.means.mean()
-        centred = products - products.mean(1, keepdim=True) - shift
+        own_means = products.mean(1, keepdim=True)
+        centred = products - own_means - shift
         return 1 / len(self.means) + centred @ self.inverse
 
 
@@ -268,7 +280,9 @@ def solve(
         prior: weights to stay near, with their penalty.
     """
     products = gram(words, words, dimension, backend)
-    left = targets if prior is None else targets - prior.values(words, backend).cpu()
+    left = targets
+    if prior is not None:
+        left = targets - prior.values(words, backend).cpu()
     mean = left.mean(0)
     # Squares of numbers near 1e155 or 1e-165 are none: errors are compared in units of the largest.
     unit = (left - mean).abs().amax(0)
@@ -278,13 +292,7 @@ def solve(
     centred = products - means - means[:, None] + means.mean()
     spectrum, vectors = torch.linalg.eigh(centred)
     spectrum = spectrum.clamp(min=0)
-    if prior is None:
-        typical = max(float(spectrum.mean()), 1.0)
-        penalties = [
-            typical * p for p in (PENALTIES if penalty is None else (penalty,))
-        ]
-    else:
-        penalties = [prior.penalty]
+    penalties = _penalties_to_try(penalty, spectrum, prior)
     chosen, residuals = least_error(spectrum, vectors, scaled, penalties)
     inverse = (vectors / (spectrum + chosen)) @ vectors.T
     dual = (inverse @ scaled) * unit
@@ -294,6 +302,17 @@ def solve(
     planes, scales = _quantised(words, dual, dimension, prior)
     linear = Linear(planes, scales, intercepts, chosen, dimension)
     return Fit(linear, residuals * unit)
+
+
+def _penalties_to_try(
+    penalty: float | None, spectrum: Tensor, prior: Linear | None
+) -> list[float]:
+    """λ of each, for eigenvalues [N] of K."""
+    if prior is not None:
+        return [prior.penalty]
+    typical = max(float(spectrum.mean()), 1.0)
+    units = PENALTIES if penalty is None else (penalty,)
+    return [typical * unit for unit in units]
 
 
 def least_error(
@@ -308,13 +327,16 @@ def least_error(
     """
     n = len(spectrum)
     rotated = vectors.T @ targets
+    # A single frame, or only equal ones, have no leave-one-out prediction: r_i = y_i − ȳ.
+    least = 1e-9 if n > 1 else 1.0
     tried = []
     for penalty in penalties:
         kept = penalty / (spectrum + penalty)
-        # A single frame, or only equal ones, have no leave-one-out prediction: r_i = y_i − ȳ.
-        leverage = ((vectors**2) @ kept - 1 / n).clamp(min=1e-9 if n > 1 else 1.0)
-        residuals = vectors @ (kept[:, None] * rotated) / leverage[:, None]
-        tried.append((float((residuals**2).sum()), penalty, residuals))
+        left = ((vectors**2) @ kept - 1 / n).clamp(min=least)  # 1 − S_ii
+        errors = vectors @ (kept[:, None] * rotated)
+        residuals = errors / left[:, None]
+        total = float((residuals**2).sum())
+        tried.append((total, penalty, residuals))
     _, penalty, residuals = min(tried, key=lambda found: found[0])
     return penalty, residuals
 
@@ -329,17 +351,23 @@ def _quantised(
     def weights(start: int) -> Tensor:
         stop = min(start + _STEP, width)
         total = _weights(dual, words, start, stop)
-        return total if prior is None else total + prior.weights(start, stop)
+        if prior is not None:
+            total = total + prior.weights(start, stop)
+        return total
 
-    largest = torch.stack([weights(start).abs().amax(1) for start in starts]).amax(0)
+    largest_each = [weights(start).abs().amax(1) for start in starts]
+    largest = torch.stack(largest_each).amax(0)
     scales = torch.where(largest > 0, largest / (_OFFSET - 1), 1.0)
     planes = words.new_zeros(dual.shape[1], _PLANES, width)
     for start in starts:
-        q = (weights(start) / scales[:, None]).round().long() + _OFFSET
-        q[:, max(0, dimension - start * bits.WORD) :] = 0
+        stop = min(start + _STEP, width)
+        q = (weights(start) / scales[:, None]).round()
+        shifted = q.long() + _OFFSET
+        n_inside = max(0, dimension - start * bits.WORD)
+        shifted[:, n_inside:] = 0
         for p in range(_PLANES):
-            packed = bits.pack((q >> p) & 1 == 1).to(words.device)
-            planes[:, p, start : start + packed.shape[1]] = packed
+            packed = bits.pack((shifted >> p) & 1 == 1)
+            planes[:, p, start:stop] = packed.to(words.device)
     return planes, scales
 
 

@@ -11,8 +11,8 @@ from torch import Tensor
 from hdc import bits
 from hdc.io import check_tensors
 from hdc.parameters import check_integer, is_number
+from hdc.readouts.arithmetic import combinations
 from hdc.readouts.base import Readout
-from hdc.readouts.products import combinations
 
 _FAR = 2**62
 

@@ -13,6 +13,7 @@ from torch import Tensor
 from hdc import bits
 from hdc.io import check_tensors
 from hdc.parameters import Parametrised, check_integer
+from hdc.readouts.base import learned_tensors
 
 
 class ValueReadout(Parametrised, ABC):
@@ -55,8 +56,7 @@ class ValueReadout(Parametrised, ABC):
 
     def stored(self) -> dict[str, Tensor]:
         """The tensors of a file, besides the frames and values of training."""
-        learned = vars(self).items()
-        return {k: v for k, v in learned if k.endswith("_") and isinstance(v, Tensor)}
+        return learned_tensors(self)
 
     def restore(
         self,
@@ -90,32 +90,40 @@ class NeighbourValues(ValueReadout):
         check_integer("n_neighbours", self.n_neighbours, 1)
 
     def fit(self, words: Tensor, values: Tensor, dimension: int) -> Self:
-        self._words, self._targets, self._dimension = words, values, dimension
-        distances = bits.hamming(words, words, self.backend).cpu().numpy()
+        self._words = words
+        self._targets = values
+        self._dimension = dimension
+        distances = self._distances(words)
         np.fill_diagonal(distances, dimension + 1)  # none is its own neighbour
         places = self._nearest(distances)[:, :-1]
         self.residuals_ = values - values[places].mean(1)
         return self
 
     def values(self, words: Tensor) -> Tensor:
-        distances = bits.hamming(words, self._words, self.backend).cpu().numpy()
-        return self._targets[self._nearest(distances)[:, :-1]].mean(1)
+        places = self._nearest(self._distances(words))[:, :-1]
+        return self._targets[places].mean(1)
 
     def without(self, words: Tensor) -> tuple[Tensor, Tensor]:
-        distances = bits.hamming(words, self._words, self.backend).cpu().numpy()
-        places = self._nearest(distances)
+        places = self._nearest(self._distances(words))
         values = self._targets[places]  # [Q, k + 1, T]
         k = values.shape[1] - 1
         means = values[:, :k].mean(1)
         without = means[:, None].repeat(1, len(self._words), 1)
         queries = torch.arange(len(words))[:, None]
-        without[queries, places[:, :k]] += (values[:, k:] - values[:, :k]) / k
+        # Without one of the k nearest, the next one is in its place.
+        moved = (values[:, k:] - values[:, :k]) / k
+        without[queries, places[:, :k]] += moved
         return means, without
+
+    def _distances(self, words: Tensor) -> np.ndarray:
+        """Hamming distances int64 [Q, N] to the training frames."""
+        return bits.hamming(words, self._words, self.backend).cpu().numpy()
 
     def _nearest(self, distances: np.ndarray) -> Tensor:
         """The k nearest frames of each query and the next one, [Q, k + 1]; k below N."""
         k = min(self.n_neighbours, len(self._words) - 1)
-        return torch.from_numpy(distances.argsort(axis=1, kind="stable")[:, : k + 1])
+        order = distances.argsort(axis=1, kind="stable")
+        return torch.from_numpy(order[:, : k + 1])
 
     def stored(self) -> dict[str, Tensor]:
         return {"residuals": self.residuals_}
@@ -127,7 +135,9 @@ class NeighbourValues(ValueReadout):
         values: Tensor,
         dimension: int,
     ) -> None:
-        check_tensors(tensors, {"residuals": tuple(values.shape)}, ("residuals",))
-        residuals = tensors["residuals"].cpu()
-        self._words, self._targets, self._dimension = words, values, dimension
-        self.residuals_ = residuals
+        shapes = {"residuals": tuple(values.shape)}
+        check_tensors(tensors, shapes, floats=("residuals",))
+        self._words = words
+        self._targets = values
+        self._dimension = dimension
+        self.residuals_ = tensors["residuals"].cpu()

@@ -116,6 +116,15 @@ def test_a_given_frame_is_the_reference(tmp_path) -> None:
     model.save(tmp_path / "m")
     loaded = HDCClassifier.load(tmp_path / "m")
     assert np.array_equal(loaded.distances(frames), model.distances(frames))
+    before = loaded.predict(frames).tolist()
+    with pytest.raises(ValueError, match="frame: expected the reference frame that"):
+        loaded.fit(frames, labels)
+    assert loaded.predict(frames).tolist() == before
+    loaded.save(tmp_path / "again")
+    assert (tmp_path / "again").read_bytes() == (tmp_path / "m").read_bytes()
+    renewed = HDCClassifier.load(tmp_path / "m").set_params(encoder__frame=given)
+    renewed.fit(frames, labels)
+    assert renewed.encoder_.reference_.tolist() == plainly(given)
     merged = HDCClassifier(Reference(frame=given)).fit(frames[::-1], labels)
     merged.merge(loaded)
     assert merged.counts_.tolist() == [20, 20]

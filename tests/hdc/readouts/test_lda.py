@@ -11,8 +11,8 @@ from sklearn.covariance import OAS, LedoitWolf
 
 from hdc import HDCClassifier, bits
 from hdc.readouts import LDA, Majority
+from hdc.readouts.arithmetic import combinations, gram
 from hdc.readouts.lda import _dual_weights
-from hdc.readouts.products import combinations, gram
 
 
 def problem(

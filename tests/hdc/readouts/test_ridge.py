@@ -15,7 +15,7 @@ from sklearn.model_selection import GridSearchCV
 from hdc import HDCClassifier, bits
 from hdc.readouts import Ridge
 from hdc.readouts import ridge as ridges
-from hdc.readouts.products import gram
+from hdc.readouts.arithmetic import gram
 from hdc.readouts.ridge import PENALTIES, Dual, Linear, solve
 
 

@@ -30,21 +30,23 @@ def dot(
     distances = bits.hamming(words, planes.reshape(-1, width), backend)
     distances = distances.view(-1, n_classes, n_planes)
     overlap = (ones[:, None, None] + plane_ones - distances) // 2
-    products, total = (overlap * weights).sum(2), (plane_ones * weights).sum(1)
-    return (
-        4 * products - 2 * total - n.to(words.device) * (2 * ones[:, None] - dimension)
-    )
+    products = (overlap * weights).sum(2)  # v·c
+    total = (plane_ones * weights).sum(1)  # Σ_j c_j
+    offset = n.to(words.device) * (2 * ones[:, None] - dimension)
+    return 4 * products - 2 * total - offset
 
 
 def gram(a: Tensor, b: Tensor, dimension: int, backend: str = "numpy") -> Tensor:
     """Products of hypervectors in ±1, [N, W] × [M, W] → float64 [N, M] (CPU)."""
     if a is not b:
-        return (dimension - 2 * bits.hamming(a, b, backend)).double().cpu()
+        distances = bits.hamming(a, b, backend)
+        return (dimension - 2 * distances).double().cpu()
     products = torch.empty(len(a), len(a), dtype=torch.float64)
     for start in range(0, len(a), _ROWS):  # one half; the other is its mirror image
         stop = start + _ROWS
-        products[start:stop, :stop] = gram(a[start:stop], a[:stop], dimension, backend)
-        products[:start, start:stop] = products[start:stop, :start].T
+        block = gram(a[start:stop], a[:stop], dimension, backend)
+        products[start:stop, :stop] = block
+        products[:start, start:stop] = block[:, :start].T
     return products
 
 
@@ -53,14 +55,23 @@ def combinations(coefficients: Tensor, words: Tensor, backend: str = "numpy") ->
 
     Bits beyond D count as −1. Sums of whole numbers are exact below 2²⁴.
     """
-    factors, here = coefficients.float(), words.cpu()
-    if kernels := bits.kernels(backend, "cpu"):
+    factors = coefficients.float()
+    here = words.cpu()
+    kernels = bits.kernels(backend, "cpu")
+    if kernels:
         sums = torch.from_numpy(kernels.combine(here.numpy(), factors.numpy()))
     else:
-        sums = torch.empty(factors.shape[1], words.shape[1] * bits.WORD)
-        for start in range(0, words.shape[1], _STEP):
-            part = here[:, start : start + _STEP]
-            ones = bits.unpack(part, part.shape[1] * bits.WORD).float()
-            place = slice(start * bits.WORD, (start + part.shape[1]) * bits.WORD)
-            sums[:, place] = factors.T @ ones
+        sums = _sums_of_ones(factors, here)
     return sums.mul_(2).sub_(factors.sum(0)[:, None])
+
+
+def _sums_of_ones(factors: Tensor, words: Tensor) -> Tensor:
+    """Σ_i a_ik·v_i of hypervectors [N, W] in {0, 1}: float32 [K, 64·W]."""
+    width = words.shape[1]
+    sums = torch.empty(factors.shape[1], width * bits.WORD)
+    for start in range(0, width, _STEP):
+        stop = min(start + _STEP, width)
+        n_bits = (stop - start) * bits.WORD
+        ones = bits.unpack(words[:, start:stop], n_bits).float()
+        sums[:, start * bits.WORD : stop * bits.WORD] = factors.T @ ones
+    return sums
