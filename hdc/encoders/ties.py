@@ -114,6 +114,11 @@ def _count_ones(words: Any) -> Any:
 
 def _rotated_left(words: Any, by: Any) -> Any:
     """Words [B, W] rotated by [W] places of 0 to 63."""
+    if isinstance(words, np.ndarray):  # numpy shifts unsigned words in zeros
+        unsigned = words.view(np.uint64)
+        left = by.astype(np.uint64)
+        right = (-by % bits.WORD).astype(np.uint64)
+        return ((unsigned << left) | (unsigned >> right)).view(np.int64)
     upper_half = (words >> 1) & _LARGEST  # the sign is shifted in no further
     return (words << by) | (upper_half >> (bits.WORD - 1 - by))
 
