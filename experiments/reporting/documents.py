@@ -51,8 +51,7 @@ def gallery(
         if not plots.get(study.name):
             continue
         parts.append(f"## {study.title}\n\n{study.question}")
-        for plot in plots[study.name]:
-            parts.append(_figure(plot))
+        parts += [_figure(plot) for plot in plots[study.name]]
         links = [
             f"[{markdown_text(table.title)}]({_RESULTS}/tables/{table.name}.csv)"
             for table in tables.get(study.name, ())
