@@ -68,7 +68,7 @@ def _figure(plot: Plot) -> str:
 
 
 def scene_list() -> str:
-    """Every scene of frames that others recorded, what is known of it, and simulated ones."""
+    """Every scene, by the kind of its frames, and what is known of it."""
     parts = []
     for kind, heading in (
         (CAPTURED, "Captured by a camera"),
@@ -99,7 +99,7 @@ def _scene(name: str, config: Mapping[str, Any]) -> str:
     path = configs.CONFIGS / "scene" / f"{name}.yaml"
     if said := _comment(path):
         lines.append(said)
-    source = Source(**config["source"]) if config.get("source") else None
+    source = _source(config)
     if source is None and shown["kind"] == COMPUTED:
         source = PRESSED
     if source is not None:
@@ -108,6 +108,14 @@ def _scene(name: str, config: Mapping[str, Any]) -> str:
             f"{source.commit[:7]}; licence: {source.licence}. Cite: {source.cite}."
         )
     return "\n\n".join(lines)
+
+
+def _source(config: Mapping[str, Any]) -> Source | None:
+    """The repository of a scene, or of the first that it is made of."""
+    if config.get("source"):
+        return Source(**config["source"])
+    parts = [config.get("scene"), *config.get("scenes", {}).values()]
+    return next((found for part in parts if part and (found := _source(part))), None)
 
 
 def _comment(path: Path) -> str:

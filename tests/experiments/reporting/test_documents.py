@@ -10,9 +10,10 @@ from experiments.reporting.table import Table, frame
 
 
 def test_marked_blocks_are_filled_and_all_else_stays():
-    page = "a\n<!-- begin one -->\nold\n<!-- end one -->\nb\n<!-- begin two -->\nx\n<!-- end two -->\n"
+    blocks = [f"<!-- begin {n} -->\nold {n}\n<!-- end {n} -->" for n in ("one", "two")]
+    page = "a\n" + "\nb\n".join(blocks)
     made = documents.fill(page, {"one": lambda: "new\nlines"})
-    assert made == page.replace("old", "new\nlines")
+    assert made == page.replace("old one", "new\nlines")
     assert documents.fill(made, {"one": lambda: "new\nlines"}) == made
 
 
