@@ -20,11 +20,9 @@ from experiments.reporting.columns import (
     model_columns,
     scene_name,
 )
-from experiments.reporting.estimates import Estimate
 from experiments.reporting.measured import (
     ENDS,
     RIVAL,
-    SATURATED,
     by_scene,
     models_of,
     over_units,
@@ -444,33 +442,3 @@ def separation(rows: pd.DataFrame) -> float:
     means, variances = moments["mean"], moments["variance"]
     gap = abs(means["inter"] - means["intra"])
     return float(gap / np.sqrt(variances.mean()))
-
-
-def over_rival(
-    measured: Measured, sizes: Sequence[int] = ()
-) -> list[tuple[Estimate, int]]:
-    """HDC's accuracy less that of the primary rival, by the split that counts, and n: each of these
-    frames a class that was asked for, or the most at which one is below :data:`SATURATED`; nothing
-    where one of the two was not measured."""
-    rows = measured.frame
-    rows = rows[rows.model.isin(("hdc", RIVAL))]
-    if rows.model.nunique() < 2:
-        return []
-    every = accuracies(rows).query("split == 'counts'")
-    if sizes:
-        known = set(every.n)
-        chosen = [n for n in sizes if n in known]
-    else:
-        means = every.groupby(["n", "model"]).accuracy.mean()
-        least = means.groupby("n").min()
-        open_sizes = least[least < SATURATED].index
-        size = open_sizes.max() if len(open_sizes) else least.index.min()
-        chosen = [int(size)]
-    at = every.pivot(index=["n", "unit"], columns="model", values="accuracy")
-    seeds = rows.seed.nunique() > 1
-    less = at["hdc"] - at[RIVAL]
-    found = []
-    for n in chosen:
-        by_unit = less[n].tolist()
-        found.append((over_units(by_unit, seeds), n))
-    return found
