@@ -9,29 +9,31 @@ import pandas as pd
 
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name
-from experiments.reporting.estimates import Estimate
-from experiments.reporting.study import RUN
+from experiments.reporting.estimates import median_interval
 from experiments.reporting.text import SIMULATED
 from experiments.studies.claims.frozen import Claim, Rules
-from experiments.studies.claims.piece import Piece
+from experiments.studies.claims.piece import Piece, place_of
 from experiments.studies.claims.rules import much_slower
+
+
+HDC = "hdc"
 
 
 def pieces(name: str, claim: Claim, frozen: Rules, results: Results) -> Iterator[Piece]:
     """A piece for each rival and way that was measured."""
-    table = grid(results)
-    if table is None:
+    measured = results.measured(claim.experiment)
+    if measured is None:
         return
+    ratios = ratios_of(measured.frame)
     for rival in frozen.rivals_of(name):
-        of_rival = table[table.model == rival].set_index("way")
         for way in frozen.ways:
-            if way not in of_rival.index:
+            runs = ratios.get((way, rival))
+            if runs is None:
                 continue
-            line = of_rival.loc[way]
-            low, high = float(line.ratio_low), float(line.ratio_high)
-            ratio = Estimate(float(line.ratio), low, high)
-            runs = int(line.runs)
-            is_range = runs < frozen.runs.least
+            ratio, remark = median_interval(runs), ""
+            if len(runs) < frozen.runs.least:
+                ratio = ratio._replace(low=min(runs), high=max(runs))
+                remark = "too few runs for an interval: lowest and highest"
             yield Piece(
                 name,
                 rival,
@@ -40,19 +42,22 @@ def pieces(name: str, claim: Claim, frozen: Rules, results: Results) -> Iterator
                 SIMULATED,
                 f"training time of {display_name(rival)} over that of HDC of the same way",
                 ratio,
-                math.nan,
                 unit="×",
-                n=f"{runs} runs",
-                word=much_slower(ratio, runs, frozen),
-                remark="too few runs for an interval: lowest to highest"
-                if is_range
-                else "",
-                command=f"{RUN}{claim.experiment}",
-                record=str(line.get("record", "")),
+                n=f"{len(runs)} runs",
+                word=much_slower(ratio, len(runs), frozen),
+                remark=remark,
+                command=measured.record.command,
+                record=place_of(measured),
             )
 
 
-def grid(results: Results) -> pd.DataFrame | None:
-    """Of each way and model the median ``ratio`` of its training time over that of HDC of the same
-    way, with ``ratio_low``, ``ratio_high`` and the number of ``runs``; None without any."""
-    return None
+def ratios_of(rows: pd.DataFrame) -> dict[tuple[str, str], list[float]]:
+    """By way and model: the training time of each run over that of HDC of the same way in the same
+    turn; infinite where the model did not get there."""
+    rivals = rows[rows.model != HDC]
+    seconds = rivals.seconds.astype(float).fillna(math.inf)
+    ratios = seconds / rivals.hdc_seconds.astype(float)
+    found = {}
+    for key, of_model in ratios.groupby([rivals.way, rivals.model], sort=False):
+        found[key] = of_model.tolist()
+    return found

@@ -11,7 +11,7 @@ from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.random_effects import Pooled
-from experiments.studies.claims import frozen, rules, times, view
+from experiments.studies.claims import frozen, rules, view
 from experiments.studies.claims.piece import CONFIRMATORY, variance_of
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
 
@@ -414,21 +414,31 @@ def test_flipped_bits_cost_accuracy_or_do_not(
     assert f"{RAW} at 1 %" in set(view.evidence(Results(tmp_path)).rival)
 
 
-def test_a_claim_on_times_waits_for_every_way(monkeypatch, tmp_path, judged, write_run):
-    import pandas as pd
+def test_a_claim_on_times_waits_for_every_way(tmp_path, write_measurement, judged):
+    def write(ratios, turns=7):
+        rows = [
+            {"origin": "simulated", "seed": 0, "way": way, "route": "torch", "turn": turn,
+             "model": model, "seconds": seconds, "hdc_seconds": 0.5, "status": "ok"}
+            for way, ratio in zip(RULES.ways, ratios, strict=False) for turn in range(turns)
+            for model, seconds in (("hdc", 0.5), ("cnn1", ratio * (0.5 + turn / 1000)))
+        ]  # fmt: skip
+        write_measurement("times_grid", rows, scene="touch")
 
-    write_run("hdc")
-    lines = [
-        {"way": way, "model": "cnn1", "ratio": ratio, "ratio_low": ratio - 1,
-         "ratio_high": ratio + 1, "runs": 7}
-        for way, ratio in zip(RULES.ways, (12.0, 100.0, 40.0), strict=True)
-    ]  # fmt: skip
-    for known, expected in ((2, None), (3, YES)):
-        table = pd.DataFrame(lines[:known])
-        monkeypatch.setattr(times, "grid", lambda results, table=table: table)
-        row = judged("networks_one_layer", "cnn1")
-        assert (row and row["word"]) == expected
-    assert (row["mean"], row["mean_low"], row["unit"]) == (12.0, 11.0, "×")
+    write([12, 100])
+    assert judged("networks_one_layer", "cnn1") is None
+    write([12, 100, 40])
+    row = judged("networks_one_layer", "cnn1")
+    assert (row["word"], row["unit"]) == (YES, "×")
+    # Of the way with the least ratio: median, lowest and highest of seven.
+    values = row["mean"], row["mean_low"], row["mean_high"]
+    assert values == pytest.approx((12 * 1.006, 12, 12 * 1.012))
+    write([8, 100, 40])
+    assert judged("networks_one_layer", "cnn1")["word"] == PARTLY
+    write([12, 100, 40], turns=1)
+    assert judged("networks_one_layer", "cnn1")["word"] == PARTLY
+    evidence = view.evidence(Results(tmp_path))
+    assert evidence.word.tolist() == [UNDECIDED, YES, YES]
+    assert evidence.remark.str.startswith("too few runs").all()
 
 
 # Of the reference ---------------------------------------------------------------------------------
