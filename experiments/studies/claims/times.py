@@ -15,7 +15,6 @@ from experiments.studies.claims.frozen import Claim, Rules
 from experiments.studies.claims.piece import Piece, place_of
 from experiments.studies.claims.rules import much_slower
 
-
 HDC = "hdc"
 
 
