@@ -87,6 +87,26 @@ def mean_difference(
     return mean_interval(differences, least).within(-1, 1)
 
 
+def median_interval(values: Sequence[float]) -> Estimate:
+    """Median with its order-statistic interval, which needs no law of errors; infinite values count
+    as larger than all others.
+
+    The bounds are the j-th smallest and the j-th largest value, with the largest j for which the
+    median lies between them with a probability of 95 % at least; NaN with fewer than six values.
+    Their share of right intervals is 1 − 2·P(B < j), where B counts heads of n throws of a coin.
+    """
+    from scipy.special import bdtr  # of a binomial count
+
+    ordered = sorted(values)
+    n = len(ordered)
+    middle = float(np.median(ordered)) if math.isfinite(ordered[n // 2]) else math.inf
+    fitting = [j for j in range(1, n // 2 + 1) if bdtr(j - 1, n, 0.5) <= 0.025]
+    if not fitting:
+        return Estimate(middle)
+    j = fitting[-1]
+    return Estimate(middle, float(ordered[j - 1]), float(ordered[n - j]))
+
+
 def share(group: Group) -> Estimate:
     """Test accuracy, as :func:`mean_share`."""
     return mean_share(*_shares(group))
