@@ -26,7 +26,7 @@ from experiments.studies.claims.piece import (
     variance_of,
 )
 from experiments.studies.claims.rules import rule_of
-from experiments.studies.recordings.view import accuracies, fields_of
+from experiments.studies.recordings.values import accuracies, fields_of
 
 PUBLISHED = "published"  # a rival that is a number of the paper
 _OBJECTS = "tactile/test_accuracy"
