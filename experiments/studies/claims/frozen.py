@@ -10,7 +10,6 @@ from typing import Any, Literal
 import msgspec
 from omegaconf import OmegaConf
 
-
 PATH = Path(__file__).with_name("rules.yaml")
 FROZEN = PATH.with_name("frozen.yaml")
 EARLIER = PATH.with_name("earlier.yaml")

@@ -1,6 +1,7 @@
 """The paper's claims: the frozen rules, words of numbers whose answer is known and of records."""
 
 import math
+import subprocess
 
 import numpy as np
 import pytest
@@ -78,6 +79,16 @@ def test_a_file_with_an_unknown_key_is_refused(tmp_path):
     OmegaConf.save(changed, path)
     with pytest.raises(ValueError, match=r"rules\.yaml: .*lab.*recordings"):
         frozen.rules(path)
+
+
+def test_the_commit_that_is_named_holds_the_rules():
+    assert len(frozen.commit()) == 12, "frozen.yaml has the digest of other rules"
+    place = frozen.PATH.relative_to(ROOT).as_posix()
+    words = ["git", "-C", str(ROOT), "show", f"{frozen.commit()}:{place}"]
+    shown = subprocess.run(words, capture_output=True, check=False)
+    if shown.returncode:
+        pytest.skip("no checkout with its whole history")
+    assert shown.stdout == frozen.PATH.read_bytes()
 
 
 def test_words_of_the_version_before_are_shown_where_it_had_the_claim():
