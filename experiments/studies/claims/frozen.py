@@ -10,9 +10,8 @@ from typing import Any, Literal
 import msgspec
 from omegaconf import OmegaConf
 
-from experiments.records.environment import commit_of
-
 PATH = Path(__file__).with_name("rules.yaml")
+FROZEN = PATH.with_name("frozen.yaml")
 EARLIER = PATH.with_name("earlier.yaml")
 
 Frames = Literal["captured", "computed", "simulated"]
@@ -157,6 +156,8 @@ def digest(path: Path = PATH) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()[:12]
 
 
-def commit(path: Path = PATH) -> str:
-    """The commit that last changed the rules, twelve digits; empty where that is not known."""
-    return (commit_of(path) or "")[:12]
+@functools.cache
+def commit() -> str:
+    """The commit that froze the rules, twelve digits; empty where the file was changed since."""
+    frozen: Any = OmegaConf.to_container(OmegaConf.load(FROZEN))
+    return str(frozen["commit"])[:12] if frozen["digest"] == digest() else ""

@@ -1,6 +1,7 @@
 """The paper's claims: the frozen rules, words of numbers whose answer is known and of records."""
 
 import math
+import subprocess
 
 import numpy as np
 import pytest
@@ -9,11 +10,13 @@ from omegaconf import OmegaConf
 from experiments.records import configs
 from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
+from experiments.reporting import measured
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.random_effects import Pooled
 from experiments.studies.claims import frozen, rules, view
 from experiments.studies.claims.piece import CONFIRMATORY, variance_of
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
+from experiments.studies.recordings import view as recordings
 
 NAN = math.nan
 RULES = frozen.rules()
@@ -51,6 +54,14 @@ def test_the_mended_form_is_that_of_its_file():
     assert model["readout"]["shrinkage"] == mended["shrinkage"]
 
 
+def test_other_studies_show_the_same_rivals_forms_and_margins():
+    assert RULES.rivals == recordings.RIVALS
+    assert tuple(RULES.forms.values()) == recordings.CONFIRMATORY
+    assert 100 * RULES.margin == recordings.forest.MARGIN
+    assert RULES.saturated == measured.SATURATED
+    assert RULES.rivals[0] == measured.RIVAL
+
+
 def test_every_claim_has_a_reader_and_a_rule():
     for claim in RULES.claims.values():
         assert claim.experiment in view.READ
@@ -68,6 +79,16 @@ def test_a_file_with_an_unknown_key_is_refused(tmp_path):
     OmegaConf.save(changed, path)
     with pytest.raises(ValueError, match=r"rules\.yaml: .*lab.*recordings"):
         frozen.rules(path)
+
+
+def test_the_commit_that_is_named_holds_the_rules():
+    assert len(frozen.commit()) == 12, "frozen.yaml has the digest of other rules"
+    place = frozen.PATH.relative_to(ROOT).as_posix()
+    words = ["git", "-C", str(ROOT), "show", f"{frozen.commit()}:{place}"]
+    shown = subprocess.run(words, capture_output=True, check=False)
+    if shown.returncode:
+        pytest.skip("no checkout with its whole history")
+    assert shown.stdout == frozen.PATH.read_bytes()
 
 
 def test_words_of_the_version_before_are_shown_where_it_had_the_claim():
