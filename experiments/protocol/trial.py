@@ -50,7 +50,9 @@ class _Part:
     indices: np.ndarray
     labels: np.ndarray
     frames: Tensor | data.LazyFrames
-    predicted: np.ndarray = field(default_factory=lambda: np.empty(0))  # at the last look
+    predicted: np.ndarray = field(
+        default_factory=lambda: np.empty(0)
+    )  # at the last look
 
     def accuracy(self, model: Model) -> float:
         """Test the model."""
@@ -96,7 +98,7 @@ def train_and_test(
         _Part(indices, scene.labels[indices], data.take(scene, indices, clock))
         for indices in chosen
     )
-    _warm_up(unused, scene, min(len(train.labels), _WARM_UP_FRAMES))
+    warm_up(unused, scene, min(len(train.labels), _WARM_UP_FRAMES))
     model: Model = instantiate(cfg.model, "model")
     digests = _digests(train, test)
     # Without automatic refreshing: no thread draws while the clock runs.
@@ -277,7 +279,7 @@ def _prediction_times(
     }
 
 
-def _warm_up(
+def warm_up(
     model: Model,
     scene: Scene,
     n: int,
