@@ -87,6 +87,48 @@ def mean_difference(
     return mean_interval(differences, least).within(-1, 1)
 
 
+class MedianInterval(NamedTuple):
+    """A median, an interval of it, and how often such an interval holds; bounds are NaN of one
+    value."""
+
+    value: float
+    low: float = math.nan
+    high: float = math.nan
+    coverage: float = math.nan
+
+
+def median_interval(values: Sequence[float], level: float = 0.95) -> MedianInterval:
+    """Median of values, and the interval between two of them that needs no law of their errors.
+
+    The k-th smallest and the k-th largest of n hold the median unless fewer than k values lie on
+    one side of it, which has the probability 2·B(k − 1; n, ½), B the distribution function of the
+    binomial law (David and Nagaraja, Order Statistics, 3rd ed., 7.1). k is the largest with at
+    least the coverage asked for: more values narrow the interval. Fewer than six cannot hold 95 %:
+    their lowest and highest are taken, with the coverage that they have.
+
+    >>> median_interval([3.0, 1.0, 2.0, 5.0, 4.0, 7.0, 6.0])
+    MedianInterval(value=4.0, low=1.0, high=7.0, coverage=0.984375)
+
+    Args:
+        values: at least one; infinite ones count as the largest.
+        level: coverage asked for.
+    """
+    from scipy.special import bdtr  # of the binomial law
+
+    ordered = np.sort(np.asarray(values, float))
+    n = len(ordered)
+    middle = float(np.median(ordered))
+    if n < 2:
+        return MedianInterval(middle)
+    k, coverage = 1, 1 - 2 * float(bdtr(0, n, 0.5))
+    while 2 * (k + 1) <= n:
+        narrower = 1 - 2 * float(bdtr(k, n, 0.5))
+        if narrower < level:
+            break
+        k, coverage = k + 1, narrower
+    return MedianInterval(middle, float(ordered[k - 1]), float(ordered[-k]), coverage)
+
+
 def share(group: Group) -> Estimate:
     """Test accuracy, as :func:`mean_share`."""
     return mean_share(*_shares(group))
