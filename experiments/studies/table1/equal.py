@@ -14,7 +14,7 @@ from experiments.records.results import Group, Results, Run
 from experiments.reporting import estimates
 from experiments.reporting.table import frame
 from experiments.reporting.text import number
-from experiments.studies.table1.models import scene
+from experiments.studies.table1 import models
 
 
 def seconds_to(run: Run, accuracy: float) -> float:
@@ -48,14 +48,14 @@ def or_never(value: float) -> str:
 
 def equal_accuracy(results: Results) -> pd.DataFrame | None:
     """A row for each model of Table I and its extension, and one for the fewest pixels it needs."""
-    hdc = results.group(scene(), "hdc")
-    models = [
+    hdc = results.group(models.scene(), "hdc")
+    names = [
         *configs.sweep("table1")["model"],
         *configs.sweep("table1_extended")["model"],
-        *results.extra_models(scene()),
+        *results.extra_models(models.scene()),
     ]
     rows = []
-    for model in dict.fromkeys(models):
+    for model in dict.fromkeys(names):
         for group in _by_pixels(results, model):
             line = _as_accurate(group, hdc)
             if line is None:
@@ -68,7 +68,7 @@ def equal_accuracy(results: Results) -> pd.DataFrame | None:
 
 def _by_pixels(results: Results, model: str) -> list[Group]:
     """Groups of a model on the scene of Table I: all pixels first, then from the fewest up."""
-    place = (scene(), model)
+    place = (models.scene(), model)
     groups = [g for g in results.groups() if (g.scene, g.model) == place]
     of_all_samples = [group for group in groups if group.n_train is None]
     return sorted(of_all_samples, key=lambda group: group.pixels or 0)

@@ -23,7 +23,7 @@ from experiments.reporting.plot import (
     title,
 )
 from experiments.reporting.rows import row
-from experiments.studies.table1.models import PAPER, scene
+from experiments.studies.table1 import models
 
 
 def error_vs_time(
@@ -44,8 +44,8 @@ def error_vs_time(
         if not isinstance(line["training_time_s"], str):
             at = [line["total_time_s"] / hdc_s]
             error_bars(axes, line["model"], at, [line], floor, marker=False)
-    for model in PAPER:
-        known = row(results.group(scene(), model), groups[0], paper=True)
+    for model in models.PAPER:
+        known = row(results.group(models.scene(), model), groups[0], paper=True)
         error = max(1 - known["published_test_accuracy"], floor)
         ratio = known["published_training_time_over_hdc"]
         published_point(axes, model, ratio, error, 9)
@@ -78,8 +78,8 @@ def error_vs_time(
 
 def _curves_of(results: Results) -> list[Group]:
     """The groups of Table I that have runs, HDC first: the paper's models, fast ones, one's own."""
-    every = [*configs.models("paper", "fast"), *results.extra_models(scene())]
-    groups = [results.group(scene(), model) for model in every]
+    every = [*configs.models("paper", "fast"), *results.extra_models(models.scene())]
+    groups = [results.group(models.scene(), model) for model in every]
     return [group for group in groups if group.runs]
 
 
@@ -97,7 +97,7 @@ def _draw_curves(
 
 def _hdc_s(results: Results) -> float:
     """Training time of HDC in Table I, median over runs."""
-    runs = results.group(scene(), "hdc").runs
+    runs = results.group(models.scene(), "hdc").runs
     times = [estimates.training_time(run) for run in runs]
     return float(np.median(times)) if times else math.nan
 
