@@ -25,11 +25,11 @@ STUDY = Study(
 )
 NOTE = (
     "Until training accuracy exceeds 90 %; ridge regression and softmax at its optimum until they "
-    "are solved. Within a way the models trained in turns in one process, HDC before and after each. "
-    "× HDC: median over turns of the ratio to HDC by the same way, between order statistics that "
-    "hold the median with the coverage shown, whatever the law of the errors. Standard libraries: "
-    "the fastest of several routes, PyTorch at its defaults. Tuned: compiled kernels, products of "
-    "bytes, bfloat16."
+    "are solved. Within a way the models trained in turns in one process, HDC before and after "
+    "each. × HDC: median over turns of the ratio to HDC by the same way, between order statistics "
+    "that hold the median with the coverage shown, whatever the law of the errors. Standard "
+    "libraries: the fastest of several routes, PyTorch at its defaults. Tuned: compiled kernels, "
+    "products of bytes, bfloat16."
 )
 
 

@@ -108,3 +108,41 @@ def test_where_a_curve_crosses():
     assert estimates.crossing([20, 5, 10], [1.0, 0.5, 0.8]) == pytest.approx(15)
     assert estimates.crossing([5, 10], [0.95, 1.0]) == 5
     assert math.isnan(estimates.crossing([5, 10], [0.5, 0.9]))
+
+
+# Medians ------------------------------------------------------------------------------------------
+
+
+def test_an_interval_of_a_median_lies_between_order_statistics():
+    values = list(range(1, 16))
+    found = estimates.median_interval(values)
+    # As printed in tables of the sign test: of 15, the 4th and the 12th, 96.5 %.
+    assert (found.value, found.low, found.high) == (8, 4, 12)
+    assert found.coverage == pytest.approx(0.9648, abs=1e-4)
+    shuffled = np.random.default_rng(0).permutation(values)
+    assert estimates.median_interval(shuffled) == found
+
+
+def test_few_values_have_the_coverage_that_they_have():
+    assert estimates.median_interval([2.0])[0] == 2
+    assert all(math.isnan(part) for part in estimates.median_interval([2.0])[1:])
+    for n in range(2, 6):
+        found = estimates.median_interval(list(range(n)))
+        assert (found.low, found.high) == (0, n - 1)
+        assert found.coverage == pytest.approx(1 - 2 ** (1 - n))
+    assert estimates.median_interval([1.0, math.inf, 3.0])[:3] == (3, 1, math.inf)
+
+
+def test_an_interval_of_a_median_holds_as_often_as_it_says_and_narrows_with_more_values():
+    rng = np.random.default_rng(0)
+    widths = []
+    for n in (7, 15, 40):
+        held = 0
+        found = [
+            estimates.median_interval(rng.exponential(size=n)) for _ in range(4000)
+        ]
+        held = np.mean([one.low <= math.log(2) <= one.high for one in found])
+        assert found[0].coverage >= 0.95
+        assert held == pytest.approx(found[0].coverage, abs=0.012)
+        widths.append(np.median([one.high - one.low for one in found]))
+    assert widths[0] > widths[1] > widths[2]
