@@ -68,6 +68,7 @@ def train_and_test(
     results: dict[str, Any],
     cache: Path | None,
     console: Console,
+    about: str = "",
 ) -> None:
     """Train on a scene's frames under the clock, test, and leave the results to be recorded.
 
@@ -79,6 +80,7 @@ def train_and_test(
         results: gets times, accuracies and predictions, part by part: an error costs the rest.
         cache: folder in which frames are kept, or None.
         console: shows the progress.
+        about: what stands before it.
 
     Raises:
         ValueError: naming the key of a wrong value, or what is wrong with a model's reports.
@@ -105,7 +107,7 @@ def train_and_test(
     with Live(console=console, transient=True, auto_refresh=False) as live:
 
         def show(text: str) -> None:
-            live.update(Text(f"train {names['model']} {text}"), refresh=True)
+            live.update(Text(f"{about}train {names['model']} {text}"), refresh=True)
 
         show("")
         reason = _train(model, names["model"], train, test, clock, stop, curve, show)

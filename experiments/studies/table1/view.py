@@ -145,6 +145,9 @@ def _times_of(
     """Time and ratio to HDC of a row: in turns where they were measured so, else over seeds."""
     if not group.runs:
         return {}
+    if group.model == "hdc":
+        seconds = times["hdc"]["seconds"] if "hdc" in times else None
+        return {"training_time_s": seconds} if seconds else {}
     if group.model in times:
         line = times[group.model]
         found = {"training_time_s": line["seconds"], "turns": line["turns"]}
@@ -200,11 +203,12 @@ def table1(results: Results) -> pd.DataFrame | None:
     commands=[f"{RUN}table1_few"],
 )
 def table1_few(results: Results) -> pd.DataFrame | None:
-    """The same rows from few samples, on two scenes; only models that were run."""
+    """The same rows from few samples, on two scenes; only models that were run, and only where the
+    published rival was."""
     parts = []
     for place, n_train in FEW.items():
         data = rows_of_table(results, place, n_train, paper=False)
-        if data is not None:
+        if data is not None and results.group(place, "softmax", n_train).runs:
             parts.append(data[data.seeds > 0])
     if not parts:
         return None

@@ -155,7 +155,10 @@ def test_few_samples_have_a_table_of_the_same_form_on_two_scenes(tmp_path, write
         write_run(
             "cnn3", seed=seed, n_train=25, curve=epochs(0.95, 1.0), wrong=range(20)
         )
-        write_run("hdc", seed=seed, n_train=35, scene="finger", wrong=range(30))
+        write_run("softmax", seed=seed, n_train=25, curve=epochs(0.95, 1.0))
+        for model, curve in (("hdc", None), ("softmax", epochs(0.95))):
+            write_run(model, seed=seed, n_train=35, scene="finger", curve=curve)
+        write_run("hdc", seed=seed, n_train=35, scene="spatial")
         write_run("hdc", seed=seed, n_train=100, wrong=range(1))
     (made,) = (t for t in STUDY.tables_of(Results(tmp_path)) if t.name == "table1_few")
     rows = [
@@ -163,11 +166,13 @@ def test_few_samples_have_a_table_of_the_same_form_on_two_scenes(tmp_path, write
     ]
     assert rows == [
         ("touch", "hdc", 25, 3),
+        ("touch", "softmax", 25, 3),
         ("touch", "cnn3", 25, 3),
         ("finger", "hdc", 35, 3),
+        ("finger", "softmax", 35, 3),
     ]
-    assert [cells[0] for cells in made.cells()] == ["Touch", "Touch", "Finger"]
-    _, cnn3, _ = records(made.data)
+    assert [cells[0] for cells in made.cells()] == ["Touch"] * 3 + ["Finger"] * 2
+    cnn3 = records(made.data)[2]
     assert cnn3["over_hdc"] == pytest.approx(-0.16)
     assert not [name for name in made.data if name.startswith("published")]
 
