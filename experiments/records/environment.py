@@ -144,6 +144,19 @@ def _is_dirty() -> bool | None:
     return None if changed is None else bool(changed)
 
 
+@functools.cache
+def commit_of(path: Path) -> str | None:
+    """The commit that last changed a file of the checkout.
+
+    None where this is no checkout, where its history is cut short, and where the file has changes
+    that are in no commit.
+    """
+    whole = _ask_git("rev-parse", "--is-shallow-repository") == "false"
+    if not whole or _ask_git("status", "--porcelain", "--", str(path)) != "":
+        return None
+    return _ask_git("log", "-1", "--format=%H", "--", str(path)) or None
+
+
 def _ask_git(*words: str) -> str | None:
     """What git says of the checkout; None where there is no git, or no checkout."""
     if shutil.which("git") is None:

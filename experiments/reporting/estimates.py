@@ -87,46 +87,43 @@ def mean_difference(
     return mean_interval(differences, least).within(-1, 1)
 
 
-class MedianInterval(NamedTuple):
-    """A median, an interval of it, and how often such an interval holds; bounds are NaN of one
-    value."""
+def median_interval(values: Sequence[float]) -> Estimate:
+    """Median with its order-statistic interval, which needs no law of errors; infinite values count
+    as larger than all others.
 
-    value: float
-    low: float = math.nan
-    high: float = math.nan
-    coverage: float = math.nan
-
-
-def median_interval(values: Sequence[float], level: float = 0.95) -> MedianInterval:
-    """Median of values, and the interval between two of them that needs no law of their errors.
-
-    The k-th smallest and the k-th largest of n hold the median unless fewer than k values lie on
-    one side of it, which has the probability 2·B(k − 1; n, ½), B the distribution function of the
-    binomial law (David and Nagaraja, Order Statistics, 3rd ed., 7.1). k is the largest with at
-    least the coverage asked for: more values narrow the interval. Fewer than six cannot hold 95 %:
-    their lowest and highest are taken, with the coverage that they have.
-
-    >>> median_interval([3.0, 1.0, 2.0, 5.0, 4.0, 7.0, 6.0])
-    MedianInterval(value=4.0, low=1.0, high=7.0, coverage=0.984375)
-
-    Args:
-        values: at least one; infinite ones count as the largest.
-        level: coverage asked for.
+    The bounds are the j-th smallest and the j-th largest value, with the largest j for which the
+    median lies between them with a probability of 95 % at least; NaN with fewer than six values.
     """
-    from scipy.special import bdtr  # of the binomial law
-
-    ordered = np.sort(np.asarray(values, float))
+    ordered = sorted(values)
     n = len(ordered)
-    middle = float(np.median(ordered))
+    middle = float(np.median(ordered)) if math.isfinite(ordered[n // 2]) else math.inf
+    j = _place_of_bound(n)
+    if not j:
+        return Estimate(middle)
+    return Estimate(middle, float(ordered[j - 1]), float(ordered[n - j]))
+
+
+def median_range(values: Sequence[float]) -> tuple[Estimate, float]:
+    """:func:`median_interval`, or the lowest and highest of too few values, and the share of such
+    intervals that hold the median: 1 − 2·P(B < j), where B counts heads of n throws of a coin."""
+    from scipy.special import bdtr  # of a binomial count
+
+    found, n = median_interval(values), len(values)
     if n < 2:
-        return MedianInterval(middle)
-    k, coverage = 1, 1 - 2 * float(bdtr(0, n, 0.5))
-    while 2 * (k + 1) <= n:
-        narrower = 1 - 2 * float(bdtr(k, n, 0.5))
-        if narrower < level:
-            break
-        k, coverage = k + 1, narrower
-    return MedianInterval(middle, float(ordered[k - 1]), float(ordered[-k]), coverage)
+        return found, math.nan
+    if not _place_of_bound(n):
+        found = found._replace(low=float(min(values)), high=float(max(values)))
+    j = max(1, _place_of_bound(n))
+    return found, 1 - 2 * float(bdtr(j - 1, n, 0.5))
+
+
+def _place_of_bound(n: int) -> int:
+    """The largest j for which n values hold their median between the j-th smallest and the j-th
+    largest with 95 % at least; 0 if there is none."""
+    from scipy.special import bdtr
+
+    fitting = [j for j in range(1, n // 2 + 1) if bdtr(j - 1, n, 0.5) <= 0.025]
+    return max(fitting, default=0)
 
 
 def share(group: Group) -> Estimate:

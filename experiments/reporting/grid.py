@@ -10,7 +10,7 @@ import pandas as pd
 
 from experiments.records.measurement import Measured
 from experiments.records.results import Group, Results
-from experiments.reporting.estimates import median_interval
+from experiments.reporting.estimates import median_range
 from experiments.reporting.table import frame, records
 
 NAME = "times_grid"
@@ -37,11 +37,11 @@ def grid(rows: pd.DataFrame) -> pd.DataFrame:
     for (way, model), part in rows.groupby(["way", "model"], sort=False):
         seconds = part.seconds.astype(float).fillna(math.inf)
         ratios = seconds / part.hdc_seconds
-        ratio = median_interval(ratios.tolist())
+        ratio, coverage = median_range(ratios.tolist())
         line: dict[str, Any] = {"way": way, "model": model}
         line["seconds"] = float(np.median(seconds))
         line |= {"ratio": ratio.value, "ratio_low": ratio.low, "ratio_high": ratio.high}
-        line |= {"turns": len(part), "coverage": ratio.coverage}
+        line |= {"turns": len(part), "coverage": coverage}
         for name in ("train_accuracy", "test_accuracy"):
             line[name] = float(part[name].mean())
         line["route"] = part.route.iloc[0]

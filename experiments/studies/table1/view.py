@@ -12,17 +12,14 @@ from experiments.records.results import Group, Results
 from experiments.reporting import estimates, grid
 from experiments.reporting import rows as rows_of
 from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.estimates import ONE_SENSOR, median_interval
+from experiments.reporting.estimates import ONE_SENSOR, median_range
 from experiments.reporting.measured import ENDS
 from experiments.reporting.rows import row
 from experiments.reporting.study import RUN, Quantity, Study
 from experiments.reporting.table import frame, records
 from experiments.reporting.text import number, percent
 from experiments.studies.table1 import equal, figure, models
-from experiments.studies.table1.earlier import WAYS, time_ratios
-from experiments.studies.table1.models import LINES, PAPER, scene
-
-__all__ = ["LINES", "STUDY", "WAYS", "scene", "time_ratios"]
+from experiments.studies.table1.models import LINES, PAPER
 
 # Training samples on a scene, five of each class: no model is near 100 %.
 FEW = {"touch": 25, "finger": 35}
@@ -157,12 +154,12 @@ def _times_of(
     ratios = _ratios_of_seeds(group, hdc)
     if not ratios:
         return {}
-    ratio = median_interval(ratios)
+    ratio, coverage = median_range(ratios)
     return {
         "training_time_over_hdc": ratio.value if np.isfinite(ratio.value) else None,
         "training_time_over_hdc_low": ratio.low,
         "training_time_over_hdc_high": ratio.high,
-        "coverage": ratio.coverage,
+        "coverage": coverage,
     }
 
 
@@ -318,9 +315,9 @@ def _ratios(results: Results, group: Group) -> Iterator[Quantity]:
     if measured is None:
         ratios = _ratios_of_seeds(group, results.group(group.scene, "hdc"))
         finite = bool(ratios) and bool(np.isfinite(ratios).all())
-        value, low, high, _ = median_interval(ratios) if finite else (None,) * 4
+        values = median_range(ratios)[0] if finite else (None, None, None)
         how, way = "median over seeds", grid.WAYS[grid.DEFAULT]
-        yield _ratio(name, (value, low, high), how, way, len(ratios), "table1", note)
+        yield _ratio(name, values, how, way, len(ratios), "table1", note)
         return
     for line in records(grid.grid(measured.frame)):
         if line["model"] == group.model:
