@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from hdc import HDCClassifier
+from hdc import HDCClassifier, HDCRegressor
 from hdc.accuracy import wilson
 from hdc.command import main
 
@@ -297,6 +297,28 @@ def test_sets_of_classes_and_their_coverage(hdc, model, folder, frames):
         f"{low:.1%} to {high:.1%}); "
     )
     assert hdc(*words[:-1], "1.5")[0] == 2
+
+
+def test_probabilities_are_those_of_the_model(hdc, model, folder, frames, tmp_path):
+    found = HDCClassifier.load(model)
+    expected = found.predict_proba(frames.reshape(-1, SIDE, SIDE))
+    out = hdc("predict", model, folder, "--proba", "--json")[1]
+    answers = [json.loads(line) for line in out]
+    assert [list(answer["probabilities"]) for answer in answers] == [list("abc")] * 36
+    shown = [list(answer["probabilities"].values()) for answer in answers]
+    np.testing.assert_allclose(shown, expected)
+    out = hdc("predict", model, folder, "--proba")[1]
+    assert out[0].split("\t")[:4] == ["file", "label", "probability", "margin"]
+    assert [line.split("\t")[2] for line in out[1:]] == [
+        f"{share:.4f}" for share in expected.max(1)
+    ]
+    numbers = HDCRegressor().fit(frames[0], np.arange(12.0))
+    numbers.save(tmp_path / "n.safetensors")
+    status, _, errors = hdc("predict", tmp_path / "n.safetensors", folder, "--proba")
+    assert (status, errors) == (
+        1,
+        ["error: --proba: expected a model of classes, found HDCRegressor"],
+    )
 
 
 def test_a_model_with_a_reference_is_zeroed_without_labels(hdc, frames, tmp_path):
