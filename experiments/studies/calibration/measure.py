@@ -32,8 +32,8 @@ def calibration(
     scene: Mapping[str, Any],
     splits: Mapping[str, Mapping[str, Any]],
     models: Mapping[str, Any],
-    n_per_class: Sequence[int] = (5, 20),
-    draws: int = 5,
+    n_per_class: Sequence[int] = (20,),
+    draws: int = 3,
     seeds: Sequence[int] = (0,),
     most_test: int = 400,
 ) -> Iterator[Row]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
 from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.measured import ENDS, by_scene, models_of, over_units
-from experiments.reporting.plot import LETTERS, head, literal, panel, style_of
+from experiments.reporting.plot import literal, style_of
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import percent, points
 from experiments.studies.calibration.measure import STEPS
@@ -139,48 +140,51 @@ def table(results: Results) -> pd.DataFrame | None:
 
 @STUDY.figure(
     "calibration",
-    caption="Share of right answers against their probability, after most training frames: of a "
-    "random split filled markers and solid lines, of the split as recorded open markers and "
-    "dashed lines. On the diagonal probabilities are perfect; below it they promise too much.",
-    size=(7.0, 3.2),
+    caption="Share of right answers against their probability, after most training frames; a row "
+    "of panels a split, a column a recording. On the grey diagonal probabilities are perfect; "
+    "below it they promise too much. Points of fewer than 20 answers are left out.",
+    size=(7.0, 4.2),
     needs=lambda results: bool(measurements(results)),
 )
 def figure(figure: Figure, results: Results) -> None:
-    """A panel a scene, a line a model and split."""
+    """A panel a scene and split, a line a model."""
     shown = measurements(results)
-    panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
-    models: dict[str, None] = {}
-    for letter, axes, (scene, measured) in zip(
-        LETTERS, panels, shown.items(), strict=False
-    ):
-        rows = measured.frame
-        rows = rows[rows.n == rows.n.max()]
-        axes.plot([0, 100], [0, 100], color="0.6", lw=0.8)
-        for (split, model), own in rows.groupby(["split", "model"], sort=False):
-            x, y = _reliability(own)
-            colour, marker, _ = style_of(model)
-            filled = split == "random"
-            axes.plot(
-                x,
-                y,
-                color=colour,
-                marker=marker,
-                markerfacecolor=colour if filled else "white",
-                ls="-" if filled else "--",
-                ms=3,
-                lw=0.8,
-            )
-            models.setdefault(model)
-        axes.set(xlim=(0, 103), ylim=(0, 103), xlabel="probability (%)")
-        panel(axes, letter, literal(scene_name(scene)))
-    panels[0].set_ylabel("right answers (%)")
-    handles = []
-    for model in models:
-        colour, marker, _ = style_of(model)
-        name = literal(display_name(model))
-        handles.append(Line2D([], [], color=colour, marker=marker, ms=3, label=name))
+    frames = {scene: measured.frame for scene, measured in shown.items()}
+    splits = list(dict.fromkeys(s for rows in frames.values() for s in rows.split))
+    models = list(dict.fromkeys(m for rows in frames.values() for m in models_of(rows)))
+    looks = {model: _look(model, place) for place, model in enumerate(models)}
+    panels = figure.subplots(
+        len(splits), len(shown), sharex=True, sharey=True, squeeze=False
+    )
+    for line, split in zip(panels, splits, strict=True):
+        line[0].set_ylabel("right (%)")
+        for axes, (scene, rows) in zip(line, frames.items(), strict=True):
+            _draw(axes, rows[rows.split == split], looks)
+            words = "as recorded" if split == "counts" else split
+            axes.set_title(literal(f"{scene_name(scene)}, {words}"), fontsize=6)
+    for axes in panels[-1]:
+        axes.set_xlabel("probability (%)")
+    handles = [
+        Line2D([], [], label=literal(display_name(model)), **look)
+        for model, look in looks.items()
+    ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
-    head(figure, "Probabilities and right answers", [])
+
+
+def _look(model: str, place: int) -> dict[str, Any]:
+    """All models are HDC, and of one colour elsewhere: here each has a colour of its own."""
+    _, marker, _ = style_of(model)
+    return {"color": f"C{place}", "marker": marker, "ms": 3, "lw": 0.8}
+
+
+def _draw(axes: Axes, rows: pd.DataFrame, looks: dict[str, dict[str, Any]]) -> None:
+    """The panel of one scene and split."""
+    axes.plot([0, 100], [0, 100], color="0.6", lw=0.8)
+    most = rows[rows.n == rows.n.max()]
+    for model, own in most.groupby("model", sort=False):
+        x, y = _reliability(own)
+        axes.plot(x, y, **looks[str(model)])
+    axes.set(xlim=(0, 103), ylim=(0, 103))
 
 
 def _reliability(rows: pd.DataFrame) -> tuple[Shares, Shares]:
