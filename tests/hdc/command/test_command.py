@@ -5,13 +5,14 @@ import os
 import re
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from hdc import HDCClassifier, HDCRegressor
+from hdc import HDCClassifier, HDCRegressor, command
 from hdc.accuracy import wilson
 from hdc.command import main
 
@@ -548,3 +549,23 @@ def test_help_does_without_torch():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert done.stdout.splitlines()[-1] == "False"
+
+
+def test_a_warning_is_said_once_whatever_its_share(capsys, monkeypatch):
+    """A comparison trains the same model fold after fold, and each has its share of ties."""
+
+    def warn(_):
+        for share in (80, 81, 45):
+            warnings.warn(f"{share}% of the pixels are tied", stacklevel=2)
+        for day in (1, 2):
+            warnings.warn(f"left out day{day}/notes.txt", stacklevel=2)
+        return 0
+
+    monkeypatch.setattr(command, "_run", warn)
+    with pytest.raises(SystemExit):
+        command.main([])
+    assert capsys.readouterr().err.splitlines() == [
+        "warning: 80% of the pixels are tied",
+        "warning: left out day1/notes.txt",
+        "warning: left out day2/notes.txt",
+    ]
