@@ -148,6 +148,10 @@ def test_recalibration_is_what_an_update_gains(
         for method, p in (("replace", 0.75), ("new", None)):
             way = {"seed": seed, "method": method, "p": p, "n_new": 50}
             rows.append(of | way | {"right_new": updated + seed})
+    # Samples drawn from all of the session have no say: a user has the first in time.
+    rows += [
+        row | {"order": "random", "right_new": 100 - row["right_new"]} for row in rows
+    ]
     write_measurement("drift", rows)
     verdict, values = judged("recalibration")
     assert verdict == expected
