@@ -155,6 +155,16 @@ class Reference(Encoder):
         self.reference_ = tensors["reference"]
 
 
+class ReferenceLevels(Reference):
+    """Levels of each frame less a reference frame: :class:`Reference` with ``base="levels"``.
+
+    Args: as of :class:`Reference`.
+    """
+
+    def __init__(self, base: Any = "levels", frame: Any = None):
+        super().__init__(base, frame)
+
+
 def _frames_at_a_time(frames: Any) -> int:
     n_pixels = math.prod(frames.shape[1:])
     return max(1, _STEP // max(1, n_pixels))
