@@ -15,6 +15,7 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import io
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -67,8 +68,7 @@ class TorchhdClassifier(Classifier):
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(self.seed)
             peer = self._untrained(hypervectors.shape[1])
-            # Its progress bar is written to the standard error.
-            with contextlib.redirect_stderr(io.StringIO()):
+            with _quiet():
                 peer.fit(shuffled)
         # Torchhd does not say so itself: LeHDC's dropout would go on in predictions.
         self.peer_ = peer.eval()
@@ -91,6 +91,14 @@ class TorchhdClassifier(Classifier):
         on_bits = type(self.classifier, (kind,), {"encoder": identity})
         classes = len(self.classes_)
         return on_bits(1, dimension, classes, epochs=self.epochs, device=self.device)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without torchhd's progress bar, and its warning of prototypes that are still zero."""
+    with contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "The norm of a vector is nearly zero")
+        yield
 
 
 class _Shuffled:

@@ -28,8 +28,7 @@ Assumed besides: all pairs of a class are equally correlated, scores are indepen
 class and the majority passes their noise on as it does a small change of C, the D bits are
 independent, correlations are not negative.
 
-**Another quantile than the median.** :func:`quantile_correlation` is the arcsine law of any
-threshold, :func:`best_quantile` the threshold at which speckle tells classes apart best.
+**Another quantile than the median**: :func:`best_quantile`.
 """
 
 from __future__ import annotations
@@ -156,27 +155,6 @@ def mean_image_accuracy(moments: Correlations, n: int) -> float:
     return _accuracy(moments, n, scores)
 
 
-def quantile_correlation(rho: Floats | float, share: float) -> Floats:
-    """Correlation of the bits of two Gaussian numbers, of which a share are ones.
-
-    With the threshold t, of which P(z > t) = p is the share, and Owen's function T,
-
-        C = (P(both > t) − p²)/(p·(1 − p)) = 1 − 2·T(t, √((1 − ρ)/(1 + ρ)))/(p·(1 − p)),
-
-    which is the arcsine law C = (2/π)·asin ρ at the median (Owen, Ann. Math. Stat. 27, 1956).
-
-    Args:
-        rho: correlations of the Gaussians, in (−1, 1].
-        share: of ones, in (0, 1): 1 − q at the quantile q.
-    """
-    if not 0 < share < 1:
-        raise ValueError(f"share: expected a number in (0, 1), found {share}")
-    threshold = special.ndtri(1 - share)
-    slope = np.sqrt((1 - np.asarray(rho)) / (1 + np.asarray(rho)))
-    one_of_two = 2 * special.owens_t(threshold, slope)
-    return 1 - one_of_two / (share * (1 - share))
-
-
 class Light(NamedTuple):
     """What speckle and its noise are, where the mean of the pixels that are lit is 1.
 
@@ -205,6 +183,8 @@ def best_quantile(light: Light) -> float:
 
     has its maximum at t = ½, the quantile 0.39 of the lit pixels, without `read`, and at a larger t
     with it. Dark pixels lie below any such threshold: q = dark + (1 − dark)·(1 − e^(−t)).
+
+    Where it holds and where it does not: the table `quantiles` of experiments/studies/quantiles.
     """
     t = np.linspace(0.01, 6, 600)
     within = np.sqrt(light.photon * t + light.read)

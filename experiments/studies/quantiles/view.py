@@ -37,12 +37,12 @@ SIZES = {1: ("#56B4E9", "o"), 5: ("#0072B2", "s"), 20: ("#E69F00", "D")}
 NOTE = (
     "Stated from a few training frames of every class, by the share of dark pixels and by how much "
     "the others vary within a class and between two; no frame is classified for it. Means over "
-    "seeds; brackets: the least and the largest, of the difference Student over seeds. Best: of the "
-    "quantiles that were tried. Theory predicts where the stated quantile is at most {tolerance} "
-    "points behind and the median is farther, on average over seeds; the tolerance was set before "
-    "an accuracy was looked at. Error of the law: correlations of bits at other quantiles than the median, as they "
+    "seeds; brackets: the least and the largest, of the difference Student over seeds. Best: of "
+    "the quantiles that were tried. Theory predicts where the stated quantile is on average at "
+    "most {tolerance} points behind and the median is farther; the tolerance was set before an "
+    "accuracy was looked at. Error of the law: correlations of bits at other quantiles, as they "
     "follow from those at the median if pixels were Gaussian, less the measured ones; mean "
-    "absolute difference over pairs of classes."
+    "absolute difference over pairs of classes. Without: if they were those at the median."
 )
 
 
@@ -66,6 +66,7 @@ def _hundredths(value: float) -> str:
         "less": Column("Stated less best, points", points),
         "word": Column("Theory"),
         "law_error": Column("Error of the law"),
+        "unchanged_error": Column("Error without"),
     },
 )
 def stated_and_found(results: Results) -> pd.DataFrame | None:
@@ -93,7 +94,9 @@ def _rows(scene: str, measured: Measured) -> Iterator[dict[str, Any]]:
     stated = rows[rows.kind == "predicted"]
     law = rows[(rows.kind == "law") & (rows["at"] != MEDIAN)]
     for n, curve in curves(rows).groupby("n"):
-        tried = curve[~curve.stated].pivot(index="seed", columns="at", values="accuracy")
+        tried = curve[~curve.stated].pivot(
+            index="seed", columns="at", values="accuracy"
+        )
         of_stated = curve[curve.stated].set_index("seed").accuracy
         means = tried.mean()
         best = means.idxmax()
@@ -112,6 +115,7 @@ def _rows(scene: str, measured: Measured) -> Iterator[dict[str, Any]]:
             **less.columns("less"),
             "word": SATURATED if saturated(measured) else word,
             "law_error": law.error.mean(),
+            "unchanged_error": law.error_unchanged.mean(),
         }
 
 
