@@ -81,6 +81,7 @@ def _words(frames, at):
     return Quantile(at).encode(torch.from_numpy(grey))
 
 
+@pytest.mark.filterwarnings("ignore:.*of the pixels of a frame equal")
 @pytest.mark.parametrize(
     "light",
     [
@@ -91,8 +92,8 @@ def _words(frames, at):
     ],
 )
 def test_simulated_speckle_is_told_apart_best_near_the_stated_quantile(light):
-    frames = speckle(light, np.random.default_rng(0), 12)
-    grid = [f"{k}/20" for k in range(2, 20)]
+    frames = speckle(light, np.random.default_rng(0), 8)
+    grid = [f"{k}/10" for k in range(1, 10)]
     found = np.array([separation(frames, at) for at in grid])
     stated = theory.best_quantile(light)
     nearest = int(np.argmin([abs(float(Fraction(at)) - stated) for at in grid]))
