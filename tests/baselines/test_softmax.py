@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import itertools
 from itertools import pairwise
 
 import numpy as np
@@ -218,3 +219,31 @@ def test_initial_weights_are_those_named(given, spread, bias, speckle):
 
 def test_the_example_in_the_docstring():
     assert doctest.testmod(softmax).failed == 0
+
+
+def test_the_accuracy_of_minibatches_is_that_before_they_were_learnt_from(
+    frames_and_labels,
+):
+    frames, labels = frames_and_labels(60, 3, 8)
+    frames = torch.from_numpy(frames)
+    model = SoftmaxRegression(batch_size=None, lr=1e-3)
+    found, expected = [], []
+    for report in itertools.islice(model.train(frames, labels), 8):
+        found.append(report["batch_accuracy"])
+        expected.append(model.score(frames, labels))
+    assert found[1:] == expected[:-1]
+    assert len(set(found)) > 2
+
+
+def test_the_accuracy_of_minibatches_is_that_since_the_last_report(frames_and_labels):
+    frames, labels = frames_and_labels(60, 3, 8)
+    shared = {"batch_size": 10, "lr": 1e-2, "seed": 3}
+    often, seldom = (
+        SoftmaxRegression(**shared, reports_per_epoch=n).train(
+            torch.from_numpy(frames), labels
+        )
+        for n in (6, 2)
+    )
+    single = [report["batch_accuracy"] for report in itertools.islice(often, 12)]
+    three = [report["batch_accuracy"] for report in itertools.islice(seldom, 4)]
+    assert three == pytest.approx(np.mean(np.reshape(single, (4, 3)), axis=1))
