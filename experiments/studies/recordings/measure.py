@@ -114,6 +114,11 @@ def _limited(
     made = models_of(at_seed(models, 0))
     known = {"draws", "n_per_class", "splits"}
     for name, limit in limits.items():
+        if name not in made:
+            expected = ", ".join(made)
+            raise ValueError(
+                f"task.limits: expected models among {expected}, found {name!r}"
+            )
         if unknown := set(limit) - known:
             found = sorted(unknown)[0]
             expected = ", ".join(sorted(known))
