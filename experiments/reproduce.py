@@ -17,6 +17,7 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
+from experiments.protocol.sweep import span
 from experiments.records.files import results_dir
 from experiments.reproduction import calls, claim
 from experiments.reproduction.steps import (
@@ -139,7 +140,8 @@ def _tell(
     text = f"{mode}: {what}; about {cost_text(found)} from nothing on 2 cores"
     console.print(text, markup=False, soft_wrap=True)
     for step in found:
-        about = f"{step.name}, {cost_text([step])}: {step.skipped or step.command}"
+        time = span(60 * step.minutes)
+        about = f"{step.name}, {time}: {step.skipped or step.command}"
         console.print(about, markup=False, soft_wrap=True)
 
 

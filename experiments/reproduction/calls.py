@@ -15,6 +15,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from experiments.records import steps as records_of
 from experiments.records.environment import commit
 from experiments.records.files import ROOT
 from experiments.records.locks import LEFT
@@ -128,7 +129,11 @@ def measured(
     """Run a step, note its time and the memory of its largest process; its status."""
     sys.stdout.flush()  # what stands above is told first
     start, peak, status = time.perf_counter(), 0, INTERRUPTED
-    environment = None if step.timed else {**os.environ, "OMP_NUM_THREADS": "1"}
+    records = records_of.place(results, mode, step.name)
+    records_of.begin(records)
+    environment = {**os.environ, records_of.VARIABLE: str(records)}
+    if not step.timed:
+        environment["OMP_NUM_THREADS"] = "1"
     command = [sys.executable, "-m", *step.all_words]
     process = subprocess.Popen(command, cwd=ROOT, env=environment)
     _running.add(process)

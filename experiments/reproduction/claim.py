@@ -21,7 +21,7 @@ from experiments.reporting.table import Table, records
 from experiments.reporting.text import printable
 from experiments.studies.claims import rules, view
 
-WORDS = ("word", "verdict")  # columns with a word of the rules
+WORDS = ("word", "verdict")  # columns with a word of the rules, of which the first counts
 _RULES = Path(rules.__file__).with_name("rules.yaml")
 
 
@@ -125,7 +125,8 @@ def _values(table: Table) -> list[str]:
     """The columns of a table that have bounds, and those with a word."""
     names = list(map(str, table.data))
     bounded = [name for name in names if f"{name}{ENDS[1]}" in names]
-    return [*bounded, *(name for name in WORDS if name in names)]
+    words = [name for name in WORDS if name in names]
+    return [*bounded, *words[:1]]
 
 
 def _text(table: Table, column: str, row: Mapping[str, Any]) -> str:

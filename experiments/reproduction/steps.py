@@ -51,11 +51,14 @@ class Step:
         """Its words, and those that make it share the machine."""
         if self.timed or self.words[0] != RUN:
             return self.words
-        beside: tuple[str, ...] = ("threads=1", "exclusive=false")
-        if self.launcher:
-            # Each of its workers waits until a core is free.
-            beside = ("-m", f"{_LAUNCHER}{self.launcher}", "threads=1")
-        return (*self.words, *(word for word in beside if word not in self.words))
+        if self.launcher is None:
+            first: tuple[str, ...] = (RUN,)
+            last = ("threads=1", "exclusive=false")
+        else:  # each of its workers waits until a core is free
+            first = (RUN, "-m")
+            last = (f"{_LAUNCHER}{self.launcher}", "threads=1")
+        own = [word for word in self.words if word not in (*first, *last)]
+        return (*first, *own, *last)
 
     @property
     def command(self) -> str:

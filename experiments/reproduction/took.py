@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.reproduction.steps import LANES
+from experiments.reproduction.steps import LANES, plain
 from hdc.io import write_atomically
 
 FILE = "reproduce.csv"
@@ -20,11 +20,11 @@ def note(results: Path, row: dict[str, Any]) -> None:
 
     Seconds of calls that broke off add up with those of the call that finished the step. Of calls
     after that the longest counts, as the others found work done. The memory is the largest of
-    all. Another command begins anew.
+    all. Another command begins anew, another launcher does not.
     """
     rows = read(results)
     known = rows.get((row["step"], row["mode"]))
-    if known and known["command"] == row["command"]:
+    if known and plain(known["command"]) == plain(row["command"]):
         before = float(known["seconds"])
         if known["status"] == FINISHED:
             row["seconds"] = max(row["seconds"], before)
