@@ -76,8 +76,10 @@ def _tell(adopted: Adopted, console: Console) -> None:
 def _tell_older(answers: report.Answers, console: Console) -> int:
     """Name the code of other revisions and the tables that rest on it; 1 if there are any."""
     changed = Counter[str]()
-    for entry in (*answers.results.runs, *answers.results.measurements):
-        changed.update(entry.outdated)
+    for run in answers.results.runs:
+        changed.update(run.outdated)
+    for measured in answers.results.measurements:
+        changed.update(measured.outdated)
     for name, n in sorted(changed.items()):
         console.print(f"{name}: {n} records are of another", soft_wrap=True)
     older = answers.older_tables()

@@ -90,7 +90,9 @@ class Answers:
     def written(self) -> list[Table]:
         """The tables that get files: runs.jsonl has the runs of the reference."""
         is_reference = self.name == "reference"
-        return [t for t in self.every_table() if not (is_reference and t.name == "runs")]
+        return [
+            t for t in self.every_table() if not (is_reference and t.name == "runs")
+        ]
 
     def older_tables(self) -> list[str]:
         """Names of the tables that rest on records of older revisions."""
@@ -276,9 +278,15 @@ def _about(answers: Answers) -> str:
     if not old:
         return f"{counts}, all by this code"
     parts = sorted({name for record in old for name in record.outdated})
-    counts += f"; {len(old)} by other revisions, {len(parts)} changed since: {parts[0]} …"
+    counts += (
+        f"; {len(old)} by other revisions, {len(parts)} changed since: {parts[0]} …"
+    )
     tables = answers.older_tables()
-    return f"{counts}; tables of older revisions: {', '.join(tables)}" if tables else counts
+    return (
+        f"{counts}; tables of older revisions: {', '.join(tables)}"
+        if tables
+        else counts
+    )
 
 
 def _drawn(

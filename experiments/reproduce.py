@@ -4,8 +4,8 @@ The steps are those of ``configs/reproduce.yaml``; results go to the folder of o
 work is skipped by the commands themselves, so that the same call resumes after an interruption. A
 step that fails is named at the end, and the others run all the same. Steps that time nothing
 (``timed: false``) run two at a time, with one thread each, or by a launcher of Hydra. ``--list``
-shows steps and claims with their times, and runs none. ``reproduce.csv`` gets the time of each step,
-its calls added up, and its largest memory.
+shows steps and claims with their times, and runs none. ``reproduce.csv`` gets the time of each
+step, its calls added up, and its largest memory.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from experiments.protocol.sweep import span
-from experiments.records.files import results_dir
+from experiments.records.files import REFERENCE, results_dir
 from experiments.reproduction import calls, claim
+from experiments.reproduction.adopt import go_on_from
 from experiments.reproduction.steps import (
     LANES,
     WHAT,
@@ -51,6 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     results = results_dir()
+    if chosen.go_on:
+        copied = go_on_from(REFERENCE, results)
+        console.print(f"{copied} records of the reference taken into own results")
     status = calls.run(found, mode, results, console, chosen.lanes)
     if chosen.claim is not None and status < 128:
         claim.show(chosen.claim, results, console)
@@ -84,6 +88,12 @@ def _parser() -> argparse.ArgumentParser:
         type=_positive,
         default=LANES,
         help="steps that time nothing at a time; more than 2 for a cluster",
+    )
+    parser.add_argument(
+        "--continue",
+        dest="go_on",
+        action="store_true",
+        help="go on from the committed reference: what the present code made of it counts as done",
     )
     parser.add_argument(
         "--list", action="store_true", help="show steps and claims, run none"

@@ -122,7 +122,9 @@ def _of_task(error: InstantiationException) -> Exception:
     return cause if isinstance(cause, Exception) else error
 
 
-_NAMES_KEY = re.compile(r"[\w./-]+: ")  # how a message begins that names a key or a file
+_NAMES_KEY = re.compile(
+    r"[\w./-]+: "
+)  # how a message begins that names a key or a file
 _first = False  # whether this process was given the command line
 _progress: sweep.Progress | None = None  # of a sweep in this process
 

@@ -27,7 +27,9 @@ _PACKAGES = (
     "numkong",
     "numba",
 )
-COMMAND = "EXPERIMENTS_COMMAND"  # variable with the command line, for workers of a launcher
+COMMAND = (
+    "EXPERIMENTS_COMMAND"  # variable with the command line, for workers of a launcher
+)
 _COMPUTING = ("torch", "numpy")  # whose versions may move a number
 
 

@@ -55,9 +55,7 @@ def _older_scenes(results: Results) -> dict[str, set[str]]:
     return scenes
 
 
-def _is_older(
-    experiment: str, places: set[str], older: Mapping[str, set[str]]
-) -> bool:
+def _is_older(experiment: str, places: set[str], older: Mapping[str, set[str]]) -> bool:
     """Whether an experiment has older records, on one of these scenes if any are named."""
     there = older.get(experiment, set())
     return bool(there & places) if places else bool(there)

@@ -18,8 +18,8 @@ from experiments.records import record as records
 from experiments.records import steps as touched
 from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
-from experiments.reproduction import took
 from experiments.reporting.study import with_places
+from experiments.reproduction import took
 
 WHOLE = "full"  # the mode whose steps make the reference
 
@@ -55,7 +55,7 @@ def adopt(own: Path, reference: Path, drop_older: bool = False) -> Adopted:
     _adopt_measurements(taken, before, drop_older)
     rows = took.read(reference)
     for key, row in took.read(own).items():
-        if key not in rows or row["status"] == took.FINISHED:
+        if row["status"] == took.FINISHED:
             rows[key] = row
     if rows:
         took.write(reference, rows.values())
@@ -173,7 +173,7 @@ def go_on_from(reference: Path, own: Path) -> int:
         _copy(measured.folder, own / "measured" / measured.record.id)
         copied += 1
     # Of steps of an older code nothing is known here.
-    current = [*results.runs, *results.measurements]
+    current: list[Run | Measured] = [*results.runs, *results.measurements]
     commits = {one.record.environment.commit for one in current if not one.outdated}
     rows = took.read(own)
     for key, row in took.read(reference).items():

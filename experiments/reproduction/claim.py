@@ -21,7 +21,10 @@ from experiments.reporting.table import Table, records
 from experiments.reporting.text import printable
 from experiments.studies.claims import rules, view
 
-WORDS = ("word", "verdict")  # columns with a word of the rules, of which the first counts
+WORDS = (
+    "word",
+    "verdict",
+)  # columns with a word of the rules, of which the first counts
 _RULES = Path(rules.__file__).with_name("rules.yaml")
 
 
