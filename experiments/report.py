@@ -190,13 +190,21 @@ def write(
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"
-    write_atomically(path, page.render(_sections(sets), problems, about))
+    write_atomically(path, page.render(_sections(sets), problems, about, against))
+    _write_charts(folder)
     _show(console, sets[0], against)
     for name, text in about.items():
         console.print(Text(printable(f"{name}: {text}"), "dim"))
     print_problems(console, sets)
     console.print(f"page: {os.path.relpath(path)}", soft_wrap=True)
     return path
+
+
+def _write_charts(folder: Path) -> None:
+    """The library that draws the page's interactive figures, beside the page."""
+    from experiments.reporting.page.charts import library  # slow to load
+
+    write_atomically(folder / page.CHARTS, library())
 
 
 def _show(

@@ -35,6 +35,8 @@ class Bank:
         frames: uint8 or uint16 [N, H, W] or [N, D].
         labels: class indices int64 [N].
         n_classes: L.
+        groups: of each frame [N]: those of one are alike, such as of one session or object, and
+            belong on one side of a split; None where that is not known.
 
     Example:
         >>> from hdc import HDCClassifier
@@ -44,12 +46,21 @@ class Bank:
         array([0])
     """
 
-    def __init__(self, frames: Tensor, labels: Any, n_classes: int) -> None:
+    groups: np.ndarray | None = None
+
+    def __init__(
+        self,
+        frames: Tensor,
+        labels: Any,
+        n_classes: int,
+        groups: np.ndarray | None = None,
+    ) -> None:
         if frames.dtype not in _WHITE:
             raise ValueError(f"frames: expected uint8 or uint16, found {frames.dtype}")
         self.frames = frames
         self.labels = inputs.label_array(labels, len(frames))
         self.n_classes = n_classes
+        self.groups = groups
         self.white = _WHITE[frames.dtype]
         self.dimension = frames[0].numel()
         self._made: dict[Hashable, Tensor] = {}
@@ -229,9 +240,49 @@ class Selection:
 
     def words(self, encoder: Encoder | None = None, backend: str = "numpy") -> Tensor:
         """Their hypervectors int64 [n, W]; see :meth:`Bank.words`."""
+        if isinstance(encoder, Shared):
+            return encoder.words_of(self, backend)
         if encoder is not None and encoder.learns:
             return encode_with(encoder, self[:], 0, backend)
         return self.bank.words(encoder, backend)[self.rows]
+
+
+class Shared(Encoder):
+    """An encoder that learns, once for all read-outs that are trained on the same frames.
+
+    Args:
+        base: the encoder.
+        memory: of training frames, by their rows, the trained encoder and words that it made.
+    """
+
+    learns = True
+
+    base_: Encoder
+
+    def __init__(self, base: Encoder, memory: dict[bytes, Any]) -> None:
+        self.base = base
+        self.memory = memory
+
+    def fit(self, frames: Selection) -> Shared:
+        key = frames.rows.tobytes()
+        if key not in self.memory:
+            self.memory.clear()
+            self.memory[key] = self.base.unlearned().fit(frames), {}
+        self.base_, self._words = self.memory[key]
+        return self
+
+    def dimension(self, n_pixels: int) -> int:
+        return self.base_.dimension(n_pixels)
+
+    def encode(self, frames: Tensor) -> Tensor:
+        return self.base_.encode(frames)
+
+    def words_of(self, chosen: Selection, backend: str) -> Tensor:
+        """Hypervectors of some frames of the bank."""
+        key = chosen.rows.tobytes()
+        if key not in self._words:
+            self._words[key] = encode_with(self.base_, chosen[:], 0, backend)
+        return self._words[key]
 
 
 def standardised(

@@ -20,14 +20,25 @@ from scenes.frames import Scene
 _BATCH = 64  # frames of a scene made at a time
 
 
-def bank_of(scene: Scene, chosen: np.ndarray | None = None) -> Bank:
-    """All frames of a scene, or the chosen ones, read once."""
+def bank_of(
+    scene: Scene,
+    chosen: np.ndarray | None = None,
+    group: str | None = None,
+) -> Bank:
+    """All frames of a scene, or the chosen ones, read once.
+
+    Args:
+        scene: where they come from.
+        chosen: indices of samples.
+        group: name of what samples share that belong on one side of a split, if anything.
+    """
     if chosen is None:
         chosen = np.arange(len(scene.labels))
     starts = np.arange(_BATCH, len(chosen), _BATCH)
     parts = np.split(chosen, starts)
     frames = torch.cat([scene.frames(part).cpu() for part in parts])
-    return Bank(frames, scene.labels[chosen], len(scene.classes))
+    groups = None if group is None else scene.samples[group][chosen]
+    return Bank(frames, scene.labels[chosen], len(scene.classes), groups)
 
 
 def evaluate(

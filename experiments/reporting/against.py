@@ -79,6 +79,15 @@ class Comparison:
         if len(outside) > _MOST:
             yield f"! {len(outside) - _MOST} more: tables/against_reference.csv"
 
+    def outside_of(self, table: Table) -> list[set[str]]:
+        """Of each row of a table of one's own, the heads of the columns that lie outside."""
+        heads: dict[str, set[str]] = {}
+        for cell in self.of(OUTSIDE):
+            if cell.table == table.name:
+                heads.setdefault(cell.row, set()).add(cell.column)
+        rows = records(table.data)
+        return [heads.get(row_name(row, table), set()) for row in rows]
+
     def table(self) -> Table:
         """A row a cell, those outside first."""
         rows = []
@@ -139,6 +148,11 @@ def _key(
     return tuple(row.get(name) for name in table.key)
 
 
+def row_name(row: Mapping[str, Any], table: Table) -> str:
+    """What tells a row of a table from its others, in words."""
+    return ", ".join(str(key) for key in _key(row, table) if key is not None)
+
+
 def _cells(
     table: Table,
     row: Mapping[str, Any],
@@ -150,7 +164,7 @@ def _cells(
         ours = row[name]
         values = [other.get(f"{name}{end}") for end in ENDS]
         if all(isinstance(x, int | float) for x in (ours, *values)):
-            what = ", ".join(str(key) for key in _key(row, table) if key is not None)
+            what = row_name(row, table)
             yield Cell(table.name, what, table.column(name).head, ours, *values)  # type: ignore[arg-type]
 
 

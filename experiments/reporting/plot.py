@@ -7,6 +7,7 @@ a grey strip of their own below 1/n, labelled 0. Intervals are those of the tabl
 from __future__ import annotations
 
 import io
+import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from operator import itemgetter
@@ -59,7 +60,10 @@ def save(figure: Figure, kind: str) -> bytes:
             options = {"pil_kwargs": {"quality": 40}}
         figure.savefig(stream, format=kind, dpi=150, **options)
     plt.close(figure)
-    return stream.getvalue()
+    if kind != "svg":
+        return stream.getvalue()
+    # A hundredth of a point is finer than any screen; the page carries every figure.
+    return re.sub(rb"(\d\.\d\d)\d+", rb"\1", stream.getvalue())
 
 
 def style_of(model: str) -> tuple[str, str, str]:

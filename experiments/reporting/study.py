@@ -44,6 +44,7 @@ class Plot:
         draw: makes the matplotlib figure; ``draw(behind)`` over other results, if it can.
         commands: make its results again.
         kind: ``svg``, or ``webp`` for a figure made of pixels.
+        chart: its interactive form for the page, as Vega-Lite; None if it has none.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Plot:
     draw: Callable[..., Any]
     commands: Sequence[str] = ()
     kind: str = "svg"
+    chart: Callable[[], dict[str, Any]] | None = None
 
 
 @dataclass(frozen=True)
@@ -177,6 +179,7 @@ class Study:
         needs: Callable[..., bool] = lambda *_: True,
         commands: Sequence[str] = (),
         over: bool = False,
+        chart: Callable[..., dict[str, Any]] | None = None,
     ) -> Decorator:
         """Register a function that draws on a figure, whose first argument that is.
 
@@ -188,6 +191,7 @@ class Study:
             needs: of the function's other arguments: whether there is anything to draw.
             over: whether the function takes ``behind``, other results that are drawn behind, or
                 None.
+            chart: of the function's other arguments: the figure's interactive form, Vega-Lite.
         """
 
         def make(source: _Source, function: Callable[..., Any]) -> Iterator[Plot]:
@@ -195,7 +199,12 @@ class Study:
                 draw = partial(_draw, function, source.arguments, size, over)
                 made_by = tuple(commands) or source.commands
                 yield Plot(
-                    f"{name}{source.suffix}", source.fill(caption), draw, made_by, kind
+                    f"{name}{source.suffix}",
+                    source.fill(caption),
+                    draw,
+                    made_by,
+                    kind,
+                    chart and partial(chart, *source.arguments),
                 )
 
         return self._registering(Plot, f"figure {name}", of, make)

@@ -4,20 +4,35 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import jinja2
+from markupsafe import Markup
 from PIL import Image
 
+from experiments.reporting.against import Comparison
+from experiments.reporting.columns import display_name, scene_name
 from experiments.reporting.study import Plot
-from experiments.reporting.table import Table
+from experiments.reporting.table import Table, records
 
 TEMPLATES = Path(__file__).parent / "templates"
 COLUMNS = 8  # of a table that are shown at first
 ROWS = 30  # of a table that is not folded away
+FEW_ROWS = 8  # of a table in which a reader needs no search
+CHARTS = (
+    "report_charts.js"  # the library that draws interactive figures, beside the page
+)
+OWN = "mine"
+# Columns by which rows of all tables are filtered, with what a value is called.
+FILTERS: Mapping[str, Callable[[str], str]] = {
+    "scene": scene_name,
+    "model": display_name,
+}
 _NUMBER = re.compile(
     r"[-+−]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?( k?M?B)?( [\[(].*)?", re.IGNORECASE
 )
@@ -33,6 +48,11 @@ class Picture:
 
     plot: Plot
     data: bytes
+
+    @property
+    def chart(self) -> dict[str, Any] | None:
+        """Its interactive form as Vega-Lite, if it has one."""
+        return self.plot.chart() if self.plot.chart is not None else None
 
     @property
     def source(self) -> str:
@@ -75,8 +95,16 @@ def render(
     sections: Sequence[Section],
     problems: Sequence[str],
     about: Mapping[str, str],
+    against: Comparison | None = None,
 ) -> str:
-    """The page's HTML; `about`: name of a set of results → where it comes from."""
+    """The page's HTML.
+
+    Args:
+        sections: its parts.
+        problems: what was left out, a line each.
+        about: name of a set of results → where it comes from.
+        against: own results against the reference, whose cells outside are marked.
+    """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -84,14 +112,69 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"tone": _tone, "kinds": _kinds}
+    environment.filters |= {
+        "tone": _tone,
+        "kinds": _kinds,
+        "about_rows": _about_rows,
+        "safe_json": _safe_json,
+    }
+
+    def outside_of(table: Table, block: str) -> Sequence[set[str]]:
+        if against is None or block != OWN:
+            return [set()] * len(table.data)
+        return against.outside_of(table)
+
     return environment.get_template("report.html").render(
         sections=sections,
         problems=problems,
         about=about,
+        outside_of=outside_of,
+        compared=against is not None,
+        choices=_choices(sections),
+        charts=CHARTS if any(picture.chart for picture in _pictures(sections)) else "",
         most_rows=ROWS,
+        few_rows=FEW_ROWS,
         most_columns=COLUMNS,
     )
+
+
+def _pictures(sections: Sequence[Section]) -> Iterator[Picture]:
+    for section in sections:
+        for block in section.blocks:
+            yield from block.pictures
+
+
+def _choices(sections: Sequence[Section]) -> dict[str, dict[str, str]]:
+    """What each filter of rows can choose, with its name as shown."""
+    found: dict[str, dict[str, str]] = {key: {} for key in FILTERS}
+    for section in sections:
+        for block in section.blocks:
+            for table in block.tables:
+                for about in _about_rows(table):
+                    for key in FILTERS.keys() & about:
+                        found[key][about[key]] = FILTERS[key](about[key])
+    return {key: dict(sorted(names.items())) for key, names in found.items()}
+
+
+def _about_rows(table: Table) -> list[dict[str, str]]:
+    """Of each row its scene and its model, as far as it has them, and a ``title`` for a reader who
+    points at it: how many seeds it has, and the command that makes it again."""
+    found = []
+    for row in records(table.data):
+        about = {key: row[key] for key in FILTERS if isinstance(row.get(key), str)}
+        if isinstance(row.get("recording"), str):
+            about["scene"] = row["recording"]
+        seeds = f"{row['seeds']} seeds" if row.get("seeds") else ""
+        commands = [row["command"]] if row.get("command") else table.commands[:1]
+        about["title"] = "\n".join(filter(None, [seeds, *commands]))
+        found.append(about)
+    return found
+
+
+def _safe_json(value: Any) -> Markup:
+    """JSON that may stand in a script element."""
+    text = json.dumps(value, separators=(",", ":"))
+    return Markup(text.replace("<", "\\u003c"))
 
 
 def _kinds(table: Table) -> list[str]:

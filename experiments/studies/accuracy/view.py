@@ -138,6 +138,26 @@ def _chance(results: Results) -> float:
     return math.nan
 
 
+def _chart(results: Results) -> dict[str, Any]:
+    """The interactive form of accuracy against N."""
+    from experiments.reporting.page.charts import accuracy_chart  # slow to load
+
+    lines = [
+        {
+            "scene": line["scene"],
+            "model": line["model"],
+            "n_train": line["n_train"],
+            "accuracy": 100 * line["test_accuracy_final"],
+            "accuracy_low": 100 * line["test_accuracy_final_low"],
+            "accuracy_high": 100 * line["test_accuracy_final_high"],
+            "command": f"{RUN}accuracy_vs_n",
+        }
+        for line in rows(results, "accuracy_vs_n")
+        if line["seeds"]
+    ]
+    return accuracy_chart(pd.DataFrame(lines), "n_train", "training samples N")
+
+
 @STUDY.figure(
     "accuracy_vs_n",
     caption="Test accuracy against the number of training samples (Fig. 5(b)); pale: the "
@@ -146,6 +166,7 @@ def _chance(results: Results) -> float:
     needs=lambda results: bool(rows(results, "accuracy_vs_n")),
     commands=(f"{RUN}accuracy_vs_n", f"{RUN}accuracy_vs_n_cnn"),
     over=True,
+    chart=_chart,
 )
 def accuracy_vs_n(
     figure: Figure, results: Results, behind: Results | None = None

@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from experiments.protocol.correlations import contrast
 from experiments.reporting import published
@@ -32,6 +33,7 @@ STUDY = Study(
     "Eqs. 4 to 6, Fig. 4.",
     4,
 )
+PICTURES = ("speckle", "hypervector", "prototype")
 SYMBOLS = {"speckle": "$C^s$", "hypervector": "$C^b$", "prototype": "$C^p$"}
 
 
@@ -97,22 +99,70 @@ def images(
         hspace=0,
     )
     axes = figure.subplots(len(pictures), len(classes), squeeze=False)
-    for row in rows.to_dict("records"):
+    for row in _lines(rows):
         line, column = pictures.index(row["picture"]), classes.index(row["class"])
-        place = axes[line, column]
-        png = base64.b64decode(row["png"])
-        image = plt.imread(io.BytesIO(png))
-        # Speckle: from dark to 0.6 of the camera's range, above which few pixels are.
-        brightest = 0.6 if row["picture"] == "speckle" else 1
-        place.imshow(
-            image, cmap="gray", vmin=0, vmax=brightest, interpolation="nearest"
-        )
-        place.set(xticks=[], yticks=[])
-        place.spines[:].set_visible(False)
+        _show(axes[line, column], _image(row), row["picture"])
     for place, name in zip(axes[0], classes, strict=True):
         place.set_title(name, fontsize=7, pad=2)
     for place, name in zip(axes[:, 0], pictures, strict=True):
         place.set_ylabel(name, fontsize=6)
+
+
+@STUDY.figure(
+    "method",
+    of="correlation_images",
+    size=(7.0, 1.75),
+    kind="webp",
+    caption="The method in four pictures, on {frames}, a part of a frame: a touch makes a speckle; "
+    "the pixels above the median of the frame are its hypervector; the majority of a class's "
+    "hypervectors is its prototype; the nearest prototype names the touch.",
+)
+def method(
+    figure: Figure,
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> None:
+    """Speckle, hypervector and prototype of the first class, and how far that hypervector is from
+    the prototype of each class."""
+    seen = {(row["class"], row["picture"]): _image(row) for row in _lines(rows)}
+    classes = list(rows["class"].unique())
+    first = classes[0]
+    panels = figure.subplots(1, 4)
+    titles = ("1  speckle", "2  above its median", "3  majority of its class")
+    for axes, picture, text in zip(panels, PICTURES, titles, strict=False):
+        _show(axes, seen[first, picture], picture)
+        axes.set_title(text, fontsize=8, loc="left")
+    query = seen[first, "hypervector"] > 0.5
+    distances = []
+    for name in classes:
+        differ = query != (seen[name, "prototype"] > 0.5)
+        distances.append(100 * differ.mean())
+    axes = panels[3]
+    colours = ["#D55E00" if name == first else "0.7" for name in classes]
+    axes.barh(classes, distances, color=colours)
+    axes.invert_yaxis()
+    axes.axvline(50, color="0.4", lw=0.7, ls="--")
+    axes.set_xlabel("bits that differ, % (50: unrelated)", fontsize=7)
+    axes.tick_params(labelsize=7)
+    axes.set_title("4  nearest prototype", fontsize=8, loc="left")
+
+
+def _lines(rows: pd.DataFrame) -> list[dict[Any, Any]]:
+    return rows.to_dict("records")
+
+
+def _image(row: Mapping[Any, Any]) -> NDArray[np.float64]:
+    """The picture of a row, from 0 to 1."""
+    return plt.imread(io.BytesIO(base64.b64decode(row["png"])))
+
+
+def _show(axes: Axes, image: NDArray[np.float64], picture: str) -> None:
+    """A picture without axes; speckle from dark to 0.6 of the camera's range, above which few
+    pixels are."""
+    brightest = 0.6 if picture == "speckle" else 1
+    axes.imshow(image, cmap="gray", vmin=0, vmax=brightest, interpolation="nearest")
+    axes.set(xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)
 
 
 @STUDY.figure(

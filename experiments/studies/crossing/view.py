@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
 from experiments.reporting import published
 from experiments.reporting.columns import Column
@@ -31,6 +33,8 @@ THEORY: dict[str, Any] = {
     "mean_image": ("Image correlation by theory", (0, (4, 2))),
 }
 _LIMIT = published.numbers()["accuracy_vs_n/n_for_90_percent"].value
+# How the paper's level and limit are drawn.
+_MARK: Any = {"color": "0.5", "lw": 0.7, "ls": (0, (4, 3)), "zorder": 0}
 
 
 def _whole(n: float) -> str:
@@ -104,83 +108,45 @@ def figure(
 ) -> None:
     """(a) accuracy, with theory; (b) cumulative distribution of the first N."""
     every = tidy(rows).assign(percent=lambda frame: 100 * frame.accuracy)
-    accuracy, share = figure.subplots(2, 1, sharex=True)
-    shown = [name for name in THEORY if expected[name].notna().any()]
-    n = np.unique(every.n[every.equal])
-    line_plot(accuracy, every[every.equal], "n", "percent", ms=2.2)
-    for name in shown:
-        by_n = expected[expected.n.isin(n)].groupby("n")
-        mean = 100 * by_n[name].mean()
-        _, line = THEORY[name]
-        accuracy.plot(
-            mean.index,
-            mean,
-            color="black",
-            ls=line,
-            lw=0.9,
-            zorder=4,
-        )
-    accuracy.axhline(
-        100 * LEVEL,
-        color="0.5",
-        lw=0.7,
-        ls=(0, (4, 3)),
-        zorder=0,
-    )
-    accuracy.set_ylabel("test accuracy (%)")
+    equal = every[every.equal]
+    n = np.unique(equal.n)
     firsts = first_crossings(rows)
-    for model, of_model in firsts.groupby("model", sort=False):
-        colour, marker, line = style_of(str(model))
-        passed = [100 * (of_model["first"] <= k).mean() for k in n]
-        share.step(
-            n,
-            passed,
-            where="post",
-            color=colour,
-            ls=line,
-            lw=0.9,
-        )
-        share.plot(
-            n,
-            passed,
-            color=colour,
-            marker=marker,
-            ms=2.2,
-            ls="",
-        )
-    share.set(
-        ylabel="experiments that have\nexceeded 90 % (%)",
-        xlabel="training samples of all classes, N",
-    )
-    share.text(
-        _LIMIT + 0.7,
-        3,
-        f"paper: > 90 % only for N > {_LIMIT:g}",
-        fontsize=6,
-        color="0.3",
-    )
-    for axes, letter, title in (
-        (accuracy, "a", "as many samples of every class"),
-        (share, "b", "first N above 90 %, as many samples of every class"),
-    ):
-        panel(axes, letter, title)
-        axes.axvline(
-            _LIMIT,
-            color="0.5",
-            lw=0.7,
-            ls=(0, (4, 3)),
-            zorder=0,
-        )
-        axes.set_xlim(every.n.min() - 1, every.n.max() + 1)
+    shown = [name for name in THEORY if expected[name].notna().any()]
+    accuracy, share = figure.subplots(2, 1, sharex=True)
+    line_plot(accuracy, equal, "n", "percent", ms=2.2)
+    _draw_theory(accuracy, expected[expected.n.isin(n)], shown)
+    accuracy.set_ylabel("test accuracy (%)")
+    _draw_shares(share, firsts, n)
+    share.set_xlim(every.n.min() - 1, every.n.max() + 1)
+    panel(accuracy, "a", "as many samples of every class")
+    panel(share, "b", "first N above 90 %, as many samples of every class")
+    for axes in (accuracy, share):
+        axes.axvline(_LIMIT, **_MARK)
     lines = [
-        Line2D(
-            [],
-            [],
-            color="black",
-            ls=THEORY[name][1],
-            label=THEORY[name][0],
-        )
-        for name in shown
+        Line2D([], [], color="black", ls=line, label=label)
+        for label, line in (THEORY[name] for name in shown)
     ]
     handles = [*map(handle, firsts.model.unique()), *lines]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
+
+
+def _draw_theory(axes: Axes, expected: pd.DataFrame, names: Sequence[str]) -> None:
+    """Accuracies that theory expects, mean over seeds, and the paper's level."""
+    for name in names:
+        mean = 100 * expected.groupby("n")[name].mean()
+        _, line = THEORY[name]
+        axes.plot(mean.index, mean, color="black", ls=line, lw=0.9, zorder=4)
+    axes.axhline(100 * LEVEL, **_MARK)
+
+
+def _draw_shares(axes: Axes, firsts: pd.DataFrame, n: NDArray[Any]) -> None:
+    """The share of experiments that have exceeded the level by each N, a line a model."""
+    for model, of_model in firsts.groupby("model", sort=False):
+        colour, marker, line = style_of(str(model))
+        passed = [100 * (of_model["first"] <= k).mean() for k in n]
+        axes.step(n, passed, where="post", color=colour, ls=line, lw=0.9)
+        axes.plot(n, passed, color=colour, marker=marker, ms=2.2, ls="")
+    axes.set_ylabel("experiments that have\nexceeded 90 % (%)")
+    axes.set_xlabel("training samples of all classes, N")
+    text = f"paper: > 90 % only for N > {_LIMIT:g}"
+    axes.text(_LIMIT + 0.7, 3, text, fontsize=6, color="0.3")

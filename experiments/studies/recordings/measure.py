@@ -2,13 +2,15 @@
 
 Every model is trained on n frames of each class and asked about held-out frames, for several n,
 draws and ways to split. A split by time, session or group keeps near copies of a test frame out of
-the training; a random one does not. Models that only learn by steps are asked in fewer draws.
+the training; a random one does not. Models that cost much are asked in fewer draws.
 
 Each recording is one sensor: draws vary the frames, not the sensor.
 """
 
 from __future__ import annotations
 
+import copy
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -18,7 +20,7 @@ from omegaconf import OmegaConf
 
 from experiments.protocol.data import at_seed
 from experiments.protocol.draws import draw_split, nested
-from experiments.protocol.evaluate import bank_of, evaluate
+from experiments.protocol.evaluate import bank_of, evaluate, train_until
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model, models_of
 from experiments.protocol.stop import StopRule
@@ -26,18 +28,31 @@ from experiments.protocol.trial import stop_rule
 from experiments.records.rows import pack_labels
 from hdc import bits, theory
 from hdc.bank import Bank
+from hdc.chosen import Chosen
 
 
 class Asked(NamedTuple):
-    """A model, in how many draws and at which sizes it is asked (None: at all), and its rule."""
+    """A model, and where it is asked: in how many draws, at which sizes, by which splits.
+
+    None stands for all of them; `stop` ends the training of a model that learns by steps.
+    """
 
     model: Model
     draws: int
     sizes: Sequence[int] | None = None
+    splits: Sequence[str] | None = None
     stop: StopRule | None = None
 
+    def at(self, split: str, draw: int, sizes: Sequence[int]) -> list[int]:
+        """Those of the sizes at which the model is asked in a draw of a split."""
+        if draw >= self.draws:
+            return []
+        if self.splits is not None and split not in self.splits:
+            return []
+        return [n for n in sizes if self.sizes is None or n in self.sizes]
 
-@experiment(revision=1, uses=("hdc.HDCClassifier",))
+
+@experiment(revision=2, uses=("hdc.HDCClassifier",))
 def recordings(
     run: Run,
     scene: Mapping[str, Any],
@@ -47,6 +62,8 @@ def recordings(
     draws: int = 20,
     seeds: Sequence[int] = (0,),
     most_test: int = 400,
+    limits: Mapping[str, Mapping[str, Any]] | None = None,
+    fewer_draws: Mapping[str, int] | None = None,
     by_steps: Mapping[str, Any] | None = None,
     stop: Mapping[str, Any] | None = None,
     steps_draws: int = 3,
@@ -57,27 +74,58 @@ def recordings(
 
     ``n`` and ``predicted`` are lists, the latter of texts of
     :func:`experiments.records.rows.pack_labels`; the first row of a draw has the true classes in
-    ``labels``. Arguments: configs/experiment/recordings.yaml.
+    ``labels`` and their number in ``n_classes``. A model that chooses its form has the names of
+    those that it ``chose``, one for each n. Arguments: configs/experiment/recordings.yaml.
 
     Raises:
         ValueError: naming the key that is wrong.
     """
-    asked = {
-        name: Asked(model, draws)
-        for name, model in models_of(at_seed(models, 0)).items()
-    }
+    asked = _limited(models, draws, limits or {})
     rule = stop_rule(OmegaConf.create(dict(stop or {})))
     for name, model in models_of(at_seed(by_steps or {}, 0)).items():
-        asked[name] = Asked(model, min(steps_draws, draws), steps_n, rule)
+        few = min(steps_draws, draws)
+        asked[name] = Asked(model, few, steps_n, ("counts",), rule)
     for seed, recording in run.scenes(scene, seeds):
-        bank = bank_of(recording)
+        bank = bank_of(recording, group=_group(splits))
         for split, config in splits.items():
             pool_of = partial(draw_split, recording, config, most_test=most_test)
-            draw = partial(_draw, bank, pool_of, asked, n_per_class)
-            for k in range(draws):
+            draw = partial(_draw, bank, pool_of, asked, n_per_class, split)
+            for k in range(min(draws, (fewer_draws or {}).get(split, draws))):
                 place = {"seed": seed, "split": split, "draw": k}
                 for row in run.part(place, partial(draw, (seed, k))):
                     yield {"origin": recording.origin, **place, **row}
+
+
+def _limited(
+    models: Mapping[str, Any], draws: int, limits: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Asked]:
+    """Models by name, with their limits.
+
+    Raises:
+        ValueError: naming a limit that is not of a model, or none of the three.
+    """
+    made = models_of(at_seed(models, 0))
+    known = {"draws", "n_per_class", "splits"}
+    for name, limit in limits.items():
+        if unknown := set(limit) - known:
+            found = sorted(unknown)[0]
+            expected = ", ".join(sorted(known))
+            key = f"task.limits.{name}"
+            raise ValueError(f"{key}: expected {expected}, found {found!r}")
+    asked = {}
+    for name, model in made.items():
+        limit = limits.get(name, {})
+        few = min(draws, limit.get("draws", draws))
+        asked[name] = Asked(model, few, limit.get("n_per_class"), limit.get("splits"))
+    return asked
+
+
+def _group(splits: Mapping[str, Mapping[str, Any]]) -> str | None:
+    """What frames share that a split keeps together, if one of them does."""
+    for config in splits.values():
+        if config["kind"] == "grouped":
+            return str(config["group"])
+    return None
 
 
 def _draw(
@@ -85,24 +133,93 @@ def _draw(
     pool_of: Any,
     models: Mapping[str, Asked],
     n_per_class: Sequence[int],
+    split: str,
     seed: tuple[int, int],
 ) -> Iterator[Row]:
     """The rows of one draw, a row per model."""
     pool, test = pool_of(seed=seed)
     order, sizes = nested(pool, bank.labels, n_per_class, seed)
-    known = False  # the true classes of the test frames, by an earlier row
+    of_draw: Row = {
+        "labels": pack_labels(bank.labels[test]),
+        "n_classes": bank.n_classes,
+    }
     for name, asked in models.items():
-        if seed[1] >= asked.draws:
+        chosen = asked.at(split, seed[1], sizes)
+        if not chosen:
             continue
-        chosen = [n for n in sizes if asked.sizes is None or n in asked.sizes]
-        predicted = []
-        for n in chosen:
-            train = np.concatenate([of_class[:n] for of_class in order])
-            labels = evaluate(asked.model, bank, train, test, asked.stop)
-            predicted.append(pack_labels(labels))
-        row = {"model": name, "n_test": len(test), "n": chosen, "predicted": predicted}
-        yield row if known else {**row, "labels": pack_labels(bank.labels[test])}
-        known = True
+        answers = [
+            _answer(asked, bank, np.concatenate([rows[:n] for rows in order]), test)
+            for n in chosen
+        ]
+        row: Row = {
+            "model": name,
+            "n_test": len(test),
+            "n": chosen,
+            "predicted": [pack_labels(labels) for labels, _ in answers],
+        }
+        if isinstance(asked.model, Chosen):
+            row["chose"] = [form for _, form in answers]
+        yield {**row, **of_draw}
+        of_draw = {}  # the first row has it for all
+
+
+def _answer(
+    asked: Asked, bank: Bank, train: np.ndarray, test: np.ndarray
+) -> tuple[np.ndarray, str]:
+    """Labels of the test frames, and the form of a model that chooses one."""
+    model, form = asked.model, ""
+    if isinstance(model, Chosen):
+        form, model = model.choose(bank, train)
+    return evaluate(model, bank, train, test, asked.stop), form
+
+
+@experiment(revision=1, uses=("hdc.HDCClassifier",), timed=True)
+def recording_costs(
+    run: Run,
+    scene: Mapping[str, Any],
+    split: Mapping[str, Any],
+    models: Mapping[str, Any],
+    n_per_class: int = 50,
+    queries: int = 100,
+    repeats: int = 3,
+    seed: int = 0,
+) -> Iterator[Row]:
+    """One row: what a model costs that was trained on ``n`` frames of every class.
+
+    ``bytes`` that a prediction needs, and those a ``pixel`` and class, in bits; seconds to train
+    (``fit_s``) and to predict a frame of a batch (``predict_frame_s``), the least of some repeats.
+    Frames are in memory, and nothing was computed of them before.
+    Arguments: configs/experiment/recording_costs.yaml.
+    """
+    ((_, recording),) = run.scenes(scene, [seed])
+    bank = bank_of(recording)
+    pool, test = draw_split(recording, split, (seed, 0), queries)
+    order, sizes = nested(pool, bank.labels, [n_per_class], (seed, 0))
+    n = sizes[0] if sizes else min(map(len, order))
+    train = np.concatenate([rows[:n] for rows in order])
+    frames, labels, asked = bank.frames[train], bank.labels[train], bank.frames[test]
+    for name, model in models_of(at_seed(models, 0)).items():
+        fitting, predicting = [], []
+        for _ in range(repeats):
+            fresh = copy.deepcopy(model)
+            start = time.perf_counter()
+            train_until(fresh, StopRule(), frames, labels)
+            trained = time.perf_counter()
+            fresh.predict(asked)
+            predicting.append((time.perf_counter() - trained) / len(test))
+            fitting.append(trained - start)
+        size = sum(tensor.nbytes for tensor in (fresh.state_tensors() or {}).values())
+        yield {
+            "origin": recording.origin,
+            "model": name,
+            "n": n,
+            "n_classes": bank.n_classes,
+            "n_pixels": bank.dimension,
+            "bytes": size,
+            "fit_s": min(fitting),
+            "predict_frame_s": min(predicting),
+        }
+        run.note(name)
 
 
 @experiment(revision=1, uses=("hdc.HDCClassifier",))

@@ -9,6 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from baselines.rounding import to_int8
+
 _BLOCK = 2**18  # bytes of a tensor whose flips are drawn at a time
 
 
@@ -86,8 +88,7 @@ def flipped_bits_of_int8(
     stored, rounded = [], []
     for tensor in (given.detach() for given in tensors):
         if tensor.is_floating_point():
-            step = tensor.abs().max() / 127
-            q = torch.round(tensor / step.clamp(min=1e-30)).to(torch.int8)
+            q, step = to_int8(tensor)
             rounded.append((tensor, tensor.clone(), q, step))
         stored.append(q if tensor.is_floating_point() else tensor)
     with flipped_bits(stored, rate, seed):

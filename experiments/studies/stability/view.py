@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from experiments.reporting.columns import Column
+from experiments.reporting.plot import head
 from experiments.reporting.study import Study
 from experiments.reporting.text import number
 
@@ -55,3 +58,52 @@ def stability(
         f"Numbers at their limits: {holding} of {len(rows)} cases hold"
     )
     return rows
+
+
+# Ends of the axis, where no error and no number are drawn: errors lie between.
+NONE, LOST = 1e-19, 1e19
+
+
+@STUDY.figure(
+    "stability",
+    of="stability",
+    size=(3.4, 6.0),
+    caption="Extreme input, a row a case: error against an exact reference in multiples of the "
+    "tolerance, computed the obvious way and ours. Left edge: no error; right edge: no number came "
+    "out. Ours holds left of the line.",
+)
+def at_their_limits(
+    figure: Figure,
+    rows: pd.DataFrame,
+    config: Mapping[str, Any],
+) -> None:
+    """Both errors of each case, on a logarithmic axis."""
+    axes = figure.subplots()
+    places = np.arange(len(rows))
+    for column, colour, marker, name in (
+        ("error_naive", "#E69F00", "o", "the obvious way"),
+        ("error_ours", "#0072B2", "s", "ours"),
+    ):
+        shares = _of_tolerance(rows[column], rows.tolerance)
+        axes.plot(shares, places, marker, color=colour, ms=3.2, label=name)
+    axes.axvline(1, color="0.4", lw=0.7, ls="--")
+    axes.set(xscale="log", xlim=(NONE / 10, LOST * 10), ylim=(len(rows) - 0.4, -0.6))
+    axes.set_xticks(
+        [NONE, 1e-9, 1, 1e9, LOST],
+        ["no\nerror", "$10^{-9}$", "1", "$10^9$", "no\nnumber"],
+    )
+    axes.set_yticks(places, rows.case, fontsize=5)
+    axes.minorticks_off()
+    axes.grid(axis="y", color="0.92", lw=0.4)
+    axes.set_axisbelow(True)
+    axes.set_xlabel("error, in multiples of the tolerance")
+    figure.legend(loc="outside lower center", ncols=2)
+    holding = (rows.verdict == "holds").sum()
+    head(figure, f"Extreme input: {holding} of {len(rows)} cases hold", [])
+
+
+def _of_tolerance(errors: pd.Series, tolerances: pd.Series) -> pd.Series:
+    """Errors in multiples of the tolerance, where it is zero of one unit (a bit, a label)."""
+    unit = tolerances.where(tolerances > 0, 1.0)
+    shares = (errors / unit).clip(NONE, LOST)
+    return shares.fillna(LOST)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -133,56 +134,34 @@ def figure(figure: Figure, results: Results) -> None:
         sharey=True,
         squeeze=False,
     )[0]
-    drawn: dict[str, None] = {}
-    for letter, axes, (scene, measured) in zip(
-        LETTERS, panels, shown.items(), strict=False
-    ):
+    models: dict[str, None] = {}
+    of_panels = zip(LETTERS, panels, shown.items(), strict=False)
+    for letter, axes, (scene, measured) in of_panels:
         every = summary(measured.frame)
-        lines = [("hdc", 0), *((model, 1) for model in models_of(every))]
-        for model, extra in lines:
-            part = every[(every.model == model) & (every.extra == extra)]
-            look = _look(model, extra)
-            axes.plot(
-                part.n,
-                100 * part.accuracy,
-                ms=2,
-                lw=1,
-                **look,
-            )
-            low, high = 100 * part.accuracy_low, 100 * part.accuracy_high
-            band = {
-                "color": look["color"],
-                "alpha": 0.1,
-                "lw": 0,
-            }
-            axes.fill_between(part.n, low, high, **band)
-            drawn.setdefault(model)
-        ticks = [n for n in (2, 5, 10, 20) if n in set(every.n)]
-        axes.set(xscale="log", xlabel="frames of each class", ylim=(0, 103))
-        axes.set_xticks(ticks, map(str, ticks))
-        axes.minorticks_off()
+        models |= dict.fromkeys(models_of(every))
+        _draw(axes, every)
         panel(axes, letter, literal(scene_name(scene)))
     panels[0].set_ylabel("test accuracy (%)")
-    handles = [
-        Line2D(
-            [],
-            [],
-            label="HDC, equal classes",
-            **_look("hdc", 0),
-        )
-    ]
-    for model in drawn:
+    handles = [Line2D([], [], label="HDC, equal classes", **_look("hdc", 0))]
+    for model in models:
         name = literal(f"{display_name(model)}, one more")
-        handles.append(
-            Line2D(
-                [],
-                [],
-                label=name,
-                **_look(model, 1),
-            )
-        )
+        handles.append(Line2D([], [], label=name, **_look(model, 1)))
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
     head(figure, "One more frame in one class", [])
+
+
+def _draw(axes: Axes, every: pd.DataFrame) -> None:
+    """HDC with equal classes and each model with one more frame in one, with their intervals."""
+    for model, extra in [("hdc", 0), *((model, 1) for model in models_of(every))]:
+        part = every[(every.model == model) & (every.extra == extra)]
+        look = _look(model, extra)
+        axes.plot(part.n, 100 * part.accuracy, ms=2, lw=1, **look)
+        low, high = 100 * part.accuracy_low, 100 * part.accuracy_high
+        axes.fill_between(part.n, low, high, color=look["color"], alpha=0.1, lw=0)
+    ticks = [n for n in (2, 5, 10, 20) if n in set(every.n)]
+    axes.set(xscale="log", xlabel="frames of each class", ylim=(0, 103))
+    axes.set_xticks(ticks, map(str, ticks))
+    axes.minorticks_off()
 
 
 def _look(model: str, extra: int) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """``hdc compare`` and ``hdc train --choose``: which encoder and read-out suit frames of one's own.
 
-:mod:`.frames` holds the frames and says which are learnt and which are tested, :mod:`.choose`
-chooses by cross-validation, :mod:`.rivals` are models of grey values, :mod:`.judge` tests all on
-frames that no choice has seen, :mod:`.curve` learns from ever more frames, :mod:`.advice` says
-what to do, :mod:`.show` prints it.
+:mod:`hdc.selection` chooses by cross-validation. :mod:`.frames` reads the frames and says which are
+learnt and which are tested, :mod:`.choose` says what was chosen, :mod:`.rivals` are models of grey
+values, :mod:`.judge` tests all on frames that no choice has seen, :mod:`.curve` learns from ever
+more frames, :mod:`.advice` says what to do, :mod:`.show` prints it.
 """

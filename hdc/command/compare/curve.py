@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from hdc.accuracy import wilson
-from hdc.command.compare.choose import Method, progress
-from hdc.command.compare.frames import Frames
+from hdc.command.compare.choose import progress
+from hdc.selection import Frames, Method
 
 STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 """Frames per class; of values frames in all, from 5 on."""

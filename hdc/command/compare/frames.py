@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import torch
 
-from hdc.bank import Bank, Selection
+from hdc.bank import Bank
 from hdc.command.work import last_sessions, learnt_labels, split
-from hdc.encoders import Encoder, encode_with, make_encoder
 from hdc.readers import Recording
 from hdc.readers.recording import with_progress
+from hdc.selection import Frames
 
 PIXELS = ("raw", "standardised")
 """What rivals see: grey values, or those of each frame less its mean over its deviation."""
@@ -68,61 +67,6 @@ class FrameBank(Bank):
             total += block @ block.T
         return total
 
-    def at(self, rows: np.ndarray) -> SharedSelection:
-        return SharedSelection(self, rows)
-
-
-class Shared(Encoder):
-    """An encoder that learns, once for all read-outs that are trained on the same frames.
-
-    Args:
-        base: the encoder.
-        memory: of training frames, by their rows, the trained encoder and words that it made.
-    """
-
-    learns = True
-
-    base_: Encoder
-
-    def __init__(self, base: Encoder, memory: dict[bytes, Any]) -> None:
-        self.base = base
-        self.memory = memory
-
-    def fit(self, frames: Selection) -> Shared:
-        key = frames.rows.tobytes()
-        if key not in self.memory:
-            self.memory.clear()
-            self.memory[key] = self.base.unlearned().fit(frames), {}
-        self.base_, self._words = self.memory[key]
-        return self
-
-    def dimension(self, n_pixels: int) -> int:
-        return self.base_.dimension(n_pixels)
-
-    def encode(self, frames: torch.Tensor) -> torch.Tensor:
-        return self.base_.encode(frames)
-
-    def words_of(self, chosen: Selection, backend: str) -> torch.Tensor:
-        """Hypervectors of some frames of the bank."""
-        key = chosen.rows.tobytes()
-        if key not in self._words:
-            self._words[key] = encode_with(self.base_, chosen[:], 0, backend)
-        return self._words[key]
-
-
-class SharedSelection(Selection):
-    """Some frames of a bank, whose hypervectors by a :class:`Shared` encoder are kept."""
-
-    def part(self, start: int, stop: int) -> SharedSelection:
-        return SharedSelection(self.bank, self.rows[start:stop])
-
-    def words(
-        self, encoder: Encoder | None = None, backend: str = "numpy"
-    ) -> torch.Tensor:
-        if isinstance(encoder, Shared):
-            return encoder.words_of(self, backend)
-        return super().words(encoder, backend)
-
 
 @dataclass(frozen=True)
 class Parts:
@@ -146,56 +90,6 @@ class Parts:
         """Name, training frames and test frames; the last is the test that counts."""
         yield "at random", self.chosen_on, self.random
         yield self.later_name, self.earlier, self.later
-
-
-@dataclass(frozen=True)
-class Frames:
-    """All frames of a comparison, of one recording or two.
-
-    Attributes:
-        bank: the frames.
-        names: the L classes, or the T values.
-        units: of the values; empty where none are known.
-        session: of each frame [N], where known.
-        values: float64 [N, T]; None where classes are learnt.
-        backend: for hypervectors.
-        memories: what encoders have learned, by their names.
-    """
-
-    bank: FrameBank
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    session: np.ndarray | None
-    values: np.ndarray | None
-    backend: str = "auto"
-    memories: dict[str, dict[bytes, Any]] = field(default_factory=dict)
-
-    @property
-    def labels(self) -> np.ndarray:
-        """Class indices int64 [N]; zeros where values are learnt."""
-        return self.bank.labels
-
-    def encoder(self, name: str) -> Encoder:
-        """An untrained encoder; one that learns is shared by the read-outs."""
-        found = make_encoder(name)
-        if not found.learns:
-            return found
-        memory = self.memories.setdefault(name, {})
-        return Shared(found, memory)
-
-    @cached_property
-    def spread(self) -> np.ndarray:
-        """Mean distance of each value from its median, [T]: the unit that errors are added in."""
-        assert self.values is not None
-        distances = np.abs(self.values - np.median(self.values, axis=0)).mean(axis=0)
-        return np.where(distances > 0, distances, 1.0)
-
-    def losses(self, answers: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """What each answer costs [Q]: 1 for a wrong label, or the mean error of T values."""
-        if self.values is None:
-            return (answers != self.labels[rows]).astype(np.float64)
-        errors = np.abs(answers - self.values[rows])
-        return (errors / self.spread).mean(axis=1)
 
 
 def read_frames(

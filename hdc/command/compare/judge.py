@@ -12,19 +12,20 @@ from hdc import HDCRegressor, theory
 from hdc.accuracy import wilson
 from hdc.bits import choose_backend
 from hdc.command.compare.advice import paired_accuracies, paired_errors
-from hdc.command.compare.choose import (
+from hdc.command.compare.choose import progress
+from hdc.command.compare.curve import learning_curve
+from hdc.command.compare.frames import part, read_frames
+from hdc.command.compare.rivals import Rival, rivals
+from hdc.readers import Recording
+from hdc.selection import (
     Combination,
+    Frames,
     Method,
     Scores,
     combinations,
     cross_validate,
     folds,
-    progress,
 )
-from hdc.command.compare.curve import learning_curve
-from hdc.command.compare.frames import Frames, part, read_frames
-from hdc.command.compare.rivals import Rival, rivals
-from hdc.readers import Recording
 
 ALPHA = 0.1
 """Share of the values that may lie outside the intervals whose coverage is counted."""
@@ -58,7 +59,9 @@ def compare(
     made, how = folds(frames, parts.chosen_on)
     n_pixels = len(made) * len(ours) * len(frames.bank) * frames.bank.dimension
     frames = replace(frames, backend=choose_backend("auto", "cpu", n_pixels))
-    scores = cross_validate([*ours, *theirs], frames, made)
+    every = [*ours, *theirs]
+    with progress("Choosing", len(made) * len(every)) as step:
+        scores = cross_validate(every, frames, made, step)
     judged = Judged.of(ours[0], theirs, scores)
     result: dict[str, Any] = {
         "frames": len(recording),

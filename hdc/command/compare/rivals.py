@@ -20,7 +20,8 @@ from sklearn.linear_model import LogisticRegression, RidgeClassifierCV, RidgeCV
 from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor, NearestCentroid
 from sklearn.svm import SVC, SVR
 
-from hdc.command.compare.frames import PIXELS, FrameBank, Frames
+from hdc.command.compare.frames import PIXELS, FrameBank
+from hdc.selection import Frames
 
 RIDGE_PENALTIES = np.logspace(-4, 2, 7)
 C_VALUES = (1, 10, 100)
@@ -56,6 +57,7 @@ class Rival:
     def answers(
         self, frames: Frames, train: np.ndarray, test: np.ndarray
     ) -> np.ndarray:
+        assert isinstance(frames.bank, FrameBank)
         trained, queries = VIEWS[self.view](frames.bank, self.pixels, train, test)
         if frames.values is None:
             return self._predict(trained, frames.labels[train], queries)

@@ -12,8 +12,9 @@ from experiments.records import configs
 from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
 from experiments.reporting.measured import with_right
-from experiments.studies.recordings import view
+from experiments.studies.recordings import tables, theory, values, view
 from experiments.studies.recordings.measure import (
+    recording_costs,
     recording_distances,
     recording_theory,
     recordings,
@@ -87,7 +88,7 @@ def test_theory_stands_beside_what_was_measured(tmp_path, write_measurement):
         [of | {"n": 5, "hdc": 0.68, "mean_image": 0.7}],
         scene="gelsight",
     )
-    (row,) = view.expected_by_theory(Results(tmp_path)).to_dict("records")
+    (row,) = theory.expected_by_theory(Results(tmp_path)).to_dict("records")
     assert (row["n"], row["hdc"], row["hdc_theory"]) == (5, 0.7, 0.68)
     assert row["cost"] == pytest.approx(0.05)
     assert row["cost_theory"] == pytest.approx(0.02)
@@ -111,7 +112,7 @@ def test_one_fibre_seen_through_more_fields_is_one_recording(
         )
     results = Results(tmp_path)
     assert list(view.recordings(results)) == ["fibre_grouped"]
-    assert view.fields(results).pixels.tolist() == [3362, 13448, 53792]
+    assert tables.fields(results).pixels.tolist() == [3362, 13448, 53792]
 
 
 def test_a_change_of_settings_does_not_displace_the_whole_measurement(
@@ -136,5 +137,194 @@ def test_a_change_of_settings_does_not_displace_the_whole_measurement(
         write_measurement("recordings", rows, config=config, scene="gelsight")
     (measured,) = view.recordings(Results(tmp_path)).values()
     assert measured.record.config["draws"] == 20
-    summary = view.summary(measured).set_index("model")
-    assert summary.accuracy["hdc"] == 0.9
+    assert view.Accuracies(measured).mean("hdc", 5).value == 0.9
+
+
+# What the tables say -----------------------------------------------------------------------------
+
+
+def measured_of(right, draws=20, n=50, n_test=100, seed=0):
+    """Rows by the split that counts: `right` of each model, a number or one for each draw."""
+    rows = []
+    for model, of_model in right.items():
+        of_draws = np.broadcast_to(of_model, draws)
+        rows += [
+            {
+                "seed": seed,
+                "split": "counts",
+                "draw": draw,
+                "model": model,
+                "n_test": n_test,
+                "n": [5, n],
+                "right": [int(count) // 2, int(count)],
+            }
+            for draw, count in enumerate(of_draws)
+        ]
+    return rows
+
+
+@pytest.fixture
+def results(tmp_path, write_measurement):
+    """results(scene={model: right …}): the records of such measurements."""
+
+    def write(**scenes):
+        for scene, right in scenes.items():
+            config = {"scene": configs.part("scene", scene)["scene"]}
+            rows = measured_of(right)
+            write_measurement("recordings", rows, config=config, scene=scene)
+        return Results(tmp_path)
+
+    return write
+
+
+def test_forms_are_set_beside_both_rivals_and_losses_are_shown(results):
+    of = {
+        "hdc": 60,
+        "hdc_levels_lda": np.arange(70, 90),
+        "hdc_quantile": 50,
+        "softmax_dual": 62,
+        "softmax_dual_standardised": 80,
+    }
+    data = tables.forms(results(gelsight=of))
+    rows = data.set_index(["n", "rival"])
+    at = rows.loc[(50, "softmax_dual")]
+    assert at.hdc == pytest.approx(-0.02)
+    assert at.hdc_quantile == pytest.approx(-0.12)
+    expected = np.arange(70, 90) / 100 - 0.62
+    assert at.hdc_levels_lda == pytest.approx(expected.mean())
+    low, high = np.quantile(expected, (0.025, 0.975))
+    assert (at.hdc_levels_lda_low, at.hdc_levels_lda_high) == pytest.approx((low, high))
+    assert rows.loc[(50, "softmax_dual_standardised")].hdc == pytest.approx(-0.2)
+    heads = {name: column.head for name, column in data.attrs["columns"].items()}
+    confirmed = {name for name, head in heads.items() if "(confirmatory)" in head}
+    assert confirmed == {"hdc", "hdc_levels_lda"}
+    assert "(exploratory)" in heads["hdc_quantile"]
+
+
+def test_few_draws_have_no_interval(tmp_path, write_measurement):
+    rows = [row for row in measured_of({"hdc": np.arange(60, 80)}) if row["draw"] < 9]
+    write_measurement("recordings", rows, scene="gelsight")
+    (measured,) = view.recordings(Results(tmp_path)).values()
+    estimate = view.Accuracies(measured).mean("hdc", 50)
+    assert estimate.value == pytest.approx(0.64)
+    assert np.isnan([estimate.low, estimate.high]).all()
+
+
+def test_a_recording_that_needs_no_speckle_says_so(results):
+    of = {"hdc": 60, "thumbnail": 75, "brightness": 55, "ridge": 80}
+    best = {**of, "brightness": 70, "ridge": 65}
+    table = tables.front(results(gelsight=of, tactip=best))
+    told = table[table.n == 50].set_index("recording").told
+    assert told["gelsight"] == "coarse layout alone: more than HDC"
+    assert told["tactip"] == (
+        "brightness and coarse layout alone: more than HDC, and than any model here"
+    )
+    no_more = tables.front(results(gelsight={**of, "thumbnail": 60}))
+    assert no_more.told.tolist()[:2] == ["", ""]
+
+
+def test_steps_add_up_to_the_whole_loss(results):
+    accuracy = {
+        "ridge_standardised": 80,
+        "linear_bits": 78,
+        "hdc_lda": 79,
+        "hdc_integer": 50,
+        "hdc": 45,
+    }
+    table = view.decomposition.decomposition(results(gelsight=accuracy))
+    assert table.change.sum() == pytest.approx(-0.35)
+    assert table.change.min() == pytest.approx(-0.29)
+    assert "pixels weigh alike" in table.step[table.change.idxmin()]
+
+
+def test_the_forest_takes_the_stronger_rival(results):
+    found = results(
+        gelsight={
+            "hdc": 60,
+            "hdc_levels_lda": 70,
+            "softmax_dual": 50,
+            "softmax_dual_standardised": 65,
+        },
+        spr={"hdc": 100, "softmax_dual": 100},
+    )
+    dots = {
+        (dot.scene, dot.form, dot.few): dot.difference.value
+        for dot in view.forest.dots(found)
+    }
+    assert dots["gelsight", "hdc", False] == pytest.approx(-0.05)
+    assert dots["gelsight", "hdc_levels_lda", False] == pytest.approx(0.05)
+    assert {scene for scene, *_ in dots} == {"gelsight"}  # the other is saturated
+    (plot,) = [p for p in view.STUDY.plots_of(found) if p.name == "forest"]
+    names = [text.get_text() for text in plot.draw().axes[0].get_yticklabels()]
+    assert names == ["captured", "GelSight"]
+
+
+def test_a_model_is_asked_within_its_limits(recording):
+    of = configs.part("scene", "recorded")["scene"] | {"path": str(recording(60, 3))}
+    run = Run(console=Console(quiet=True), force=True)
+    splits = {"random": RANDOM, "counts": RANDOM}
+    models = {**MODELS, "hdc_chosen": configs.part("model", "hdc_chosen")}
+    limits = {
+        "ridge": {"draws": 1, "splits": ["counts"]},
+        "hdc_chosen": {"n_per_class": [5], "splits": ["counts"]},
+    }
+    rows = pd.DataFrame(
+        recordings.rows(
+            run,
+            of,
+            splits,
+            models,
+            [1, 5],
+            draws=2,
+            limits=limits,
+            fewer_draws={"random": 1},
+        )
+    )
+    asked = rows.groupby(["split", "model"]).draw.count().to_dict()
+    assert asked == {
+        ("counts", "hdc"): 2,
+        ("counts", "hdc_chosen"): 2,
+        ("counts", "hdc_integer"): 2,
+        ("counts", "ridge"): 1,
+        ("random", "hdc"): 1,
+        ("random", "hdc_integer"): 1,
+    }
+    chosen = rows[rows.model == "hdc_chosen"]
+    forms = [", ".join(pair) for pair in models["hdc_chosen"]["model"]["forms"]]
+    assert chosen.n.tolist() == [[5], [5]]
+    assert all(form in forms for (form,) in chosen.chose)
+    wrong = {"hdc": {"draw": 1}}
+    with pytest.raises(
+        ValueError, match=r"task\.limits\.hdc: expected draws, .* 'draw'"
+    ):
+        list(recordings.rows(run, of, splits, MODELS, [1], draws=1, limits=wrong))
+
+
+def test_bytes_of_a_model_are_those_of_its_bits(recording):
+    of = configs.part("scene", "recorded")["scene"] | {"path": str(recording(60, 3))}
+    run = Run(console=Console(quiet=True), force=True)
+    names = ("hdc", "hdc_levels_lda", "softmax_dual", "softmax_8bit")
+    models = {name: configs.part("model", name) for name in names}
+    rows = recording_costs.rows(run, of, RANDOM, models, n_per_class=5, repeats=1)
+    found = {row["model"]: row for row in rows}
+    classes, pixels = found["hdc"]["n_classes"], found["hdc"]["n_pixels"]
+
+    def padded(bits):
+        return 8 * -(-bits // 64)
+
+    assert found["hdc"]["bytes"] == classes * padded(pixels)
+    planes = 4 * classes * padded(7 * pixels)
+    assert found["hdc_levels_lda"]["bytes"] == planes + 16 * classes
+    assert found["softmax_dual"]["bytes"] == 4 * classes * (pixels + 1)
+    assert found["softmax_8bit"]["bytes"] == classes * (pixels + 4) + 4
+    assert all(row["fit_s"] > 0 for row in found.values())
+
+
+def test_values_of_one_n_are_those_of_the_rows(tmp_path, write_measurement):
+    write_measurement("recordings", measured_of({"hdc": 60}), scene="gelsight")
+    (measured,) = values.recordings(Results(tmp_path)).values()
+    every = values.Accuracies(measured)
+    assert every.sizes == [5, 50]
+    assert every.of("hdc", 5).tolist() == [0.3] * 20
+    assert len(every.of("ridge", 50)) == 0
+    assert np.isnan(every.mean("ridge", 50).value)

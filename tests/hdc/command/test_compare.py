@@ -9,10 +9,10 @@ from sklearn.linear_model import LogisticRegression, RidgeClassifierCV
 from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor, NearestCentroid
 from sklearn.svm import SVC
 
-from hdc import HDCClassifier, HDCRegressor
+from hdc import HDCClassifier, HDCRegressor, selection
 from hdc.accuracy import wilson
 from hdc.command import main
-from hdc.command.compare import advice, choose, judge, rivals
+from hdc.command.compare import advice, judge, rivals
 from hdc.command.compare.frames import FrameBank, Frames, part, read_frames
 from hdc.encoders import Median
 from hdc.readers import open_recording
@@ -204,7 +204,7 @@ def test_train_takes_the_best_combination(hdc, tmp_path):
     plain = HDCClassifier(model.encoder, model.readout).fit(frames, labels.astype(str))
     assert (model.predict(frames) == plain.predict(frames)).all()
     in_mind = in_memory(frames, labels)
-    made, _ = choose.folds(in_mind, np.arange(60))
+    made, _ = selection.folds(in_mind, np.arange(60))
     right = np.concatenate(
         [
             HDCClassifier(model.encoder, model.readout)
@@ -268,13 +268,13 @@ def test_combinations_are_the_models_themselves():
     data = in_memory(frames, labels)
     train = np.arange(0, 30, 2)
     test = np.arange(1, 30, 2)
-    for pair in choose.combinations((), (), False):
+    for pair in selection.combinations((), (), False):
         plain = HDCClassifier(pair.encoder, pair.readout)
         plain.fit(frames[train], labels[train])
         expected = plain.predict(frames[test])
         for _ in range(2):  # the second time an encoder that learns is remembered
             assert (pair.answers(data, train, test) == expected).all(), pair.name
-    turned = choose.Combination("reference", "majority")
+    turned = selection.Combination("reference", "majority")
     plain = HDCClassifier("reference").fit(frames[test], labels[test])
     assert (turned.answers(data, test, train) == plain.predict(frames[train])).all()
 
@@ -290,7 +290,7 @@ def test_floating_point_frames_are_compared():
     rival = next(r for r in rivals.rivals(False) if r.name == "1-NN, raw greys")
     assert (rival.answers(data, train, test) == near.predict(frames[test])).all()
     plain = HDCClassifier().fit(frames[train], labels[train])
-    found = choose.published(False).answers(data, train, test)
+    found = selection.published(False).answers(data, train, test)
     assert (found == plain.predict(frames[test])).all()
 
 
@@ -299,19 +299,19 @@ def test_folds_are_whole_sessions_or_even_at_random():
     frames = np.zeros((60, 4, 4), np.uint8)
     rows = np.arange(0, 60, 2)
     session = np.arange(60) // 10
-    made, how = choose.folds(in_memory(frames, labels, session), rows)
+    made, how = selection.folds(in_memory(frames, labels, session), rows)
     assert (len(made), how) == (5, "by session")
     for train, test in made:
         assert not set(session[train]) & set(session[test])
         assert sorted([*train, *test]) == rows.tolist()
-    made, how = choose.folds(in_memory(frames, labels), rows)
+    made, how = selection.folds(in_memory(frames, labels), rows)
     assert (len(made), how) == (5, "at random")
     assert sorted(np.concatenate([test for _, test in made])) == rows.tolist()
     for _, test in made:
         assert np.bincount(labels[test]).tolist() == [2, 2, 2]
     alone = np.where(labels == 2, 1, 0)  # a class of one session only
-    assert choose.folds(in_memory(frames, labels, alone), rows)[1] == "at random"
-    assert choose.folds(in_memory(frames, labels), np.arange(3))[0] == []
+    assert selection.folds(in_memory(frames, labels, alone), rows)[1] == "at random"
+    assert selection.folds(in_memory(frames, labels), np.arange(3))[0] == []
 
 
 def test_nothing_that_is_tested_was_chosen_by(tmp_path):
@@ -332,13 +332,13 @@ def test_nothing_that_is_tested_was_chosen_by(tmp_path):
 def test_what_is_far_behind_is_given_up_and_not_chosen():
     right, wrong = np.zeros(40), np.ones(40)
     some = np.arange(40) % 20 == 0
-    first = choose.Combination("median", "majority")
-    good = choose.Combination("levels", "lda")
-    near = choose.Combination("levels", "ridge")
-    found = choose.far_behind({first: wrong, good: right, near: some.astype(float)})
+    first = selection.Combination("median", "majority")
+    good = selection.Combination("levels", "lda")
+    near = selection.Combination("levels", "ridge")
+    found = selection.far_behind({first: wrong, good: right, near: some.astype(float)})
     assert found == [first]
-    scores = choose.Scores({good: 0.3, near: 0.1}, given_up=[near.name])
-    assert scores.best(choose.Combination) == good
+    scores = selection.Scores({good: 0.3, near: 0.1}, given_up=[near.name])
+    assert scores.best(selection.Combination) == good
 
 
 def test_an_interval_of_paired_accuracies_is_newcombes():

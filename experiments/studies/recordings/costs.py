@@ -1,0 +1,140 @@
+"""What a model of a recording costs, and the errors that it buys."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from experiments.records.measurement import Measured
+from experiments.records.results import Results
+from experiments.reporting.columns import (
+    Column,
+    display_name,
+    milliseconds,
+    scene_name,
+)
+from experiments.reporting.measured import by_scene
+from experiments.reporting.plot import (
+    LETTERS,
+    handle,
+    look_of,
+    panel,
+    plain_decades,
+    wrapped,
+)
+from experiments.reporting.study import RUN
+from experiments.reporting.text import number, percent, size
+from experiments.studies.recordings.study import STUDY
+from experiments.studies.recordings.values import (
+    Accuracies,
+    recordings,
+    unsaturated,
+)
+
+ACROSS = 3  # panels in a row
+
+
+@STUDY.table(
+    "recording_costs",
+    title="Stored bytes, and the errors that they buy",
+    columns={
+        "recording": Column("Recording", scene_name),
+        "n": Column("Frames per class"),
+        "model": Column("Model", display_name),
+        "bytes": Column("Stored", size),
+        "bits": Column("Bits a pixel and class", lambda bits: number(bits, 2)),
+        "error": Column("Error, %", percent),
+        "fit_s": Column("Training, s"),
+        "predict_frame_s": Column("Prediction, ms a frame", milliseconds),
+    },
+    note="Stored: all that a prediction needs, in bits for each pixel of a frame and each class "
+    "beside. Times: of one process, frames in memory and nothing computed of them before, the "
+    "least of several; prediction of a batch. Error: by the split that counts.",
+    key=("recording", "model"),
+    folded=True,
+)
+def costs(results: Results) -> pd.DataFrame | None:
+    """A row for each recording and model."""
+    errors = recordings(results)
+    table = []
+    found = by_scene(results, "recording_costs")
+    for scene, measured in found.items():
+        table += list(_lines(scene, measured, errors.get(scene)))
+    if not table:
+        return None
+    data = pd.DataFrame(table)
+    data.attrs["commands"] = [f"{RUN}recording_costs scene={name}" for name in found]
+    return data
+
+
+def _lines(
+    scene: str, measured: Measured, bench: Measured | None
+) -> Iterator[dict[str, Any]]:
+    every = None if bench is None else Accuracies(bench)
+    for row in measured.rows:
+        line = {"recording": scene, "n": row["n"], "model": row["model"]}
+        line["bytes"] = row["bytes"]
+        line["bits"] = 8 * row["bytes"] / row["n_pixels"] / row["n_classes"]
+        error = math.nan
+        if every is not None:
+            error = 1 - every.mean(row["model"], row["n"]).value
+        line["error"] = None if math.isnan(error) else error
+        line |= {key: row[key] for key in ("fit_s", "predict_frame_s")}
+        yield line
+
+
+def _shown(results: Results) -> pd.DataFrame | None:
+    """Rows of recordings that can tell models apart and whose errors are known."""
+    table = costs(results)
+    if table is None:
+        return None
+    known = table[table.recording.isin(list(unsaturated(recordings(results))))]
+    known = known.dropna(subset="error")
+    return known if len(known) else None
+
+
+@STUDY.figure(
+    "error_vs_bytes",
+    caption="Error on test frames against the bytes that a model stores, at the most frames per "
+    "class, a panel a recording. Vermilion: forms of HDC; towards the lower left is better.",
+    size=(7.0, 3.4),
+    needs=lambda results: _shown(results) is not None,
+)
+def error_against_bytes(figure: Figure, results: Results) -> None:
+    """A marker a model."""
+    table = _shown(results)
+    assert table is not None
+    scenes = list(table.recording.unique())
+    across = min(ACROSS, len(scenes))
+    down = -(-len(scenes) // across)
+    figure.set_size_inches(7.0, 1.0 + 1.9 * down)
+    panels = figure.subplots(down, across, squeeze=False).ravel()
+    for letter, axes, scene in zip(LETTERS, panels, scenes, strict=False):
+        _points(axes, table[table.recording == scene])
+        panel(axes, letter, wrapped(scene_name(scene), 34))
+    for axes in panels[len(scenes) :]:
+        axes.set_visible(False)
+    for axes in panels[::across]:
+        axes.set_ylabel("error (%)")
+    handles = [handle(model) for model in table.model.unique()]
+    for entry in handles:
+        entry.set_linestyle("")
+    where: Any = {"loc": "outside lower center", "ncols": 4}
+    figure.legend(handles=handles, **where)
+
+
+def _points(axes: Axes, rows: pd.DataFrame) -> None:
+    for row in rows.to_dict("records"):
+        look = {**look_of(row["model"]), "ls": "", "ms": 5}
+        axes.plot(row["bytes"] / 1e3, 100 * row["error"], **look)
+    axes.set_xscale("log")
+    plain_decades(axes)
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("stored (kB)")
+    axes.grid(color="0.92", lw=0.5)
+    axes.set_axisbelow(True)

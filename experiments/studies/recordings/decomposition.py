@@ -1,0 +1,168 @@
+"""Where HDC loses its points on recordings: one change of the model after the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from experiments.records.results import Results
+from experiments.reporting.columns import Column, display_name, scene_name
+from experiments.reporting.plot import LETTERS, panel, wrapped
+from experiments.reporting.study import RUN
+from experiments.reporting.text import percent, points
+from experiments.studies.recordings.study import STUDY
+from experiments.studies.recordings.values import (
+    NOTE,
+    Accuracies,
+    accuracies_of,
+    recordings,
+    unsaturated,
+)
+
+
+class Step(NamedTuple):
+    """One change, and the two models that differ by it."""
+
+    name: str
+    before: str
+    after: str
+
+
+STEPS = (
+    Step("threshold: greys to bits", "ridge_standardised", "linear_bits"),
+    Step("ridge to lda, weights of four bits", "linear_bits", "hdc_lda"),
+    Step("lda to the mean: pixels weigh alike", "hdc_lda", "hdc_integer"),
+    Step("mean to majority: one bit", "hdc_integer", "hdc"),
+    Step("one prototype to every frame", "hdc", "nearest_neighbour"),
+)
+"""From ridge regression of grey values to HDC as published, and one step aside."""
+ACROSS = 4  # panels in a row
+# Blue for what wins, vermilion for what loses: told apart in any colour vision.
+GAIN, LOSS = "#0072B2", "#D55E00"
+
+
+@STUDY.table(
+    "decomposition",
+    title="Where HDC loses its points: accuracy by one change of the model after the other",
+    columns={
+        "recording": Column("Recording", scene_name),
+        "n": Column("Frames per class"),
+        "step": Column("Step"),
+        "before": Column("From", display_name),
+        "after": Column("To", display_name),
+        "before_accuracy": Column("From, %", percent),
+        "after_accuracy": Column("To, %", percent),
+        "change": Column("Change, points", points),
+    },
+    note=f"{NOTE} All steps are on the same bits but the first. The last one is aside: nearest "
+    "neighbour keeps every training frame in place of one prototype per class.",
+    key=("recording", "step"),
+)
+def decomposition(results: Results) -> pd.DataFrame | None:
+    """A row for each recording and step whose two models were asked, at the most frames."""
+    found = unsaturated(recordings(results))
+    table = [
+        {"recording": scene, **line}
+        for scene, every in accuracies_of(found).items()
+        for line in _steps(every)
+    ]
+    if not table:
+        return None
+    data = pd.DataFrame(table)
+    names = data.recording.unique()
+    data.attrs["commands"] = [f"{RUN}recordings scene={name}" for name in names]
+    return data
+
+
+def _steps(every: Accuracies) -> Iterator[dict[str, Any]]:
+    for n in every.sizes[-1:]:
+        for step in STEPS:
+            change = every.difference(step.after, step.before, n)
+            if math.isnan(change.value):
+                continue
+            yield {
+                "n": n,
+                "step": step.name,
+                "before": step.before,
+                "after": step.after,
+                "before_accuracy": every.mean(step.before, n).value,
+                "after_accuracy": every.mean(step.after, n).value,
+                **change.columns("change"),
+            }
+
+
+@STUDY.figure(
+    "decomposition",
+    caption="Where HDC loses its points, at the most frames per class: accuracy from ridge "
+    "regression of grey values to HDC as published, one change of the model a row, and one step "
+    "aside (hatched). Vermilion: points lost; blue: points won. Bars of error: the interval of a "
+    "change.",
+    size=(7.0, 4.2),
+    needs=lambda results: decomposition(results) is not None,
+)
+def waterfall(figure: Figure, results: Results) -> None:
+    """A panel a recording, a bar a step from the accuracy before to that after."""
+    table = decomposition(results)
+    assert table is not None
+    scenes = list(table.recording.unique())
+    across = min(ACROSS, len(scenes))
+    down = -(-len(scenes) // across)
+    figure.set_size_inches(7.0, 0.5 + 1.9 * down)
+    panels = figure.subplots(down, across, sharey=True, squeeze=False).ravel()
+    for letter, axes, scene in zip(LETTERS, panels, scenes, strict=False):
+        rows = table[table.recording == scene]
+        _bars(axes, rows)
+        n = rows.n.iloc[0]
+        panel(axes, letter, f"{wrapped(scene_name(scene), 24)}, n = {n}")
+    for axes in panels[len(scenes) :]:
+        axes.set_visible(False)
+    names = [step.name for step in STEPS]
+    for axes in panels[:: ACROSS if len(scenes) > ACROSS else len(panels)]:
+        axes.set_yticks(range(len(STEPS)), names, fontsize=6)
+    panels[0].set_ylim(len(STEPS) - 0.5, -0.5)
+
+
+def _bars(axes: Axes, rows: pd.DataFrame) -> None:
+    """Bars from the accuracy before to that after a step, joined by thin lines."""
+    place = {step.name: k for k, step in enumerate(STEPS)}
+    ends = []
+    for row in rows.to_dict("records"):
+        y = place[row["step"]]
+        before, after = 100 * row["before_accuracy"], 100 * row["after_accuracy"]
+        aside = y == len(STEPS) - 1
+        axes.barh(
+            y,
+            after - before,
+            left=before,
+            height=0.6,
+            color=GAIN if after >= before else LOSS,
+            alpha=0.45 if aside else 0.85,
+            hatch="////" if aside else None,
+            edgecolor="white",
+            lw=0.3,
+        )
+        right = max(before, after)
+        if not math.isnan(row["change_low"]):
+            low, high = (
+                before + 100 * row["change_low"],
+                before + 100 * row["change_high"],
+            )
+            axes.plot([low, high], [y, y], color="0.2", lw=0.8)
+            right = max(right, high)
+            ends += [low, high]
+        if not aside:
+            axes.plot([after, after], [y, y + 1], color="0.6", lw=0.5, zorder=0)
+        # Beside the bar, or its interval where that is longer.
+        text = f"  {points(row['change'])}"
+        axes.text(right, y, text, va="center", fontsize=5.5)
+        ends += [before, after]
+    room = max(20.0, max(ends) - min(ends))
+    axes.set_xlim(min(ends) - 0.1 * room, max(ends) + 0.35 * room)
+    axes.set_xlabel("accuracy (%)", fontsize=6)
+    axes.grid(axis="x", color="0.92", lw=0.5)
+    axes.set_axisbelow(True)

@@ -1,0 +1,198 @@
+"""The answer in one picture: HDC as published and mended against its rival, a row a recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from experiments.records import configs
+from experiments.records.results import Results
+from experiments.reporting.columns import display_name, scene_name
+from experiments.reporting.estimates import Estimate, difference
+from experiments.reporting.measured import (
+    RIVAL,
+    SATURATED,
+    by_scene,
+    place_of,
+)
+from experiments.reporting.plot import literal, panel
+from experiments.reporting.text import CAPTURED, COMPUTED, SIMULATED
+from experiments.studies.recordings.study import STUDY
+from experiments.studies.recordings.values import (
+    CONFIRMATORY,
+    FEW,
+    RIVALS,
+    accuracies_of,
+    gaps,
+    kind,
+    unsaturated,
+)
+
+WIDTH = 5.4  # in; narrow, so that its letters can be read on a phone
+MARGIN = 3  # points, within which two models count as equally good
+HEADINGS = {
+    CAPTURED: "captured",
+    COMPUTED: "computed",
+    SIMULATED: "simulated",
+}
+# Look of each form: told apart by marker and fill as well as by colour.
+LOOKS: dict[str, dict[str, Any]] = {
+    "hdc": {"color": "#D55E00", "marker": "o", "mfc": "white"},
+    "hdc_levels_lda": {"color": "#0072B2", "marker": "D"},
+}
+NAMES = {"hdc": "HDC, published", "hdc_levels_lda": "HDC, mended (levels, lda)"}
+
+
+class Dot(NamedTuple):
+    """A form less the rival on one recording, in one panel."""
+
+    scene: str
+    kind: str
+    form: str
+    few: bool
+    difference: Estimate
+
+
+def dots(results: Results) -> list[Dot]:
+    """Every form and size that was measured, of recordings and simulated scenes."""
+    return [*_of_recordings(results), *_of_scenes(results)]
+
+
+def _of_recordings(results: Results) -> Iterator[Dot]:
+    found = unsaturated(by_scene(results, "recordings"))
+    for scene, every in accuracies_of(found).items():
+        of_kind = kind(scene, found[scene])
+        if not every.sizes:
+            continue
+        most = every.sizes[-1]
+        for n in sorted({FEW, most} & set(every.sizes)):
+            for gap in gaps(every, n, CONFIRMATORY, RIVALS):
+                yield Dot(scene, of_kind, gap.form, n < most, gap.difference)
+
+
+def _of_scenes(results: Results) -> Iterator[Dot]:
+    """Of simulated scenes after all training frames, where not every model is right."""
+    simulated = [
+        name
+        for name in sorted({run.scene for run in results.runs})
+        if configs.is_known("scene", name)
+        and configs.scene_display(name)["kind"] == SIMULATED
+    ]
+    for scene in simulated:
+        rivals = [results.group(scene, rival) for rival in RIVALS]
+        known = [group for group in rivals if group.runs]
+        if not known:
+            continue
+        rival = max(known, key=lambda group: float(group.right.mean()))
+        for form in CONFIRMATORY:
+            group = results.group(scene, form)
+            paired = difference(group.runs, rival.runs)
+            if paired is None:
+                continue
+            if min(group.right.mean(), rival.right.mean()) < SATURATED:
+                yield Dot(scene, SIMULATED, form, False, paired)
+
+
+@STUDY.figure(
+    "forest",
+    caption=f"Accuracy of HDC less that of {display_name(RIVAL).lower()} on test frames, in "
+    "points, a row a recording: as published (circles) and with levels and lda (diamonds). The "
+    "rival learns of grey values or of standardised frames, whichever is better there, which "
+    f"favours it. Band: ±{MARGIN} points. Bars: 95 %, Student over input fields or seeds, the "
+    "central 95 % of draws for cameras. Captured: by a camera; computed: from measured matrices of "
+    "a fibre; simulated: after all training frames; * fitted to the accuracy of HDC.",
+    size=(WIDTH, 3.8),
+    needs=lambda results: bool(dots(results)),
+)
+def forest(figure: Figure, results: Results) -> None:
+    """Two panels: five frames a class, and the most."""
+    every = dots(results)
+    rows = _rows(every)
+    figure.set_size_inches(WIDTH, 0.95 + 0.22 * len(rows))
+    panels = figure.subplots(1, 2, sharey=True, sharex=True)
+    titles = (f"{FEW} frames a class", "the most frames a class")
+    for axes, letter, title, few in zip(
+        panels, "ab", titles, (True, False), strict=True
+    ):
+        _frame(axes, rows)
+        for dot in every:
+            if dot.few == few:
+                _draw(axes, dot, rows.index((dot.kind, dot.scene)))
+        panel(axes, letter, title)
+        axes.set_title(axes.get_title(loc="left"), loc="left", fontsize=8)
+    _label(panels[0], rows)
+    handles: list[Any] = [
+        Line2D([], [], ls="", ms=5, label=NAMES[form], **LOOKS[form])
+        for form in CONFIRMATORY
+    ]
+    handles.append(Patch(color="0.88", label=f"±{MARGIN} points"))
+    where: Any = {"loc": "outside lower center", "ncols": 3, "fontsize": 8}
+    figure.legend(handles=handles, **where)
+
+
+def _rows(every: list[Dot]) -> list[tuple[str, str]]:
+    """Kind and scene of each row from top to bottom; a heading has no scene."""
+    rows = []
+    for of_kind in HEADINGS:
+        scenes = {dot.scene for dot in every if dot.kind == of_kind}
+        if scenes:
+            rows.append((of_kind, ""))
+            ordered = sorted(scenes, key=lambda scene: (place_of(scene), scene))
+            rows += [(of_kind, scene) for scene in ordered]
+    return rows
+
+
+def _frame(axes: Axes, rows: list[tuple[str, str]]) -> None:
+    axes.axvspan(-MARGIN, MARGIN, color="0.88", lw=0, zorder=0)
+    axes.axvline(0, color="0.4", lw=0.7, zorder=1)
+    for y, (_, scene) in enumerate(rows):
+        if scene:
+            axes.axhline(y, color="0.93", lw=0.5, zorder=0)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_xlabel("points above softmax", fontsize=8)
+    axes.tick_params(axis="x", labelsize=8)
+    axes.tick_params(axis="y", length=0)
+    axes.spines["left"].set_visible(False)
+
+
+def _label(axes: Axes, rows: list[tuple[str, str]]) -> None:
+    names = []
+    for of_kind, scene in rows:
+        if not scene:
+            names.append(HEADINGS[of_kind])
+        else:
+            fitted = configs.scene_display(scene)["fitted"]
+            names.append(literal(scene_name(scene)) + ("*" if fitted else ""))
+    axes.set_yticks(range(len(rows)), names)
+    labels = axes.get_yticklabels()
+    for label, (_, scene) in zip(labels, rows, strict=True):
+        label.set_fontsize(8)
+        if not scene:
+            label.set_fontweight("bold")
+
+
+def _draw(axes: Axes, dot: Dot, row: int) -> None:
+    value, low, high = 100 * np.array(dot.difference)
+    apart = 0.16 * (1 if dot.form == CONFIRMATORY[-1] else -1)
+    spread = None
+    if not (math.isnan(low) or math.isnan(high)):
+        # The mean of few draws may lie a little outside their quantiles.
+        spread = [[max(0, value - low)], [max(0, high - value)]]
+    axes.errorbar(
+        value,
+        row + apart,
+        xerr=spread,
+        ls="",
+        ms=5,
+        mew=1,
+        elinewidth=1.2,
+        zorder=3,
+        **LOOKS[dot.form],
+    )

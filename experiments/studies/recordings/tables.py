@@ -1,0 +1,243 @@
+"""Accuracies on recordings as tables, and the forms of HDC beside the rival."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from experiments.records import configs
+from experiments.records.measurement import Measured
+from experiments.records.results import Results
+from experiments.reporting.columns import (
+    Column,
+    display_name,
+    model_columns,
+    scene_name,
+)
+from experiments.reporting.measured import ENDS, by_scene, models_of, saturated
+from experiments.reporting.study import RUN
+from experiments.reporting.text import percent, points
+from experiments.studies.recordings.study import STUDY
+from experiments.studies.recordings.values import (
+    CONFIRMATORY,
+    FEW,
+    NOTE,
+    RIVALS,
+    Accuracies,
+    accuracies_of,
+    fields_of,
+    forms_of,
+    gaps,
+    kind,
+    recordings,
+)
+
+COLUMNS = {
+    "recording": Column("Recording", scene_name),
+    "kind": Column("Kind"),
+    "frames": Column("Frames"),
+    "n": Column("Frames per class"),
+    "told": Column("Told without the speckle"),
+}
+# Models that see no speckle, and what it means where one of them is ahead of HDC.
+TRIVIAL = {"brightness": "brightness", "thumbnail": "coarse layout"}
+
+
+@STUDY.table(
+    "recordings",
+    title="Accuracy on public recordings",
+    note=f"{NOTE} Told without the speckle: where two numbers of a frame, its mean and deviation "
+    "(brightness), or a picture of 8 × 6 pixels (coarse layout) recognise more than HDC, the "
+    "interval of the difference above zero. Such frames differ by more than their fine pattern.",
+    key=("recording", "n"),
+)
+def front(results: Results) -> pd.DataFrame | None:
+    """The recordings, at the fewest, five and the largest number of frames per class."""
+    found = recordings(results)
+    table = []
+    for scene, measured in found.items():
+        of_first = _about(scene, measured)
+        for k, line in enumerate(_by_size(Accuracies(measured))):
+            described = {"kind": "", "frames": ""} if k else of_first
+            table.append({"recording": scene, **described, **line})
+    if not table:
+        return None
+    commands = [f"{RUN}recordings scene={scene}" for scene in found]
+    return _wide(table, COLUMNS, found.values(), commands)
+
+
+def _about(scene: str, measured: Measured) -> dict[str, str]:
+    """The kind of the frames, and what they are."""
+    frames = configs.scene_display(scene)["frames"]
+    if saturated(measured):
+        frames += "; saturated, ranks nothing"
+    return {"kind": kind(scene, measured), "frames": frames}
+
+
+def _by_size(every: Accuracies) -> Iterator[dict[str, Any]]:
+    """Accuracies by the split that counts at the fewest, five and the most frames per class."""
+    for n in every.ends():
+        line: dict[str, Any] = {"n": n, "told": _told(every, n)}
+        for model in every.models:
+            if len(every.of(model, n)):
+                line |= every.mean(model, n).columns(model)
+        yield line
+
+
+def _told(every: Accuracies, n: int) -> str:
+    """Which trivial models are ahead of HDC, and whether one is ahead of every other model."""
+    ahead = []
+    for model, called in TRIVIAL.items():
+        if every.difference(model, "hdc", n).low > 0:
+            ahead.append(called)
+    if not ahead:
+        return ""
+    text = f"{' and '.join(ahead)} alone: more than HDC"
+    best = every.stronger(every.models, n)
+    return f"{text}, and than any model here" if best in TRIVIAL else text
+
+
+def _wide(
+    table: Sequence[Mapping[str, Any]],
+    columns: Mapping[str, Column],
+    found: Iterable[Measured],
+    commands: Sequence[str],
+) -> pd.DataFrame:
+    """The rows with the columns of what they are first, then each model's value, then bounds."""
+    models: dict[str, None] = {}
+    for measured in found:
+        models |= dict.fromkeys(models_of(measured.frame))
+    of_models = model_columns(models, ", %", percent)
+    every = {**columns, **of_models}
+    data = pd.DataFrame(table)
+    names = [name for name in every if name in data]
+    data.attrs |= {"columns": every, "shown": names, "commands": commands}
+    bounds = [name + end for name in models for end in ENDS[1:]]
+    known = [bound for bound in bounds if bound in data]
+    return data[[*names, *known]]
+
+
+@STUDY.table(
+    "recordings_fields",
+    key=("recording", "n"),
+    title="One fibre seen through more input fields",
+    note=f"{NOTE} More fields are more pixels of the same modes.",
+    folded=True,
+)
+def fields(results: Results) -> pd.DataFrame | None:
+    """Each fibre that was seen through several numbers of input fields, by that number."""
+    found = by_scene(results, "recordings")
+    several = [_fibre(one) for one in found.values() if fields_of(one) > 1]
+    chosen = {name: one for name, one in found.items() if _fibre(one) in several}
+    table = []
+    for scene in sorted(chosen, key=lambda name: fields_of(chosen[name])):
+        count = fields_of(chosen[scene])
+        side = chosen[scene].record.config["scene"]["side"]
+        about = {
+            "recording": scene,
+            "fields": count,
+            "pixels": 2 * side**2 * count,
+        }
+        lines = _by_size(Accuracies(chosen[scene]))
+        table += [{**about, **line} for line in lines]
+    if not table:
+        return None
+    columns = {
+        "recording": COLUMNS["recording"],
+        "fields": Column("Input fields"),
+        "pixels": Column("Pixels"),
+        "n": COLUMNS["n"],
+    }
+    commands = [f"{RUN}recordings scene={scene}" for scene in chosen]
+    return _wide(table, columns, chosen.values(), commands)
+
+
+def _fibre(measured: Measured) -> dict[str, Any]:
+    """What the scene of a measurement is, whatever the number of input fields."""
+    scene = measured.record.config.get("scene") or {}
+    return {key: scene[key] for key in scene if key != "n_fields"}
+
+
+@STUDY.table(
+    "forms",
+    title="Forms of HDC less softmax regression at its optimum, points",
+    note=f"{NOTE} Above zero, the form of HDC is more accurate on the same test frames. "
+    "Confirmatory: named before anything was measured. Exploratory: all others; the best of many "
+    "on the frames that judge it is no claim.",
+    key=("recording", "n", "rival"),
+)
+def forms(results: Results) -> pd.DataFrame | None:
+    """A row for each recording, 5 and the most frames per class, and rival."""
+    found = by_scene(results, "recordings")
+    table, shown = [], dict[str, None]()
+    for scene, every in accuracies_of(found).items():
+        known = forms_of(every.models)
+        for n in every.ends():
+            if n < FEW:
+                continue
+            for rival in RIVALS:
+                line: dict[str, Any] = {"recording": scene, "n": n, "rival": rival}
+                for gap in gaps(every, n, known, [rival]):
+                    line |= gap.difference.columns(gap.form)
+                if len(line) > 3:
+                    table.append(line)
+        shown |= dict.fromkeys(known)
+    if not table:
+        return None
+    columns = {
+        "recording": COLUMNS["recording"],
+        "n": COLUMNS["n"],
+        "rival": Column("Rival", display_name),
+    }
+    columns |= {
+        form: Column(_form_head(form), points) for form in forms_of(list(shown))
+    }
+    data = pd.DataFrame(table)
+    names = [name for name in columns if name in data]
+    commands = [f"{RUN}recordings scene={scene}" for scene in found]
+    data.attrs |= {"columns": columns, "shown": names, "commands": commands}
+    return data
+
+
+def _form_head(form: str) -> str:
+    status = "confirmatory" if form in CONFIRMATORY else "exploratory"
+    return f"{display_name(form)} ({status})"
+
+
+@STUDY.table(
+    "chosen_forms",
+    title="Which form of HDC cross-validation chose",
+    columns={
+        "recording": COLUMNS["recording"],
+        "n": COLUMNS["n"],
+        "form": Column("Encoder, read-out"),
+        "times": Column("Chosen"),
+        "of": Column("Of draws"),
+    },
+    note="By folds of the training frames alone, by session or group where frames have some. With "
+    "one frame per class nothing can be chosen.",
+    key=("recording", "n", "form"),
+    folded=True,
+)
+def chosen(results: Results) -> pd.DataFrame | None:
+    """A row for each recording, number of frames per class, and form that was chosen there."""
+    table = []
+    found = by_scene(results, "recordings")
+    for scene, measured in found.items():
+        if "chose" not in measured.frame:
+            continue
+        rows = measured.frame.dropna(subset="chose").explode(["n", "chose"])
+        for n, part in rows.groupby("n"):
+            for form, times in Counter(part.chose).most_common():
+                line = {"recording": scene, "n": int(n), "form": form, "times": times}
+                table.append({**line, "of": len(part)})
+    if not table:
+        return None
+    data = pd.DataFrame(table)
+    data.attrs["commands"] = [
+        f"{RUN}recordings scene={scene}" for scene in data.recording.unique()
+    ]
+    return data

@@ -1,0 +1,208 @@
+"""Accuracies on recordings and their differences, as tables and figures of the study need them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from experiments.records import configs
+from experiments.records.measurement import Measured
+from experiments.records.results import Results
+from experiments.reporting.columns import display_name
+from experiments.reporting.estimates import Estimate
+from experiments.reporting.measured import (
+    RIVAL,
+    SATURATED,
+    by_scene,
+    over_units,
+    saturated,
+    with_right,
+)
+from experiments.reporting.text import kind_of
+
+RIVALS = (RIVAL, f"{RIVAL}_standardised")
+"""Softmax regression at its optimum, of grey values and of standardised frames."""
+CONFIRMATORY = ("hdc", "hdc_levels_lda")
+"""The forms of HDC that were named before anything was measured; every other is exploratory."""
+FEW = 5  # frames a class
+LEAST_DRAWS = (
+    10  # of one recording, whose central 95 % are shown; fewer are no interval
+)
+NOTE = (
+    "Split by time, session, group or position, as each recording states, so that near copies of a "
+    "test frame do not train. Brackets: Student over seeds (input fields, fibres) for fibres, the "
+    "central 95 % of draws for cameras, each of which is one sensor; none of fewer than ten draws. "
+    "Standardised: each frame with mean 0 and deviation 1. Captured: by a camera; computed: from "
+    f"measured matrices of a fibre, with an assumed noise. Primary rival, named beforehand: "
+    f"{display_name(RIVAL)}."
+)
+
+
+def recordings(
+    results: Results,
+    name: str = "recordings",
+) -> dict[str, Measured]:
+    """Finished measurements by the name of their scene; a fibre counts once, by one input field."""
+    found = by_scene(results, name).items()
+    return {scene: measured for scene, measured in found if fields_of(measured) == 1}
+
+
+def unsaturated(found: dict[str, Measured]) -> dict[str, Measured]:
+    """Those of some recordings that can tell models apart."""
+    return {scene: one for scene, one in found.items() if not saturated(one)}
+
+
+def fields_of(measured: Measured) -> int:
+    """How many input fields of a fibre a frame shows side by side; 1 of any other scene."""
+    scene = measured.record.config.get("scene") or {}
+    return int(scene.get("n_fields", 1))
+
+
+def kind(scene: str, measured: Measured) -> str:
+    """Captured, computed or simulated: the kind of the frames of a measurement."""
+    if "origin" in measured.frame:
+        return kind_of(str(measured.frame.origin.iloc[0]))
+    return str(configs.scene_display(scene)["kind"])
+
+
+def forms_of(models: Sequence[str]) -> list[str]:
+    """Forms of HDC among some models: the published one, then those that go beyond it."""
+    every = ("hdc", *configs.models("beyond"))
+    confirmed = [name for name in CONFIRMATORY if name in models]
+    others = [name for name in every if name in models and name not in confirmed]
+    return [*confirmed, *others]
+
+
+# Accuracies ---------------------------------------------------------------------------------------
+
+
+def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row for each split, model, n and unit: ``accuracy``. The unit is what varies: the seed
+    where there are several (another input field or fibre), else the draw of frames."""
+    counted = with_right(rows, ("seed", "split", "draw"))
+    every = counted.explode(["n", "right"]).astype({"n": int, "right": float})
+    several = every.seed.nunique() > 1
+    every["unit"] = every.seed if several else every.draw
+    every["accuracy"] = every.right / every.n_test
+    by_unit = every.groupby(["split", "model", "n", "unit"])
+    return by_unit.accuracy.mean().reset_index()
+
+
+class Accuracies:
+    """Accuracies on one recording by the split that counts, a row a unit and a column a model.
+
+    Attributes:
+        sizes: frames a class at which some model was asked, increasing.
+        models: names, in the order of the rows.
+        seeds: whether units are seeds, not draws of one recording.
+    """
+
+    def __init__(self, measured: Measured) -> None:
+        rows = measured.frame[measured.frame.split == "counts"]
+        self.models = [str(model) for model in rows.model.unique()]
+        self.seeds = bool(rows.seed.nunique() > 1)
+        self.sizes: list[int] = []
+        if len(rows):
+            every = accuracies(rows)
+            self.sizes = sorted(every.n.unique().tolist())
+            index = ["n", "unit"]
+            self._table = every.pivot(index=index, columns="model", values="accuracy")
+
+    def ends(self) -> list[int]:
+        """The fewest frames a class, five, and the most."""
+        if not self.sizes:
+            return []
+        middle = [n for n in self.sizes if n == FEW]
+        return list(dict.fromkeys((self.sizes[0], *middle, self.sizes[-1])))
+
+    def of(self, model: str, n: int) -> pd.Series:
+        """Accuracies by unit; empty where the model was not asked."""
+        if model not in self.models or n not in self.sizes:
+            return pd.Series(dtype=float)
+        return self._table.loc[n][model].dropna()
+
+    def mean(self, model: str, n: int) -> Estimate:
+        """Mean accuracy with its interval; NaN where the model was not asked."""
+        return self._estimate(self.of(model, n))
+
+    def difference(self, first: str, second: str, n: int) -> Estimate:
+        """How much more accurate one model is than another in the same units."""
+        return self._estimate((self.of(first, n) - self.of(second, n)).dropna())
+
+    def stronger(self, models: Sequence[str], n: int) -> str | None:
+        """The one with the largest mean, which favours it; None where none was asked."""
+        means = {name: self.mean(name, n).value for name in models}
+        known = {name: value for name, value in means.items() if not math.isnan(value)}
+        return max(known, key=lambda name: known[name], default=None)
+
+    def _estimate(self, values: pd.Series) -> Estimate:
+        if not len(values):
+            return Estimate(math.nan)
+        estimate = over_units(values.tolist(), self.seeds)
+        if self.seeds or len(values) >= LEAST_DRAWS:
+            return estimate
+        return Estimate(estimate.value)
+
+
+def accuracies_of(found: dict[str, Measured]) -> dict[str, Accuracies]:
+    """Of each recording."""
+    return {scene: Accuracies(measured) for scene, measured in found.items()}
+
+
+def over_rival(
+    measured: Measured, sizes: Sequence[int] = ()
+) -> list[tuple[Estimate, int]]:
+    """HDC's accuracy less that of the primary rival, by the split that counts, and n: each of these
+    frames a class that was asked for, or the most at which one is below :data:`SATURATED`; nothing
+    where one of the two was not measured."""
+    rows = measured.frame
+    rows = rows[rows.model.isin(("hdc", RIVAL))]
+    if rows.model.nunique() < 2:
+        return []
+    every = accuracies(rows).query("split == 'counts'")
+    if sizes:
+        known = set(every.n)
+        chosen = [n for n in sizes if n in known]
+    else:
+        means = every.groupby(["n", "model"]).accuracy.mean()
+        least = means.groupby("n").min()
+        open_sizes = least[least < SATURATED].index
+        size = open_sizes.max() if len(open_sizes) else least.index.min()
+        chosen = [int(size)]
+    at = every.pivot(index=["n", "unit"], columns="model", values="accuracy")
+    seeds = rows.seed.nunique() > 1
+    less = at["hdc"] - at[RIVAL]
+    found = []
+    for n in chosen:
+        by_unit = less[n].tolist()
+        found.append((over_units(by_unit, seeds), n))
+    return found
+
+
+# Forms of HDC against the rival -------------------------------------------------------------------
+
+
+class Gap(NamedTuple):
+    """How much more accurate a form of HDC is than a rival on one recording."""
+
+    form: str
+    rival: str
+    n: int
+    difference: Estimate
+
+
+def gaps(
+    every: Accuracies, n: int, forms: Sequence[str], rivals: Sequence[str]
+) -> Iterator[Gap]:
+    """Each form less the stronger of some rivals at n; nothing where either was not asked."""
+    rival = every.stronger(rivals, n)
+    if rival is None:
+        return
+    for form in forms:
+        difference = every.difference(form, rival, n)
+        if not np.isnan(difference.value):
+            yield Gap(form, rival, n, difference)

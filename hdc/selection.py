@@ -1,0 +1,281 @@
+"""The choice of encoder and read-out, by cross-validation on training frames alone.
+
+``hdc compare`` and ``hdc train --choose`` choose so, and :class:`hdc.chosen.Chosen` does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from hdc.bank import Bank, Shared
+from hdc.classifier import HDCClassifier
+from hdc.encoders import ENCODERS, Encoder, make_encoder
+from hdc.readouts import (
+    READOUTS,
+    VALUE_READOUTS,
+    make_readout,
+    make_value_readout,
+)
+from hdc.regressor import HDCRegressor
+
+FOLDS = 5
+_ERRORS = 3  # standard errors behind the best at which a method is given up,
+_LEAST = 0.05  # and the least difference of mean losses
+Fold = tuple[np.ndarray, np.ndarray]
+"""Indices of frames to learn and to test."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """All frames of a comparison, of one recording or two.
+
+    Attributes:
+        bank: the frames.
+        names: the L classes, or the T values.
+        units: of the values; empty where none are known.
+        session: of each frame [N], where known.
+        values: float64 [N, T]; None where classes are learnt.
+        backend: for hypervectors.
+        memories: what encoders have learned, by their names.
+    """
+
+    bank: Bank
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    session: np.ndarray | None
+    values: np.ndarray | None
+    backend: str = "auto"
+    memories: dict[str, dict[bytes, Any]] = field(default_factory=dict)
+
+    @property
+    def labels(self) -> np.ndarray:
+        """Class indices int64 [N]; zeros where values are learnt."""
+        return self.bank.labels
+
+    def encoder(self, name: str) -> Encoder:
+        """An untrained encoder; one that learns is shared by the read-outs."""
+        found = make_encoder(name)
+        if not found.learns:
+            return found
+        memory = self.memories.setdefault(name, {})
+        return Shared(found, memory)
+
+    @cached_property
+    def spread(self) -> np.ndarray:
+        """Mean distance of each value from its median, [T]: the unit that errors are added in."""
+        assert self.values is not None
+        distances = np.abs(self.values - np.median(self.values, axis=0)).mean(axis=0)
+        return np.where(distances > 0, distances, 1.0)
+
+    def losses(self, answers: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """What each answer costs [Q]: 1 for a wrong label, or the mean error of T values."""
+        if self.values is None:
+            return (answers != self.labels[rows]).astype(np.float64)
+        errors = np.abs(answers - self.values[rows])
+        return (errors / self.spread).mean(axis=1)
+
+
+class Method(Protocol):
+    """What is compared."""
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+
+    def answers(
+        self, frames: Frames, train: np.ndarray, test: np.ndarray
+    ) -> np.ndarray:
+        """Labels [Q] or values [Q, T] of the test frames, learnt from the training frames."""
+
+
+@dataclass(frozen=True)
+class Combination:
+    """An encoder and a read-out of the library, or of one's own, by name."""
+
+    encoder: str
+    readout: str
+
+    @property
+    def name(self) -> str:
+        return f"{self.encoder}, {self.readout}"
+
+    def answers(
+        self, frames: Frames, train: np.ndarray, test: np.ndarray
+    ) -> np.ndarray:
+        encoder = frames.encoder(self.encoder)
+        if frames.values is None:
+            model = HDCClassifier(encoder, self.readout, backend=frames.backend)
+            return model.predict_from(frames.bank, train, test)
+        numbers = HDCRegressor(encoder, self.readout, backend=frames.backend)
+        numbers.fit(frames.bank.at(train), frames.values[train])
+        return numbers.predict(frames.bank.at(test))
+
+
+def published(learns_values: bool) -> Combination:
+    """What a model is without a choice: the published classifier, or ridge for values."""
+    return Combination("median", "ridge" if learns_values else "majority")
+
+
+def combinations(
+    encoders: Sequence[str], readouts: Sequence[str], learns_values: bool
+) -> list[Combination]:
+    """Each encoder with each read-out, by default all of the library; the published one first.
+
+    Raises:
+        ValueError, TypeError: for a name that is none of them.
+    """
+    ours = VALUE_READOUTS if learns_values else READOUTS
+    make = make_value_readout if learns_values else make_readout
+    encoders = list(dict.fromkeys(encoders or ENCODERS))
+    readouts = list(dict.fromkeys(readouts or ours))
+    for encoder in encoders:
+        make_encoder(encoder).check()
+    for readout in readouts:
+        make(readout).check()
+    first = published(learns_values)
+    pairs = [Combination(e, r) for e in encoders for r in readouts]
+    return [first, *(pair for pair in pairs if pair != first)]
+
+
+def folds(frames: Frames, rows: np.ndarray) -> tuple[list[Fold], str]:
+    """Folds of the training frames `rows`, and how they were made.
+
+    Whole sessions where there are two or more and no fold has a class alone; else at random, every
+    class in each fold. No fold where a class has a single frame.
+    """
+    by_session = _folds_of_sessions(frames, rows)
+    if by_session:
+        return by_session, "by session"
+    rng = np.random.default_rng(0)
+    labels = frames.labels[rows]
+    count = min(FOLDS, int(np.unique(labels, return_counts=True)[1].min()))
+    if count < 2 or len(rows) < 4:
+        return [], "at random"
+    # Dealt out class by class without starting anew, so that folds are of one size.
+    shuffled = rng.permutation(len(rows))
+    dealt = shuffled[np.argsort(labels[shuffled], kind="stable")]
+    place = np.empty(len(rows), np.int64)
+    place[dealt] = np.arange(len(rows)) % count
+    return [_fold(rows, place == k) for k in range(count)], "at random"
+
+
+def _folds_of_sessions(frames: Frames, rows: np.ndarray) -> list[Fold]:
+    """Sessions in order; where that leaves out a class, those of each class one by one."""
+    if frames.session is None:
+        return []
+    session = frames.session[rows]
+    known = np.unique(session)
+    if len(known) < 2:
+        return []
+    count = min(FOLDS, len(known))
+    in_order = np.array_split(known, count)
+    dealt = _dealt(session, frames.labels[rows], count)
+    classes = set(frames.labels[rows])
+    for groups in (in_order, dealt):
+        found = [_fold(rows, np.isin(session, group)) for group in groups]
+        if all(_learns(frames, train, classes) for train, _ in found):
+            return found
+    return []
+
+
+def _dealt(session: np.ndarray, labels: np.ndarray, count: int) -> list[list[Any]]:
+    """Sessions dealt out class by class, so that one of few classes is beside those of others."""
+    by_class = [np.unique(session[labels == label]) for label in np.unique(labels)]
+    order = list(dict.fromkeys(np.concatenate(by_class).tolist()))
+    return [order[k::count] for k in range(count)]
+
+
+def _learns(frames: Frames, train: np.ndarray, classes: set[int]) -> bool:
+    """Whether training frames have two samples and every class."""
+    return len(train) >= 2 and set(frames.labels[train]) == classes
+
+
+def _fold(rows: np.ndarray, tested: np.ndarray) -> Fold:
+    return rows[~tested], rows[tested]
+
+
+@dataclass
+class Scores:
+    """Mean loss of each method over all folds, and why some have none.
+
+    Attributes:
+        losses: method → mean loss of the frames; in the order of trial.
+        reasons: method's name → why it could not be tried.
+        given_up: names of those that were far behind in the first fold, and tried no further.
+    """
+
+    losses: dict[Method, float] = field(default_factory=dict)
+    reasons: dict[str, str] = field(default_factory=dict)
+    given_up: list[str] = field(default_factory=list)
+
+    def best(self, kind: type) -> Method | None:
+        """The method of a kind with the least loss, the first of equal ones."""
+        tried = [
+            method
+            for method in self.losses
+            if isinstance(method, kind) and method.name not in self.given_up
+        ]
+        return min(tried, key=lambda method: self.losses[method], default=None)
+
+
+def cross_validate(
+    methods: Sequence[Method],
+    frames: Frames,
+    made: Sequence[Fold],
+    step: Callable[[], None] = lambda: None,
+) -> Scores:
+    """Mean loss of each method; a frame counts once. One that refuses the frames is left out.
+
+    After the first fold, those that are worse than the best of their kind by 3 standard errors of
+    the difference, and by 0.05, are given up, as in a race (Maron, Moore, NIPS 1993); the first
+    method, the published form, is tried to the end. `step` is called before each answer, for a
+    bar of progress.
+    """
+    losses: dict[Method, list[np.ndarray]] = {method: [] for method in methods}
+    scores = Scores()
+    for train, test in made:
+        for method in methods:
+            step()
+            if method.name in scores.reasons or method.name in scores.given_up:
+                continue
+            try:
+                found = method.answers(frames, train, test)
+            except ValueError as error:
+                scores.reasons[method.name] = str(error)
+                continue
+            losses[method].append(frames.losses(found, test))
+        if train is made[0][0]:
+            scores.given_up = _given_up(losses, methods[0])
+    for method, parts in losses.items():
+        if parts and method.name not in scores.reasons:
+            scores.losses[method] = float(np.concatenate(parts).mean())
+    return scores
+
+
+def _given_up(losses: Mapping[Method, Sequence[np.ndarray]], kept: Method) -> list[str]:
+    """Names of the methods that are far behind the best of their kind, but one."""
+    kinds: dict[type, dict[Method, np.ndarray]] = {}
+    for method, parts in losses.items():
+        if parts:
+            kinds.setdefault(type(method), {})[method] = parts[0]
+    behind = [method for own in kinds.values() for method in far_behind(own)]
+    return [method.name for method in behind if method != kept]
+
+
+def far_behind(losses: Mapping[Method, np.ndarray]) -> list[Method]:
+    """Methods whose losses [Q] of the same frames are 3 standard errors above the least."""
+    if not losses:
+        return []
+    best = min(losses.values(), key=lambda own: own.mean())
+    found = []
+    for method, own in losses.items():
+        more = own - best
+        error = more.std() / np.sqrt(len(more))
+        if more.mean() > max(_ERRORS * error, _LEAST):
+            found.append(method)
+    return found

@@ -1,0 +1,109 @@
+"""The classifier that chooses its own form: by training frames alone, whole groups in a fold."""
+
+import numpy as np
+import pytest
+import torch
+
+from hdc import HDCClassifier, selection
+from hdc.bank import Bank
+from hdc.chosen import Chosen
+
+FORMS = [["median", "majority"], ["median", "lda"], ["levels", "lda"]]
+
+
+def corner(n=60, seed=0):
+    """Frames of two classes that differ in four pixels of a hundred, under much noise."""
+    rng = np.random.default_rng(seed)
+    frames = rng.integers(0, 200, (n, 10, 10)).astype(np.uint8)
+    labels = np.arange(n) % 2
+    frames[labels == 1, :2, :2] = 255
+    return torch.from_numpy(frames), labels
+
+
+def in_frames(bank):
+    return selection.Frames(bank, (), (), bank.groups, None, "numpy")
+
+
+def test_the_form_is_the_one_with_the_least_loss_in_the_folds():
+    frames, labels = corner()
+    bank = Bank(frames, labels, 2)
+    train, test = np.arange(40), np.arange(40, 60)
+    name, model = Chosen(FORMS, backend="numpy").choose(bank, train)
+    made, _ = selection.folds(in_frames(bank), train)
+    losses = {}
+    for encoder, readout in FORMS:
+        wrong = 0
+        for learnt, held in made:
+            plain = HDCClassifier(encoder, readout, backend="numpy")
+            plain.fit(frames[learnt], labels[learnt])
+            wrong += (plain.predict(frames[held]) != labels[held]).sum()
+        losses[f"{encoder}, {readout}"] = wrong
+    assert losses[name] == min(losses.values())
+    assert name != "median, majority"
+    plain = HDCClassifier(*name.split(", ")).fit(frames[train], labels[train])
+    expected = plain.predict(frames[test])
+    chosen = Chosen(FORMS, backend="numpy")
+    assert (model.predict_from(bank, train, test) == expected).all()
+    assert (chosen.predict_from(bank, train, test) == expected).all()
+    chosen.fit(frames[train], labels[train])
+    assert chosen.form_ == name
+    assert (chosen.predict(frames[test]) == expected).all()
+    assert chosen.state_tensors().keys() == plain.state_tensors().keys()
+
+
+def test_one_frame_a_class_leaves_no_choice():
+    frames, labels = corner()
+    bank = Bank(frames, labels, 2)
+    forms = [["levels", "lda"], ["median", "majority"]]
+    name, _ = Chosen(forms).choose(bank, np.array([0, 1]))
+    assert name == "levels, lda"
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_frames_of_a_group_are_in_one_fold(nested):
+    """Whether groups have frames of every class, or each of one class."""
+    frames, labels = corner()
+    groups = np.arange(60) // 10
+    if nested:
+        groups = 2 * groups + labels
+    bank = Bank(frames, labels, 2, groups)
+    made, how = selection.folds(in_frames(bank), np.arange(60))
+    assert (len(made), how) == (5, "by session")
+    for train, test in made:
+        assert not set(groups[train]) & set(groups[test])
+        assert set(labels[train]) == {0, 1}
+    tested = np.concatenate([test for _, test in made])
+    assert sorted(tested) == list(range(60))
+
+
+def test_a_group_of_frames_that_tell_their_group_decides_otherwise():
+    """A mark that all frames of a group share is learnt at random, and is no use by group."""
+    rng = np.random.default_rng(1)
+    labels = np.arange(60) % 2
+    groups = np.arange(60) // 2 % 6 * 2 + labels
+    marks = rng.integers(0, 120, (12, 10, 10))
+    pixels = marks[groups] + rng.integers(0, 100, (60, 10, 10))
+    frames = torch.from_numpy(pixels.astype(np.uint8))
+
+    def loss(of_groups):
+        data = in_frames(Bank(frames, labels, 2, of_groups))
+        made, _ = selection.folds(data, np.arange(60))
+        method = selection.Combination("median", "neighbours")
+        return selection.cross_validate([method], data, made).losses[method]
+
+    assert loss(None) < 0.1
+    assert loss(groups) > 0.3
+
+
+@pytest.mark.parametrize(
+    ("forms", "said"),
+    [
+        ([], "forms: expected at least one, found none"),
+        (["median, lda"], "forms: expected pairs .* found 'median, lda'"),
+        ([["median", "ldaa"]], "readout: expected .* found 'ldaa'"),
+    ],
+)
+def test_wrong_forms_are_named(forms, said):
+    frames, labels = corner()
+    with pytest.raises(ValueError, match=said):
+        Chosen(forms).fit(frames, labels)
