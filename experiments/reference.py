@@ -2,17 +2,19 @@
 
 What finished steps of the reproduction left in the folder of own results replaces the same records
 in ``results/reference``; all others stay as they are, so that a reproduction can be taken over step
-by step. Tables and figures are made again, and the marked tables of README.md are filled from them;
-tables that rest on records of older revisions are named. ``--drop-older`` removes those records.
+by step. Tables and figures are made again, and the marked parts of README.md and of the docs are
+filled from them; tables that rest on records of older revisions are named. ``--drop-older`` removes
+those records.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import re
 import sys
 from collections import Counter
+from collections.abc import Callable
+from functools import partial
 
 from rich.console import Console
 
@@ -20,19 +22,19 @@ from experiments import report, studies
 from experiments.protocol.sweep import span
 from experiments.records.files import REFERENCE, ROOT, results_dir
 from experiments.records.results import Results
+from experiments.reporting import documents
 from experiments.reporting.study import studies as studies_of
 from experiments.reproduction import took
 from experiments.reproduction.adopt import Adopted, adopt
 from experiments.reproduction.steps import steps
 from hdc.io import write_atomically
 
-README = ROOT / "README.md"
+README, DOCS = ROOT / "README.md", ROOT / "docs"
 COMMANDS = {
     "table1": "make table1",
     "full": "make reproduce",
     "quick": "make reproduce QUICK=1",
 }
-_BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -60,8 +62,13 @@ def main(arguments: list[str] | None = None) -> int:
     console.print(
         f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True
     )
-    write_atomically(README, fill(README.read_text(encoding="utf-8")))
-    console.print(f"tables of {os.path.relpath(README)}")
+    contents = readme_parts() | docs_parts(answers)
+    for page in (README, *sorted(DOCS.glob("*.md"))):
+        text = page.read_text(encoding="utf-8")
+        filled = documents.fill(text, contents)
+        if filled != text:
+            write_atomically(page, filled)
+            console.print(f"parts of {os.path.relpath(page)}")
     return _tell_older(answers, console)
 
 
@@ -89,12 +96,26 @@ def _tell_older(answers: report.Answers, console: Console) -> int:
     return 1 if changed else 0
 
 
-def fill(text: str) -> str:
-    """Replace the content of every marked block of README.md."""
-    contents = {"claims": _claims, "table1": _table1, "reproduction": _reproduction}
-    return _BLOCK.sub(
-        lambda match: f"{match[1]}{contents[match[2]]()}\n{match[3]}", text
-    )
+def readme_parts() -> dict[str, Callable[[], str]]:
+    """What fills the marked parts of README.md, by their names."""
+    return {
+        "claims": _claims,
+        "table1": partial(_table, "table1"),
+        "table1_few": partial(_table, "table1_few"),
+        "reproduction": _reproduction,
+    }
+
+
+def docs_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
+    """What fills the marked parts of the docs, by their names."""
+    plots = {
+        name: [picture.plot for picture in pictures]
+        for name, pictures in answers.pictures.items()
+    }
+    return {
+        "gallery": partial(documents.gallery, answers.questions, answers.tables, plots),
+        "scenes": documents.scene_list,
+    }
 
 
 def _claims() -> str:
@@ -107,10 +128,11 @@ def _claims() -> str:
     return "\n".join(rows) or "*missing: no claim was measured*"
 
 
-def _table1() -> str:
-    path = REFERENCE / "tables" / "table1.md"
+def _table(name: str) -> str:
+    """A table with its title and its note."""
+    path = REFERENCE / "tables" / f"{name}.md"
     if not path.exists():
-        return "*missing: no run of Table I*"
+        return f"*missing: nothing of the table {name} was measured*"
     return path.read_text("utf-8").strip()
 
 

@@ -9,6 +9,7 @@ from experiments import reference
 from experiments.records import steps
 from experiments.records.files import ROOT
 from experiments.records.results import Results
+from experiments.reporting import documents
 from experiments.reproduction import took
 from experiments.reproduction.adopt import Adopted, adopt, go_on_from
 
@@ -22,6 +23,7 @@ def target(tmp_path, monkeypatch):
     folder.mkdir()
     monkeypatch.setattr(reference, "REFERENCE", folder)
     monkeypatch.setattr(reference, "README", tmp_path / "README.md")
+    monkeypatch.setattr(reference, "DOCS", tmp_path / "docs")
     monkeypatch.setattr(reference.report, "REFERENCE", folder)
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
     return folder
@@ -214,12 +216,22 @@ def test_the_committed_reference_skipped_nothing_and_names_no_folder_of_a_machin
 # README.md ----------------------------------------------------------------------------------------
 
 
-def test_every_block_of_the_readme_has_a_source_and_says_what_is_missing(target):
+def test_every_part_that_fills_the_readme_stands_there_and_says_what_is_missing(target):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    filled = reference.fill(text)
-    blocks = re.findall(r"<!-- begin (\w+) -->\n(.*)\n<!-- end \1 -->", filled)
-    assert {name for name, _ in blocks} == set(
-        re.findall(r"<!-- begin (\w+) -->", text)
-    )
-    assert blocks
-    assert all(line.startswith("*missing: ") for _, line in blocks)
+    parts = reference.readme_parts()
+    filled = documents.fill(text, parts)
+    blocks = dict(re.findall(r"<!-- begin (\w+) -->\n(.*)\n<!-- end \1 -->", filled))
+    assert set(blocks) >= set(parts)
+    assert all(blocks[name].startswith("*missing: ") for name in parts)
+
+
+def test_parts_of_the_docs_are_filled_too(target, write_run, tmp_path):
+    reference.README.write_text("")
+    reference.DOCS.mkdir()
+    page = reference.DOCS / "gallery.md"
+    page.write_text("# Gallery\n<!-- begin gallery -->\n<!-- end gallery -->\n")
+    write_run("hdc", wrong=range(2))
+    assert reference.main([]) == 0
+    text = page.read_text()
+    assert "/figures/" in text
+    assert "    python -m experiments." in text
