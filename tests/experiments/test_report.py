@@ -205,7 +205,7 @@ def test_tables_become_latex_when_it_is_asked_for(tmp_path, write_run, alone):
     assert "$\\times$ HDC" in text
 
 
-def test_nothing_unmeasured_stands_under_mine(tmp_path, write_run):
+def test_nothing_unmeasured_stands_under_mine(tmp_path, write_run, alone):
     write_run("hdc", wrong=range(9))
     _, files = written(tmp_path)
     rows = rows_of(files["comparison.csv"])
@@ -214,7 +214,7 @@ def test_nothing_unmeasured_stands_under_mine(tmp_path, write_run):
 
 
 def test_the_list_of_tables_has_a_line_each_and_marks_older_revisions(
-    tmp_path, write_run, write_measurement
+    tmp_path, write_run, write_measurement, alone
 ):
     write_run("hdc")
     row = {"input": "a", "method": "m", "number": "mixed", "verdict": "holds"}
