@@ -88,7 +88,7 @@ def _plain(value: Any) -> str:
 def _tables(folder: Path) -> Iterator[tuple[str, Table]]:
     """The tables of claims of a results folder that have a row or more for each, by name."""
     for table in view.STUDY.tables_of(Results(folder), []):
-        if "claim" in table.data:
+        if "claim" in table.data and not table.folded:
             yield table.name, table
 
 
