@@ -31,7 +31,6 @@ from hdc.io import write_atomically
 
 README, DOCS = ROOT / "README.md", ROOT / "docs"
 COMMANDS = {
-    "table1": "make table1",
     "full": "make reproduce",
     "quick": "make reproduce QUICK=1",
 }

@@ -17,7 +17,6 @@ RUN = "experiments.run"
 WHAT = {
     "full": "everything",
     "quick": "everything with fewer seeds, without the long steps",
-    "table1": "Table I with one seed",
 }
 # Words that say how a command is carried out, not what it computes.
 _HOW = ("-m", "threads=1", "exclusive=false")

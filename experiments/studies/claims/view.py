@@ -1,51 +1,65 @@
-"""The paper's claims as data: for each piece of evidence a number, its interval and a verdict.
+"""The paper's claims and ours, judged by the frozen rules: the word, the number across sensors, and
+the evidence behind it.
 
-Numbers come from other studies; :mod:`.rules` turns them into one of four words, :mod:`.phrases`
-into what is said after it. The paper's sentences are in claims.yaml.
+Each module of this folder reads the records of one study and gives pieces of evidence;
+:mod:`.verdict` joins them, :mod:`.rules` has the words. The rules as data are in rules.yaml.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache, partial
-from pathlib import Path
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from typing import Any
 
-import numpy as np
 import pandas as pd
-from omegaconf import OmegaConf
 
-from experiments.records import configs
-from experiments.records.measurement import Measured
 from experiments.records.results import Results
-from experiments.reporting.columns import Column, display_name
-from experiments.reporting.estimates import (
-    Estimate,
-    difference,
-    mean_difference,
-    mean_interval,
+from experiments.reporting.columns import Column, display_name, scene_name
+from experiments.reporting.study import Study
+from experiments.reporting.table import frame
+from experiments.reporting.text import number
+from experiments.studies.claims import (
+    contrast,
+    faults,
+    recalibration,
+    recordings,
+    times,
 )
-from experiments.reporting.measured import ENDS, RIVAL, SATURATED, saturated
-from experiments.reporting.study import RUN, Study, with_places
-from experiments.reporting.table import frame, records
-from experiments.reporting.text import CAPTURED, COMPUTED, SIMULATED, kind_of, number
-from experiments.studies.claims import rules
-from experiments.studies.claims.phrases import DECIDING, PHRASES
-from experiments.studies.claims.rules import NO, UNDECIDED, YES
-from experiments.studies.correlation.view import mean_contrast
-from experiments.studies.crossing.view import first_crossings, middle, tidy
-from experiments.studies.drift.view import accuracies as updated
-from experiments.studies.recordings.view import over_rival, recordings
-from experiments.studies.table1.view import WAYS, time_ratios
-from experiments.studies.table1.view import scene as scene_of_table1
+from experiments.studies.claims.frozen import (
+    Claim,
+    Rules,
+    commit,
+    digest,
+    earlier_word,
+    rules,
+)
+from experiments.studies.claims.piece import (
+    CONFIRMATORY,
+    EXPLORATORY,
+    Piece,
+)
+from experiments.studies.claims.verdict import (
+    BY_WORDS,
+    Verdict,
+    columns_of,
+    of_one_sensor,
+    pooled_over,
+    settled,
+    verdict,
+)
 
-Evidence = dict[str, Any]
-TIMED = "timed"  # kind of evidence that rests on times, besides the kinds of frames
-KINDS_SHOWN = (CAPTURED, COMPUTED, SIMULATED)
-HARD = ("finger", "spatial")  # simulated scenes on which not every model is right
-FLIPPED = 0.01  # share of flipped bits
-FEW = (1, 2, 3, 5)  # frames per class
-LESS = f"HDC less {display_name(RIVAL)}"
+JOINED = "all of these"
+COMMAND = "python -m experiments.reproduce --claim"
+Row = Mapping[str, Any]
+Read = Callable[[str, Claim, Rules, Results], Iterator[Piece]]
+# By the experiment whose records are the evidence.
+READ: Mapping[str, Read] = {
+    "recordings": recordings.pieces,
+    "times_grid": times.pieces,
+    "correlation": contrast.pieces,
+    "drift": recalibration.pieces,
+    "robustness": faults.pieces,
+}
 
 STUDY = Study(
     "claims",
@@ -56,394 +70,251 @@ STUDY = Study(
     front=True,
 )
 
-# Claim: what the paper says.
-CLAIMS: Any = OmegaConf.load(Path(__file__).with_name("claims.yaml"))
+
+@cache
+def every_piece(results: Results) -> tuple[Piece, ...]:
+    """All evidence, in the order of the claims."""
+    frozen = rules()
+    found: list[Piece] = []
+    for name, claim in frozen.claims.items():
+        pieces = READ[claim.experiment](name, claim, frozen, results)
+        found += [settled(piece, claim) for piece in pieces]
+    return tuple(found)
 
 
-# Evidence: each function yields the columns that differ from those of its line of EVIDENCE.
+def by_rival(pieces: Iterator[Piece] | tuple[Piece, ...]) -> dict[Any, list[Piece]]:
+    """Pieces by claim and rival."""
+    found: dict[Any, list[Piece]] = {}
+    for piece in pieces:
+        found.setdefault((piece.claim, piece.rival), []).append(piece)
+    return found
 
 
-def _of_recordings(
+def judged(
     results: Results,
-    sizes: Sequence[int] = (),
-) -> Iterator[Evidence]:
-    """HDC less its rival by the split that counts: mean over some numbers of frames per class, or
-    at the most."""
-    for scene, measured in recordings(results).items():
-        if saturated(measured):
-            continue
-        found = over_rival(measured, sizes)
-        if found:
-            estimates = np.array([estimate for estimate, _ in found])
-            value = Estimate(*estimates.mean(axis=0).tolist())
-            _, most = found[0]
-            n = None if sizes else f"{most} frames per class"
-            yield {
-                "evidence": scene,
-                "kind": _kind(measured),
-                "value": value,
-                "n": n,
-                "command": f"{RUN}recordings scene={scene}",
-            }
+) -> Iterator[tuple[str, str, Verdict, list[Piece]]]:
+    """Claim, rival, verdict and pieces."""
+    frozen = rules()
+    for (name, rival), pieces in by_rival(every_piece(results)).items():
+        found = verdict(frozen.claims[name], pieces, frozen)
+        if found is not None:
+            yield name, rival, found, pieces
 
 
-def _of_scenes(results: Results) -> Iterator[Evidence]:
-    """HDC less its rival on simulated scenes, on the same test samples."""
-    for scene in (scene_of_table1(), *HARD, "tactile"):
-        groups = [results.group(scene, model) for model in ("hdc", RIVAL)]
-        of_hdc, of_rival = (group.runs for group in groups)
-        paired = difference(of_hdc, of_rival)
-        if paired is not None:
-            name = f"{scene}, fitted to HDC" if _fitted(scene) else scene
-            row = {
-                "evidence": name,
-                "value": paired,
-                "n": f"{len(of_hdc)} seeds",
-                "command": f"{RUN}all_scenes scene={scene}",
-            }
-            if all(group.right.mean() >= SATURATED for group in groups):
-                row |= {"evidence": f"{scene}, saturated", "verdict": UNDECIDED}
-            yield row
-
-
-def _slower(results: Results, models: Sequence[str]) -> Iterator[Evidence]:
-    """Training times over HDC's, until training accuracy exceeds 90 %, as in the paper."""
-    for model in models:
-        ratios = time_ratios(results, results.group(scene_of_table1(), model))
-        for way, runs in ratios.items():
-            if not runs:  # a way that was not measured
-                continue
-            value, count = Estimate(float(np.median(runs))), "1 run"
-            if len(runs) > 1:
-                value = value._replace(low=min(runs), high=max(runs))
-                count = f"{len(runs)} runs"
-            yield {
-                "evidence": f"{display_name(model)}, over {way}",
-                "kind": TIMED,
-                "value": value,
-                "verdict": rules.slower(runs),
-                "n": count,
-            }
-
-
-def _kind(measured: Measured) -> str:
-    """The kind of the frames of a measurement."""
-    if "origin" in measured.frame:
-        return kind_of(str(measured.frame.origin.iloc[0]))
-    return str(configs.scene_display(measured.record.scene)["kind"])
-
-
-def _fitted(scene: str) -> bool:
-    """Whether parameters of a scene were chosen by the accuracy of HDC on it."""
-    return bool(configs.scene_display(scene)["fitted"])
-
-
-def _of_places(
-    results: Results,
-    name: str,
-    read: Callable[[pd.DataFrame, str], Iterator[Evidence]],
-) -> Iterator[Evidence]:
-    """Evidence of a measurement, on each kind of frames."""
-    for suffix, measured in with_places(results, name):
-        of = {
-            "kind": _kind(measured),
-            "command": measured.record.command,
-            "n": f"{measured.frame.seed.nunique()} seeds",
-        }
-        for row in read(measured.frame, suffix.lstrip("_")):
-            yield {**of, **row}
-
-
-def _few(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
-    """HDC less its rival, mean over N."""
-    equal = tidy(rows).query("equal")
-    by_seed = equal.pivot_table("accuracy", "seed", "model")
-    if {"hdc", RIVAL} <= set(by_seed):
-        ahead = by_seed["hdc"] - by_seed[RIVAL]
-        yield {
-            "evidence": f"{place or 'touch'}, N up to {equal.n.max()}",
-            "value": mean_interval(ahead.tolist()),
-        }
-
-
-def _first(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
-    """The N at which one experiment with HDC exceeds 90 %: median and 95 % of experiments."""
-    first = first_crossings(rows).query("model == 'hdc'")["first"]
-    if not len(first):
-        return
-    yield {
-        "evidence": f"{place or 'touch'}, fitted",
-        "value": middle(first),
-        "n": f"{len(first)} experiments",
-        "verdict": UNDECIDED,
+def _row(name: str, rival: str, found: Verdict, pieces: list[Piece]) -> dict[str, Any]:
+    """A row of the table of claims."""
+    claim = rules().claims[name]
+    deciding = found.decided_by or pieces
+    statuses = {piece.status for piece in deciding}
+    where = dict.fromkeys(piece.record for piece in deciding if piece.record)
+    return {
+        "claim": name,
+        "says": claim.paper or claim.ours,
+        "by": "the paper" if claim.paper else "this repository",
+        "rival": rival,
+        **found.columns(pieces[0].unit),
+        "status": CONFIRMATORY if statuses == {CONFIRMATORY} else EXPLORATORY,
+        "earlier": earlier_word(name),
+        "record": "; ".join(where),
+        "command": f"{COMMAND} {name}",
+        "rules": rules().version,
+        "frozen": commit(),
+        "digest": digest(),
     }
 
 
-def _contrast(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
-    """Contrast of prototypes less that of the speckle, on samples held out."""
-    if "speckle" in set(rows.kind):
-        before = mean_contrast(rows, "speckle", "held-out").value
-        after = mean_contrast(rows, "prototype", "held-out").value
-        yield {
-            "evidence": place or "touch",
-            "value": Estimate(after - before),
-            "quantity": f"contrast {number(before)} to {number(after)}",
-            "verdict": YES if after > before else NO,
-        }
+# How cells are shown ------------------------------------------------------------------------------
 
 
-def _recalibration(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
-    """Accuracy in the new session after an update with 50 new samples, first in time."""
-    every = updated(rows).query("order == 'time'")
-    for model, update, name in (
-        ("hdc", "bits replaced, p = 0.75", "HDC, p = 0.75"),
-        ("hdc", "new samples alone", "HDC, new samples alone"),
-        ("ridge", "new, from the old weights", "ridge from old weights"),
-    ):
-        of_model = every[every.model == model].set_index("seed")
-        part = of_model.query(f"update == '{update}' and n_new == 50").new
-        stored = of_model.query("method == 'stored'").new
-        gained = (part - stored).dropna()
-        if len(gained):
-            row = {
-                "evidence": f"{place or 'drift'}, {name}",
-                "quantity": f"gained, to {100 * part.mean():.3g} %",
-                "value": mean_interval(gained.tolist()),
-            }
-            yield row if "p = " in name else {**row, "verdict": UNDECIDED}
+def rival_name(rival: str) -> str:
+    """What a claim is held against, in words."""
+    model, at, level = rival.partition(" at ")
+    known = {
+        "published": "the paper's accuracy",
+        "unflipped": "itself without flips",
+        "hypervector": "hypervectors",
+        "speckle": "the speckle",
+        "softmax_dual_int8": f"{display_name('softmax_dual')}, weights of 8 bits",
+    }
+    return f"{known.get(model) or display_name(model)}{at}{level}"
 
 
-def _faults(rows: pd.DataFrame, place: str) -> Iterator[Evidence]:
-    """Accuracy lost when one stored bit in 100 is flipped."""
-    rows = rows.assign(accuracy=rows.right / rows.n_test)
-    kinds = {"hdc": "bit_flips", RIVAL: "bit_flips_int8"}
-    for model, kind in kinds.items():
-        of_model = rows[rows.model == model]
-        clean = of_model[of_model.disturbance == "none"]
-        disturbed = of_model[of_model.disturbance == kind]
-        flipped = disturbed[disturbed.level == FLIPPED]
-        before = clean.groupby("seed").accuracy.mean()
-        after = flipped.groupby("seed").accuracy.mean()
-        lost = (after - before).dropna()
-        if len(lost):
-            n_test = float(flipped.n_test.iloc[0])
-            row = {
-                "evidence": f"{display_name(model)}, {place or 'touch'}",
-                "value": mean_difference(lost.tolist(), n_test),
-            }
-            yield row if model == "hdc" else {**row, "verdict": UNDECIDED}
+def _digits(row: Row, key: str) -> str:
+    """A number of a row to two digits, points with their sign; nothing where it is unknown."""
+    value = row.get(key)
+    if value is None or value != value:
+        return ""
+    text = number(value, 2)
+    if row["unit"] == "points":
+        decimals = 1 if abs(value) < 10 else 0
+        text = f"{value:+.{decimals}f}"
+    return text.replace("-", "−")
 
 
-class Source(NamedTuple):
-    """Where evidence for a claim comes from: `read` of the results, and columns of all its rows.
-
-    `rule` is one of :mod:`.rules`, or says why the rows have a verdict of their own.
-    """
-
-    claim: str
-    read: Callable[[Results], Iterator[Evidence]]
-    experiment: str
-    quantity: str
-    rule: str
-    unit: str = "points"
+def _with_unit(row: Row, name: str) -> str:
+    """``value unit [low, high]`` of a row."""
+    value, low, high = (_digits(row, f"{name}{end}") for end in ("", "_low", "_high"))
+    if not value:
+        return "–"
+    units = {"×": f"×{value}", "1": value}
+    shown = units.get(row["unit"], f"{value} {row['unit']}")
+    return f"{shown} [{low}, {high}]" if low and high else shown
 
 
-_OVER = "training time over HDC's, lowest to highest run"
-_UP_TO = f"{LESS}, mean over n = {', '.join(map(str, FEW))} frames per class"
-# fmt: off
-EVIDENCE = (
-    Source("accuracy", _of_recordings, "recordings", LESS, "more_accurate"),
-    Source("accuracy", _of_scenes, "all_scenes", LESS, "more_accurate"),
-    Source("networks", partial(_slower, models=("cnn1", "cnn3")), "table1", _OVER, "slower", "×"),
-    Source("softmax", partial(_slower, models=("softmax", RIVAL)), "table1", _OVER, "slower", "×"),
-    Source("few_samples", partial(_of_recordings, sizes=FEW), "recordings", _UP_TO,
-           "at_least_as_accurate"),
-    Source("few_samples", partial(_of_places, name="crossing", read=_few), "crossing",
-           f"{LESS}, mean over N", "at_least_as_accurate"),
-    Source("few_samples", partial(_of_places, name="crossing", read=_first), "crossing",
-           "N of one experiment to exceed 90 %", "fitted numbers get no verdict", "samples"),
-    Source("contrast", partial(_of_places, name="correlation", read=_contrast), "correlation",
-           "contrast", "larger than that of the speckle", "1"),
-    Source("recalibration", partial(_of_places, name="drift", read=_recalibration), "drift",
-           "gained", "more_accurate"),
-    Source("faults", partial(_of_places, name="robustness", read=_faults), "robustness",
-           "change by 1 % flipped bits", "at_least_as_accurate"),
+def _range(row: Row) -> str:
+    """The range for the sensor of another laboratory."""
+    low, high = _digits(row, "predicted_low"), _digits(row, "predicted_high")
+    return f"{low} to {high} {row['unit']}" if low and high else "–"
+
+
+COLUMNS = {
+    "says": Column("Claim"),
+    "rival": Column("Held against", rival_name),
+    "word": Column("Verdict", lambda word: word[:1].upper() + word[1:]),
+    "mean": Column("Number [95 %]", cell=lambda row: _with_unit(row, "mean")),
+    "predicted": Column("New sensor, 95 %", cell=_range),
+    "because": Column("Because"),
+    "frames": Column("Frames"),
+    "earlier": Column("By version 1", lambda word: word or "–"),
+    "command": Column("Command"),
+}
+SHOWN = ("says", "rival", "word", "mean", "predicted", "frames", "command")
+NOTE = (
+    "Points: accuracy of HDC less that of the rival, mean over laboratories (random effects), with "
+    "the interval of the mean and the range for a sensor of another laboratory. ×: training time "
+    "over that of HDC of the same way, of the way with the least ratio. %: share of the loss by "
+    "drift that came back. Exploratory unless said otherwise: numbers of these recordings were "
+    "known when the rules were written. Rules: docs/claims.md, version {version} of {dated}, "
+    "digest {digest}{commit}."
 )
-# fmt: on
 
 
-@cache
-def evidence(results: Results) -> pd.DataFrame:
-    """Every piece of evidence: ``claim, evidence, kind, quantity, value, value_low, value_high,
-    unit, n, rule, command, verdict``."""
-    rows = []
-    for claim, read, experiment, quantity, rule, unit in EVIDENCE:
-        of = {
-            "claim": claim,
-            "evidence": "",
-            "kind": SIMULATED,
-            "quantity": quantity,
-        }
-        rest = {
-            "unit": unit,
-            "n": None,
-            "rule": rule,
-            "command": f"{RUN}{experiment}",
-        }
-        for found in read(results):
-            value = found["value"]
-            verdict = found.get("verdict") or getattr(rules, rule)(value)
-            factor = 100 if unit == "points" else 1
-            shown = Estimate(*(factor * bound for bound in value))
-            line = {
-                **of,
-                **shown.columns("value"),
-                **rest,
-                **found,
-            }
-            rows.append(
-                {
-                    **line,
-                    "verdict": verdict,
-                    "value": shown.value,
-                }
-            )
-    return frame(
-        rows, () if rows else ("claim", "evidence", "kind", "value", "verdict")
+def _note() -> str:
+    frozen = rules()
+    named = f", frozen by commit {commit()}" if commit() else ""
+    return NOTE.format(
+        version=frozen.version, dated=frozen.dated, digest=digest(), commit=named
     )
 
 
-def verdicts(rows: pd.DataFrame) -> dict[str, str]:
-    """The word for each claim of which there is evidence: by times as they are, contrast by all
-    evidence, others by captured and computed frames first."""
-    words = {}
-    for claim, part in rows.groupby("claim", sort=False):
-        if not _complete(part):
-            continue
-        simulated = part[part.kind == SIMULATED].verdict.tolist()
-        deciding = part[part.kind.isin(DECIDING)].verdict.tolist()
-        timed = part[part.kind == TIMED].verdict.tolist()
-        if timed:
-            word = UNDECIDED if UNDECIDED in timed else rules.combine(timed)
-        elif claim == "contrast":
-            word = rules.combine(deciding + simulated)
-        else:
-            word = rules.judge(deciding, simulated)
-        words[str(claim)] = word
-    return words
-
-
-def _complete(part: pd.DataFrame) -> bool:
-    """Whether a claim can be judged: one on times needs HDC computed by every way."""
-    timed = part[part.kind == TIMED].evidence
-    ways = {name.partition(", over ")[2] for name in timed}
-    return not ways or ways == set(WAYS)
-
-
-def decided_by(claim: str, rows: pd.DataFrame) -> str:
-    """The kinds of frames, or times, that decide a claim, in words; those that may refute it."""
-    kinds = set(rows.kind)
-    if TIMED in kinds:
-        return "times"
-    may_decide = (*DECIDING, SIMULATED) if claim == "contrast" else DECIDING
-    deciding = [kind for kind in may_decide if kind in kinds]
-    if not deciding:
-        return "simulated frames, which can only refute"
-    return f"{' and '.join(deciding)} frames"
-
-
-def _text(row: Mapping[str, Any]) -> str:
-    """A number with its name, its unit and its interval, to two digits."""
-    name = row["evidence"]
-    if row["unit"] == "1":  # of a bare number, the quantity has both values
-        return f"{name}: {row['quantity']}"
-    value, low, high = (_digits(row, f"value{end}") for end in ENDS)
-    shown = f"×{value}" if row["unit"] == "×" else f"{value} {row['unit']}"
-    if low and high:
-        shown += f" [{low}, {high}]"
-    return f"{name}: {shown}".replace("-", "−")
-
-
-def _digits(row: Mapping[str, Any], key: str) -> str:
-    """A number of a row to two digits, points with their sign; nothing where it is unknown."""
-    number_of = row.get(key)
-    if number_of is None:
-        return ""
-    if row["unit"] != "points":
-        return number(number_of, 2)
-    decimals = 1 if abs(number_of) < 10 else 0
-    return f"{number_of:+.{decimals}f}"
-
-
-NOTE = (
-    "Points: accuracy of HDC less that of softmax regression at its optimum, the primary rival. "
-    "×: training time over HDC's, lowest to highest run. Simulated frames can refute a claim; they "
-    "cannot rank models. The rules are in docs/verdicts.md."
-)
-
-
-@STUDY.table(
-    "claims",
-    title="Verdicts",
-    shown=("paper", "verdict", "decided_by", *KINDS_SHOWN),
-    columns={
-        "paper": Column("The paper says"),
-        "verdict": Column("Verdict", lambda text: text[:1].upper() + text[1:]),
-        "decided_by": Column("Decided by"),
-        "captured": Column("Captured frames"),
-        "computed": Column("Computed frames"),
-        "simulated": Column("Simulated frames, fitted to the paper; times on them"),
-    },
-)
-def claims(results: Results) -> pd.DataFrame | None:
-    """One row a claim of which there is evidence; a claim that no study tests is named below."""
-    every = evidence(results)
-    words = verdicts(every) if len(every) else {}
-    table = []
-    for claim, paper in CLAIMS.items():
-        if claim in words:
-            part = every[every.claim == claim]
-            table.append(_verdict(claim, paper, words[claim], part))
-    if not table:
+def _noted(rows: list[dict[str, Any]]) -> pd.DataFrame | None:
+    """The rows with the note that names the rules; None without any."""
+    if not rows:
         return None
-    tested = {source.claim for source in EVIDENCE}
-    untested = [paper for claim, paper in CLAIMS.items() if claim not in tested]
-    data = pd.DataFrame(table)
-    data.attrs["note"] = f"{NOTE} Not tested: {'; '.join(untested)}."
+    data = frame(rows)
+    data.attrs["note"] = _note()
     return data
 
 
-def _verdict(
-    claim: str,
-    paper: str,
-    word: str,
-    part: pd.DataFrame,
-) -> dict[str, str]:
-    """The row of a claim."""
-    phrase = PHRASES[claim](part)
-    row = {"claim": claim, "paper": paper, "word": word}
-    row["verdict"] = f"{word}: {phrase}" if phrase else word
-    row["decided_by"] = decided_by(claim, part)
-    for kind in KINDS_SHOWN:
-        kinds = (kind, TIMED) if kind == SIMULATED else (kind,)
-        of_kinds = part[part.kind.isin(kinds)]
-        lines = [_text(line) for line in records(of_kinds)]
-        row[kind] = "\n".join(lines) or "–"
-    return row
+@STUDY.table(
+    "claims", title="Verdicts", shown=SHOWN, columns=COLUMNS, key=("claim", "rival")
+)
+def claims(results: Results) -> pd.DataFrame | None:
+    """One row a claim and rival, of all recordings that the rules list."""
+    return _noted([_row(*line) for line in judged(results)])
 
 
-STUDY.table(
+@STUDY.table(
+    "claims_confirmatory",
+    title="Recordings that no model had classified when the rules were frozen",
+    shown=("says", "rival", "recording", *SHOWN[2:]),
+    columns={**COLUMNS, "recording": Column("Recording", scene_name)},
+    key=("claim", "rival", "recording"),
+)
+def confirmatory(results: Results) -> pd.DataFrame | None:
+    """One row a claim, rival and unseen recording, by its own interval; then all of them joined."""
+    frozen = rules()
+    rows = []
+    for (name, rival), pieces in by_rival(every_piece(results)).items():
+        unseen = [p for p in pieces if p.status == CONFIRMATORY and p.enters]
+        for piece in unseen:
+            row = _row(name, rival, of_one_sensor(piece), [piece])
+            rows.append({"recording": piece.evidence, **row})
+        joined = verdict(frozen.claims[name], unseen, frozen) if unseen else None
+        if joined is not None and len(unseen) > 1:
+            row = _row(name, rival, joined, unseen)
+            rows.append({"recording": JOINED, **row})
+    return _noted(rows)
+
+
+@STUDY.table(
     "claims_evidence",
-    key=("claim", "evidence"),
+    key=("claim", "rival", "evidence"),
     title="Evidence for each claim",
-    shown=("claim", "evidence", "kind", "quantity", "value", "unit", "n", "verdict"),
+    shown=(
+        "claim",
+        "rival",
+        "evidence",
+        "frames",
+        "status",
+        "quantity",
+        "value",
+        "n",
+        "word",
+        "remark",
+    ),
     columns={
-        **{
-            name: Column(name.capitalize())
-            for name in ("claim", "evidence", "kind", "quantity")
-        },
-        "value": Column("Number [interval]"),
-        "unit": Column("Unit"),
+        "rival": COLUMNS["rival"],
+        "evidence": Column("Recording, scene or way", scene_name),
+        "value": Column(
+            "Number [of this sensor]", cell=lambda r: _with_unit(r, "value")
+        ),
         "n": Column("n"),
+        "word": Column("Of this sensor", lambda word: word or "–"),
+        "remark": Column("Remark", lambda text: text or "–"),
     },
-)(evidence)
+    note="Brackets are of one sensor: the central 95 % of draws for a recording by a camera, "
+    "Student over seeds for others. They say nothing of another sensor.",
+    folded=True,
+)
+def evidence(results: Results) -> pd.DataFrame | None:
+    """One row a claim, rival and recording, scene or way."""
+    pieces = every_piece(results)
+    return frame(piece.row() for piece in pieces) if pieces else None
+
+
+@STUDY.table(
+    "claims_otherwise",
+    key=("claim", "rival", "over"),
+    title="The same numbers joined otherwise: described, without a word",
+    columns={
+        "rival": COLUMNS["rival"],
+        "over": Column("Over"),
+        "units": Column("Units"),
+        "mean": COLUMNS["mean"],
+        "predicted": COLUMNS["predicted"],
+    },
+    shown=("claim", "rival", "over", "units", "mean", "predicted"),
+    folded=True,
+)
+def otherwise(results: Results) -> pd.DataFrame | None:
+    """Every recording a unit; captured frames alone."""
+    rows = []
+    for (name, rival), pieces in by_rival(every_piece(results)).items():
+        claim = rules().claims[name]
+        entering = [piece for piece in pieces if piece.enters]
+        if claim.experiment != "recordings" or claim.rule in BY_WORDS:
+            continue
+        captured = [piece for piece in entering if piece.frames == "captured"]
+        for over, chosen, by_laboratory in (
+            ("laboratories", entering, True),
+            ("recordings", entering, False),
+            ("laboratories, captured frames", captured, True),
+        ):
+            if len(chosen) > 1:
+                rows.append(_joined(name, rival, over, chosen, by_laboratory))
+    return frame(rows) if rows else None
+
+
+def _joined(
+    name: str, rival: str, over: str, pieces: list[Piece], by_laboratory: bool
+) -> dict[str, Any]:
+    """A row of the numbers joined otherwise."""
+    pooled = pooled_over(pieces, by_laboratory)
+    return {
+        "claim": name,
+        "rival": rival,
+        "over": over,
+        "units": pooled.units,
+        **columns_of(pooled, pieces[0].unit),
+    }

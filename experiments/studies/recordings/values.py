@@ -16,7 +16,6 @@ from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.measured import (
     RIVAL,
-    SATURATED,
     by_scene,
     over_units,
     saturated,
@@ -151,36 +150,6 @@ class Accuracies:
 def accuracies_of(found: dict[str, Measured]) -> dict[str, Accuracies]:
     """Of each recording."""
     return {scene: Accuracies(measured) for scene, measured in found.items()}
-
-
-def over_rival(
-    measured: Measured, sizes: Sequence[int] = ()
-) -> list[tuple[Estimate, int]]:
-    """HDC's accuracy less that of the primary rival, by the split that counts, and n: each of these
-    frames a class that was asked for, or the most at which one is below :data:`SATURATED`; nothing
-    where one of the two was not measured."""
-    rows = measured.frame
-    rows = rows[rows.model.isin(("hdc", RIVAL))]
-    if rows.model.nunique() < 2:
-        return []
-    every = accuracies(rows).query("split == 'counts'")
-    if sizes:
-        known = set(every.n)
-        chosen = [n for n in sizes if n in known]
-    else:
-        means = every.groupby(["n", "model"]).accuracy.mean()
-        least = means.groupby("n").min()
-        open_sizes = least[least < SATURATED].index
-        size = open_sizes.max() if len(open_sizes) else least.index.min()
-        chosen = [int(size)]
-    at = every.pivot(index=["n", "unit"], columns="model", values="accuracy")
-    seeds = rows.seed.nunique() > 1
-    less = at["hdc"] - at[RIVAL]
-    found = []
-    for n in chosen:
-        by_unit = less[n].tolist()
-        found.append((over_units(by_unit, seeds), n))
-    return found
 
 
 # Forms of HDC against the rival -------------------------------------------------------------------

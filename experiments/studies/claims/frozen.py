@@ -1,0 +1,163 @@
+"""The frozen rules: rules.yaml as typed data, its digest, and the commit that froze it."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+from omegaconf import OmegaConf
+
+PATH = Path(__file__).with_name("rules.yaml")
+FROZEN = PATH.with_name("frozen.yaml")
+EARLIER = PATH.with_name("earlier.yaml")
+
+Frames = Literal["captured", "computed", "simulated"]
+Status = Literal["exploratory", "confirmatory"]
+
+
+class Recording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A recording that enters.
+
+    Attributes:
+        laboratory: the unit across sensors.
+        frames: their kind.
+        status: whether a model had classified it when the rules were written.
+        split: which frames test, as in ``configs/scene/``.
+    """
+
+    laboratory: str
+    frames: Frames
+    status: Status
+    split: dict[str, Any]
+
+
+class Update(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The paper's update after drift: method, p, new frames, and which come first."""
+
+    method: str
+    p: float
+    n_new: int
+    order: str
+
+
+class Runs(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Runs that an order-statistic interval needs; the factor that decides with fewer."""
+
+    least: int
+    factor: float
+
+
+class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A claim, of the paper or ours.
+
+    Attributes:
+        paper, ours: what is claimed, by whom.
+        experiment: whose records are the evidence.
+        rule: name of what turns numbers into a word.
+        decide: kinds of frames that decide, or ``times``.
+        form: of HDC.
+        sizes: key of the numbers of frames a class.
+        rivals: those with a word; the primary ones, if none are named.
+        beside: shown without a word.
+        recordings: that enter; all, if none are named.
+        least_units: laboratories that a word needs.
+        samples: of which contrasts are taken.
+        update, lost, share: of recalibration.
+        levels: shares of flipped bits.
+    """
+
+    experiment: str
+    rule: str
+    decide: tuple[str, ...]
+    paper: str = ""
+    ours: str = ""
+    form: str = "published"
+    sizes: str = ""
+    rivals: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
+    recordings: tuple[str, ...] = ()
+    least_units: int = 1
+    samples: str = ""
+    update: Update | None = None
+    lost: float = 0.0
+    share: float = 0.0
+    levels: tuple[float, ...] = ()
+
+
+class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """All of rules.yaml, which says what each is."""
+
+    version: int
+    dated: Any
+    margin: float
+    times: float
+    saturated: float
+    confidence: float
+    few_units: int
+    forms: dict[str, str]
+    mended: dict[str, Any]
+    rivals: tuple[str, ...]
+    sizes: dict[str, tuple[int, ...]]
+    recordings: dict[str, Recording]
+    input_fields: int
+    fitted: tuple[str, ...]
+    claims: dict[str, Claim]
+    ways: tuple[str, ...]
+    runs: Runs
+
+    def rivals_of(self, claim: str) -> tuple[str, ...]:
+        """The rivals of a claim that have a word."""
+        return self.claims[claim].rivals or self.rivals
+
+
+class Earlier(msgspec.Struct, frozen=True):
+    """The words of an earlier version."""
+
+    version: int
+    words: dict[str, str]
+
+
+@functools.cache
+def rules(path: Path = PATH) -> Rules:
+    """The rules.
+
+    Raises:
+        ValueError: naming the file and the key that is wrong.
+    """
+    try:
+        return msgspec.convert(OmegaConf.to_container(OmegaConf.load(path)), Rules)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+@functools.cache
+def earlier() -> tuple[Earlier, ...]:
+    """The words of earlier versions, the oldest first."""
+    found = OmegaConf.to_container(OmegaConf.load(EARLIER))
+    return msgspec.convert(found, tuple[Earlier, ...])
+
+
+def earlier_word(claim: str) -> str:
+    """The word of a claim by the version before; a claim that was one with others then has that
+    claim's, and one that was not judged has none."""
+    words = earlier()[-1].words
+    if claim in words:
+        return words[claim]
+    wider = [name for name in words if claim.startswith(f"{name}_")]
+    of_ours = rules().claims[claim].ours
+    return words[wider[0]] if wider and not of_ours else ""
+
+
+def digest(path: Path = PATH) -> str:
+    """SHA-256 of the file of rules, twelve digits."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:12]
+
+
+@functools.cache
+def commit() -> str:
+    """The commit that froze the rules, twelve digits; empty where the file was changed since."""
+    frozen: Any = OmegaConf.to_container(OmegaConf.load(FROZEN))
+    return str(frozen["commit"])[:12] if frozen["digest"] == digest() else ""

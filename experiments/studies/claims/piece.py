@@ -1,0 +1,117 @@
+"""A piece of evidence: what one recording, scene or way of timing says of a claim and a rival."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from experiments.records.measurement import Measured
+from experiments.records.results import Results
+from experiments.reporting.estimates import Estimate
+
+EXPLORATORY, CONFIRMATORY = "exploratory", "confirmatory"
+FACTORS = {"points": 100, "%": 100}  # of a unit; 1 of others
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A number with what is needed to judge it.
+
+    Attributes:
+        claim, rival: of rules.yaml.
+        evidence: name of the recording, scene or way.
+        laboratory: the unit across sensors.
+        frames: their kind.
+        status: ``exploratory`` or ``confirmatory``.
+        quantity: what the number is.
+        estimate: the number with the interval of this one sensor, a fraction.
+        variance: of the number, for the estimate across sensors; NaN where it is unknown.
+        unit: in which tables show it.
+        n: frames, seeds or runs, in words.
+        word: of this one sensor.
+        enters: whether it enters the claim's word.
+        remark: why it does not, or what a reader has to know.
+        command: that measures it again.
+        record: where its rows are, within the folder of results.
+    """
+
+    claim: str
+    rival: str
+    evidence: str
+    laboratory: str
+    frames: str
+    quantity: str
+    estimate: Estimate
+    variance: float = math.nan
+    status: str = EXPLORATORY
+    unit: str = "points"
+    n: str = ""
+    word: str = ""
+    enters: bool = True
+    remark: str = ""
+    command: str = ""
+    record: str = ""
+
+    def row(self) -> dict[str, Any]:
+        """The columns of the table of evidence, in the unit of the piece."""
+        factor = FACTORS.get(self.unit, 1)
+        shown = Estimate(*(factor * value for value in self.estimate))
+        return {
+            "claim": self.claim,
+            "rival": self.rival,
+            "evidence": self.evidence,
+            "laboratory": self.laboratory,
+            "frames": self.frames,
+            "status": self.status,
+            "quantity": self.quantity,
+            **shown.columns("value"),
+            "standard_error": factor * math.sqrt(self.variance),
+            "unit": self.unit,
+            "n": self.n,
+            "word": self.word,
+            "enters": "yes" if self.enters else "no",
+            "remark": self.remark,
+            "record": self.record,
+            "command": self.command,
+        }
+
+
+def least_variance(value: float, n_test: float) -> float:
+    """Variance that a difference of two shares on the same n test frames has at least, with one
+    frame added on which they disagree (Agresti and Min, Stat. Med. 24, 729 (2005))."""
+    return (n_test * abs(value) + 1) / (n_test + 2) / n_test
+
+
+def variance_of(values: Sequence[float], n_test: float, seeds: bool) -> float:
+    """Variance of the number of one sensor, the mean of `values`; NaN of a single value.
+
+    Args:
+        values: a difference of shares for each seed or draw.
+        n_test: test frames of each.
+        seeds: whether they are seeds, each with frames of its own; draws of one recording share
+            frames, so that more of them do not make the variance smaller.
+    """
+    if len(values) < 2:
+        return math.nan
+    of_one = float(np.var(values, ddof=1))
+    variance = max(of_one, least_variance(float(np.mean(values)), n_test))
+    return variance / len(values) if seeds else variance
+
+
+def place_of(measured: Measured) -> str:
+    """Where the rows of a measurement are, within the folder of results."""
+    return f"measured/{measured.folder.name}"
+
+
+def measured_by_scene(results: Results, name: str) -> dict[str, list[Measured]]:
+    """Finished measurements of an experiment by the name of their scene, in the order of records:
+    those whose config was changed least first."""
+    found: dict[str, list[Measured]] = {}
+    for measured in results.measurements:
+        if measured.record.name == name:
+            found.setdefault(measured.record.scene, []).append(measured)
+    return found

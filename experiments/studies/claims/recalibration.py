@@ -1,0 +1,125 @@
+"""Evidence on recalibration: how much of what drift has cost comes back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+
+from experiments.records import configs
+from experiments.records.measurement import Measured
+from experiments.records.results import Results
+from experiments.reporting.columns import display_name
+from experiments.reporting.estimates import mean_interval
+from experiments.studies.claims.frozen import Claim, Rules, Update
+from experiments.studies.claims.piece import Piece, measured_by_scene, place_of
+from experiments.studies.claims.rules import rule_of
+from experiments.studies.drift.view import accuracies
+
+STORED = "stored"
+OWN_LOSS = "its own loss"  # what the update is held against
+
+
+def pieces(name: str, claim: Claim, frozen: Rules, results: Results) -> Iterator[Piece]:
+    """Of each scene the share of the loss that HDC regains; beside it every model's best update."""
+    for found in measured_by_scene(results, claim.experiment).values():
+        measured = found[0]
+        every = accuracies(measured.frame)
+        assert claim.update is not None
+        in_order = every[every.order == claim.update.order]
+        form = frozen.forms[claim.form]
+        of_hdc = regained(in_order, form, claim.update)
+        if of_hdc is None:
+            continue
+        yield _judged(name, claim, frozen, measured, of_hdc)
+        yield from _best_updates(name, claim, measured, in_order)
+
+
+def regained(in_order: pd.DataFrame, model: str, update: Update) -> pd.DataFrame | None:
+    """By seed: accuracy in the old session, in the new before and after the update, what drift has
+    ``lost``, and the ``share`` of it that came back; None where one was not measured."""
+    of_model = in_order[in_order.model == model]
+    stored = of_model[of_model.method == STORED].set_index("seed")
+    is_update = (of_model.method == update.method) & (of_model.n_new == update.n_new)
+    updated = of_model[is_update]
+    if update.p in set(updated.p):
+        updated = updated[updated.p == update.p]
+    after = updated.set_index("seed").new
+    if not len(after) or not len(stored):
+        return None
+    lost = stored.old - stored.new
+    gained = after - stored.new
+    table = {"before": stored.new, "after": after, "lost": lost}
+    return pd.DataFrame({**table, "share": gained / lost}).dropna()
+
+
+def _judged(
+    name: str, claim: Claim, frozen: Rules, measured: Measured, of_hdc: pd.DataFrame
+) -> Piece:
+    """The share that came back, if enough was lost."""
+    shown = configs.scene_display(measured.record.scene)
+    lost = of_hdc.lost
+    share = mean_interval(of_hdc.share.tolist())
+    cost = f"drift cost {100 * lost.mean():.1f} points"
+    enough = lost.mean() >= claim.lost and (lost > 0).all()
+    remark = cost
+    if not enough:
+        remark = f"{cost}, less than the {100 * claim.lost:g} to be restored"
+    update = claim.update
+    assert update is not None
+    return Piece(
+        name,
+        OWN_LOSS,
+        measured.record.scene,
+        str(shown["family"]),
+        str(shown["kind"]),
+        f"share of the loss regained by bits replaced with p = {update.p:g}, "
+        f"{update.n_new} new frames",
+        share,
+        _variance(of_hdc.share),
+        unit="%",
+        n=f"{len(of_hdc)} seeds",
+        word=rule_of(claim.rule, frozen, claim.share).of_one(share) if enough else "",
+        enters=bool(enough),
+        remark=remark,
+        command=measured.record.command,
+        record=place_of(measured),
+    )
+
+
+def _variance(shares: pd.Series) -> float:
+    """Variance of the mean of a share a seed; NaN of a single seed."""
+    if len(shares) < 2:
+        return math.nan
+    return float(np.var(shares, ddof=1)) / len(shares)
+
+
+def _best_updates(
+    name: str, claim: Claim, measured: Measured, in_order: pd.DataFrame
+) -> Iterator[Piece]:
+    """Of each model the update that is best in the new session, with the same new frames."""
+    update = claim.update
+    assert update is not None
+    shown = configs.scene_display(measured.record.scene)
+    at = in_order[(in_order.n_new == update.n_new) & (in_order.method != STORED)]
+    for model, of_model in at.groupby("model", sort=False):
+        means = of_model.groupby("update", sort=False).new.mean()
+        best = means.idxmax()
+        by_seed = of_model[of_model["update"] == best].new
+        yield Piece(
+            name,
+            str(model),
+            f"{measured.record.scene}, {display_name(str(model))}",
+            str(shown["family"]),
+            str(shown["kind"]),
+            f"accuracy after its best update: {best}",
+            mean_interval(by_seed.tolist()),
+            unit="%",
+            n=f"{len(by_seed)} seeds",
+            enters=False,
+            remark="beside: the best on the test frames",
+            command=measured.record.command,
+            record=place_of(measured),
+        )

@@ -1,0 +1,233 @@
+"""Evidence from recordings: accuracy with many and with few frames, objects; simulated scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from experiments.records import configs
+from experiments.records.measurement import Measured
+from experiments.records.results import Group, Results
+from experiments.reporting import published
+from experiments.reporting.columns import display_name
+from experiments.reporting.estimates import difference
+from experiments.reporting.measured import over_units
+from experiments.reporting.study import RUN
+from experiments.reporting.text import SIMULATED
+from experiments.studies.claims.frozen import Claim, Recording, Rules
+from experiments.studies.claims.piece import (
+    Piece,
+    least_variance,
+    measured_by_scene,
+    place_of,
+    variance_of,
+)
+from experiments.studies.claims.rules import rule_of
+from experiments.studies.recordings.values import accuracies, fields_of
+
+PUBLISHED = "published"  # a rival that is a number of the paper
+_OBJECTS = "tactile/test_accuracy"
+
+
+class Compared(NamedTuple):
+    """HDC less a rival on one recording.
+
+    Attributes:
+        by_unit: a difference for each seed or draw, mean over the sizes.
+        sizes: training frames of each class.
+        n_test: test frames of a seed or draw.
+        seeds: whether the units are seeds.
+    """
+
+    by_unit: list[float]
+    sizes: list[int]
+    n_test: float
+    seeds: bool
+
+
+def pieces(name: str, claim: Claim, frozen: Rules, results: Results) -> Iterator[Piece]:
+    """A piece for each rival and recording that is listed, or is a listed fibre through more
+    input fields; then simulated scenes."""
+    found = measured_by_scene(results, claim.experiment)
+    for rival in frozen.rivals_of(name):
+        for scene in sorted(found, key=_place):
+            recording = listed(scene, frozen)
+            if claim.recordings and scene not in claim.recordings:
+                continue
+            for measured in found[scene]:
+                piece = _piece(name, claim, frozen, rival, measured, recording)
+                if piece is not None:
+                    yield piece
+                    break
+        if not claim.recordings and claim.sizes == "full":
+            yield from _simulated(name, claim, frozen, rival, results)
+
+
+def _place(scene: str) -> tuple[float, str]:
+    return float(configs.scene_display(scene)["place"]), scene
+
+
+def listed(scene: str, frozen: Rules) -> Recording | None:
+    """What the rules say of a recording; None of one that is not listed."""
+    return frozen.recordings.get(scene)
+
+
+def _piece(
+    name: str,
+    claim: Claim,
+    frozen: Rules,
+    rival: str,
+    measured: Measured,
+    recording: Recording | None,
+) -> Piece | None:
+    """What one recording says; None where it says nothing."""
+    fields = fields_of(measured)
+    if recording is None and fields == frozen.input_fields:
+        return None
+    form = frozen.forms[claim.form]
+    compared = compare(measured, form, rival, claim, frozen)
+    if compared is None:
+        return None
+    value = over_units(compared.by_unit, compared.seeds)
+    variance = variance_of(compared.by_unit, compared.n_test, compared.seeds)
+    remark = ""
+    if recording is None:
+        remark = f"seen through {fields} input fields"
+    elif not _is_split(measured, recording):
+        remark = "another split than that of the rules"
+    shown = configs.scene_display(measured.record.scene)
+    of_units = "seeds" if compared.seeds else "draws"
+    sizes = " and ".join(map(str, compared.sizes))
+    return Piece(
+        name,
+        rival,
+        measured.record.scene,
+        recording.laboratory if recording else str(shown["family"]),
+        recording.frames if recording else str(shown["kind"]),
+        f"{display_name(form)} less {_rival_name(rival)}",
+        value,
+        variance,
+        status=recording.status if recording else "exploratory",
+        n=f"{len(compared.by_unit)} {of_units}, {sizes} frames per class",
+        word=rule_of(claim.rule, frozen).of_one(value),
+        enters=not remark,
+        remark=remark,
+        command=f"{RUN}{claim.experiment} scene={measured.record.scene}",
+        record=place_of(measured),
+    )
+
+
+def _rival_name(rival: str) -> str:
+    return "the paper's 100 %" if rival == PUBLISHED else display_name(rival)
+
+
+def _is_split(measured: Measured, recording: Recording) -> bool:
+    """Whether the split that counts is that of the rules."""
+    splits = measured.record.config.get("splits") or {}
+    counts = splits.get("counts")
+    if counts is None:  # a record that does not say
+        return True
+    return all(counts.get(key) == value for key, value in recording.split.items())
+
+
+def compare(
+    measured: Measured, form: str, rival: str, claim: Claim, frozen: Rules
+) -> Compared | None:
+    """HDC less its rival by the split that counts, at the sizes of a claim; None where one of the
+    two was not measured, where the sizes cannot be filled, and where both are saturated."""
+    rows = measured.frame
+    models = [form] if rival == PUBLISHED else [form, rival]
+    if not set(models) <= set(rows.model):
+        return None
+    every = accuracies(rows[rows.model.isin(models) | _has_labels(rows)])
+    counts = every[(every.split == "counts") & every.model.isin(models)]
+    by_model = counts.pivot(index="unit", columns=["model", "n"], values="accuracy")
+    units = by_model.dropna(how="all")
+    wanted = frozen.sizes[claim.sizes]
+    complete = [
+        n
+        for n in wanted
+        if all(
+            (model, n) in units and units[model, n].notna().all() for model in models
+        )
+    ]
+    if claim.sizes == "few":
+        sizes = list(wanted) if len(complete) == len(wanted) else []
+    else:
+        sizes = _largest_open(units, models, complete, frozen.saturated)
+    if not sizes:
+        return None
+    less = np.mean([_less(units, models, n) for n in sizes], axis=0)
+    of_test = rows[(rows.model == form) & (rows.split == "counts")].n_test
+    return Compared(
+        less.tolist(), sizes, float(of_test.mean()), rows.seed.nunique() > 1
+    )
+
+
+def _has_labels(rows: pd.DataFrame) -> pd.Series:
+    """The rows that hold the true classes of a draw, whichever model they are of."""
+    if "labels" not in rows:
+        return pd.Series(False, rows.index)
+    return rows.labels.notna()
+
+
+def _largest_open(
+    units: pd.DataFrame, models: Sequence[str], sizes: Sequence[int], saturated: float
+) -> list[int]:
+    """The largest size at which a model is below the accuracy that counts as saturated."""
+    for n in sorted(sizes, reverse=True):
+        if min(float(units[model, n].mean()) for model in models) < saturated:
+            return [n]
+    return []
+
+
+def _less(units: pd.DataFrame, models: Sequence[str], n: int) -> np.ndarray:
+    """HDC less its rival, or less the paper's accuracy, a number a unit."""
+    of_hdc = units[models[0], n].to_numpy(float)
+    if len(models) == 1:
+        theirs = published.numbers()[_OBJECTS].value / 100
+        return of_hdc - theirs
+    return of_hdc - units[models[1], n].to_numpy(float)
+
+
+def _simulated(
+    name: str, claim: Claim, frozen: Rules, rival: str, results: Results
+) -> Iterator[Piece]:
+    """HDC less its rival on simulated scenes, on the same test samples; they enter nothing."""
+    form = frozen.forms[claim.form]
+    scenes = {group.scene for group in results.groups()}
+    for scene in sorted(scenes, key=_place):
+        shown = configs.scene_display(scene)
+        groups = [results.group(scene, model) for model in (form, rival)]
+        value = difference(*(group.runs for group in groups))
+        if shown["kind"] != SIMULATED or value is None:
+            continue
+        remark = ""
+        if scene in frozen.fitted:
+            remark = "fitted to HDC's own accuracy"
+        elif _saturated(groups, frozen):
+            remark = "saturated"
+        n_test = len(groups[0].right)
+        yield Piece(
+            name,
+            rival,
+            scene,
+            str(shown["family"]),
+            SIMULATED,
+            f"{display_name(form)} less {display_name(rival)}",
+            value,
+            least_variance(value.value, n_test),
+            n=f"{len(groups[0].runs)} seeds",
+            word="" if remark else rule_of(claim.rule, frozen).of_one(value),
+            enters=not remark,
+            remark=remark,
+            command=f"{RUN}all_scenes scene={scene}",
+            record="runs.jsonl",
+        )
+
+
+def _saturated(groups: Sequence[Group], frozen: Rules) -> bool:
+    return all(group.right.mean() >= frozen.saturated for group in groups)

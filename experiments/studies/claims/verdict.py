@@ -1,0 +1,183 @@
+"""From pieces of evidence to the word of a claim against a rival."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from experiments.reporting.estimates import Estimate
+from experiments.reporting.random_effects import (
+    Pooled,
+    of_laboratory,
+    random_effects,
+)
+from experiments.reporting.text import SIMULATED
+from experiments.studies.claims.frozen import Claim, Rules
+from experiments.studies.claims.piece import FACTORS, Piece
+from experiments.studies.claims.rules import (
+    UNDECIDED,
+    by_all_ways,
+    refuted,
+    rule_of,
+    shared,
+)
+
+BY_WORDS = ("much_slower", "sharper")  # rules on words of ways and scenes
+_NOTHING = Pooled(Estimate(math.nan), math.nan, math.nan, math.nan, 0)
+
+
+class Verdict(NamedTuple):
+    """The word of a claim against a rival.
+
+    Attributes:
+        word: one of four.
+        because: which test of the numbers gave it.
+        pooled: the number across sensors; of times that of the way with the least ratio; NaN where
+            the rule takes none.
+        frames: kinds that decided.
+        decided_by: the pieces that entered.
+    """
+
+    word: str
+    because: str
+    pooled: Pooled
+    frames: str
+    decided_by: Sequence[Piece]
+
+    def columns(self, unit: str) -> dict[str, Any]:
+        """The columns of a table, in the unit."""
+        return {
+            "word": self.word,
+            "because": self.because,
+            **columns_of(self.pooled, unit),
+            "laboratories": self.pooled.units or None,
+            "frames": self.frames,
+        }
+
+
+def columns_of(pooled: Pooled, unit: str) -> dict[str, Any]:
+    """The mean with its interval and the range for a new sensor, in a unit; bounds of a difference
+    of accuracies end at ±100 points."""
+    factor = FACTORS.get(unit, 1)
+    bounds = [*pooled.mean, pooled.predicted_low, pooled.predicted_high]
+    if unit == "points":
+        bounds = np.clip(bounds, -1, 1).tolist()
+    value, low, high, predicted_low, predicted_high = (
+        factor * bound for bound in bounds
+    )
+    return {
+        "unit": unit,
+        **Estimate(value, low, high).columns("mean"),
+        "predicted_low": predicted_low,
+        "predicted_high": predicted_high,
+    }
+
+
+def settled(piece: Piece, claim: Claim) -> Piece:
+    """A piece that enters only if frames of its kind decide the claim, and if its variance is known
+    where numbers are joined across sensors."""
+    remarks = []
+    if not {"times", piece.frames} & set(claim.decide):
+        remarks.append("simulated frames cannot rank models")
+    is_joined = claim.rule not in BY_WORDS
+    if is_joined and math.isnan(piece.variance):
+        remarks.append("of one draw or seed, so its variance is unknown")
+    if not piece.enters or not remarks:
+        return piece
+    return replace(
+        piece, enters=False, remark="; ".join(filter(None, [piece.remark, *remarks]))
+    )
+
+
+def verdict(claim: Claim, pieces: Sequence[Piece], frozen: Rules) -> Verdict | None:
+    """The verdict on the pieces of one claim and rival; None where there is no evidence."""
+    entering = [piece for piece in pieces if piece.enters]
+    if claim.rule == "much_slower":
+        return _of_times(entering, frozen)
+    if claim.rule == "sharper":
+        return _of_scenes(entering)
+    if entering:
+        return _across_sensors(claim, entering, frozen)
+    words = [p.word for p in pieces if p.frames == SIMULATED and p.word]
+    if not words:
+        return None
+    word = refuted(words)
+    because = "simulated frames alone"
+    return Verdict(word, because, _NOTHING, SIMULATED, [])
+
+
+def of_one_sensor(piece: Piece) -> Verdict:
+    """What one recording says of its sensor, by its own interval."""
+    alone = Pooled(piece.estimate, math.nan, math.nan, 0.0, 1)
+    return Verdict(piece.word, "of this sensor", alone, piece.frames, [piece])
+
+
+def pooled_over(pieces: Sequence[Piece], by_laboratory: bool = True) -> Pooled:
+    """The number across sensors; the unit is a laboratory, or each recording."""
+    units: dict[str, list[Piece]] = {}
+    for piece in pieces:
+        name = piece.laboratory if by_laboratory else piece.evidence
+        units.setdefault(name, []).append(piece)
+    values, variances = [], []
+    for of_unit in units.values():
+        value, variance = of_laboratory(
+            [piece.estimate.value for piece in of_unit],
+            [piece.variance for piece in of_unit],
+        )
+        values.append(value)
+        variances.append(variance)
+    return random_effects(values, variances)
+
+
+def _across_sensors(claim: Claim, entering: Sequence[Piece], frozen: Rules) -> Verdict:
+    """By the rule on the interval of the mean over laboratories."""
+    pooled = pooled_over(entering)
+    rule = rule_of(claim.rule, frozen, claim.share)
+    frames = ", ".join(dict.fromkeys(piece.frames for piece in entering))
+    limit = _limit(rule.limit, entering[0].unit)
+    if pooled.units < claim.least_units:
+        needed = f"{pooled.units} of the {claim.least_units} laboratories needed"
+        return Verdict(UNDECIDED, needed, pooled, frames, entering)
+    word = rule.across(pooled, frozen.few_units)
+    mean = pooled.mean
+    if mean.low > rule.limit:
+        because = f"the interval lies above {limit}"
+    elif mean.high < rule.limit:
+        because = f"the interval lies below {limit}"
+    else:
+        because = f"the interval holds {limit}"
+        if word != UNDECIDED:
+            because = f"the interval holds {limit} and not zero"
+    return Verdict(word, because, pooled, frames, entering)
+
+
+def _limit(limit: float, unit: str) -> str:
+    """A limit in a unit, with its sign where it is a difference."""
+    value = FACTORS.get(unit, 1) * limit
+    text = f"{value:+g}" if unit == "points" else f"{value:g}"
+    return f"{text} {unit}".replace("-", "−")
+
+
+def _of_times(entering: Sequence[Piece], frozen: Rules) -> Verdict | None:
+    """By the words of all ways; no verdict before all were measured."""
+    if {piece.evidence for piece in entering} != set(frozen.ways):
+        return None
+    words = [piece.word for piece in entering]
+    said = ", ".join(f"{piece.evidence}: {piece.word}" for piece in entering)
+    least = min(entering, key=lambda piece: piece.estimate.value)
+    pooled = Pooled(least.estimate, math.nan, math.nan, math.nan, 0)
+    return Verdict(by_all_ways(words), said, pooled, SIMULATED, entering)
+
+
+def _of_scenes(entering: Sequence[Piece]) -> Verdict | None:
+    """By the words of all scenes; a contrast has no mean over scenes."""
+    if not entering:
+        return None
+    words = [piece.word for piece in entering]
+    said = ", ".join(f"{piece.evidence}: {piece.word}" for piece in entering)
+    frames = ", ".join(dict.fromkeys(piece.frames for piece in entering))
+    return Verdict(shared(words), said, _NOTHING, frames, entering)

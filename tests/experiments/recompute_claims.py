@@ -1,0 +1,337 @@
+"""Every number of claims.csv once more, from the records, by code that shares nothing with it.
+
+    python -m tests.experiments.recompute_claims results/reference
+
+Reads ``measured/*/record.json`` and ``rows.jsonl``, the frozen rules and ``tables/claims.csv`` with
+json, csv, YAML and numpy. It follows docs/claims.md, not the code that made the table.
+Exits 1 and names each cell on which the two disagree.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from tests.experiments.recompute_arithmetic import (
+    above,
+    by_laboratory,
+    contrast,
+    of_mean,
+    spread,
+    word_of,
+)
+from tests.experiments.recompute_records import ROOT, Folder, shares, shown
+
+RULES = ROOT / "experiments" / "studies" / "claims" / "rules.yaml"
+PUBLISHED = ROOT / "results" / "published.csv"
+TOLERANCE = 2e-5  # the table has six digits
+CHECKED = ("mean", "mean_low", "mean_high", "predicted_low", "predicted_high")
+
+
+def of_recordings(folder: Folder, rules: dict, name: str, rival: str) -> dict | None:
+    """Accuracy with many or with few frames, objects."""
+    claim = rules["claims"][name]
+    form = rules["forms"][claim.get("form", "published")]
+    evidence, kinds, statuses = [], [], set()
+    for record, rows in folder.measured("recordings"):
+        scene = record["scene"]
+        listed = rules["recordings"].get(scene)
+        allowed = claim.get("recordings") or rules["recordings"]
+        if listed is None or scene not in allowed:
+            continue
+        split = (record["config"].get("splits") or {}).get("counts")
+        if split and any(split.get(k) != v for k, v in listed["split"].items()):
+            continue
+        number = difference(rows, form, rival, claim["sizes"], rules)
+        if number is not None:
+            evidence.append((listed["laboratory"], *number))
+            kinds.append(listed["frames"])
+            statuses.add(listed["status"])
+    if not evidence:
+        return None
+    unseen = statuses == {"confirmatory"}
+    status = "confirmatory" if unseen else "exploratory"
+    return {**by_laboratory(evidence), "kinds": kinds, "status": status}
+
+
+def difference(
+    rows: list[dict], form: str, rival: str, size: str, rules: dict
+) -> tuple[float, float] | None:
+    """HDC less its rival on one recording, and the variance of it."""
+    every = shares(rows)
+    models = [form] if rival == "published" else [form, rival]
+    seeds = len({row["seed"] for row in rows}) > 1
+    unit = 0 if seeds else 1  # seed, or draw
+    units = sorted({place[2:][unit] for place in every if place[0] in models})
+
+    def accuracies(model: str, n: int) -> np.ndarray:
+        per_unit = []
+        for one in units:
+            of_unit = [
+                share
+                for place, share in every.items()
+                if place[:2] == (model, n) and place[2:][unit] == one
+            ]
+            per_unit.append(np.mean(of_unit) if of_unit else math.nan)
+        return np.array(per_unit)
+
+    table = {
+        n: [accuracies(model, n) for model in models] for n in rules["sizes"][size]
+    }
+    full = {n: t for n, t in table.items() if not np.isnan(t).any() and len(units)}
+    if size == "few":
+        chosen = list(full) if len(full) == len(table) else []
+    else:
+        below = [
+            n
+            for n, of_models in full.items()
+            if min(a.mean() for a in of_models) < rules["saturated"]
+        ]
+        chosen = [max(below)] if below else []
+    if not chosen:
+        return None
+    less = np.mean([full[n][0] - theirs(full[n]) for n in chosen], axis=0)
+    tested = [
+        row["n_test"]
+        for row in rows
+        if row["model"] == form and row["split"] == "counts"
+    ]
+    variance = spread(less, float(np.mean(tested)), seeds)
+    return None if math.isnan(variance) else (float(less.mean()), variance)
+
+
+def theirs(of_models: list[np.ndarray]) -> np.ndarray | float:
+    """The rival's accuracies, or the paper's on objects."""
+    if len(of_models) > 1:
+        return of_models[1]
+    with PUBLISHED.open(encoding="utf-8") as file:
+        for line in csv.DictReader(file):
+            if (line["experiment"], line["quantity"]) == ("tactile", "test_accuracy"):
+                return float(line["value"]) / 100
+    raise LookupError("published.csv: no tactile/test_accuracy")
+
+
+def of_drift(folder: Folder, rules: dict, name: str) -> dict | None:
+    """The share of the loss that came back."""
+    claim = rules["claims"][name]
+    update, evidence, kinds = claim["update"], [], []
+    for record, rows in folder.measured("drift"):
+        of_scene = shown(record["scene"])
+        lab, kind = of_scene["family"], of_scene["kind"]
+        by_seed: dict[int, dict[str, list[float]]] = {}
+        for row in rows:
+            if (row["model"], row["order"]) != ("hdc", update["order"]):
+                continue
+            new = row["right_new"] / row["n_test_new"]
+            place = by_seed.setdefault(row["seed"], {"old": [], "new": [], "after": []})
+            if row["method"] == "stored":
+                place["new"].append(new)
+                place["old"].append(row["right_old"] / row["n_test_old"])
+            elif (row["method"], row["p"], row["n_new"]) == (
+                update["method"],
+                update["p"],
+                update["n_new"],
+            ):
+                place["after"].append(new)
+        means = [
+            {key: float(np.mean(values)) for key, values in place.items()}
+            for place in by_seed.values()
+            if all(place.values())
+        ]
+        lost = np.array([m["old"] - m["new"] for m in means])
+        if not len(lost) or lost.mean() < claim["lost"] or (lost <= 0).any():
+            continue
+        share = np.array([m["after"] - m["new"] for m in means]) / lost
+        if kind in claim["decide"] and len(share) > 1:
+            evidence.append((lab, float(share.mean()), share.var(ddof=1) / len(share)))
+            kinds.append(kind)
+    if not evidence:
+        return None
+    return {**by_laboratory(evidence), "kinds": kinds}
+
+
+def of_flips(folder: Folder, rules: dict, name: str, level: float) -> dict | None:
+    """What flipped bits cost HDC."""
+    claim, evidence, kinds = rules["claims"][name], [], []
+    for record, rows in folder.measured("robustness"):
+        of_scene = shown(record["scene"])
+        lab, kind = of_scene["family"], of_scene["kind"]
+        clean: dict[int, list[float]] = {}
+        flipped: dict[int, list[float]] = {}
+        for row in rows:
+            if row["model"] != "hdc":
+                continue
+            share = row["right"] / row["n_test"]
+            if row["disturbance"] == "none":
+                clean.setdefault(row["seed"], []).append(share)
+            elif (row["disturbance"], row["level"]) == ("bit_flips", level):
+                flipped.setdefault(row["seed"], []).append(share)
+        both = sorted(clean.keys() & flipped.keys())
+        less = np.array([np.mean(flipped[s]) - np.mean(clean[s]) for s in both])
+        variance = spread(less, rows[0]["n_test"], seeds=True)
+        if kind in claim["decide"] and not math.isnan(variance):
+            evidence.append((lab, float(less.mean()), variance))
+            kinds.append(kind)
+    if not evidence:
+        return None
+    return {**by_laboratory(evidence), "kinds": kinds}
+
+
+def of_contrasts(folder: Folder, rules: dict, name: str, rival: str) -> list[str]:
+    """The word of each scene."""
+    samples, words = rules["claims"][name]["samples"], []
+    for _, rows in folder.measured("correlation"):
+        sums: dict[tuple[str, int], dict[tuple[str, str], float]] = {}
+        for row in rows:
+            if row["samples"] == samples:
+                place = sums.setdefault((row["kind"], row["seed"]), {})
+                place[row["class_i"], row["class_j"]] = row["value"]
+        kinds = {kind for kind, _ in sums}
+        if not {"prototype", rival} <= kinds:
+            continue
+        seeds = sorted({seed for _, seed in sums})
+        less = np.array(
+            [contrast(sums["prototype", s]) - contrast(sums[rival, s]) for s in seeds]
+        )
+        words.append(above(*of_mean(less), 0.0))
+    return words
+
+
+def of_times(folder: Folder, rules: dict, rival: str) -> dict | None:
+    """Words of all ways, and the way with the least ratio."""
+    found: dict[str, list[float]] = {}
+    for _, rows in folder.measured("times_grid"):
+        for row in rows:
+            if row["model"] == rival:
+                seconds = math.inf if row["seconds"] is None else row["seconds"]
+                found.setdefault(row["way"], []).append(seconds / row["hdc_seconds"])
+    if set(found) != set(rules["ways"]):
+        return None
+    words, least = [], None
+    for ratios in found.values():
+        ordered = sorted(ratios)
+        n, middle = len(ordered), float(np.median(ordered))
+        inner = 0
+        chance = [math.comb(n, j) / 2**n for j in range(n + 1)]
+        while inner < n // 2 and sum(chance[: inner + 1]) <= 0.025:
+            inner += 1
+        low, high = ordered[max(inner, 1) - 1], ordered[n - max(inner, 1)]
+        factor = 1.0 if n >= rules["runs"]["least"] else rules["runs"]["factor"]
+        yes, no = low > factor * rules["times"], high < rules["times"] / factor
+        words.append("yes" if yes else "no" if no else "undecided")
+        if least is None or middle < least["mean"]:
+            least = {"mean": middle, "mean_low": low, "mean_high": high}
+    same = len(set(words)) == 1
+    word = words[0] if same else "partly" if "yes" in words else "undecided"
+    return {**(least or {}), "word": word, "kinds": ["simulated"]}
+
+
+def recompute(folder: Folder, row: dict, rules: dict) -> dict | None:
+    """The cells of a row, by its claim and rival; None where it cannot be computed."""
+    name, rival = row["claim"], row["rival"]
+    claim = rules["claims"][name]
+    rule = claim["rule"]
+    if rule == "much_slower":
+        return of_times(folder, rules, rival)
+    if rule == "sharper":
+        words = of_contrasts(folder, rules, name, rival)
+        if not words:
+            return None
+        return {"word": words[0] if len(set(words)) == 1 else "partly"}
+    if claim["experiment"] == "recordings":
+        found = of_recordings(folder, rules, name, rival)
+    elif claim["experiment"] == "drift":
+        found = of_drift(folder, rules, name)
+    else:
+        level = float(rival.rpartition(" at ")[2].removesuffix(" %")) / 100
+        found = of_flips(folder, rules, name, level)
+    if found is None:
+        return None
+    found["word"] = word_of(rule, found, rules, claim)
+    is_points = row["unit"] == "points"
+    for key in CHECKED:
+        bounded = np.clip(found[key], -1, 1) if is_points else found[key]
+        found[key] = 100 * float(bounded)
+    return found
+
+
+def disagreements(path: Path) -> list[str]:
+    """Cells of the table of a folder of results that the records do not give again, and rows that
+    it lacks."""
+    rules, folder = yaml.safe_load(RULES.read_text("utf-8")), Folder(path)
+    with (path / "tables" / "claims.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    wrong = []
+    for row in rows:
+        folder.named = row["record"]
+        found = recompute(folder, row, rules)
+        where = f"{row['claim']} against {row['rival']}"
+        wrong += [f"{where}, {text}" for text in _different(row, found, rules)]
+    has = {(row["claim"], row["rival"]) for row in rows}
+    for name, claim in rules["claims"].items():
+        for rival in rivals_of(claim, rules):
+            row = {"claim": name, "rival": rival, "unit": "", "record": ""}
+            if (name, rival) not in has and recompute(folder, row, rules):
+                wrong.append(f"{name} against {rival}: missing")
+    return wrong
+
+
+def rivals_of(claim: dict, rules: dict) -> list[str]:
+    """Rivals that have a word; of flips at each of their shares."""
+    rivals = claim.get("rivals") or rules["rivals"]
+    if claim["experiment"] == "drift":
+        return ["its own loss"]
+    levels = claim.get("levels")
+    if not levels:
+        return rivals
+    return [f"{rival} at {100 * level:g} %" for rival in rivals for level in levels]
+
+
+def _different(row: dict, found: dict | None, rules: dict) -> Iterator[str]:
+    """Cells of a row that are not what was recomputed."""
+    if found is None:
+        yield "the records give no number"
+        return
+    again = {
+        "word": found["word"],
+        "rules": str(rules["version"]),
+        "digest": hashlib.sha256(RULES.read_bytes()).hexdigest()[:12],
+    }
+    if "units" in found:
+        again["laboratories"] = str(found["units"])
+    if "status" in found:
+        again["status"] = found["status"]
+    for key, value in again.items():
+        if row[key] != value:
+            yield f"{key}: {row[key]}, recomputed {value}"
+    for key in CHECKED:
+        stated = float(row[key]) if row[key] else math.nan
+        value = found.get(key, math.nan)
+        nothing = math.isnan(stated) and math.isnan(value)
+        close = math.isclose(stated, value, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
+        if not nothing and not close:
+            yield f"{key}: {stated}, recomputed {value}"
+    kinds = set(found.get("kinds", []))
+    if kinds and set(row["frames"].split(", ")) != kinds:
+        yield f"frames: {row['frames']}, recomputed {', '.join(sorted(kinds))}"
+
+
+def main() -> int:
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "results" / "reference")
+    wrong = disagreements(folder)
+    for line in wrong:
+        print(line)
+    if not wrong:
+        print(f"{folder / 'tables' / 'claims.csv'}: every cell recomputed")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
