@@ -73,7 +73,8 @@ def rule_lines(name: str) -> Iterator[str]:
     yield f"rule {rule} (version {of_file['version']}): {settings}"
     function = getattr(rules, rule, None)
     words = (inspect.getdoc(function) or "").partition("\n\nArgs:")[0]
-    yield " ".join(words.split())
+    if words:
+        yield " ".join(words.split())
 
 
 def _plain(value: Any) -> str:
@@ -86,9 +87,9 @@ def _plain(value: Any) -> str:
 
 
 def _tables(folder: Path) -> Iterator[tuple[str, Table]]:
-    """The tables of claims of a results folder that have a row or more for each, by name."""
+    """The tables of a results folder, by name, that have a word on claims."""
     for table in view.STUDY.tables_of(Results(folder), []):
-        if "claim" in table.data and not table.folded:
+        if "claim" in table.data and not set(WORDS).isdisjoint(table.data):
             yield table.name, table
 
 
