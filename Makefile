@@ -38,11 +38,11 @@ stability: $(VENV)  ## numbers at their limits, training as a stiff problem, wha
 report: $(HARNESS)  ## tables, figures and the page from own results and the reference
 	$(BIN)/python -m experiments.report
 
-reproduce: $(VENV)  ## everything again, into results/mine (hours; QUICK=1: fewer seeds)
-	$(BIN)/python -m experiments.reproduce $(if $(QUICK),--quick)
+reproduce: $(VENV)  ## everything again, into results/mine (hours; QUICK=1: fewer seeds; CLAIM=name: of one claim)
+	$(BIN)/python -m experiments.reproduce $(if $(QUICK),--quick) $(if $(CLAIM),--claim $(CLAIM))
 
 reference: reproduce  ## for maintainers: the reproduction becomes results/reference
-	$(BIN)/python -m experiments.reference
+	$(BIN)/python -m experiments.reference --drop-older
 
 docs: $(VENV)  ## the documentation, into site/; any warning stops it
 	$(BIN)/python -m sphinx -q -W --keep-going -b html -d site/.doctrees docs site/html

@@ -12,7 +12,7 @@ import argparse
 import itertools
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from experiments import studies
 from experiments.records.files import REFERENCE, results_dir
 from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
-from experiments.reporting import comparison
+from experiments.reporting import comparison, listing
 from experiments.reporting.against import Comparison, compare
 from experiments.reporting.page import page
 from experiments.reporting.page.page import Block, Picture, Section
@@ -59,7 +59,9 @@ class Answers:
         for study in self.questions:
             self.tables[study.name] = list(study.tables_of(self.results, self.failures))
             quantities += study.quantities_of(self.results, self.failures)
-        self.tables["comparison"] = [comparison.compare(quantities)]
+        # Under mine stands nothing that was not measured.
+        every = comparison.compare(quantities, with_missing=self.name == "reference")
+        self.tables["comparison"] = [every] if len(every.data) else []
         self.tables["runs"] = [runs_table(self.results)]
 
     def draw(
@@ -80,6 +82,22 @@ class Answers:
                 else:
                     self.pictures[study.name].append(picture)
 
+    def every_table(self) -> Iterator[Table]:
+        """The tables of all studies, one after another."""
+        return itertools.chain(*self.tables.values())
+
+    @property
+    def written(self) -> list[Table]:
+        """The tables that get files: runs.jsonl has the runs of the reference."""
+        is_reference = self.name == "reference"
+        return [
+            t for t in self.every_table() if not (is_reference and t.name == "runs")
+        ]
+
+    def older_tables(self) -> list[str]:
+        """Names of the tables that rest on records of older revisions."""
+        return listing.older_tables(self.written, self.results)
+
     def failures_of(self, study: str) -> list[str]:
         """What failed of a study, a line each."""
         return [str(failure) for failure in self.failures if failure.study == study]
@@ -87,8 +105,9 @@ class Answers:
     def write(self, folder: Path, tex: bool = False) -> list[Path]:
         """Write tables and figures as files, and remove those of an earlier report; the files."""
         texts: dict[str, str] = {}
-        for table in itertools.chain(*self.tables.values()):
+        for table in self.written:
             texts |= self._texts_of(table, tex)
+        texts[listing.README] = listing.readme(self.written, self.older_tables())
         for name, text in texts.items():
             write_atomically(folder / name, text)
         written = [folder / name for name in texts]
@@ -105,8 +124,6 @@ class Answers:
     def _texts_of(self, table: Table, tex: bool) -> dict[str, str]:
         """The files of a table by name, with what they contain."""
         if table.name == "runs":
-            if self.name == "reference":
-                return {}  # runs.jsonl has them
             return {"tables/runs.csv": table.csv()}
         texts = {f"tables/{table.name}.md": table.markdown()}
         if tex:
@@ -170,7 +187,7 @@ def write(
         answers.draw(behind=last.results)
     last.draw(REFERENCE / "figures" if last.name == "reference" else None)
     against = _against(sets)
-    if against is not None:
+    if against is not None and against.cells:
         sets[0].tables["against"] = [against.table()]
     sets[0].write(folder, tex)
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
@@ -220,14 +237,11 @@ def _show_all(
 
 
 def _against(sets: Sequence[Answers]) -> Comparison | None:
-    """Own results against the reference; None unless both are there and share a number."""
+    """Own results against the reference; None unless both are there."""
     if len(sets) < 2:
         return None
-    mine, reference = (
-        list(itertools.chain(*answers.tables.values())) for answers in sets
-    )
-    compared = compare(mine, reference)
-    return compared if compared.cells else None
+    mine, reference = (list(answers.every_table()) for answers in sets)
+    return compare(mine, reference)
 
 
 def _sections(sets: Sequence[Answers]) -> list[Section]:
@@ -285,7 +299,15 @@ def _about(answers: Answers) -> str:
     if not old:
         return f"{counts}, all by this code"
     parts = sorted({name for record in old for name in record.outdated})
-    return f"{counts}; {len(old)} by other revisions, {len(parts)} changed since: {parts[0]} …"
+    counts += (
+        f"; {len(old)} by other revisions, {len(parts)} changed since: {parts[0]} …"
+    )
+    tables = answers.older_tables()
+    return (
+        f"{counts}; tables of older revisions: {', '.join(tables)}"
+        if tables
+        else counts
+    )
 
 
 def _drawn(

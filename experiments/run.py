@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import signal
 import sys
 import time
@@ -24,7 +25,11 @@ if __name__ == "__main__":
 import hydra
 import torch
 from hydra.core.hydra_config import HydraConfig
-from hydra.errors import HydraException, MissingConfigException
+from hydra.errors import (
+    HydraException,
+    InstantiationException,
+    MissingConfigException,
+)
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -33,6 +38,7 @@ from rich.markup import escape
 
 from experiments.protocol import job, machine, sweep
 from experiments.records import locks
+from experiments.records.environment import COMMAND
 from experiments.records.files import results_dir
 from experiments.reporting.summary import summarise
 from experiments.reporting.text import printable
@@ -44,6 +50,7 @@ stderr = Console(stderr=True, highlight=False)
 _USER_ERRORS = (ValueError, OSError, HydraException, OmegaConfBaseException)
 # Of this process; those of a launcher's workers come by Hydra.
 _failures: list[Exception] = []
+_left: list[locks.Held] = []  # to other processes
 _warned: set[str] = set()  # what this process has warned of: a sweep says it once
 
 warnings.filterwarnings("ignore", message=".*hydra.run.dir.*")
@@ -78,15 +85,8 @@ def _job(cfg: DictConfig) -> None:
         if _progress is not None and not was_there:
             _progress.took(time.perf_counter() - start)
         summarise(console, record, was_there)
-    except locks.Held as held:
-        console.print(
-            str(held),
-            style="yellow",
-            markup=False,
-            soft_wrap=True,
-        )
     except Exception as error:
-        if not _first:
+        if not _first:  # the process that was given the command line complains
             raise
         _complain(error)
 
@@ -98,18 +98,34 @@ def _carry_out_task(cfg: DictConfig, hydra_cfg: Any) -> None:
     switches = {key: cfg[key] for key in ("device", "cache", "force")}
     start = time.perf_counter()
     with job.exclusive(cfg, console):
-        hydra.utils.instantiate(
-            cfg.task,
-            _recursive_=False,
-            _convert_="all",
-            name=chosen["experiment"],
-            scene_name=chosen["scene"],
-            **switches,
-        )
+        try:
+            hydra.utils.instantiate(
+                cfg.task,
+                _recursive_=False,
+                _convert_="all",
+                name=chosen["experiment"],
+                scene_name=chosen["scene"],
+                **switches,
+            )
+        except InstantiationException as error:
+            raise _of_task(error) from error
     if _progress is not None:
         _progress.took(time.perf_counter() - start)
 
 
+def _of_task(error: InstantiationException) -> Exception:
+    """The error of a task itself, its message with the key in front."""
+    cause = error.__cause__
+    if isinstance(cause, ImportError):  # there is no such task
+        return error
+    if isinstance(cause, ValueError) and not _NAMES_KEY.match(str(cause)):
+        return ValueError(f"task: {cause}")
+    return cause if isinstance(cause, Exception) else error
+
+
+_NAMES_KEY = re.compile(
+    r"[\w./-]+: "
+)  # how a message begins that names a key or a file
 _first = False  # whether this process was given the command line
 _progress: sweep.Progress | None = None  # of a sweep in this process
 
@@ -143,6 +159,10 @@ def _says(task: DictConfig | None, name: str) -> bool:
 
 def _complain(error: Exception) -> None:
     """Show an error and go on: the user's as one line, others with their traceback."""
+    if isinstance(error, locks.Held):
+        _left.append(error)
+        console.print(str(error), style="yellow", markup=False, soft_wrap=True)
+        return
     _failures.append(error)
     if isinstance(error, _USER_ERRORS):
         text = "\n".join(map(printable, _message(error).splitlines()))
@@ -171,6 +191,8 @@ def _message(error: BaseException) -> str:
     if isinstance(error, MissingConfigException) and error.options:
         group, _, name = str(error.missing_cfg_file).rpartition("/")
         return f"{group}: expected one of {', '.join(error.options)}, found {name}"
+    if isinstance(error, InstantiationException):
+        return _of_target(error)
     if isinstance(error, HydraException | OmegaConfBaseException):
         lines = (line.strip() for line in str(error).splitlines())
         skipped = ("See https:", "object_type=")  # name nothing of the user's
@@ -180,13 +202,30 @@ def _message(error: BaseException) -> str:
     return str(error).strip()
 
 
+def _of_target(error: InstantiationException) -> str:
+    """What Hydra could not build: the key, and why."""
+    _, _, key = str(error).partition("full_key: ")
+    found = re.search(r"locating target '([^']*)'", str(error))
+    place = key.strip() or "config"
+    if found:
+        expected = "the dotted name of a class or a function"
+        return f"{place}._target_: expected {expected}, found {found[1]}"
+    reason = error.__cause__ or str(error).splitlines()[0]
+    return f"{place}: {reason}"
+
+
 def entry_point() -> None:
-    """:func:`main`, with a user's error shown as one line; exits with 1 after any error."""
+    """:func:`main`, with a user's error shown as one line.
+
+    It exits with 1 after any error, and with :data:`locks.LEFT` where runs were left to another
+    process.
+    """
     global _first
     _first = True
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # Hydra's own errors come here, and leave as one line.
     os.environ["HYDRA_FULL_ERROR"] = "1"
+    os.environ[COMMAND] = shlex.join(["python", "-m", "experiments.run", *sys.argv[1:]])
     warnings.showwarning = _warn  # type: ignore[assignment]
     # A scheduler's or a user's end of a run is written into its record, a closed terminal's too.
     for number in (signal.SIGTERM, signal.SIGHUP):
@@ -198,7 +237,9 @@ def entry_point() -> None:
         sys.exit(128 + signal.SIGINT)
     except Exception as error:
         _complain(error)
-    sys.exit(1 if _failures else 0)
+    if _failures:
+        sys.exit(1)
+    sys.exit(locks.LEFT if _left else 0)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from experiments.protocol import machine
 from experiments.protocol.model import instantiate
 from experiments.protocol.settings import Settings, check_arguments, checked, leaves
 from experiments.protocol.trial import train_and_test
-from experiments.records import configs, locks
+from experiments.records import configs, locks, steps
 from experiments.records import record as records
 from experiments.records.environment import command, environment
 from experiments.records.files import results_dir
@@ -95,6 +95,7 @@ def run(
     data = scene.fingerprint()
     names = {key: choices.get(key) or "custom" for key in _OF_FILES}
     identity = records.run_id(names["scene"], names["model"], config, data)
+    steps.add(identity)
     entry: dict[str, Any] = {
         "schema": records.SCHEMA,
         "id": identity,

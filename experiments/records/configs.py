@@ -66,6 +66,15 @@ def reproduction() -> tuple[dict[str, Any], ...]:
     return tuple(steps)
 
 
+@functools.cache
+def launchers() -> dict[str, str]:
+    """The launchers of ``configs/hydra/launcher``, by name: the class of each."""
+    paths = sorted((CONFIGS / "hydra" / "launcher").glob("*.yaml"))
+    return {
+        path.stem: str(_file("hydra/launcher", path.stem)._target_) for path in paths
+    }
+
+
 def numbers(values: Sequence[str]) -> list[int | None]:
     """Values of a sweep as integers; null is None."""
     return [None if value == "null" else int(value) for value in values]
@@ -91,8 +100,9 @@ def display(model: str) -> dict[str, str]:
 def scene_display(scene: str) -> dict[str, Any]:
     """How tables and figures show a scene: ``name``, ``frames`` (what they are), ``kind``
     (``captured`` by a camera, ``computed`` from measured matrices, or ``simulated``), ``family``
-    (the laboratory it comes from), ``place`` among the others, and ``fitted``: whether parameters
-    of the scene were chosen by HDC's own accuracy on it.
+    (the laboratory it comes from), ``place`` among the others, ``fitted``: whether parameters of
+    the scene were chosen by HDC's own accuracy on it, and ``figure``: of the paper, which shows the
+    confusion of its classes.
 
     One that is not in ``configs/scene/`` is shown by its name, as a family of its own, last.
     """
@@ -103,6 +113,7 @@ def scene_display(scene: str) -> dict[str, Any]:
         "family": scene,
         "place": math.inf,
         "fitted": False,
+        "figure": "",
     }
     if is_known("scene", scene):
         return shown | _inherited("scene", scene, "scene_display")

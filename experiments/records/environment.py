@@ -27,6 +27,9 @@ _PACKAGES = (
     "numkong",
     "numba",
 )
+COMMAND = (
+    "EXPERIMENTS_COMMAND"  # variable with the command line, for workers of a launcher
+)
 _COMPUTING = ("torch", "numpy")  # whose versions may move a number
 
 
@@ -89,15 +92,16 @@ def environment(device: str, threads: int) -> dict[str, Any]:
         "threads": threads,
         "device": name,
         "packages": {name: _version(name) for name in _PACKAGES},
-        "commit": _commit(),
+        "commit": commit(),
         "dirty": _is_dirty(),
         "changes": changes(),
     }
 
 
 def command() -> str:
-    """The command line that started this process, as a user would type it."""
-    return shlex.join(["python", "-m", "experiments.run", *sys.argv[1:]])
+    """The command line of ``experiments.run`` as a user typed it, in workers of a launcher too."""
+    typed = ["python", "-m", "experiments.run", *sys.argv[1:]]
+    return os.environ.get(COMMAND) or shlex.join(typed)
 
 
 @functools.cache
@@ -133,7 +137,8 @@ def changes(*packages: str) -> str | None:
 
 
 @functools.cache
-def _commit() -> str | None:
+def commit() -> str | None:
+    """The commit of the checkout; None where it is no checkout."""
     return _ask_git("rev-parse", "HEAD")
 
 

@@ -20,7 +20,7 @@ import msgspec
 import pandas as pd
 from rich.console import Console
 
-from experiments.records import locks
+from experiments.records import locks, steps
 from experiments.records.entry import SCHEMA, Entry, name_of
 from experiments.records.environment import changes, command, environment
 from experiments.records.files import results_dir
@@ -124,6 +124,7 @@ def measure(
         determining["device"] = device
     identity = name_of(name, determining, data)
     folder = results_dir() / "measured" / identity
+    steps.add(identity)
     with locks.held(folder / locks.FILE, folder.name):
         known = None if force else read(folder)
         if known is not None and known.record.status == "finished":

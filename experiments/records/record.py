@@ -189,7 +189,15 @@ def append(
     curve: Curve,
 ) -> None:
     """Add a record, plain values, to the runs of a results folder."""
-    line = to_line(entry, curve)
+    _append(folder, to_line(entry, curve))
+
+
+def append_decoded(folder: Path, entry: Mapping[str, Any]) -> None:
+    """Add a decoded line of another folder to the runs of a results folder."""
+    _append(folder, msgspec.json.encode(entry, order="sorted").decode())
+
+
+def _append(folder: Path, line: str) -> None:
     lock = locks.held(folder / "cache" / "locks" / RUNS, timeout_s=-1)
     with lock, (folder / RUNS).open("a+b") as file:
         if file.tell():  # a line that a kill cut short must not spoil the next

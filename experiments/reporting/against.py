@@ -67,6 +67,7 @@ class Comparison:
     def lines(self) -> Iterator[str]:
         """How many cells are what, the ratio of times, and the first that lie outside."""
         if not self.cells:
+            yield "own against reference: no number of both has an interval"
             return
         counts = ", ".join(f"{len(self.of(v))} {v}" for v in (EQUAL, WITHIN, OUTSIDE))
         text = f"own against reference, {len(self.cells)} cells: {counts}"

@@ -44,6 +44,7 @@ COLUMNS = (
     ),
     "note",
 )
+MISSING = "missing"  # verdict on a number that was not measured
 _SETTINGS = ("table1/learning_rate", "touch/labels")
 # What makes an experiment of published.csv where that is not the one of its name.
 _MAKES = dict.fromkeys(("finger", "spatial", "tactile"), "all_scenes") | {
@@ -51,8 +52,13 @@ _MAKES = dict.fromkeys(("finger", "spatial", "tactile"), "all_scenes") | {
 }
 
 
-def compare(quantities: Iterable[Quantity]) -> Table:
-    """The table, in the order of published.csv, of what was measured of it."""
+def compare(quantities: Iterable[Quantity], with_missing: bool = True) -> Table:
+    """The table, in the order of published.csv.
+
+    Args:
+        quantities: what was measured of it.
+        with_missing: whether numbers that were not measured have a row, which says so.
+    """
     found: dict[str, list[Quantity | None]] = {}
     for quantity in quantities:
         found.setdefault(quantity.name, []).append(quantity)
@@ -61,6 +67,8 @@ def compare(quantities: Iterable[Quantity]) -> Table:
         for name, known in published.numbers().items()
         for ours in found.get(name, [None])
     ]
+    if not with_missing:
+        rows = [row for row in rows if row["verdict"] != MISSING]
     return Table(
         "comparison",
         TITLE,
@@ -83,7 +91,7 @@ def compare(quantities: Iterable[Quantity]) -> Table:
 def verdict(known: Published, ours: Quantity | None) -> str:
     """What to think of a number: the first that applies."""
     if ours is None or ours.value is None:
-        return "missing"
+        return MISSING
     if known.name in _SETTINGS:
         return _setting(known.value, ours.value)
     if isinstance(ours.value, str):

@@ -21,16 +21,23 @@ from functools import partial
 from types import ModuleType
 from typing import Any
 
-from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import Column
 from experiments.reporting.estimates import Estimate
+from experiments.reporting.sources import Of, Source, sources, with_places
 from experiments.reporting.table import Table
-from experiments.reporting.text import frames_of
 
 RUN = "python -m experiments.run experiment="
 WIDTH = 3.4  # in, one column of a journal
-Of = str | Sequence[str] | None
+__all__ = [
+    "Failure",
+    "Plot",
+    "Quantity",
+    "Study",
+    "own_studies",
+    "studies",
+    "with_places",
+]
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
@@ -143,7 +150,7 @@ class Study:
             shown, columns, folded, commands, key: as :class:`Table` has them.
         """
 
-        def make(source: _Source, function: Callable[..., Any]) -> Iterator[Table]:
+        def make(source: Source, function: Callable[..., Any]) -> Iterator[Table]:
             data = function(*source.arguments)
             if data is None or not len(data):
                 return
@@ -194,7 +201,7 @@ class Study:
             chart: of the function's other arguments: the figure's interactive form, Vega-Lite.
         """
 
-        def make(source: _Source, function: Callable[..., Any]) -> Iterator[Plot]:
+        def make(source: Source, function: Callable[..., Any]) -> Iterator[Plot]:
             if needs(*source.arguments):
                 draw = partial(_draw, function, source.arguments, size, over)
                 made_by = tuple(commands) or source.commands
@@ -212,7 +219,7 @@ class Study:
     def quantities(self, *, of: Of = None) -> Decorator:
         """Register a generator of :class:`Quantity`; of measurements on their own frames only."""
 
-        def make(source: _Source, function: Callable[..., Any]) -> Iterator[Quantity]:
+        def make(source: Source, function: Callable[..., Any]) -> Iterator[Quantity]:
             if not source.suffix:
                 yield from function(*source.arguments)
 
@@ -250,7 +257,7 @@ class Study:
         for maker in self._makers:
             if maker.kind is not kind:
                 continue
-            for source in _sources(results, maker.of):
+            for source in sources(results, maker.of):
                 try:
                     yield from maker.make(source, maker.function)
                 except Exception as error:
@@ -296,73 +303,6 @@ class _Maker:
     of: Of
     make: Callable[..., Iterator[Any]]
     function: Callable[..., Any]
-
-
-@dataclass(frozen=True)
-class _Source:
-    """Arguments of a registered function, and the suffix of its answer's name."""
-
-    arguments: tuple[Any, ...]
-    suffix: str = ""
-    commands: tuple[str, ...] = ()
-    measured: Measured | None = None
-
-    def fill(self, text: str) -> str:
-        """A text with the frames and the machine of the measurement put in."""
-        if self.measured is None:
-            return text
-        env = self.measured.record.environment
-        threads = "1 thread" if env.threads == 1 else f"{env.threads} threads"
-        parts = [env.cpu, threads]
-        if env.device not in (None, "cpu"):
-            parts.insert(0, env.device)
-        text = text.replace("{frames}", frames_of(self.measured.rows))
-        return text.replace("{machine}", ", ".join(parts))
-
-
-def _sources(results: Results, of: Of) -> Iterator[_Source]:
-    if of is None:
-        if results:
-            yield _Source((results,))
-        return
-    names = [of] if isinstance(of, str) else list(of)
-    for suffix, first in with_places(results, names[0]):
-        every = [first]
-        for name in names[1:]:
-            found = _on_the_same_scene(results, name, first)
-            if found is not None:
-                every.append(found)
-        if len(every) < len(names):
-            continue
-        commands = dict.fromkeys(one.record.command for one in every)
-        frames = [one.frame for one in every]
-        arguments = (*frames, first.record.config)
-        yield _Source(arguments, suffix, tuple(commands), first)
-
-
-def _on_the_same_scene(results: Results, name: str, other: Measured) -> Measured | None:
-    """The first measurement of that name on the frames of another."""
-    scene = other.record.config.get("scene")
-    for _, measured in with_places(results, name):
-        if measured.record.config.get("scene") == scene:
-            return measured
-    return None
-
-
-def with_places(results: Results, name: str) -> Iterator[tuple[str, Measured]]:
-    """The measurement on the experiment's own frames, then those on others, each with the suffix
-    of the names of its tables and figures."""
-    suffixes: set[str] = set()
-    if (measured := results.measured(name)) is not None:
-        yield "", measured
-    for measured in results.measurements:
-        if measured.record.name != name or not measured.of_other_frames:
-            continue
-        suffix = f"_{measured.record.scene or measured.folder.name}"
-        if suffix in suffixes:  # the same scene with other settings
-            suffix = f"_{measured.folder.name}"
-        suffixes.add(suffix)
-        yield suffix, measured
 
 
 def _draw(

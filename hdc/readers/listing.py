@@ -271,11 +271,10 @@ def _nothing_found(where: Path, other_files: list[str]) -> str:
         found = ", ".join(other_files[:3])
         return f"{wanted}, found {len(other_files)} other files, {found}"
     images = "1 image" if len(loose) == 1 else f"{len(loose)} images"
-    hint = f"found {images} and no sub-folder"
-    parent = where.resolve().parent
-    if _class_folders(parent) > 1:
-        hint += f"; did you mean {_parent_of(where)}?"
-    return f"{wanted}, {hint}"
+    if _class_folders(where.resolve().parent) > 1:
+        meant = _parent_of(where)
+        return f"{where} holds {images} and no class folders; did you mean {meant}?"
+    return f"{wanted}, found {images} and no sub-folder"
 
 
 def _class_folders(folder: Path) -> int:

@@ -6,8 +6,12 @@ import shutil
 import pytest
 
 from experiments import reference
+from experiments.records import steps
 from experiments.records.files import ROOT
 from experiments.records.results import Results
+from experiments.reporting import documents
+from experiments.reproduction import took
+from experiments.reproduction.adopt import Adopted, adopt, go_on_from
 
 OLD = {"experiments": 0}  # revisions of an earlier protocol
 
@@ -19,6 +23,7 @@ def target(tmp_path, monkeypatch):
     folder.mkdir()
     monkeypatch.setattr(reference, "REFERENCE", folder)
     monkeypatch.setattr(reference, "README", tmp_path / "README.md")
+    monkeypatch.setattr(reference, "DOCS", tmp_path / "docs")
     monkeypatch.setattr(reference.report, "REFERENCE", folder)
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
     return folder
@@ -32,12 +37,12 @@ def test_finished_runs_are_adopted_and_what_was_there_stays(
 ):
     write_run("hdc", wrong=[0])
     write_run("cnn1", status="failed")
-    reference.adopt(tmp_path, target)
+    adopt(tmp_path, target)
     lines = (target / "runs.jsonl").read_text().splitlines()
     assert len(lines) == 1
     (tmp_path / "runs.jsonl").unlink()
     write_run("softmax")
-    reference.adopt(tmp_path, target)
+    adopt(tmp_path, target)
     assert (target / "runs.jsonl").read_text().splitlines()[0] == lines[0]
     found = Results(target)
     assert found.problems == []
@@ -45,22 +50,78 @@ def test_finished_runs_are_adopted_and_what_was_there_stays(
     assert found.group("touch", "hdc").right.sum() == 99
     # The same run measured again takes the place of the one before.
     write_run("hdc", wrong=range(5))
-    reference.adopt(tmp_path, target)
+    adopt(tmp_path, target)
     assert Results(target).group("touch", "hdc").right.sum() == 95
 
 
-def test_records_of_other_revisions_leave(
+def test_records_of_other_revisions_stay_until_they_are_replaced_or_dropped(
     tmp_path, target, write_run, write_measurement
 ):
     write_run("hdc", seed=1, made_by=OLD)
+    write_run("hdc", seed=0, made_by=OLD)
     write_measurement("drift", [{"a": 1}], revisions=OLD)
+    write_measurement("crossing", [{"a": 1}], revisions=OLD)
     shutil.move(tmp_path / "runs.jsonl", target / "runs.jsonl")
     shutil.move(tmp_path / "measured", target / "measured")
-    assert len(Results(target).runs) == len(Results(target).measurements) == 1
-    again = write_run("hdc")
-    reference.adopt(tmp_path, target)
+    again = write_run("hdc", seed=0)
+    write_measurement("drift", [{"a": 2}])
+    assert adopt(tmp_path, target) == Adopted(1, 1, 0)
+    found = Results(target)
+    assert sorted((run.record.seed, bool(run.outdated)) for run in found.runs) == [
+        (0, False),
+        (1, True),
+    ]
+    # A row of a table rests on one revision.
+    assert [run.record.id for run in found.group("touch", "hdc").runs] == [again]
+    assert found.measured("drift").rows == [{"a": 2}]
+    assert found.measured("crossing").outdated
+    adopt(tmp_path, target, drop_older=True)
     assert {run.record.id for run in Results(target).runs} == {again}
-    assert Results(target).measurements == []
+    assert [m.record.name for m in Results(target).measurements] == ["drift"]
+
+
+def a_step(folder, name, mode, status, *records):
+    """What the runner leaves of a step that touched these records."""
+    path = steps.place(folder, mode, name)
+    steps.begin(path)
+    path.write_text("".join(f"{record}\n" for record in records))
+    row = {"step": name, "mode": mode, "command": f"c {name}", "seconds": 1.0}
+    took.note(folder, {**row, "peak_bytes": 1, "status": status, "commit": "c" * 40})
+
+
+def test_a_step_enters_whole_or_not_at_all(
+    tmp_path, target, write_run, write_measurement
+):
+    one, two, both = write_run("hdc"), write_run("softmax"), write_run("ridge")
+    drift = write_measurement("drift", [{"a": 1}])["id"]
+    a_step(tmp_path, "first", "full", "finished", one, both)
+    a_step(tmp_path, "second", "full", "interrupted", two, both)
+    a_step(tmp_path, "third", "quick", "finished", drift)
+    assert adopt(tmp_path, target) == Adopted(2, 0, 2)
+    assert {run.record.id for run in Results(target).runs} == {one, both}
+    assert {row["step"] for row in took.read(target).values()} == {"first", "third"}
+    a_step(tmp_path, "second", "full", "finished", two, both)
+    a_step(tmp_path, "fourth", "full", "finished", drift)
+    assert adopt(tmp_path, target) == Adopted(3, 1, 0)
+
+
+def test_another_machine_goes_on_from_the_reference(
+    tmp_path, target, write_run, write_measurement
+):
+    first = write_run("hdc")
+    write_run("softmax", made_by=OLD)
+    drift = write_measurement("drift", [{"a": 1}])["id"]
+    write_measurement("crossing", [{"a": 1}], revisions=OLD)
+    shutil.move(tmp_path / "runs.jsonl", target / "runs.jsonl")
+    shutil.move(tmp_path / "measured", target / "measured")
+    (target / "measured" / drift).rename(target / "measured" / "drift")
+    a_step(target, "first", "full", "finished", first)
+    own = tmp_path / "own"
+    assert go_on_from(target, own) == 2
+    assert go_on_from(target, own) == 0
+    assert [run.record.id for run in Results(own).runs] == [first]
+    assert [m.folder.name for m in Results(own).measurements] == [drift]
+    assert [row["status"] for row in took.read(own).values()] == ["finished"]
 
 
 @pytest.mark.parametrize(
@@ -82,17 +143,17 @@ def test_what_is_of_no_commit_or_of_other_revisions_stays_outside(
     } | environment
     write_measurement("drift", [{"a": 1}], environment=made_by)
     write_measurement("crossing", [{"a": 1}], revisions=OLD)
-    reference.adopt(tmp_path, target)
+    adopt(tmp_path, target)
     found = Results(target)
     assert (found.runs, found.measurements) == ([], [])
 
 
 def test_the_same_row_of_another_config_takes_the_place(tmp_path, target, write_run):
     before = write_run("hdc", change={"model.readout.seed": 3})
-    reference.adopt(tmp_path, target)
+    adopt(tmp_path, target)
     (tmp_path / "runs.jsonl").unlink()
     again = write_run("hdc")
-    reference.adopt(tmp_path, target)
+    adopt(tmp_path, target)
     assert before != again
     assert {run.record.id for run in Results(target).runs} == {again}
 
@@ -106,7 +167,7 @@ def test_measurements_are_adopted_but_those_of_own_recordings(
     old = target / "measured" / "drift"
     old.mkdir(parents=True)
     (old / "left over.png").write_text("")
-    reference.adopt(tmp_path, target)
+    adopt(tmp_path, target)
     files = {path.relative_to(target / "measured").as_posix()
              for path in (target / "measured").rglob("*") if path.is_file()}  # fmt: skip
     assert files == {"drift/record.json", "drift/rows.jsonl"}
@@ -155,12 +216,22 @@ def test_the_committed_reference_skipped_nothing_and_names_no_folder_of_a_machin
 # README.md ----------------------------------------------------------------------------------------
 
 
-def test_every_block_of_the_readme_has_a_source_and_says_what_is_missing(target):
+def test_every_part_that_fills_the_readme_stands_there_and_says_what_is_missing(target):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    filled = reference.fill(text)
-    blocks = re.findall(r"<!-- begin (\w+) -->\n(.*)\n<!-- end \1 -->", filled)
-    assert {name for name, _ in blocks} == set(
-        re.findall(r"<!-- begin (\w+) -->", text)
-    )
-    assert blocks
-    assert all(line.startswith("*missing: ") for _, line in blocks)
+    parts = reference.readme_parts()
+    filled = documents.fill(text, parts)
+    blocks = dict(re.findall(r"<!-- begin (\w+) -->\n(.*)\n<!-- end \1 -->", filled))
+    assert set(blocks) >= set(parts)
+    assert all(blocks[name].startswith("*missing: ") for name in parts)
+
+
+def test_parts_of_the_docs_are_filled_too(target, write_run, tmp_path):
+    reference.README.write_text("")
+    reference.DOCS.mkdir()
+    page = reference.DOCS / "gallery.md"
+    page.write_text("# Gallery\n<!-- begin gallery -->\n<!-- end gallery -->\n")
+    write_run("hdc", wrong=range(2))
+    assert reference.main([]) == 0
+    text = page.read_text()
+    assert "/figures/" in text
+    assert "    python -m experiments." in text

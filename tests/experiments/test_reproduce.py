@@ -4,15 +4,26 @@ import io
 import os
 import subprocess
 import sys
+import threading
+import time
+from pathlib import Path
 
+import pandas as pd
 import pytest
 from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 from rich.console import Console
 
 from experiments import reproduce
+from experiments.records import steps as records_of
 from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
-from experiments.reproduce import Step, steps
+from experiments.records.results import Results
+from experiments.reporting.table import Table
+from experiments.reproduction import calls, claim, took
+from experiments.reproduction import steps as steps_of
+from experiments.reproduction.steps import WHAT, Step, claims, cost, plain, steps
+from experiments.studies.claims import rules
 
 NOTHING, FAILING = ("json.tool", "--help"), ("json.tool", "/nowhere")
 
@@ -22,11 +33,11 @@ def commands(monkeypatch):
     """The commands that were run; each is run in a moment, those on /nowhere fail."""
     made = []
 
-    def run(step, mode, results):
+    def run(step, mode, results, lanes):
         made.append(step.name)
         return "failed with 1" if "/nowhere" in step.words else "finished"
 
-    monkeypatch.setattr(reproduce, "measured", run)
+    monkeypatch.setattr(calls, "measured", run)
     return made
 
 
@@ -37,7 +48,7 @@ def console():
 # The list -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mode", reproduce.WHAT)
+@pytest.mark.parametrize("mode", WHAT)
 def test_every_step_names_something_that_exists(mode):
     found = steps(mode)
     assert len({step.name for step in found}) == len(found)
@@ -55,7 +66,7 @@ def test_every_step_names_something_that_exists(mode):
                 assert (CONFIGS / key / f"{name}.yaml").is_file(), (step.name, word)
 
 
-@pytest.mark.parametrize("mode", reproduce.WHAT)
+@pytest.mark.parametrize("mode", WHAT)
 def test_every_step_composes(mode):
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         for step in steps(mode):
@@ -78,7 +89,7 @@ def test_a_step_without_the_data_it_needs_is_skipped_and_that_is_said(
     monkeypatch.delenv("SOME_DATA", raising=False)
     shown = console()
     found = [Step("one", NOTHING, 1, "SOME_DATA"), Step("two", NOTHING, 1)]
-    assert reproduce.run(found, "full", tmp_path, shown) == 0
+    assert calls.run(found, "full", tmp_path, shown) == 0
     assert commands == ["two"]
     assert "SOME_DATA" in shown.file.getvalue()
 
@@ -103,16 +114,16 @@ def test_it_goes_on_after_a_failure_and_tells_of_it_at_the_end(tmp_path, command
         Step("two", FAILING, 90),
         Step("three", NOTHING, 1),
     ]
-    assert reproduce.run(chosen, "full", tmp_path, out) == 1
+    assert calls.run(chosen, "full", tmp_path, out) == 1
     assert commands == ["one", "two", "three"]
     assert "failed: two" in out.file.getvalue().splitlines()[-1]
-    assert reproduce.run(chosen[:1], "full", tmp_path, console()) == 0
+    assert calls.run(chosen[:1], "full", tmp_path, console()) == 0
 
 
 def test_seconds_memory_and_status_of_commands(tmp_path):
     (tmp_path / "large.py").write_text("held = bytearray(b'x' * 200_000_000)")
     code = (
-        "from pathlib import Path; from experiments.reproduce import Step, measured\n"
+        "from pathlib import Path; from experiments.reproduction.calls import Step, measured\n"
         "for name in ('large', 'this', 'nowhere'):\n"
         f"    measured(Step(name, (name,), 1), 'full', Path({str(tmp_path)!r}))"
     )
@@ -121,7 +132,7 @@ def test_seconds_memory_and_status_of_commands(tmp_path):
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=True,
         env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"},
     )  # fmt: skip
-    large, small, failed = (reproduce.read(tmp_path)[name, "full"]
+    large, small, failed = (took.read(tmp_path)[name, "full"]
                             for name in ("large", "this", "nowhere"))  # fmt: skip
     assert [row["status"] for row in (large, small, failed)] == [
         "finished", "finished", "failed with 1",
@@ -139,8 +150,8 @@ ROW = {"step": "hdc", "mode": "full", "command": "c"}
 def noted(folder, *calls, **more):
     for seconds, status in calls:
         row = {**ROW, "seconds": seconds, "peak_bytes": 7, "status": status, **more}
-        reproduce.note(folder, row)
-    (row,) = reproduce.read(folder).values()
+        took.note(folder, row)
+    (row,) = took.read(folder).values()
     return float(row["seconds"]), row["status"]
 
 
@@ -150,8 +161,8 @@ def noted(folder, *calls, **more):
         (["40 interrupted", "30 interrupted", "5 finished"], (75, "finished")),
         (["40 failed with 1", "30 finished"], (70, "finished")),
         (["40 finished", "1 finished"], (40, "finished")),
-        (["40 finished", "1 interrupted"], (40, "finished")),
-        (["40 finished", "1 failed with 2"], (1, "failed with 2")),
+        (["40 finished", "1 interrupted"], (40, "interrupted")),
+        (["40 finished", "1 failed with 2"], (40, "failed with 2")),
     ],
     ids=str,
 )
@@ -189,19 +200,147 @@ def test_steps_that_time_nothing_run_two_at_a_time_with_one_thread(
         Step("one", ("meeting", *places), 1, timed=False),
         Step("two", ("meeting", *places[::-1]), 1, timed=False),
     ]
-    assert reproduce.run(chosen, "full", tmp_path, console()) == 0
-    rows = reproduce.read(tmp_path).values()
+    assert calls.run(chosen, "full", tmp_path, console()) == 0
+    rows = took.read(tmp_path).values()
     assert [row["lanes"] for row in rows] == [2, 2]
-    assert sum(map(reproduce.wall_seconds, rows)) < 20
+    assert sum(map(took.wall_seconds, rows)) < 20
 
 
-def test_timed_steps_have_the_machine_alone():
-    steps = [Step(str(k), NOTHING, 1, timed=k in (2, 5)) for k in range(7)]
-    lanes = [[step.name for step in lane] for lane in reproduce._lanes(steps)]
-    assert lanes == [["0", "1"], ["2"], ["3", "4"], ["5"], ["6"]]
+def test_timed_steps_have_the_machine_alone(tmp_path, monkeypatch):
+    together, running = {}, set()
+    lock = threading.Lock()
+
+    def call(step, mode, results, lanes):
+        with lock:
+            running.add(step.name)
+        time.sleep(0.05)
+        with lock:
+            together[step.name] = set(running)
+            running.remove(step.name)
+        return "finished"
+
+    monkeypatch.setattr(calls, "measured", call)
+    found = [Step(str(k), NOTHING, 1, timed=k in (2, 5)) for k in range(7)]
+    assert calls.run(found, "full", tmp_path, console()) == 0
+    assert together["2"] == {"2"}
+    assert together["5"] == {"5"}
+    assert {"0", "1"} <= together["0"] | together["1"]
+    assert max(map(len, together.values())) == 2
 
 
 def test_a_run_that_times_nothing_has_one_thread_and_does_not_wait():
     step = Step("one", ("experiments.run", "-m", "threads=1"), 1, timed=False)
     assert step.command == "python -m experiments.run -m threads=1 exclusive=false"
     assert Step("one", ("experiments.run",), 1).command == "python -m experiments.run"
+
+
+# Launchers ----------------------------------------------------------------------------------------
+
+
+def test_a_launcher_gets_the_steps_that_time_nothing():
+    words = ("experiments.run", "experiment=drift")
+    found = [Step("a", words, 1), Step("b", words, 1, timed=False)]
+    alone, handed = steps_of.handed_over(found, "joblib")
+    assert alone.command == "python -m experiments.run experiment=drift"
+    assert handed.command == (
+        "python -m experiments.run -m experiment=drift hydra/launcher=joblib threads=1"
+    )
+    assert plain(handed.command) == plain(found[1].command) == alone.command
+
+
+def test_a_launcher_that_is_not_there_is_one_line(monkeypatch, capsys):
+    assert reproduce.main(["--launcher", "ray", "--list"]) == 2
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith("error: --launcher: expected one of joblib, submitit_local")
+    missing = {"joblib": "hydra_plugins.hydra_nowhere_launcher.Launcher"}
+    monkeypatch.setattr(steps_of.configs, "launchers", lambda: missing)
+    assert reproduce.main(["--launcher", "joblib", "--list"]) == 2
+    (line,) = capsys.readouterr().out.splitlines()
+    assert "found no hydra-nowhere-launcher for joblib; pip install" in line
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
+def test_a_step_by_a_launcher_leaves_its_records_and_is_found_finished(
+    launcher, recording, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "results"))
+    words = ("experiments.run", "scene=recorded", f"scene.path={recording()}")
+    step = Step("some", words, 1, timed=False, launcher=launcher)
+    assert calls.measured(step, "full", tmp_path / "results", 2) == "finished"
+    ((_, _, names),) = records_of.read(tmp_path / "results")
+    (run,) = Results(tmp_path / "results").runs
+    assert names == {run.record.id}
+    assert plain(run.record.command) == plain(step.command)
+    assert calls.measured(step, "full", tmp_path / "results", 2) == "finished"
+    assert len(Results(tmp_path / "results").runs) == 1
+
+
+# Claims -------------------------------------------------------------------------------------------
+
+
+def test_every_claim_has_steps_and_every_step_serves_claims_that_there_are():
+    rules_file = OmegaConf.load(Path(rules.__file__).with_name("rules.yaml"))
+    assert set(claims()) == set(rules_file.claims)
+    for name in claims():
+        assert steps("quick", name), name
+        assert cost(steps("quick", name)) < reproduce.ASKS
+
+
+def test_a_claim_runs_its_steps_and_no_others_and_shows_its_rule(
+    commands, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
+    assert reproduce.main(["--claim", "contrast"]) == 0
+    assert set(commands) == {step.name for step in steps("full", "contrast")}
+    said = capsys.readouterr().out
+    assert "Prototypes sharpen the contrast" in said
+    assert "rule sharper" in said
+    assert "no evidence of it yet" in said
+
+
+def test_a_long_claim_asks_for_full_and_an_unknown_one_is_named(
+    commands, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    assert reproduce.main(["--claim", "accuracy"]) == 2
+    assert "add --full, or --quick" in capsys.readouterr().out
+    assert reproduce.main(["--claim", "nothing"]) == 2
+    assert "expected one of" in capsys.readouterr().out
+    assert commands == []
+    monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
+    assert reproduce.main(["--claim", "accuracy", "--full"]) == 0
+    assert set(commands) == {step.name for step in steps("full", "accuracy")}
+
+
+def test_own_numbers_of_a_claim_stand_beside_the_reference(
+    tmp_path, write_measurement, monkeypatch
+):
+    shown = console()
+    reference = tmp_path / "reference"
+    reference.mkdir()
+    monkeypatch.setattr(claim, "REFERENCE", reference)
+    tables = {
+        tmp_path: [("one", 0.1, "yes")],
+        reference: [("one", 0.2, "yes"), ("two", 0.3, "no")],
+    }
+
+    def made(folder):
+        rows = [
+            {"claim": "contrast", "evidence": name, "value": value, "value_low": value,
+             "value_high": value, "word": word}
+            for name, value, word in tables[folder]
+        ]  # fmt: skip
+        yield (
+            "some",
+            Table("some", "Some", pd.DataFrame(rows), key=("claim", "evidence")),
+        )
+
+    monkeypatch.setattr(claim, "_tables", made)
+    claim.show("contrast", tmp_path, shown)
+    said = shown.file.getvalue()
+    (row,) = (line for line in said.splitlines() if line.strip().startswith("one"))
+    numbers = "0.100 [0.100, 0.100] 0.200 [0.200, 0.200]"
+    assert " ".join(row.split()) == f"one {numbers} yes yes"
+    assert "not measured here, in the reference: two" in said

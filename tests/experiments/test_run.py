@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.records import record
+from experiments.records import locks, record
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 HEAVY = (
@@ -165,6 +165,20 @@ def test_a_sweep_says_how_far_it_is_and_repeats_no_warning(results, recording, s
     assert sum(line.startswith("warning: split.kind=random") for line in lines) == 1
 
 
+def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_says_so(
+    said,
+):
+    def taken(*_, **__):
+        raise locks.Held("it: being run by another process")
+
+    def before():  # in the process of the command line alone
+        locks.held = taken
+
+    code, lines = said("experiment=correlation_images", before=before)
+    assert code == locks.LEFT
+    assert lines == ["it: being run by another process"]
+
+
 # What the user did wrong --------------------------------------------------------------------------
 
 
@@ -195,6 +209,18 @@ def test_a_sweep_says_how_far_it_is_and_repeats_no_warning(results, recording, s
         ),
         (["data=null"], r"error: data: expected a mapping, found null"),
         (["stop.most_steps=abc"], r"error: stop\.most_steps: expected an integer, .*"),
+        (
+            ["model._target_=nowhere.Model"],
+            r"error: model\._target_: expected the dotted name of .*, found nowhere\.Model",
+        ),
+        (
+            ["experiment=stability", "+task.nothing=1"],
+            r"error: task: expected the keys , found got an unexpected .*'nothing'",
+        ),
+        (
+            ["experiment=stability", "task._target_=experiments.nowhere"],
+            r"error: task\._target_: expected the dotted name of .*experiments\.nowhere",
+        ),
     ],
     ids=lambda given: given[0] if isinstance(given, list) else None,
 )

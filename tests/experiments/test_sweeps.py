@@ -17,6 +17,7 @@ import pytest
 
 from experiments.protocol import machine
 from experiments.records import record
+from experiments.records.locks import LEFT
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.usefixtures("results", "one_thread")
@@ -136,7 +137,7 @@ def test_two_sweeps_at_once_run_nothing_twice(results, scene, start):
     both = [start(*overrides), start(*overrides)]
     for process in both:
         process.join(120)
-        assert process.exitcode == 0
+        assert process.exitcode in (0, LEFT)  # it left runs to the other one
     assert (
         len((results / record.RUNS).read_bytes().splitlines())
         == len(outcome(results))

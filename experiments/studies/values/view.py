@@ -9,7 +9,7 @@ import pandas as pd
 
 from experiments.records.results import Results
 from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.measured import ENDS, over_units, saturated
+from experiments.reporting.measured import ENDS, over_units, place_of, saturated
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import number, percent
 
@@ -52,7 +52,9 @@ def measured(
 ) -> Iterator[tuple[dict[str, str], pd.DataFrame]]:
     """Scene and answer of each measurement, and its rows."""
     every = [m for m in results.measurements if m.record.name == name]
-    for measurement in sorted(every, key=lambda m: m.record.scene):
+    for measurement in sorted(
+        every, key=lambda m: (place_of(m.record.scene), m.record.scene)
+    ):
         rows = measurement.frame
         answer = "labels" if name == "coverage" else f"{rows.value[0]}, {rows.unit[0]}"
         note = ", saturated" if saturated(measurement) else ""

@@ -381,9 +381,7 @@ def test_names_are_the_same_in_either_form_of_unicode(tmp_path, pixels):
 
 
 def test_a_folder_of_one_class_asks_for_the_folder_above(folder):
-    message = (
-        r"a: expected .*found 4 images and no sub-folder; did you mean .*recording\?$"
-    )
+    message = r"/a holds 4 images and no class folders; did you mean .*recording\?$"
     with pytest.raises(ValueError, match=message):
         open_recording(folder / "a")
 
