@@ -22,7 +22,7 @@ $(VENV): $(HARNESS)
 	@touch $@
 
 table1: $(HARNESS)  ## run HDC and the baselines on the simulated touch scene, show Table I
-	$(BIN)/python -m experiments.reproduce --table1
+	$(BIN)/python -m experiments.table1
 
 benchmark: $(VENV)  ## time every route of the classifier beside its peers
 	$(BIN)/python -m experiments.run experiment=benchmark

@@ -19,8 +19,11 @@ from sklearn.preprocessing import StandardScaler
 from torch import Tensor
 
 from baselines.base import Classifier, FrameSource, arithmetic
+from baselines.pixels import standardise
 from hdc.bank import Bank
+from hdc.inputs import check_option
 
+PIXELS = ("raw", "standardised")
 _BATCH = 64  # frames that features are made of at a time
 
 
@@ -128,18 +131,43 @@ class Thumbnail(FeatureClassifier):
 
     Args:
         width, height: of the picture, in pixels.
+        pixels: ``raw``; or ``standardised``: each frame first has mean 0 and deviation 1.
     """
 
     width: int = 8
     height: int = 6
+    pixels: str = "raw"
 
     revision: ClassVar[int] = 1
 
     def features(self, batch: Tensor) -> Tensor:
+        check_option("pixels", self.pixels, PIXELS)
         size = self.width, self.height
-        frames = batch.float().numpy(force=True)
+        frames = batch.float()
+        if self.pixels == "standardised":
+            frames = standardise(frames)
         pictures = []
-        for frame in frames:
+        for frame in frames.numpy(force=True):
             picture = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
             pictures.append(torch.from_numpy(picture))
         return torch.stack(pictures).flatten(1).double()
+
+    def predict_zeroed(
+        self,
+        bank: Bank,
+        train: np.ndarray,
+        queries: np.ndarray,
+        before: np.ndarray,
+        after: np.ndarray,
+    ) -> np.ndarray:
+        """As of :meth:`baselines.linear.DualLinearClassifier.predict_zeroed`.
+
+        A pixel of the picture is a mean, so the picture of a difference is that of pictures.
+        """
+        model = replace(self)
+        targets = model.start(bank.at(train), bank.labels[train])
+        features = model._features_of(bank)
+        model._fit(features[train], targets)
+        moved = features[queries] + features[before].mean(0) - features[after].mean(0)
+        best = model._logits(moved).argmax(dim=1)
+        return model.classes_[best.numpy()]

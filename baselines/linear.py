@@ -111,6 +111,31 @@ class DualLinearClassifier(Classifier):
         best = first_of_the_best(scores, scale)
         return solver.classes_[best.numpy(force=True)]
 
+    def predict_zeroed(
+        self,
+        bank: Bank,
+        train: np.ndarray,
+        queries: np.ndarray,
+        before: np.ndarray,
+        after: np.ndarray,
+    ) -> np.ndarray:
+        """Labels [Q] of queries less a reference frame, another than that of the training.
+
+        The reference of the training is the mean of the scaled frames `before`, that of the queries
+        the mean of those `after`; all are indices of frames. A score is linear in the frame, so the
+        references enter by their scores.
+        """
+        solver = replace(self)
+        targets = solver.start(bank.at(train), bank.labels[train])
+        asked = np.concatenate([queries, before, after])
+        scores, scale = solver._solved(bank, train, targets, asked)
+        of_queries, of_before, of_after = scores.split(
+            [len(queries), len(before), len(after)]
+        )
+        moved = of_queries + of_before.mean(0) - of_after.mean(0)
+        best = first_of_the_best(moved, scale)
+        return solver.classes_[best.numpy(force=True)]
+
     def _solved(
         self,
         bank: Bank,

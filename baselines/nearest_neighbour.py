@@ -102,6 +102,34 @@ class NearestNeighbour(Classifier):
         votes = self._votes(distances, targets, len(model.classes_))
         return model.classes_[votes.argmax(1).numpy(force=True)]
 
+    def predict_zeroed(
+        self,
+        bank: Bank,
+        train: np.ndarray,
+        queries: np.ndarray,
+        before: np.ndarray,
+        after: np.ndarray,
+    ) -> np.ndarray:
+        """As of :meth:`baselines.linear.DualLinearClassifier.predict_zeroed`, of grey values.
+
+        A query q is as far from a training frame t as q + before − after, whose products with t are
+        those of the three.
+        """
+        if self.pixels == "bits":
+            raise ValueError("pixels: expected raw or standardised greys, found 'bits'")
+        model = replace(self)
+        model.check()
+        targets = model.start(bank.at(train), bank.labels[train])
+        asked = np.concatenate([queries, before, after])
+        inside, across = bank.kernel(train, asked, self.pixels)
+        of_queries, of_before, of_after = across.split(
+            [len(queries), len(before), len(after)]
+        )
+        moved = of_queries + of_before.mean(0) - of_after.mean(0)
+        distances = inside.diagonal() - 2 * moved
+        votes = self._votes(distances, targets, len(model.classes_))
+        return model.classes_[votes.argmax(1).numpy(force=True)]
+
     def state_tensors(self) -> dict[str, Tensor]:
         """frames and labels [N]."""
         return {"frames": self.frames_, "labels": self.labels_}

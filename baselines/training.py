@@ -100,11 +100,13 @@ class IterativeClassifier(Classifier):
     def train(
         self, frames: FrameSource, labels: np.ndarray
     ) -> Iterator[dict[str, float]]:
-        """Train from new initial weights; yields samples_seen, epoch, steps and loss.
+        """Train from new initial weights; yields samples_seen, epoch, steps, loss, batch_accuracy.
 
         ``samples_seen`` counts a frame every time it is used, ``steps`` are the optimiser's, and
-        ``loss`` is the mean of F over those of the last epoch. Stopping is up to the caller, also
-        at a loss that is not finite; L-BFGS returns on convergence.
+        ``loss`` is the mean of F over those of the last epoch. ``batch_accuracy`` is the share of
+        frames since the last report that the network had right just before it learnt from them:
+        it costs no look at the frames. Stopping is up to the caller, also at a loss that is not
+        finite; L-BFGS returns on convergence.
         """
         self._check_parameters()
         targets = self.start(frames, labels)
@@ -177,18 +179,23 @@ class IterativeClassifier(Classifier):
         order = torch.Generator().manual_seed(self.seed)
         seen, taken, mean, previous = 0, 0, math.nan, math.inf
         losses: deque[Tensor] = deque(maxlen=steps)
+        right: list[Tensor] = []  # of the batches since the last report
+        asked = 0
         while seen < self.max_epochs * n:
             # In a full batch the order is of no consequence, and a slice costs no copy.
             permutation = torch.randperm(n, generator=order) if size < n else None
             for step in range(1, steps + 1):
                 last = min(step * size, n)
                 rows = range((step - 1) * size, last)
-                evaluated: list[Tensor] = []
+                evaluated: list[tuple[Tensor, Tensor]] = []
                 batch = frames, targets, permutation, rows
                 closure = partial(self._evaluate, optimizer, evaluated, *batch)
                 optimizer.step(closure)  # type: ignore[arg-type]  # a tensor is a float here
                 # The first evaluation is at the weights before the step, for every optimiser.
-                losses.append(evaluated[0])
+                loss, hits = evaluated[0]
+                losses.append(loss)
+                right.append(hits)
+                asked += len(rows)
                 taken += 1
                 seen += len(evaluated) * len(rows)
                 if step in reports:
@@ -198,7 +205,9 @@ class IterativeClassifier(Classifier):
                         "epoch": seen / n,
                         "steps": taken,
                         "loss": mean,
+                        "batch_accuracy": torch.stack(right).sum().item() / asked,
                     }
+                    right, asked = [], 0
             if isinstance(optimizer, torch.optim.LBFGS):
                 if abs(previous - mean) <= LBFGS_TOLERANCE * abs(mean):
                     return
@@ -207,19 +216,23 @@ class IterativeClassifier(Classifier):
     def _evaluate(
         self,
         optimizer: torch.optim.Optimizer,
-        evaluated: list[Tensor],
+        evaluated: list[tuple[Tensor, Tensor]],
         frames: FrameSource,
         targets: Tensor,
         order: Tensor | None,
         rows: range,
     ) -> Tensor:
-        """Loss of one batch, also appended to ``evaluated``; its gradient is in the parameters."""
+        """Loss of one batch; its gradient is in the parameters.
+
+        The loss and the number of frames that were right are appended to ``evaluated``.
+        """
         optimizer.zero_grad(set_to_none=True)
         size = self.micro_batch or (FULL_CHUNK if order is None else len(rows))
         # Near the optimum log-sum-exp and logit nearly cancel: in float32 the rounding of a logit
         # of 5 is a thousandth of such a loss, and the line search of L-BFGS stalls.
         exact = torch.float32 if targets.device.type == "mps" else torch.float64
         loss = torch.zeros((), dtype=exact, device=self.device)
+        right = torch.zeros((), dtype=torch.int64, device=self.device)
         for start in range(rows.start, rows.stop, size):
             chunk = slice(start, min(start + size, rows.stop))
             index = chunk if order is None else order[chunk]
@@ -228,6 +241,7 @@ class IterativeClassifier(Classifier):
             part = part / len(rows)
             part.backward()
             loss += part.detach()
+            right += (logits.detach().argmax(dim=1) == targets[index]).sum()
         if self.C is not None:
             parameters = self.network_.parameters()
             weights = [weight for weight in parameters if weight.ndim > 1]
@@ -235,5 +249,5 @@ class IterativeClassifier(Classifier):
             penalty = squares / (2 * self.C * len(frames))
             penalty.backward()
             loss += penalty.detach()
-        evaluated.append(loss)
+        evaluated.append((loss, right))
         return loss

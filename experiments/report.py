@@ -12,7 +12,7 @@ import argparse
 import itertools
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -32,7 +32,7 @@ from experiments.reporting.rows import runs_table
 from experiments.reporting.study import Failure, Plot, Quantity, Study, own_studies
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table
-from experiments.reporting.terminal import show_table1
+from experiments.reporting.terminal import last_line, show_table1
 from experiments.reporting.text import printable
 from hdc.io import write_atomically
 
@@ -152,14 +152,17 @@ def write(
     console: Console,
     sets: Sequence[Answers] | None = None,
     tex: bool = False,
+    brief: bool = False,
 ) -> Path:
     """Write tables, figures and the page into a folder of own results; the page's file.
 
     Args:
         folder: of own results.
-        console: gets Table I, where the records are from, and what was left out.
+        console: gets Table I, own numbers against the reference, where the records are from, and
+            what was left out.
         sets: of :func:`answers_of` the folder, if they are there already.
         tex: write tables as LaTeX, too.
+        brief: show Table I, what of it lies outside the reference, and what was left out.
     """
     sets = answers_of(folder) if sets is None else sets
     *own, last = sets
@@ -175,11 +178,12 @@ def write(
     path = folder / "report.html"
     write_atomically(path, page.render(_sections(sets), problems, about, against))
     _write_charts(folder)
-    _show(console, sets[0], against)
-    for name, text in about.items():
-        console.print(Text(printable(f"{name}: {text}"), "dim"))
+    _show_table1(console, sets)
+    if not brief:
+        _show_all(console, against, about)
     print_problems(console, sets)
-    console.print(f"page: {os.path.relpath(path)}", soft_wrap=True)
+    page_file = last_line(_table1(sets[0]), os.path.relpath(path))
+    console.print(Text(page_file), soft_wrap=True)
     return path
 
 
@@ -190,20 +194,29 @@ def _write_charts(folder: Path) -> None:
     write_atomically(folder / page.CHARTS, library())
 
 
-def _show(
+def _table1(answers: Answers) -> Table | None:
+    tables = answers.tables.get("table1", [])
+    return next((table for table in tables if table.name == "table1"), None)
+
+
+def _show_table1(console: Console, sets: Sequence[Answers]) -> None:
+    """One's own Table I with what lies outside the reference; the reference where there is none."""
+    tables = [table for answers in sets if (table := _table1(answers)) is not None]
+    if tables:
+        show_table1(console, *tables[:2])
+
+
+def _show_all(
     console: Console,
-    answers: Answers,
     against: Comparison | None,
+    about: Mapping[str, str],
 ) -> None:
-    """Table I, and own numbers against the reference."""
-    for table in answers.tables.get("table1", []):
-        if table.name == "table1":
-            show_table1(console, table, answers.name)
-    if against is None:
-        return
-    for line in against.lines():
+    """Every own number against the reference, and where the records are from."""
+    for line in against.lines() if against is not None else ():
         style = "yellow" if line.startswith("!") else ""
         console.print(Text(printable(line), style), soft_wrap=True)
+    for name, text in about.items():
+        console.print(Text(printable(f"{name}: {text}"), "dim"), soft_wrap=True)
 
 
 def _against(sets: Sequence[Answers]) -> Comparison | None:

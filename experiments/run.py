@@ -64,7 +64,8 @@ def main(cfg: DictConfig) -> None:
 def _job(cfg: DictConfig) -> None:
     try:
         hydra_cfg = HydraConfig.get()
-        machine.keep_memory()
+        if not _says(cfg.task, "own_memory"):
+            machine.keep_memory()
         torch.set_num_threads(machine.threads(cfg.threads, hydra_cfg.launcher))
         _show_progress(cfg, hydra_cfg)
         if cfg.task is not None:
@@ -120,7 +121,7 @@ def _show_progress(cfg: DictConfig, hydra_cfg: Any) -> None:
         return
     if _progress is None:
         _progress = sweep.Progress(sweep.size(hydra_cfg.sweeper.params, sys.argv[1:]))
-        if cfg.exclusive and cfg.task is not None and not _is_timed(cfg.task):
+        if cfg.exclusive and cfg.task is not None and not _says(cfg.task, "timed"):
             text = "nothing of this is timed: exclusive=false runs it beside other runs"
             console.print(text, style="dim", soft_wrap=True)
     text = _progress.next(list(hydra_cfg.overrides.task))
@@ -132,9 +133,12 @@ def _show_progress(cfg: DictConfig, hydra_cfg: Any) -> None:
     )
 
 
-def _is_timed(task: DictConfig) -> bool:
+def _says(task: DictConfig | None, name: str) -> bool:
+    """Whether an experiment was declared with this attribute; a plain run has none."""
+    if task is None:
+        return False
     measured = hydra.utils.get_method(task["_target_"])
-    return bool(getattr(measured, "timed", False))
+    return bool(getattr(measured, name, False))
 
 
 def _complain(error: Exception) -> None:

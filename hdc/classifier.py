@@ -15,8 +15,9 @@ from hdc.encoders import ENCODERS, make_encoder
 from hdc.estimator import Estimator
 from hdc.inputs import check_share
 from hdc.parameters import available_unless, describe
+from hdc.probability import probabilities
 from hdc.prototypes import Counters
-from hdc.readouts import READOUTS, Counting, Updatable, make_readout
+from hdc.readouts import READOUTS, Counting, Readout, Updatable, make_readout
 from hdc.recalibration import Recalibrating
 from hdc.rejection import RATE, p_values
 
@@ -35,6 +36,18 @@ def _whole_only(model: HDCClassifier) -> str | None:
     )
 
 
+def _without_held_out(model: HDCClassifier) -> str | None:
+    """Why a model has no probabilities, if it has none."""
+    try:
+        readout = make_readout(model.readout)
+    except (TypeError, ValueError) as error:
+        return str(error)
+    own = type(readout).held_out is not Readout.held_out
+    if own or not isinstance(readout, Updatable):
+        return None
+    return f"expected a read-out with a method held_out, found {readout!r}"
+
+
 class HDCClassifier(Recalibrating):
     """Classifier on packed hypervectors (Kitagawa et al., Opt. Express 32, 3209 (2024)).
 
@@ -51,8 +64,9 @@ class HDCClassifier(Recalibrating):
     torch may hang in a forked one.
 
     Args:
-        encoder: ``"median"`` as published, ``"quantile"``, ``"levels"`` or ``"reference"``; an
-            object of :class:`hdc.encoders.Encoder`; or the dotted name of such a class.
+        encoder: ``"median"`` as published, ``"quantile"``, ``"levels"``, ``"reference"`` or
+            ``"reference_levels"``; an object of :class:`hdc.encoders.Encoder`; or the dotted name
+            of such a class.
         readout: ``"majority"`` as published, ``"counts"``, ``"ridge"``, ``"neighbours"``,
             ``"lda"`` or ``"trained"``; an object of :class:`hdc.readouts.Readout`; or the dotted
             name of such a class. Prototypes are made with each, for :meth:`distances` and
@@ -250,6 +264,32 @@ class HDCClassifier(Recalibrating):
         if found.shape[1] == 2:
             return found[:, 1] - found[:, 0]
         return found
+
+    @available_unless(_without_held_out)
+    def predict_proba(self, frames: Any) -> np.ndarray:
+        """Probabilities of the classes, float64 [Q, L]: the softmax of the scores.
+
+        Its temperature is fitted to training frames scored as if each had not been learnt
+        (:mod:`hdc.probability`): in closed form, of up to 19 frames a class, for majority, counts
+        and neighbours, of all for ridge and of up to 400 for lda; else by five folds of the
+        training frames, when first asked. Files keep it, that of five folds if it was asked for
+        before; new frames, by ``partial_fit`` or with labels by ``recalibrate``, have it fitted
+        anew.
+
+        Raises:
+            ValueError: for training with one frame of each class, or a model that must be fitted
+                anew to have probabilities; it says so.
+            AttributeError: for a read-out of one's own that learns batch by batch and has no
+                ``held_out``; ``hasattr`` is False.
+        """
+        self._check_is_trained()
+        beta = self._known_sharpness()
+        known = self._majority.counters_.n.cpu() > 0
+        parts = [
+            probabilities(self._scores_of(words), beta, known)
+            for words in self._encoded(frames)
+        ]
+        return torch.cat(parts).numpy()
 
     def distances(self, frames: Any) -> np.ndarray:
         """Hamming distances int64 [Q, L] between queries and prototypes (Eq. 2).

@@ -14,8 +14,10 @@ from hdc.encoders.ranks import RankEncoder, ties_of
 from hdc.estimator import CHUNK, Estimator
 from hdc.inputs import Label
 from hdc.io import check_tensors, prefixed, without_prefix
+from hdc.parameters import is_number
+from hdc.probability import Calibration, cross_validated, sharpness
 from hdc.readouts import Counting, Counts, Majority, Updatable, make_readout
-from hdc.readouts.base import Readout
+from hdc.readouts.base import HeldOut, Readout
 from hdc.rejection import KEPT, Rejecting, Sample
 
 
@@ -32,6 +34,7 @@ class Learner(Rejecting):
     _waiting: list[tuple[Tensor, Tensor]]
     """Hypervectors and rows of a read-out that wants all."""
     _recalibrated: bool
+    _calibration: Calibration
 
     def _train(self, frames: Any, y: Any) -> Iterator[int]:
         """Learn chunk by chunk; yield how many frames there were once all classes have one.
@@ -99,6 +102,7 @@ class Learner(Rejecting):
             self.readout_.fit(no_words, no_rows, len(classes), self.dimension_)
         self._sample = Sample()
         self._peers = None
+        self._calibration = Calibration()
         self._waiting = []
         self._recalibrated = False
 
@@ -166,11 +170,76 @@ class Learner(Rejecting):
         self._waiting = []
         self.readout_.backend = backend
         self.readout_.fit(words, rows, len(self.classes_), self.dimension_)
+        if type(self.readout_).held_out is Readout.held_out:
+            self._calibration = Calibration(learnt=(words, rows))
 
     def _settle(self) -> None:
         for part in self._updated():
             part.settle()
         self._peers = None
+        self._calibration = Calibration(learnt=self._calibration.learnt)
+
+    # Probabilities -------------------------------------------------------------------------------
+
+    def _known_sharpness(self) -> float:
+        """The sharpness of probabilities, found when first asked for.
+
+        Raises:
+            ValueError: where no training frames can be scored as if they had not been learnt.
+        """
+        calibration = self._calibration
+        if calibration.sharpness is not None:
+            return calibration.sharpness
+        found = self._held_out()
+        if found is None and calibration.learnt is not None:
+            words, rows = calibration.learnt
+            n_classes = len(self.classes_)
+            found = cross_validated(
+                self.readout_, words, rows, n_classes, self.dimension_
+            )
+        if found is None:
+            raise ValueError(
+                f"predict_proba: expected a model fresh from fit, found one with {self.readout_!r} "
+                "that was recalibrated, or saved before it was asked; fit anew"
+            )
+        calibration.sharpness = sharpness(self._of_several(found))
+        return calibration.sharpness
+
+    def _held_out(self) -> HeldOut | None:
+        """Scores of training frames as if not learnt, where the read-out has a closed form."""
+        words = []
+        rows = []
+        for label, row in self._index.items():
+            if self._sample.seen.get(label):
+                kept = self._sample.of(label)
+                words.append(kept)
+                rows += [row] * len(kept)
+        return self.readout_.held_out(torch.cat(words), torch.tensor(rows))
+
+    def _of_several(self, found: HeldOut) -> HeldOut:
+        """Those of classes that have two frames or more, for classes that have any.
+
+        Raises:
+            ValueError: if there are none.
+        """
+        counts = self._majority.counters_.n.cpu()
+        chosen = counts[found.rows] > 1
+        if not chosen.any():
+            raise ValueError(
+                "predict_proba: expected two training frames or more of a class, found one of each"
+            )
+        known = counts > 0
+        place = known.cumsum(0) - 1
+        return HeldOut(found.scores[chosen][:, known], place[found.rows[chosen]])
+
+    def _sharpness_to_save(self) -> float | None:
+        """What a file has: none where a loaded model finds it itself, or nobody asked for it."""
+        if isinstance(self.readout_, Updatable):
+            return None
+        several = (self._majority.counters_.n > 1).any()
+        if several and self._held_out() is not None:
+            return self._known_sharpness()
+        return self._calibration.sharpness
 
     def _check_is_trained(self) -> None:
         super()._check_is_trained()
@@ -200,6 +269,7 @@ class Learner(Rejecting):
             "classes": classes,
             "seen": [seen.get(label, 0) for label in classes],
             "recalibrated": self._recalibrated,
+            "sharpness": self._sharpness_to_save(),
         }
         return header, tensors
 
@@ -219,6 +289,10 @@ class Learner(Rejecting):
             own = without_prefix(prefix, tensors)
             part.restore(own, len(classes), self.dimension_)
         self._recalibrated = bool(header["recalibrated"])
+        found = header.get("sharpness")
+        if found is not None and (not is_number(found) or found <= 0):
+            raise ValueError(f"sharpness {found!r}")
+        self._calibration = Calibration(sharpness=found)
 
     def _restore_sample(self, seen: Any, words: Tensor) -> None:
         """Keep the hypervectors of a file, of so many that each class has seen."""

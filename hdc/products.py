@@ -1,13 +1,17 @@
 """Exact products of frames: of their pixels with each other, and of matrices of bytes.
 
 A product of int8 matrices in int32 runs on the byte instructions of a recent CPU (VNNI, AMX), some
-eight times faster than the float32 product of the same size, and makes no rounding error. Pixels
-become signed bytes by subtracting :func:`constant_of` their type; those of 16 bits are two bytes.
+eight times faster than the float32 product of the same size, and makes no rounding error. Without
+these instructions it may be slow or wrong; then it is one in float32, of so few terms at a time
+that these are exact, too. Pixels become signed bytes by subtracting :func:`constant_of` their type;
+those of 16 bits are two bytes.
 """
 
 from __future__ import annotations
 
 import functools
+import time
+from collections.abc import Callable
 from typing import NamedTuple
 
 import torch
@@ -15,6 +19,8 @@ from torch import Tensor
 
 # int32 holds a sum of this many products of two int8: 2¹⁷·(−128)² = 2³¹ would be one too many.
 INT32_TERMS = 2**17 - 1
+FLOAT32_TERMS = 2**10
+"""float32 holds every whole number up to 2²⁴ = 2¹⁰·(−128)²."""
 _PIXELS = 32768  # columns of the frames handled at a time
 _FRAMES = 20  # rows squared at a time
 
@@ -84,15 +90,43 @@ def _signed(block: Tensor) -> Tensor:
 def integer_product(a: Tensor, b: Tensor) -> Tensor:
     """a·b exactly: int8 [n, k] and [k, m] → float64 [n, m].
 
-    Off the CPU, and on one whose byte instructions are not exact, it is a product in float64.
+    Off the CPU it is a product in float64.
     """
-    if a.device.type != "cpu" or not native_is_exact():
+    if a.device.type != "cpu":
         return a.double() @ b.double()
-    product = torch.zeros(a.shape[0], b.shape[1], dtype=torch.float64)
-    for start in range(0, a.shape[1], INT32_TERMS):
-        terms = slice(start, start + INT32_TERMS)
-        product += _native(a[:, terms], b[terms])
-    return product
+    if native_is_exact() and native_is_fast():
+        return _in_parts(_native, a, b, INT32_TERMS)
+    return _in_parts(_by_floats, a, b, FLOAT32_TERMS)
+
+
+def _in_parts(
+    product: Callable[[Tensor, Tensor], Tensor], a: Tensor, b: Tensor, n_terms: int
+) -> Tensor:
+    """A product that is exact for so many terms, float64 [n, m]."""
+    total = torch.zeros(a.shape[0], b.shape[1], dtype=torch.float64)
+    for start in range(0, a.shape[1], n_terms):
+        terms = slice(start, start + n_terms)
+        total += product(a[:, terms], b[terms])
+    return total
+
+
+def _by_floats(a: Tensor, b: Tensor) -> Tensor:
+    return a.float() @ b.float()
+
+
+@functools.cache
+def native_is_fast() -> bool:
+    """Whether torch's integer product takes less time than that in float32 here; tried once."""
+    a = torch.zeros(128, FLOAT32_TERMS, dtype=torch.int8)
+    native = min(_seconds(_native, a) for _ in range(3))
+    floats = min(_seconds(_by_floats, a) for _ in range(3))
+    return native < floats
+
+
+def _seconds(product: Callable[[Tensor, Tensor], Tensor], a: Tensor) -> float:
+    start = time.perf_counter()
+    product(a, a.T)
+    return time.perf_counter() - start
 
 
 @functools.cache

@@ -14,6 +14,7 @@ from hdc import inputs
 from hdc.encoders import Reference, make_encoder
 from hdc.learner import Learner
 from hdc.parameters import available_unless
+from hdc.probability import Calibration
 from hdc.readouts import make_readout
 from hdc.rejection import Sample
 
@@ -100,6 +101,7 @@ class Recalibrating(Learner):
         self._majority = majority
         self._recalibrated = True
         self._peers = None
+        self._calibration = Calibration()
         return self
 
     def _zero(self, frames: Any) -> Self:

@@ -16,10 +16,11 @@ D, whatever the distribution of frames: full conformal prediction (Vovk, Gammerm
 Algorithmic Learning in a Random World, 2005, Prop. 2.3), class by class. It holds on average over
 training sets; after drift it does not hold at all.
 
-A p-value is at least 1/(m + 1). Where that is above α, x is compared with the kept frames of all
-classes: their leave-one-out distances less the mean of their class, and those of class c less the
-mean of all m + 1. Coverage is then that of all classes together, not of each, and holds as far as
-their distances spread alike.
+A p-value is at least 1/(m + 1). Where that is above α, a class of at least 4 kept frames is compared
+with those of all such classes: their leave-one-out distances less the mean of their class, and those
+of class c less the mean of all m + 1. Coverage is then that of all classes together, not of each,
+and holds as far as their distances spread alike. Distances of fewer frames less their mean are too
+near to zero (those of two frames are zero), so such a class is in every set, and nothing is refused.
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ KEPT = 19
 """Hypervectors kept of a class: p-values in steps of 5 %; 0.6 MB a class at D = 250,000."""
 RATE = 0.05
 """Share of known frames that are refused unless another is given."""
+FEWEST = 4
+"""Frames of a class from which its distances are compared with those of other classes."""
 _GOLDEN = 0x9E3779B97F4A7C15  # 2^64 over the golden ratio
 
 
@@ -60,8 +63,10 @@ class Rejecting(Estimator):
         """The classes that each of Q frames may be of: Q arrays of labels.
 
         For fresh frames exchangeable with the training frames of their class, the set has the right
-        label with probability 1 − alpha at least (:mod:`hdc.rejection`). It is empty for a frame
-        that is like none of the classes.
+        label with probability 1 − alpha at least (:mod:`hdc.rejection`): of each class with
+        1/alpha − 1 training frames or more, of all together with fewer. A class with fewer than
+        that and than 4 is in every set. The set is empty for a frame that is like none of the
+        classes.
 
         Raises:
             ValueError: as :meth:`is_known`.
@@ -75,7 +80,8 @@ class Rejecting(Estimator):
 
         False where :meth:`predict_set` is empty: for a share `reject` of fresh frames of known
         classes at most, if they come as the training frames did, and for noise, a black frame or an
-        object that was not trained, as long as there are 1/reject training frames.
+        object that was not trained, as long as there are 1/reject training frames, and 4 of each
+        class (or as many of it as 1/reject − 1).
 
         Raises:
             ValueError: for a share outside (0, 1).
@@ -228,17 +234,14 @@ def p_values(peers: Sequence[Peers | None], words: Tensor, alpha: float) -> np.n
     A class without kept frames has p = 0.
     """
     result = np.zeros((len(words), len(peers)))
-    n = sum(len(peer.constant) for peer in peers if peer is not None)
-    if (n + 1) * alpha < 1:
-        least = f"expected at least {1 / (n + 1):.2g} with {n} frames kept; no frame is refused"
-        warnings.warn(f"{alpha:g} of known frames: {least}", stacklevel=2)
+    _warn_of_few(peers, alpha)
     for c, own in enumerate(peers):
         if own is None:
             continue
         d, d_i = own.compare(words)
         m = d_i.shape[1]
         as_far = (d_i >= d[:, None]).sum(1)
-        if (m + 1) * alpha >= 1:
+        if (m + 1) * alpha >= 1 or m < FEWEST:
             result[:, c] = (1 + as_far) / (m + 1)
             continue
         others = _held_out_of_others(peers, c)
@@ -249,10 +252,26 @@ def p_values(peers: Sequence[Peers | None], words: Tensor, alpha: float) -> np.n
     return result
 
 
+def _warn_of_few(peers: Sequence[Peers | None], alpha: float) -> None:
+    """Warn where some class is in every set, so that no frame is refused."""
+    kept = [len(peer.constant) for peer in peers if peer is not None]
+    n, least = sum(kept), min(kept, default=0)
+    if (n + 1) * alpha < 1:
+        expected = f"expected at least {1 / (n + 1):.2g} with {n} frames kept"
+    elif least < FEWEST and (least + 1) * alpha < 1:
+        expected = f"expected at least {FEWEST} frames of each class, found {least}"
+    else:
+        return
+    warnings.warn(
+        f"{alpha:g} of known frames: {expected}; no frame is refused", stacklevel=3
+    )
+
+
 def _held_out_of_others(peers: Sequence[Peers | None], c: int) -> np.ndarray:
-    """Leave-one-out distances, each less the mean of its class, of all classes but c, sorted."""
+    """Leave-one-out distances, each less the mean of its class, of all classes but c, sorted;
+    without those of fewer frames than :data:`FEWEST`."""
     found = [np.empty(0)]
     for other, peer in enumerate(peers):
-        if peer is not None and other != c:
+        if peer is not None and other != c and len(peer.held_out) >= FEWEST:
             found.append(peer.held_out)
     return np.sort(np.concatenate(found))

@@ -90,6 +90,7 @@ def experiment(
     revision: int = 1,
     uses: Sequence[str] = (),
     timed: bool = False,
+    own_memory: bool = False,
 ) -> Any:
     """Make a Hydra task of a generator of rows; its arguments, defaults included, are its identity.
 
@@ -102,6 +103,8 @@ def experiment(
         revision: raised when its rows change.
         uses: dotted names of what its rows depend on, and its config does not name.
         timed: whether its rows have times: such a one runs alone on its cores.
+        own_memory: whether it says itself when the process keeps its memory
+            (:func:`experiments.protocol.machine.keep_memory`).
 
     Raises:
         ValueError: from the task, for an argument that the generator does not have or lacks.
@@ -112,6 +115,7 @@ def experiment(
             revision=revision,
             uses=uses,
             timed=timed,
+            own_memory=own_memory,
         )
     signature = inspect.signature(rows)
 
@@ -144,6 +148,7 @@ def experiment(
     task.rows = rows  # type: ignore[attr-defined]
     task.revision = revision  # type: ignore[attr-defined]
     task.timed = timed  # type: ignore[attr-defined]
+    task.own_memory = own_memory  # type: ignore[attr-defined]
     task.components = lambda **_: uses  # type: ignore[attr-defined]
     return task
 

@@ -67,6 +67,7 @@ def run(
     choices: Mapping[str, str | None],
     overrides: Sequence[str],
     console: Console,
+    about: str = "",
 ) -> tuple[Finished, bool]:
     """Carry out one run, or find that it is finished.
 
@@ -75,6 +76,7 @@ def run(
         choices: which file of each group it was composed from, for names.
         overrides: what was set on the command line, for the record.
         console: shows the progress.
+        about: what stands before it.
 
     Returns:
         tuple: the record, and whether it was there already.
@@ -130,7 +132,7 @@ def run(
                 "exclusive": cfg.exclusive,
                 "libraries": libraries,
             }
-            _carry_out(cfg, scene, entry, folder, console)
+            _carry_out(cfg, scene, entry, folder, console, about)
     done = records.find(folder, identity)
     assert done is not None
     return done, False
@@ -224,6 +226,7 @@ def _carry_out(
     entry: dict[str, Any],
     folder: Path,
     console: Console,
+    about: str,
 ) -> None:
     """Train and test, and add the record; a run that fails is recorded with its error."""
     curve: records.Curve = []
@@ -231,7 +234,8 @@ def _carry_out(
     records.to_line(entry, curve)
     try:
         cache = folder / "cache" if cfg.cache else None
-        train_and_test(cfg, scene, entry["choices"], curve, entry, cache, console)
+        choices = entry["choices"]
+        train_and_test(cfg, scene, choices, curve, entry, cache, console, about)
         entry["status"] = "finished"
         _check_labels(entry["predicted"], len(scene.classes))
     except BaseException as error:

@@ -46,7 +46,17 @@ def keep_memory() -> bool:
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is None:
         return False
+    global _kept
+    _kept = True
     return all(mallopt(option, value) == 1 for option, value in _MALLOPT.items())
+
+
+_kept = False
+
+
+def keeps_memory() -> bool:
+    """Whether :func:`keep_memory` was called in this process; it cannot be undone."""
+    return _kept
 
 
 def available() -> list[int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import numbers
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from torch import Tensor
 
 from experiments.protocol import data
 from experiments.protocol.clock import Clock, timed
+from experiments.protocol.looks import Look, Looks
 from experiments.protocol.model import Model, check_model, instantiate
 from experiments.protocol.settings import checked
 from experiments.protocol.stop import StopRule
@@ -29,8 +30,8 @@ _WARM_UP_FRAMES = 40
 _SINGLE_FRAMES = 20
 # Of a row, set by the runner.
 _OWN_KEYS = {"training_s", "train_accuracy", "test_accuracy"}
-# A model that learns by steps is tested after a tenth more of the samples seen.
-_OFTEN = 10
+_BATCH_TIMES = 3  # of a prediction in a batch, of which the shortest counts …
+_LONG_S = 1.0  # … fewer where they take this long
 
 
 def stop_rule(node: DictConfig) -> StopRule:
@@ -49,9 +50,14 @@ class _Part:
     indices: np.ndarray
     labels: np.ndarray
     frames: Tensor | data.LazyFrames
+    predicted: np.ndarray = field(
+        default_factory=lambda: np.empty(0)
+    )  # at the last look
 
     def accuracy(self, model: Model) -> float:
-        return accuracy(model.predict(self.frames), self.labels)
+        """Test the model."""
+        self.predicted = np.asarray(model.predict(self.frames))
+        return accuracy(self.predicted, self.labels)
 
 
 def train_and_test(
@@ -62,6 +68,7 @@ def train_and_test(
     results: dict[str, Any],
     cache: Path | None,
     console: Console,
+    about: str = "",
 ) -> None:
     """Train on a scene's frames under the clock, test, and leave the results to be recorded.
 
@@ -73,6 +80,7 @@ def train_and_test(
         results: gets times, accuracies and predictions, part by part: an error costs the rest.
         cache: folder in which frames are kept, or None.
         console: shows the progress.
+        about: what stands before it.
 
     Raises:
         ValueError: naming the key of a wrong value, or what is wrong with a model's reports.
@@ -92,14 +100,14 @@ def train_and_test(
         _Part(indices, scene.labels[indices], data.take(scene, indices, clock))
         for indices in chosen
     )
-    _warm_up(unused, scene, min(len(train.labels), _WARM_UP_FRAMES))
+    warm_up(unused, scene, min(len(train.labels), _WARM_UP_FRAMES))
     model: Model = instantiate(cfg.model, "model")
     digests = _digests(train, test)
     # Without automatic refreshing: no thread draws while the clock runs.
     with Live(console=console, transient=True, auto_refresh=False) as live:
 
         def show(text: str) -> None:
-            live.update(Text(f"train {names['model']} {text}"), refresh=True)
+            live.update(Text(f"{about}train {names['model']} {text}"), refresh=True)
 
         show("")
         reason = _train(model, names["model"], train, test, clock, stop, curve, show)
@@ -115,11 +123,13 @@ def train_and_test(
         "test_labels": test.labels,
         "data_sha256": digests,
     }
-    predicted = np.asarray(model.predict(test.frames))
+    if "train_accuracy" not in curve[-1]:  # it was not tested at its end
+        train.accuracy(model)
+        test.accuracy(model)
     results |= {
-        "predicted": predicted,
-        "test_accuracy_final": accuracy(predicted, test.labels),
-        "train_accuracy_final": train.accuracy(model),
+        "predicted": test.predicted,
+        "test_accuracy_final": accuracy(test.predicted, test.labels),
+        "train_accuracy_final": accuracy(train.predicted, train.labels),
     }
     results |= _prediction_times(model, test, cfg.device)
     if _digests(train, test) != digests:
@@ -186,50 +196,41 @@ def _train(
     show: Callable[[str], None],
 ) -> str:
     """Train under the clock, evaluate with the clock stopped; returns the name of the stop."""
-    due = 0.0  # samples seen at which a model is evaluated next
+    looks = Looks(stop.target, len(train.labels))
 
-    def note(row: dict[str, float]) -> None:
+    def note(row: dict[str, float], look: Look) -> None:
         if np.isfinite(row.get("loss", 0.0)):
-            row["train_accuracy"] = train.accuracy(model)
+            if look is Look.ALL:
+                row["train_accuracy"] = train.accuracy(model)
             row["test_accuracy"] = test.accuracy(model)
-            show(
-                f"{clock.seconds:.2f} s  train {row['train_accuracy']:.1%}  "
-                f"test {row['test_accuracy']:.1%}"
-            )
+            show(_progress(clock.seconds, row))
         curve.append(row)
+        looks.looked(row, row.get("train_accuracy"))
 
     row: dict[str, float] = {}
     for row in reports(model, name, train.frames, train.labels, clock):
-        loss, seen = row.get("loss"), row.get("samples_seen", 0)
-        state = row["training_s"], row.get("steps", 0), loss
+        state = row["training_s"], row.get("steps", 0), row.get("loss")
         reason = stop.check(*state)
-        if reason is None and seen < due:
+        look = looks.at(row) if reason is None else Look.ALL
+        if look is Look.NOTHING:
             continue
-        note(row)
-        due = _next_due(seen, loss, len(train.labels))
+        note(row, look)
         if reason is None:
             reason = stop.check(*state, row.get("train_accuracy", 0.0))
         if reason is not None:
             return reason
     is_last_noted = bool(curve) and curve[-1] is row
     if row and not is_last_noted:
-        note(row)
+        note(row, Look.ALL)
     return "finished"
 
 
-def _next_due(
-    seen: float,
-    loss: float | None,
-    n_train: int,
-) -> float:
-    """Samples seen at which a model is evaluated after this time.
-
-    Testing then takes a multiple of one pass over the frames, however many reports there are; a
-    model that learns by steps is tested more often, as it may exceed 90 % at any.
-    """
-    if loss is None:
-        return min(2 * seen, n_train)
-    return seen + seen / _OFTEN
+def _progress(seconds: float, row: Mapping[str, float]) -> str:
+    text = f"{seconds:.2f} s"
+    for key, name in (("train_accuracy", "train"), ("test_accuracy", "test")):
+        if key in row:
+            text += f"  {name} {row[key]:.1%}"
+    return text
 
 
 def _of_curve(
@@ -242,10 +243,11 @@ def _of_curve(
     valid = [row for row in curve if "test_accuracy" in row]
 
     def at_target(key: str, value: str) -> float | None:
-        return next((row[value] for row in valid if row[key] > stop.target), None)
+        reached = (row[value] for row in valid if row.get(key, 0.0) > stop.target)
+        return next(reached, None)
 
     def best(key: str) -> float | None:
-        return max((row[key] for row in valid), default=None)
+        return max((row[key] for row in valid if key in row), default=None)
 
     return {
         "stop": reason,
@@ -270,16 +272,16 @@ def _prediction_times(
         timed(functools.partial(model.predict, frames[i : i + 1]), device)
         for i in range(min(_SINGLE_FRAMES, len(frames)))
     ]
-    batch = min(
-        timed(functools.partial(model.predict, frames), device) for _ in range(3)
-    )
+    batches: list[float] = []
+    while len(batches) < _BATCH_TIMES and sum(batches) < _LONG_S:
+        batches.append(timed(functools.partial(model.predict, frames), device))
     return {
         "predict_single_s": float(np.median(singles)),
-        "predict_batch_s_per_frame": batch / len(frames),
+        "predict_batch_s_per_frame": min(batches) / len(frames),
     }
 
 
-def _warm_up(
+def warm_up(
     model: Model,
     scene: Scene,
     n: int,

@@ -22,7 +22,7 @@ from experiments.records.measurement import Measured
 from experiments.records.record import Curve, Finished, Record
 
 # Of several groups for one row, the stopping rule that stands first here; others come last.
-STOPS = ("paper", "long", "quick", "reached")
+STOPS = ("paper", "long", "end", "few", "quick", "reached")
 # What a row asks for by number; and where a recording lies, which is known by its content.
 _COORDINATES = ("split.n_train", "data.pixels", "scene.path")
 # Of what was changed.

@@ -10,6 +10,7 @@ was expected and what was found; or with 2 if the command line is not as ``--hel
 from __future__ import annotations
 
 import os
+import re
 import sys
 import warnings
 from collections.abc import Sequence
@@ -24,7 +25,7 @@ EXTRAS = {"sklearn": "compare", "matplotlib": "compare"} | dict.fromkeys(
 def main(arguments: Sequence[str] | None = None) -> None:
     """Carry out the words after the command's name (default: those of this process) and exit."""
     with warnings.catch_warnings():
-        warnings.showwarning = _warn
+        warnings.showwarning = _Said()
         sys.exit(_status(arguments))
 
 
@@ -69,5 +70,14 @@ def _say(text: str, status: int) -> int:
     return status
 
 
-def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
-    _say(f"warning: {message}", 0)
+class _Said:
+    """Says a warning in one line, once: not again with another share, fold after fold."""
+
+    def __init__(self) -> None:
+        self._before: set[str] = set()
+
+    def __call__(self, message: Warning | str, *_: Any, **__: Any) -> None:
+        but_for_shares = re.sub(r"\d+%", "", str(message))
+        if but_for_shares not in self._before:
+            self._before.add(but_for_shares)
+            _say(f"warning: {message}", 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,17 @@ from hdc.readers.video import stream_video
 BATCH = 32
 """Frames asked about at a time: meanwhile threads decode the next ones."""
 NONE = "(none of these)"
+_BY_CLASS = ("distances", "probabilities")
 Placed = tuple[object, np.ndarray]
 """A frame, after where it is from."""
+
+
+class Wanted(NamedTuple):
+    """What an answer has besides the label or the values; see :func:`ask`."""
+
+    reject: float | None
+    interval: float | None
+    proba: bool
 
 
 def ask(
@@ -30,14 +39,20 @@ def ask(
     files: Sequence[Path],
     reject: float | None = None,
     interval: float | None = None,
+    proba: bool = False,
 ) -> Iterator[dict[str, Any]]:
     """The model's answers for image files, then for each frame of arrays, tables and videos.
 
     Each has ``file``, and of a regressor ``values`` by name, or else ``label`` (None: none of
     these). Where classes have prototypes, ``margin`` and ``distances`` by class follow. With an
     `interval`, the share of frames that shall hold the truth, values have ``intervals`` by name
-    (an end of None is infinite), and labels the ``set`` of all classes that may be.
+    (an end of None is infinite), and labels the ``set`` of all classes that may be. With `proba`
+    the best class has a ``probability``, and ``probabilities`` are those by class.
+
+    Raises:
+        ValueError: `proba` of a regressor, or of a model that has no probabilities.
     """
+    wanted = Wanted(reject, interval, proba)
     images = []
     arrays = []
     videos = []
@@ -50,14 +65,14 @@ def ask(
         else:
             images.append(file)
     stills = zip(images, stream_files(images, window), strict=True)
-    yield from _answers(model, stills, reject, interval)
+    yield from _answers(model, stills, wanted)
     for array in arrays:
         frames = _of_array(model, array, window)
-        yield from _answers(model, frames, reject, interval)
+        yield from _answers(model, frames, wanted)
     for video in videos:
         # All before the first is given: at its end a video may turn out to be cut off.
         frames = _of_video(video, window)
-        yield from list(_answers(model, frames, reject, interval))
+        yield from list(_answers(model, frames, wanted))
 
 
 def _of_array(model: Any, path: Path, window: Window) -> Iterator[Placed]:
@@ -76,38 +91,42 @@ def _of_video(path: Path, window: Window) -> Iterator[Placed]:
 
 
 def _answers(
-    model: Any,
-    frames: Iterable[Placed],
-    reject: float | None,
-    interval: float | None,
+    model: Any, frames: Iterable[Placed], wanted: Wanted
 ) -> Iterator[dict[str, Any]]:
     for some in _batched(frames):
         for place, frame in some:
             check_size(model, frame.shape, place)
         batch = np.stack([frame for _, frame in some])
-        answers = _of_batch(model, batch, reject, interval)
+        answers = _of_batch(model, batch, wanted)
         for (place, _), answer in zip(some, answers, strict=True):
             yield {"file": str(place)} | answer
 
 
-def _of_batch(
-    model: Any, batch: np.ndarray, reject: float | None, interval: float | None
-) -> list[dict[str, Any]]:
+def _of_batch(model: Any, batch: np.ndarray, wanted: Wanted) -> list[dict[str, Any]]:
     """Values of each frame, or its label with margin and distances of prototypes."""
     if not hasattr(model, "classes_"):
-        return _values_of_batch(model, batch, interval)
-    labels = model.predict(batch, reject=reject or False).tolist()
+        if wanted.proba:
+            raise ValueError(
+                f"--proba: expected a model of classes, found {type(model).__name__}"
+            )
+        return _values_of_batch(model, batch, wanted.interval)
+    classes = [str(c) for c in model.classes_]
+    labels = model.predict(batch, reject=wanted.reject or False).tolist()
     answers: list[dict[str, Any]] = [{"label": label} for label in labels]
-    if interval is not None:
-        sets = model.predict_set(batch, outside(interval))
+    if wanted.interval is not None:
+        sets = model.predict_set(batch, outside(wanted.interval))
         for answer, possible in zip(answers, sets, strict=True):
             answer["set"] = possible.tolist()
+    if wanted.proba:
+        shares = model.predict_proba(batch).tolist()
+        for answer, row in zip(answers, shares, strict=True):
+            answer["probability"] = max(row)
+            answer["probabilities"] = dict(zip(classes, row, strict=True))
     # Imported late: torch takes seconds, and is there by now.
     from hdc.readouts import Majority
 
     if not isinstance(model.readout_, Majority):
         return answers
-    classes = [str(c) for c in model.classes_]
     shares = (model.distances(batch) / model.dimension_).tolist()
     for answer, row in zip(answers, shares, strict=True):
         answer["margin"] = _margin(row)
@@ -171,7 +190,7 @@ def heads(model: Any, answer: dict[str, Any]) -> list[str]:
         for name in answer.get("intervals", ()):
             columns += [f"{name} from", f"{name} to"]
     else:
-        columns = [name for name in answer if name != "distances"]
+        columns = [name for name in answer if name not in _BY_CLASS]
         columns += [f"distance {name}" for name in answer.get("distances", ())]
     return [printable(name) for name in columns]
 
@@ -180,6 +199,8 @@ def cells(answer: dict[str, Any]) -> list[str]:
     """One line of the table."""
     items: list[Any] = []
     for name, item in answer.items():
+        if name == "probabilities":  # the table has that of the best class
+            continue
         if name in ("values", "distances"):
             items += item.values()
         elif name == "intervals":

@@ -48,8 +48,8 @@ def cli() -> None:
 @click.option(
     "--encoder",
     metavar="NAME",
-    help="How frames become bits: median, quantile, levels, reference, or a module.Class. "
-    "[default: median]",
+    help="How frames become bits: median, quantile, levels, reference, reference_levels, or a "
+    "module.Class. [default: median]",
 )
 @click.option(
     "--readout",
@@ -112,12 +112,18 @@ def train(
 @click.argument("images", type=options.FILE, nargs=-1, required=True)
 @options.reject
 @options.interval
+@click.option(
+    "--proba",
+    is_flag=True,
+    help="Also the probability of the best class; with --json those of all classes.",
+)
 @options.json
 def predict(
     model: Path,
     images: tuple[Path, ...],
     reject: float | None,
     interval: float | None,
+    proba: bool,
     as_json: bool,
 ) -> None:
     """Classify images, or predict their numbers.
@@ -126,7 +132,8 @@ def predict(
     of their sub-folders are taken. For each: file, label, margin (how much farther the second
     nearest class is) and the distance of each class, as shares of the pixels; 0.5 is the distance
     of noise. With --interval also lower and upper ends of each number, or all classes that the
-    frame may be of; none where it is like no class.
+    frame may be of; none where it is like no class. Probabilities are calibrated by the training
+    frames, and hold for frames that come as these did.
     """
     found, window = work.load(model)
     files: list[Path] = []
@@ -136,7 +143,7 @@ def predict(
         else:
             files.append(path)
     for number, answer in enumerate(
-        answers.ask(found, window, files, reject, interval)
+        answers.ask(found, window, files, reject, interval, proba)
     ):
         if as_json:
             click.echo(json.dumps(answer, ensure_ascii=False))

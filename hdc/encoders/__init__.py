@@ -10,7 +10,7 @@ from hdc.encoders.base import Encoder
 from hdc.encoders.levels import Levels
 from hdc.encoders.median import Median
 from hdc.encoders.quantile import Quantile
-from hdc.encoders.reference import Reference
+from hdc.encoders.reference import Reference, ReferenceLevels
 from hdc.parameters import make_part
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "Median",
     "Quantile",
     "Reference",
+    "ReferenceLevels",
     "make_encoder",
 ]
 
@@ -28,6 +29,7 @@ ENCODERS: dict[str, type[Encoder]] = {
     "quantile": Quantile,
     "levels": Levels,
     "reference": Reference,
+    "reference_levels": ReferenceLevels,
 }
 """Our own encoders by name."""
 

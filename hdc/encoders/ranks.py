@@ -4,16 +4,12 @@ The paper thresholds a speckle pattern so that 0 and 1 appear with the same prob
 Ones are the pixels above the threshold m, and of those equal to m the first by the encoder's order
 of ties (:mod:`hdc.encoders.ties`). Hypervectors of several thresholds stand one after another,
 bit t·D + j for pixel j and threshold t.
-
-On the CPU, of large frames of integers only a sample is sorted. Its order says about where m lies
-(Floyd and Rivest, Commun. ACM 18, 165 (1975)); one pass over the frame counts the pixels above a
-value and so says on which side. Two or three passes leave the pixels of one grey level of 8 bits.
-The counts of all pixels decide, so the sample changes no bit.
+How m is found is up to :mod:`hdc.encoders.thresholds`, or :mod:`hdc.compiled`; every way gives the
+same bits.
 """
 
 from __future__ import annotations
 
-import functools
 import math
 import warnings
 from abc import abstractmethod
@@ -21,19 +17,14 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import bits
 from hdc.encoders.base import Encoder
-from hdc.encoders.ties import TIES, first_ties
+from hdc.encoders.thresholds import Level, route_of
+from hdc.encoders.ties import TIES
 from hdc.parameters import check_choice
-
-_STEP = 2**20  # pixels of several frames thresholded at once, at up to 30 bytes each
-_SMALL = 4096
-"""Pixels per frame up to which that is faster than one frame after another."""
-_SAMPLE = 4096  # pixels of a frame that are sorted, at most
 
 
 class RankEncoder(Encoder):
@@ -166,13 +157,13 @@ def encode_ranks(
         return words, ties
     if n == 0:
         return words, Ties([], 0)
-    step = max(1, _STEP // n_pixels)
-    route = _route(frames, n_pixels)
+    step, route = route_of(frames, n_pixels)
     equals, splits = [], []
     for start in range(0, n, step):
         chosen = slice(start, start + step)
         pixels = _pixels(frames[chosen], first + start)
-        equal, split = _encode_block(route, pixels, ones, rule, words[chosen])
+        levels = route(pixels, ones, rule)
+        equal, split = _encode_block(levels, n_pixels, words[chosen])
         equals.append(equal)
         splits.append(split)
     ties = ties_of(torch.cat(equals).cpu(), torch.cat(splits).cpu(), n_pixels)
@@ -244,36 +235,22 @@ def check_finite(pixels: Tensor, first: int) -> None:
     raise ValueError(f"frames[{first + index}]: expected finite pixels, found {found}")
 
 
-class _Level(NamedTuple):
-    """Packed pixels of B frames above and at one threshold, and what is missing of its ones."""
-
-    above: Tensor  # int64 [B, W]
-    equal: Tensor  # int64 [B, W]
-    missing: Tensor  # int64 [B]
-    n_equal: Tensor  # int64 [B]
-
-
 def _encode_block(
-    route: Any, pixels: Tensor, ones: Sequence[int], rule: str, rows: Tensor
+    levels: Sequence[Level], n_pixels: int, rows: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Fill rows int64 [B, ⌈T·D/64⌉] from pixels [B, D].
+    """Fill rows int64 [B, ⌈T·D/64⌉] from T levels of D pixels.
 
     Returns:
         How many pixels equal each threshold, [B, T], and whether only some of them became ones.
     """
-    n_pixels = pixels.shape[1]
-    counts, splits = [], []
-    if len(ones) > 1:
+    if len(levels) == 1:
+        rows[:] = levels[0].words
+    else:
         rows.zero_()
-    for t, level in enumerate(route(pixels, ones)):
-        words = level.above | first_ties(level.equal, level.missing, rule)
-        if len(ones) == 1:
-            rows[:] = words
-        else:
-            _put(words, rows, t * n_pixels)
-        some_missing = level.missing > 0
-        counts.append(level.n_equal)
-        splits.append(some_missing & (level.missing < level.n_equal))
+        for t, level in enumerate(levels):
+            _put(level.words, rows, t * n_pixels)
+    counts = [level.n_equal for level in levels]
+    splits = [level.split for level in levels]
     return torch.stack(counts, 1), torch.stack(splits, 1)
 
 
@@ -288,138 +265,3 @@ def _put(words: Tensor, rows: Tensor, start: int) -> None:
         following = place + 1
         room = min(width, rows.shape[1] - following)
         rows[:, following : following + room] |= above[:, :room]
-
-
-def _route(frames: Tensor, n_pixels: int) -> Any:
-    """The function that thresholds such frames in the least time: pixels, ones → levels."""
-    if frames.device.type != "cpu":
-        return _by_torch
-    if n_pixels > _SMALL and not frames.is_floating_point():
-        return _by_counting
-    return _by_partition
-
-
-def _by_torch(pixels: Tensor, ones: Sequence[int]) -> list[_Level]:
-    """Levels of pixels [B, D] on any device, one a number of ones."""
-    if pixels.dtype == torch.uint64:  # the same order, without the wrap at 2^63
-        pixels = pixels.view(torch.int64) ^ torch.iinfo(torch.int64).min
-    elif not pixels.is_floating_point() and pixels.dtype != torch.uint8:
-        pixels = pixels.long()  # torch compares and selects few other unsigned types
-    n_pixels = pixels.shape[1]
-    levels = []
-    for wanted in ones:
-        place = min(n_pixels - wanted, n_pixels - 1)
-        threshold = pixels.kthvalue(place + 1, dim=1, keepdim=True).values
-        levels.append(_level(pixels > threshold, pixels == threshold, wanted))
-    return levels
-
-
-def _by_partition(pixels: Tensor, ones: Sequence[int]) -> list[_Level]:
-    """:func:`_by_torch` on the CPU, of several small frames or floats at once."""
-    images = pixels.numpy()
-    n_pixels = images.shape[1]
-    places = [min(n_pixels - wanted, n_pixels - 1) for wanted in ones]
-    ordered = np.partition(images, sorted(set(places)), axis=1)
-    levels = []
-    for wanted, place in zip(ones, places, strict=True):
-        threshold = ordered[:, place, None]
-        above = torch.from_numpy(images > threshold)
-        equal = torch.from_numpy(images == threshold)
-        levels.append(_level(above, equal, wanted))
-    return levels
-
-
-def _level(above: Tensor, equal: Tensor, wanted: int) -> _Level:
-    """A level from masks [B, D]."""
-    return _Level(
-        above=bits.pack(above),
-        equal=bits.pack(equal),
-        missing=wanted - above.sum(1),
-        n_equal=equal.sum(1),
-    )
-
-
-_Selected = tuple[np.ndarray, np.ndarray, int, int]  # a level of one frame
-
-
-def _by_counting(pixels: Tensor, ones: Sequence[int]) -> list[_Level]:
-    """:func:`_by_torch` of integers on the CPU, one frame after another; D > 1."""
-    n_pixels = pixels.shape[1]
-    mask = np.zeros(bits.words_for(n_pixels) * bits.WORD, np.bool_)
-    places = _places(n_pixels)
-    found: list[list[_Selected]] = [[] for _ in ones]
-    for image in pixels.numpy():
-        # "stable" is a radix sort for up to 16 bits.
-        sample = np.sort(image[places], kind="stable")
-        for of_level, wanted in zip(found, ones, strict=True):
-            of_level.append(_select(image, wanted, sample, mask))
-    levels = []
-    for of_level in found:
-        above, equal, missing, n_equal = zip(*of_level, strict=True)
-        level = _Level(
-            torch.from_numpy(np.stack(above)),
-            torch.from_numpy(np.stack(equal)),
-            torch.tensor(missing),
-            torch.tensor(n_equal),
-        )
-        levels.append(level)
-    return levels
-
-
-def _select(
-    pixels: np.ndarray, ones: int, sample: np.ndarray, mask: np.ndarray
-) -> _Selected:
-    """Threshold integers [D] in two or three passes, so that `ones` are at or above it.
-
-    Returns:
-        Words [W] above the threshold and at it; how many of the latter are missing in the former,
-        and how many there are.
-    """
-    n_pixels = len(pixels)
-    # More than `ones` pixels are above `low`, as `below` says; the others not, as `above` says.
-    of_type = np.iinfo(pixels.dtype)
-    low = of_type.min - 1
-    high = int(of_type.max)
-    below, n_below = _all_ones(n_pixels), n_pixels
-    above, n_above = np.zeros_like(below), 0
-    last = len(sample) - 1
-    at = len(sample) * (n_pixels - ones) // n_pixels
-    while high - low > 1:
-        value = int(sample[min(max(0, at), last)])
-        if not low < value < high:
-            nearest = low + 1 if value <= low else high - 1
-            value = nearest if pixels.itemsize == 1 else (low + high) // 2
-        np.greater(pixels, value, out=mask[:n_pixels])
-        larger = np.packbits(mask, bitorder="little").view(np.int64)
-        n = _count(larger)
-        if n > ones:
-            low, below, n_below = value, larger, n
-        else:
-            high, above, n_above = value, larger, n
-        off = (n - ones) * len(sample) / n_pixels
-        at += round(off + math.copysign(1, off))
-    return above, above ^ below, ones - n_above, n_below - n_above
-
-
-@functools.lru_cache(maxsize=4)
-def _places(n_pixels: int) -> np.ndarray:
-    """Which pixels are the sample: one of each stretch, at random, lest they follow a pattern."""
-    n = min(_SAMPLE, max(32, n_pixels // 16), n_pixels)
-    within = np.random.default_rng(0).random(n)
-    offsets = np.arange(n) + within
-    return (offsets * n_pixels / n).astype(np.intp)
-
-
-def _all_ones(n_pixels: int) -> np.ndarray:
-    """Words int64 [W] of so many ones."""
-    words = np.full(bits.words_for(n_pixels), -1)
-    rest = n_pixels % bits.WORD
-    if rest:
-        words[-1] = (1 << rest) - 1
-    return words
-
-
-def _count(words: np.ndarray) -> int:
-    """Ones of words int64 [W]."""
-    ones = np.bitwise_count(words.view(np.uint64))
-    return int(ones.sum(dtype=np.int64))

@@ -155,6 +155,16 @@ class Reference(Encoder):
         self.reference_ = tensors["reference"]
 
 
+class ReferenceLevels(Reference):
+    """Levels of each frame less a reference frame: :class:`Reference` with ``base="levels"``.
+
+    Args: as of :class:`Reference`.
+    """
+
+    def __init__(self, base: Any = "levels", frame: Any = None):
+        super().__init__(base, frame)
+
+
 def _frames_at_a_time(frames: Any) -> int:
     n_pixels = math.prod(frames.shape[1:])
     return max(1, _STEP // max(1, n_pixels))
@@ -168,15 +178,34 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
     more than 16 bits are first scaled to integers of 18 bits, frame by frame.
     """
     check_frames(frames)
-    pixels = _integers(frames.reshape(len(frames), -1), first)
-    n_pixels = pixels.shape[1]
-    sums = pixels.sum(1)
+    flat = frames.reshape(len(frames), -1)
+    if flat.dtype == torch.uint8:
+        values = torch.empty(flat.shape, dtype=torch.int32, device=flat.device)
+        for frame, row in zip(flat, values, strict=True):
+            torch.index_select(_values_of_greys(frame), 0, frame.int(), out=row)
+        return values
+    pixels = _integers(flat, first)
     squares = (pixels * pixels).sum(1)
+    return _in_steps(pixels, pixels.sum(1), squares, flat.shape[1])
+
+
+def _values_of_greys(frame: Tensor) -> Tensor:
+    """What each grey value 0…255 becomes in a frame uint8 [D]: int32 [256]."""
+    greys = torch.arange(256, device=frame.device)
+    counts = torch.bincount(frame, minlength=256)
+    total = (counts * greys).sum()
+    square = (counts * greys * greys).sum()
+    return _in_steps(greys[None], total[None], square[None], len(frame))[0]
+
+
+def _in_steps(pixels: Tensor, sums: Tensor, squares: Tensor, n_pixels: int) -> Tensor:
+    """Pixels int64 [N, k] of frames of so many pixels, with sums [N] of all of them and of their
+    squares, in steps of 2⁻¹⁶ deviations: int32 [N, k]."""
     deviations = []
     for total, square in zip(sums.tolist(), squares.tolist(), strict=True):
         deviation = math.isqrt(n_pixels * square - total**2)
         deviations.append(max(1, deviation))
-    divisors = torch.tensor(deviations, dtype=torch.float64, device=frames.device)
+    divisors = torch.tensor(deviations, dtype=torch.float64, device=pixels.device)
     centred = n_pixels * pixels - sums[:, None]
     scaled = centred.double() * 2**FRACTION
     return (scaled / divisors[:, None]).floor().to(torch.int32)

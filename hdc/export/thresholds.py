@@ -16,7 +16,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from hdc.rejection import Peers
+from hdc.rejection import FEWEST, Peers
 
 
 def distance_thresholds(
@@ -36,9 +36,11 @@ def distance_thresholds(
     """
     held_out = [_leave_one_out(own) for own in peers]
     pool = _deviations(held_out)
-    if any(len(own) == 0 for own in held_out) or share * (len(pool) + 1) < 1:
+    least = min(map(len, held_out))
+    too_few = least < FEWEST and share * (least + 1) < 1
+    if too_few or share * (len(pool) + 1) < 1:
         warnings.warn(
-            f"{float(share):g} of known frames: expected at least two kept frames of each class, "
+            f"{float(share):g} of known frames: expected at least {FEWEST} kept frames of each class, "
             f"and {math.ceil(1 / share) - 1} in all, found {len(pool)}; no frame is refused",
             stacklevel=2,
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Self
+from typing import ClassVar, NamedTuple, Self
 
 import torch
 from torch import Tensor
@@ -13,6 +13,13 @@ from hdc.parameters import Parametrised
 
 NOWHERE = torch.iinfo(torch.int64).min
 """Score of a class without samples, in whole numbers."""
+
+
+class HeldOut(NamedTuple):
+    """Scores of training frames as if each of them had not been learnt, and their classes."""
+
+    scores: Tensor  # float64 [m, L] (CPU), in the unit of Readout.scores
+    rows: Tensor  # int64 [m] (CPU)
 
 
 class Readout(Parametrised, ABC):
@@ -59,6 +66,18 @@ class Readout(Parametrised, ABC):
     @abstractmethod
     def scores(self, words: Tensor) -> Tensor:
         """A score for each class, the largest wins, the first of equal ones: [Q, W] → [Q, L]."""
+
+    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
+        """Scores of training frames as if each had not been learnt, where they have a closed form.
+
+        Args:
+            words: hypervectors int64 [m, W] of some of the training frames.
+            rows: their classes int64 [m] (CPU).
+
+        Returns:
+            For these, or for others that were kept in training; None without a closed form.
+        """
+        return None
 
     def state(self) -> dict[str, Tensor]:
         """The tensors that a prediction needs; they share memory with the read-out."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import torch
 from torch import Tensor
@@ -11,7 +12,7 @@ from hdc import bits
 from hdc.parameters import check_choice
 from hdc.prototypes import Counters
 from hdc.readouts.arithmetic import dot
-from hdc.readouts.base import without_empty
+from hdc.readouts.base import HeldOut, without_empty
 from hdc.readouts.majority import Counting, smallest
 
 
@@ -34,11 +35,27 @@ class Counts(Counting):
     def scores(self, words: Tensor) -> Tensor:
         """The cosines, float64 [Q, L]."""
         counters = self.counters_
-        size = None
+        found = cosines(counters, words, self._thinned_to())
+        return without_empty(found / math.sqrt(counters.dimension), counters.n == 0)
+
+    def _thinned_to(self) -> int | None:
+        """Frames that larger classes are compared as; None: classes are compared as they are."""
         if self.balance and not self.recalibrated_:
-            size = smallest(counters)
-        found = cosines(counters, words, size) / math.sqrt(counters.dimension)
-        return without_empty(found, counters.n == 0)
+            return smallest(self.counters_)
+        return None
+
+    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
+        """The cosines, that of the own class with its counts less the frame.
+
+        None after a recalibration: how many votes a frame has is not kept.
+        """
+        if self.recalibrated_:
+            return None
+        scores = self.scores(words).cpu()
+        own = cosines_without(self.counters_, words, rows, self._thinned_to())
+        places = torch.arange(len(rows))
+        scores[places, rows] = own / math.sqrt(self.counters_.dimension)
+        return HeldOut(scores, rows)
 
     def adapt(
         self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
@@ -69,21 +86,57 @@ def cosines(counters: Counters, words: Tensor, size: int | None = None) -> Tenso
     return products / lengths.clamp(min=1)
 
 
+def cosines_without(
+    counters: Counters, words: Tensor, rows: Tensor, size: int | None = None
+) -> Tensor:
+    """√D times the cosine of each of m counted queries and 2c − n of its class without it: [m].
+
+    With s = 2c − n, s·x and ‖s‖² of all n, these are s·x − D and ‖s‖² − 2s·x + D of the others;
+    0 of the only frame of a class.
+    """
+    dimension = counters.dimension
+    ones = bits.count_ones(counters.planes)
+    products = dot(counters.planes, ones, counters.n, words, dimension).cpu()
+    squares = [square_length(*pair, dimension) for pair in _counted(counters)]
+    counts = counters.n.tolist()
+    found = torch.zeros(len(rows), dtype=torch.float64)
+    for i, c in enumerate(rows.tolist()):
+        product = int(products[i, c])
+        square = squares[c] - 2 * product + dimension
+        length = norm(square, counts[c] - 1, dimension, size)
+        found[i] = (product - dimension) / max(length, 1.0)
+    return found
+
+
 def norms(counters: Counters, size: int | None = None) -> list[float]:
     """‖2c − n‖ of each class, correctly rounded; see :func:`cosines` for `size`."""
     lengths = []
-    for planes, n in zip(counters.planes, counters.n.tolist(), strict=True):
-        total, square = moments(planes)
-        length = 4 * square - 4 * n * total + n * n * counters.dimension
-        if size is None or n <= max(size, 1):
-            lengths.append(math.sqrt(length))
-            continue
-        # n·D + Σ_{i≠k} x_i·x_k = ‖s‖², and the mean product of a pair is that of a subset's.
-        of_pairs = length - n * counters.dimension
-        pairs = of_pairs * size * (size - 1) / (n * (n - 1))
-        square = max(0.0, size * counters.dimension + pairs)
-        lengths.append(math.sqrt(square) * n / size)
+    for planes, n in _counted(counters):
+        square = square_length(planes, n, counters.dimension)
+        lengths.append(norm(square, n, counters.dimension, size))
     return lengths
+
+
+def _counted(counters: Counters) -> Iterator[tuple[Tensor, int]]:
+    """Planes [P, W] and frames of each class."""
+    return zip(counters.planes, counters.n.tolist(), strict=True)
+
+
+def square_length(planes: Tensor, n: int, dimension: int) -> int:
+    """‖2c − n‖² of bit-sliced counts [P, W] of n frames."""
+    total, square = moments(planes)
+    return 4 * square - 4 * n * total + n * n * dimension
+
+
+def norm(square: int, n: int, dimension: int, size: int | None) -> float:
+    """‖2c − n‖ of its square, or what a random subset of `size` frames is expected to have."""
+    if size is None or n <= max(size, 1):
+        return math.sqrt(square)
+    # n·D + Σ_{i≠k} x_i·x_k = ‖s‖², and the mean product of a pair is that of a subset's.
+    of_pairs = square - n * dimension
+    pairs = of_pairs * size * (size - 1) / (n * (n - 1))
+    expected = max(0.0, size * dimension + pairs)
+    return math.sqrt(expected) * n / size
 
 
 def moments(planes: Tensor) -> tuple[int, int]:

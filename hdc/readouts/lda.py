@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import torch
 from torch import Tensor
@@ -32,7 +32,13 @@ from hdc.io import check_tensors
 from hdc.parameters import is_number
 from hdc.prototypes import Counters
 from hdc.readouts.arithmetic import combinations, dot, gram
-from hdc.readouts.base import NOWHERE, Readout
+from hdc.readouts.base import NOWHERE, HeldOut, Readout
+from hdc.readouts.leave_one_out import (
+    Products,
+    discriminants,
+    inverse_diagonal,
+    spread_over,
+)
 
 SHRINKAGES = ("ledoit_wolf", "oas")
 MOST_FRAMES = 8000
@@ -62,6 +68,7 @@ class LDA(Readout):
     shrinkage_: Tensor
     _dimension: int
     _ones: Tensor
+    _held_out: HeldOut | None = None  # not in files
 
     def __init__(self, shrinkage: float | str = "ledoit_wolf"):
         self.shrinkage = shrinkage
@@ -90,18 +97,25 @@ class LDA(Readout):
         share = onehot / onehot.sum(0)
         products = gram(words, words, dimension, self.backend)
         of_means = products @ share  # G·E
-        dual, alpha = _dual_weights(
-            products, of_means, onehot, share, dimension, self.shrinkage
-        )
+        solution = _solve(products, of_means, onehot, share, dimension, self.shrinkage)
+        dual = solution.dual
         halfway = of_means + of_means.mean(1, keepdim=True)
         offsets = -0.5 * (halfway * dual).sum(0)
         weights = combinations(dual, words, self.backend)[:, :dimension]
         means = class_means(words, place, len(known), dimension, self.backend)
         planes, scales, offsets = _quantised(weights, means, offsets)
         planes = planes.to(words.device)
-        self._take(planes, scales, offsets, known, n_classes, dimension)
-        self.shrinkage_ = torch.tensor(alpha, dtype=torch.float64)
+        unit = self._take(planes, scales, offsets, known, n_classes, dimension)
+        self.shrinkage_ = torch.tensor(solution.alpha, dtype=torch.float64)
+        found, places = discriminants(solution.products, place)
+        held_out = torch.zeros(len(places), n_classes, dtype=torch.float64)
+        held_out[:, known] = unit * found
+        self._held_out = HeldOut(held_out, rows[places])
         return self
+
+    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
+        """Of up to 400 frames of training, before weights are rounded; None once loaded."""
+        return self._held_out
 
     def _take(
         self,
@@ -111,8 +125,8 @@ class LDA(Readout):
         known: Tensor,
         n_classes: int,
         dimension: int,
-    ) -> None:
-        """Scores in whole numbers; classes that are not `known` never win."""
+    ) -> float:
+        """Scores in whole numbers, of which the unit follows; none but `known` classes win."""
         unit = 2**_UNIT_BITS / float(scales.max())
         self.weights_ = planes.new_zeros(n_classes, *planes.shape[1:])
         self.scales_ = torch.zeros(n_classes, dtype=torch.int64)
@@ -122,6 +136,7 @@ class LDA(Readout):
         self.offsets_[known] = (offsets * unit).round().long()
         self._dimension = dimension
         self._ones = bits.count_ones(self.weights_)
+        return unit
 
     def scores(self, words: Tensor) -> Tensor:
         """The discriminants, int64 [Q, L]."""
@@ -185,26 +200,39 @@ def closed_form(
     return min(1.0, max(0.0, share))
 
 
-def _dual_weights(
+class _Solution(NamedTuple):
+    """What is learned before weights are rounded."""
+
+    dual: Tensor  # A, float64 [N, L]
+    alpha: float
+    products: Products
+
+
+def _solve(
     products: Tensor,
     of_means: Tensor,
     onehot: Tensor,
     share: Tensor,
     dimension: int,
     shrinkage: float | str,
-) -> tuple[Tensor, float]:
-    """A [N, L] and α; `products`, G, becomes K on the way, and memory for one more is needed."""
+) -> _Solution:
+    """A and α; `products`, G, becomes K on the way, and memory for one more is needed."""
     centred = share - share.mean(1, keepdim=True)  # E'
     n = len(products)
+    right = of_means - of_means.mean(1, keepdim=True)  # G·E'
+    between = centred.T @ right  # E'ᵀ·G·E'
+    right = right - onehot @ (share.T @ right)
     _centre_within_classes(products, of_means, onehot, share)
     diagonal = products.diagonal().clone()
     trace = float(diagonal.sum())
+    chosen = spread_over(n)
+    nearest_mean = Products(right, between, diagonal[chosen], None)
     if trace / n < 1e-9 * dimension:
         warnings.warn(
             "lda: no class has two different frames, so the nearest mean is learned",
             stacklevel=4,
         )
-        return centred, 1.0
+        return _Solution(centred, 1.0, nearest_mean)
     if isinstance(shrinkage, str):
         squares = float((products**2).sum())
         degrees = max(1, n - onehot.shape[1])
@@ -212,17 +240,18 @@ def _dual_weights(
     else:
         alpha = float(shrinkage)
     if alpha == 1:
-        return centred, 1.0
+        return _Solution(centred, 1.0, nearest_mean)
     # α = 0 has no inverse where there are fewer frames than bits; rounding's share is the least.
     least = 1e-10 * trace / n
     penalty = max(alpha / (1 - alpha) * trace / dimension, least)
-    right = of_means - of_means.mean(1, keepdim=True)  # G·E'
-    right = right - onehot @ (share.T @ right)
     products.diagonal().add_(penalty)
     factor = torch.linalg.cholesky(products)
     solved = torch.cholesky_solve(right, factor)
+    of_mean_pairs = (between - right.T @ solved) / penalty
+    own = 1 - penalty * inverse_diagonal(factor, chosen)
     solved_within = solved - share @ (onehot.T @ solved)
-    return centred - solved_within, alpha
+    kept = Products(solved, of_mean_pairs, own, penalty)
+    return _Solution(centred - solved_within, alpha, kept)
 
 
 def _centre_within_classes(

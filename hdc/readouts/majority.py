@@ -13,7 +13,7 @@ from hdc import bits, planes
 from hdc.io import check_tensors
 from hdc.parameters import check_choice
 from hdc.prototypes import Counters, check_probability, merged, replaced_bits
-from hdc.readouts.base import Updatable
+from hdc.readouts.base import HeldOut, Updatable
 
 METHODS = ("replace", "merge")
 EXTRAS = (-2, -1, 0, 1, 2)
@@ -284,6 +284,23 @@ class Majority(Counting):
     def scores(self, words: Tensor) -> Tensor:
         """Minus the Hamming distances, int64 [Q, L]."""
         return -self.distances(words)
+
+    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut:
+        """Minus the distances, that of the own class to its prototype without the frame.
+
+        The own distance changes as it does with the prototype of all frames of the class, thinned
+        or not.
+        """
+        scores = self.scores(words).double().cpu()
+        deciding = self.deciding()
+        for c in rows.unique().tolist():
+            _, if_zero, whole, if_one, _ = deciding[c]
+            places = (rows == c).nonzero().flatten()
+            own = words[places.to(words.device)]
+            without = (own & if_one) | (~own & if_zero)
+            farther = bits.count_ones(own ^ without) - bits.count_ones(own ^ whole)
+            scores[places, c] -= farther.cpu()
+        return HeldOut(scores, rows)
 
     def state(self) -> dict[str, Tensor]:
         return {"prototypes": self.prototypes_}

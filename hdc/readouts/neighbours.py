@@ -11,7 +11,7 @@ from torch import Tensor
 from hdc import bits
 from hdc.io import check_tensors
 from hdc.parameters import check_integer
-from hdc.readouts.base import Updatable
+from hdc.readouts.base import HeldOut, Updatable
 
 
 class Neighbours(Updatable):
@@ -73,10 +73,23 @@ class Neighbours(Updatable):
 
         int64 [Q, L]; a class without frames is one farther than the farthest.
         """
+        return self._scores_at(bits.hamming(words, self.frames_, self.backend))
+
+    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut:
+        """The scores with all training frames but one that is equal and of the same class."""
         distances = bits.hamming(words, self.frames_, self.backend)
-        rows = self.rows_.to(words.device).expand_as(distances)
+        own = self.rows_ == rows[:, None]
+        equal = own.to(distances.device) & (distances == 0)
+        places = equal.any(1).nonzero().flatten()
+        first = equal[places].int().argmax(1)
+        distances[places, first] = self._dimension + 1
+        return HeldOut(self._scores_at(distances).double().cpu(), rows)
+
+    def _scores_at(self, distances: Tensor) -> Tensor:
+        """Scores int64 [Q, L] at distances int64 [Q, N] from the training frames."""
+        rows = self.rows_.to(distances.device).expand_as(distances)
         far = self._dimension + 1
-        farthest = distances.new_full((len(words), self._n_classes), far)
+        farthest = distances.new_full((len(distances), self._n_classes), far)
         scores = -farthest.scatter_reduce(1, rows, distances, "amin")
         if self.n_neighbours > 1:
             by_distance_and_class = distances * self._n_classes + rows

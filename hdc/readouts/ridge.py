@@ -23,7 +23,7 @@ from hdc import bits
 from hdc.io import check_tensors
 from hdc.parameters import is_number
 from hdc.readouts.arithmetic import dot, gram
-from hdc.readouts.base import Readout
+from hdc.readouts.base import HeldOut, Readout
 from hdc.readouts.values import ValueReadout
 
 PENALTIES = tuple(10.0**k for k in range(-4, 5))
@@ -45,6 +45,7 @@ class Ridge(Readout):
     """
 
     linear_: Linear
+    _held_out: HeldOut | None = None  # not in files
 
     def __init__(self, penalty: float | None = None):
         self.penalty = penalty
@@ -58,6 +59,7 @@ class Ridge(Readout):
         empty = torch.bincount(rows, minlength=n_classes) == 0
         fitted.linear.intercepts[empty] = _LOWEST
         self.linear_ = fitted.linear
+        self._held_out = HeldOut(targets - fitted.residuals, rows)
         return self
 
     def adapt(
@@ -68,6 +70,11 @@ class Ridge(Readout):
         prior = self.linear_
         fitted = solve(words, targets, prior.dimension, None, self.backend, prior)
         self.linear_ = fitted.linear
+        self._held_out = HeldOut(targets - fitted.residuals, rows)
+
+    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
+        """Of all frames of the last training, by its exact residuals; None once loaded."""
+        return self._held_out
 
     def scores(self, words: Tensor) -> Tensor:
         """The linear functions, float64 [Q, L]."""

@@ -19,7 +19,7 @@ from experiments.records.configs import CONFIGS
 from experiments.records.files import REFERENCE
 from experiments.records.results import Results
 from experiments.report import Answers
-from experiments.studies.table1 import view
+from experiments.studies.table1 import models, view
 from hdc import HDCClassifier
 
 GOLDEN = Path(__file__).parent / "golden" / "table1.csv"
@@ -51,8 +51,8 @@ def run(*overrides, **names):
 def test_table_1_of_a_small_scene_is_the_committed_one(
     results, one_thread, monkeypatch
 ):
-    monkeypatch.setattr(view, "scene", lambda: "small")
-    for model in view.LINES:
+    monkeypatch.setattr(models, "scene", lambda: "small")
+    for model in models.LINES:
         for seed in ("0", "1") if model in ("hdc", "softmax_dual") else ("0",):
             run(*SMALL, *SHORT, f"model={model}", f"seed.run={seed}", scene="small", model=model,
                 stop="short")  # fmt: skip

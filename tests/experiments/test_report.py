@@ -210,7 +210,7 @@ def test_own_numbers_outside_the_reference_are_named_and_table_1_stands_once(
 ):
     write_run("hdc", wrong=range(50))
     text, files = written(tmp_path)
-    assert text.count("Table I,") == 1
+    assert text.count("Table I ·") == 1
     assert "! table1: touch, hdc" in text
     assert {row["verdict"] for row in rows_of(files["against_reference.csv"])} >= {
         "outside"

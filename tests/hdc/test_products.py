@@ -17,6 +17,8 @@ from hdc.products import integer_product
 def test_product_is_exact_at_its_extremes(native, k, monkeypatch):
     if not native:
         monkeypatch.setattr(products, "native_is_exact", lambda: False)
+    else:
+        monkeypatch.setattr(products, "native_is_fast", lambda: True)
     a = torch.full((3, k), -128, dtype=torch.int8)
     a[1] = 127
     expected = a.numpy().astype(np.int64) @ a.numpy().astype(np.int64).T
@@ -52,3 +54,25 @@ def test_products_and_moments_are_those_of_python_integers(n, m, d, sixteen, see
     first, second = products.moments(images)
     assert (first.numpy() == y.sum(1)).all()
     assert (second.numpy() == (y * y).sum(1)).all()
+
+
+def test_a_slow_native_product_is_left_alone(monkeypatch) -> None:
+    """pytorch falls back to plain loops on a CPU without byte instructions."""
+    a = torch.randint(-128, 128, (5, 3000), dtype=torch.int8)
+    expected = integer_product(a, a.T)
+    native = products._native
+    monkeypatch.setattr(products, "native_is_exact", lambda: True)
+    monkeypatch.setattr(products, "_seconds", lambda product, _: product is native)
+    products.native_is_fast.cache_clear()
+    assert not products.native_is_fast()
+    products_in_float32 = []
+    by_floats = products._by_floats
+
+    def counted(left: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
+        products_in_float32.append(len(right))
+        return by_floats(left, right)
+
+    monkeypatch.setattr(products, "_by_floats", counted)
+    assert torch.equal(integer_product(a, a.T), expected)
+    assert products_in_float32 == [1024, 1024, 952]
+    products.native_is_fast.cache_clear()

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from hdc import HDCClassifier, HDCRegressor
 from hdc.readouts import NeighbourValues, RidgeValues
+from hdc.regressor import _ends
 
 
 def presses(n: int, seed: int, move: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -71,6 +73,26 @@ def test_intervals_cover_as_often_as_stated(model: HDCRegressor) -> None:
     assert 0.76 < narrow < 0.90
     _, low, high = model.predict(queries, return_interval=True, alpha=0.03)
     assert np.isinf([low, high]).all()  # 25 frames tell nothing of 3 %
+
+
+@pytest.mark.parametrize(("n", "alpha", "k"), [(9, 0.1, 1), (19, 0.1, 2), (20, 0.1, 2)])
+def test_ends_of_intervals_are_those_of_the_jackknife_plus(
+    n: int, alpha: float, k: int
+) -> None:
+    """The ⌊α(n + 1)⌋-th smallest f₋ᵢ − |r_i|, and as many from above of f₋ᵢ + |r_i|.
+
+    Barber et al., Ann. Statist. 49, 486 (2021): of n frames, with n + 1, not n.
+    """
+    rng = np.random.default_rng(0)
+    without, residuals = rng.normal(size=n), rng.normal(size=n)
+    low, high = _ends(
+        torch.tensor(without)[None, :, None], torch.tensor(residuals)[:, None], alpha
+    )
+    assert low.item() == sorted(without - abs(residuals))[k - 1]
+    above = sorted(without + abs(residuals), reverse=True)
+    assert high.item() == above[n - int(np.ceil((1 - alpha) * (n + 1)))]
+    too_few = torch.zeros(1, 8, 1), torch.zeros(8, 1)
+    assert _ends(*too_few, 0.1)[1].isinf().all()  # 0.1 of 9 is no frame
 
 
 def test_targets_that_cannot_be_learnt_are_named() -> None:

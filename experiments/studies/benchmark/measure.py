@@ -31,7 +31,7 @@ _SAMPLE_S = (
 )
 
 
-@experiment(revision=1, uses=("hdc.HDCClassifier",), timed=True)
+@experiment(revision=2, uses=("hdc.HDCClassifier",), timed=True)
 def benchmark(
     run: Run,
     steps: Sequence[Mapping[str, Any]],

@@ -10,4 +10,8 @@ DECODE_IMAGES, DECODE_VIDEO = (
 )
 TORCHHD_TRAIN = "torch.median, torchhd.multiset"
 NO_RESULT = (READ, COPY, DECODE_IMAGES, DECODE_VIDEO)
-ORDINARY_ROUTES = (TORCHHD_TRAIN, "numpy.median, torchhd.multiset")
+ORDINARY_ROUTES = (
+    TORCHHD_TRAIN,
+    "numpy.median, torchhd.multiset",
+    "cv2.calcHist, torchhd.multiset",
+)

@@ -91,7 +91,7 @@ def train_routes(case: Case) -> Iterator[Route]:
     yield from ours(lambda backend: partial(train, backend))
     yield Route(names.READ, "numpy", read)
     yield Route(names.COPY, "numpy", partial(np.copyto, copied, pixels))
-    of_frames = (torch_bits, numpy_bits)
+    of_frames = (torch_bits, numpy_bits, opencv_bits)
     for name, ones in zip(names.ORDINARY_ROUTES, of_frames, strict=True):
         yield Route(name, "torchhd", partial(ordinary, ones))
 
@@ -222,15 +222,29 @@ def numpy_bits(frames: Tensor) -> Tensor:
 
 def opencv_words(frames: np.ndarray) -> np.ndarray:
     """The same of uint8 frames, packed, by OpenCV's histograms; exact to 2^24 pixels."""
-    cv2 = load("cv2")
-    middle = (frames.shape[1] + 1) // 2
-    words = []
-    for frame in frames:
-        counts = cv2.calcHist([frame], [0], None, [256], [0, 256])
-        up_to_level = counts.ravel().astype(np.int64).cumsum()
-        level = np.searchsorted(up_to_level, middle)
-        words.append(pack_bits(frame > level))
-    return np.stack(words)
+    return np.stack([pack_bits(frame > opencv_median(frame)) for frame in frames])
+
+
+def opencv_bits(frames: Tensor) -> Tensor:
+    """The same, not packed."""
+    ones = [frame > opencv_median(frame) for frame in frames.numpy()]
+    return torch.from_numpy(np.stack(ones))
+
+
+def opencv_median(frame: np.ndarray) -> int:
+    """Lower median of the uint8 pixels [D] of a frame by OpenCV's histogram."""
+    counts = load("cv2").calcHist([frame], [0], None, [256], [0, 256])
+    return level_of(counts.ravel().astype(np.int64))
+
+
+def numpy_median(frame: np.ndarray) -> int:
+    """The same by NumPy's."""
+    return level_of(np.bincount(frame, minlength=256))
+
+
+def level_of(counts: np.ndarray) -> int:
+    """The grey value that half of the pixels do not exceed, of a histogram [256]."""
+    return int(np.searchsorted(counts.cumsum(), (counts.sum() + 1) // 2))
 
 
 def by_class(case: Case, ones: Tensor) -> list[Tensor]:

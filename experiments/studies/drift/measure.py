@@ -1,7 +1,7 @@
 """Drift and recalibration (Fig. 8): what new samples recover, and what of the old is forgotten.
 
 Models are trained on N_old samples of the first session (``stored``), updated with N_new of the
-second, and tested on both sessions. By ``method``:
+second, and tested on both sessions. By ``method``, with labels:
 
 - ``new``: trained on the new samples alone; of HDC, the paper's p = 1.
 - ``replace``, p: the paper's, for HDC; each bit of the stored prototype is replaced by the new
@@ -11,6 +11,8 @@ second, and tested on both sessions. By ``method``:
 - ``balanced``: the same with as many votes of either session; other models than HDC take each new
   sample N_old/N_new times, rounded.
 - ``from_old``: of linear models, started from the old weights (baselines.linear).
+
+Without labels (:mod:`.zeroing`): ``zeroed`` and ``untouched``.
 
 HDC's updates are the model's own; one that its read-out refuses has no row.
 
@@ -31,6 +33,8 @@ from experiments.protocol import data
 from experiments.protocol.evaluate import bank_of, evaluate
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import models_of
+from experiments.records.rows import pack_labels
+from experiments.studies.drift.zeroing import Unlabelled, untouched, zeroed
 from hdc import HDCClassifier
 from hdc.bank import Bank
 from hdc.readouts import make_readout
@@ -42,7 +46,7 @@ _EQUAL = 0.5  # share of the new in all votes
 Update = tuple[str, float | None, np.ndarray]  # method, p, predicted labels
 
 
-@experiment(revision=1)
+@experiment(revision=2, uses=("hdc.HDCClassifier",))
 def drift(
     run: Run,
     scene: Mapping[str, Any],
@@ -54,33 +58,53 @@ def drift(
     p: Sequence[float],
     order: Sequence[str] = ORDERS,
     draws: int = 3,
+    zeroing: Mapping[str, Any] | None = None,
+    zeroing_seeds: Sequence[int] = (),
+    n_alone: Sequence[int] = (),
+    n_zero: Sequence[int] = (),
+    shares: Sequence[float] = (),
+    n_shares: Sequence[int] = (),
+    n_untouched: Sequence[int] = (),
+    no_touch: str = "",
 ) -> Iterator[Row]:
     """One row: a stored model, or one of its updates, tested on both sessions.
 
-    ``right_new`` of ``n_test_new`` test samples are of the second session, ``right_old`` of
-    ``n_test_old`` of the first; ``draw`` is the choice of the ``n_new`` samples.
+    It ``predicted`` classes of ``n_test_new`` test samples of the second session, then of
+    ``n_test_old`` of the first (texts of :func:`experiments.records.rows.pack_labels`); the first
+    row of a seed and order has the true ones in ``labels``. ``draw`` is the choice of the ``n_new``
+    samples. Of models in `zeroing`, which are updated without labels, ``share`` is that of one class
+    among the unlabelled frames; None: all classes alike.
     Arguments: configs/experiment/drift.yaml.
     """
     if set(order) - set(ORDERS):
         raise ValueError(
             f"task.order: expected among {', '.join(ORDERS)}, found {list(order)}"
         )
-    built = models_of(models)
+    labelled = models_of(models)
+    unlabelled = models_of(zeroing or {})
     for seed, two_sessions in run.scenes(scene, seeds):
         bank = bank_of(two_sessions)
         for in_order in order:
             choice = choose(two_sessions, old_split, n_test, in_order, seed)
-            for name, model in built.items():
-                place = {
-                    "origin": two_sessions.origin,
-                    "seed": seed,
-                    "order": in_order,
-                    "model": name,
-                }
+            kept = Answers(bank, choice)
+            place = {"origin": two_sessions.origin, "seed": seed, "order": in_order}
+            for name, model in labelled.items():
                 made = updates(bank, choice, model, n_new, p, in_order, draws, seed)
-                for row in made:
-                    yield {**place, **row}
+                for about, predicted in made:
+                    yield {**place, "model": name, **kept.row(about, predicted)}
+            if in_order != "time" or seed not in zeroing_seeds:
+                continue
+            frames = Unlabelled(n_zero, shares, n_shares, n_untouched, favoured=seed)
+            without = _index_of(no_touch, two_sessions.classes)
+            for name, model in unlabelled.items():
+                made = zeroings(bank, choice, model, n_alone, seed, frames, without)
+                for about, predicted in made:
+                    yield {**place, "model": name, **kept.row(about, predicted)}
         run.note(f"seed {seed}")
+
+
+def _index_of(name: str, classes: Sequence[str]) -> int | None:
+    return list(classes).index(name) if name in classes else None
 
 
 class Choice(NamedTuple):
@@ -90,6 +114,11 @@ class Choice(NamedTuple):
     old: np.ndarray
     pool: np.ndarray
     tests: Mapping[str, np.ndarray]
+
+    @property
+    def asked(self) -> np.ndarray:
+        """All test samples, those of the second session first."""
+        return np.concatenate([self.tests["new"], self.tests["old"]])
 
 
 def choose(
@@ -131,6 +160,27 @@ def subsets(
     return {n: ordered[:n] for n in sizes}
 
 
+class Answers:
+    """Rows of what models answer to the test samples of a choice; the first has their classes."""
+
+    def __init__(self, bank: Bank, choice: Choice) -> None:
+        self.same = {
+            "n_old": len(choice.old),
+            "n_test_new": len(choice.tests["new"]),
+            "n_test_old": len(choice.tests["old"]),
+        }
+        self.labels: np.ndarray | None = bank.labels[choice.asked]
+
+    def row(self, about: Row, predicted: np.ndarray) -> Row:
+        """A row of one update, with what the updated model predicted."""
+        row = {"p": None, "share": None, "draw": 0, **about, **self.same}
+        row["predicted"] = pack_labels(predicted)
+        if self.labels is not None:
+            row["labels"] = pack_labels(self.labels)
+            self.labels = None
+        return row
+
+
 def updates(
     bank: Bank,
     choice: Choice,
@@ -140,38 +190,37 @@ def updates(
     order: str,
     draws: int,
     seed: int,
-) -> Iterator[Row]:
-    """The stored model, then every way to update it with the same samples, scored."""
-    asked = np.concatenate(list(choice.tests.values()))
-    first = len(choice.tests["new"])
-
-    def row(
-        predicted: np.ndarray,
-        n: int,
-        draw: int,
-        method: str,
-        p: float | None,
-    ) -> Row:
-        right = predicted == bank.labels[asked]
-        return {
-            "method": method,
-            "p": p,
-            "n_old": len(choice.old),
-            "n_new": n,
-            "draw": draw,
-            "right_new": int(right[:first].sum()),
-            "n_test_new": first,
-            "right_old": int(right[first:].sum()),
-            "n_test_old": len(right) - first,
-        }
-
-    yield row(evaluate(model, bank, choice.old, asked), 0, 0, "stored", None)
+) -> Iterator[tuple[Row, np.ndarray]]:
+    """The stored model, then every way to update it with the same labelled samples; and what each
+    predicts."""
+    stored = evaluate(model, bank, choice.old, choice.asked)
+    yield {"method": "stored", "n_new": 0}, stored
     for draw in range(draws if order == "random" else 1):
         drawn = int(np.random.default_rng((seed, draw)).integers(2**31))
         for n, new in subsets(choice, bank.labels, n_new, order, drawn).items():
-            for update in ways(model, bank, choice.old, new, asked, p, drawn + n):
-                method, parameter, predicted = update
-                yield row(predicted, n, draw, method, parameter)
+            made = ways(model, bank, choice.old, new, choice.asked, p, drawn + n)
+            for method, parameter, predicted in made:
+                about = {"method": method, "p": parameter, "n_new": n, "draw": draw}
+                yield about, predicted
+
+
+def zeroings(
+    bank: Bank,
+    choice: Choice,
+    model: Any,
+    n_alone: Sequence[int],
+    seed: int,
+    frames: Unlabelled,
+    no_touch: int | None,
+) -> Iterator[tuple[Row, np.ndarray]]:
+    """The stored model, re-zeroed without labels, and trained on new samples alone."""
+    yield from zeroed(model, bank, choice.old, choice.pool, choice.asked, frames)
+    for n, new in subsets(choice, bank.labels, n_alone, "time", seed).items():
+        yield {"method": "new", "n_new": n}, evaluate(model, bank, new, choice.asked)
+    if no_touch is not None:
+        yield from untouched(
+            model, bank, choice.old, choice.pool, choice.asked, frames, no_touch
+        )
 
 
 def ways(

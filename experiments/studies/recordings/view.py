@@ -1,7 +1,6 @@
-"""Every model on public recordings: tables, figures, and what claims rest on."""
+"""Every model on public recordings: each module registers its tables and figures."""
 
-from experiments.reporting.measured import RIVAL
-from experiments.studies.recordings import (
+from experiments.studies.recordings import (  # noqa: F401
     costs,
     decomposition,
     figures,
@@ -10,26 +9,5 @@ from experiments.studies.recordings import (
     theory,
 )
 from experiments.studies.recordings.study import STUDY
-from experiments.studies.recordings.values import (
-    CONFIRMATORY,
-    RIVALS,
-    Accuracies,
-    recordings,
-    unsaturated,
-)
 
-__all__ = [
-    "CONFIRMATORY",
-    "RIVAL",
-    "RIVALS",
-    "STUDY",
-    "Accuracies",
-    "costs",
-    "decomposition",
-    "figures",
-    "forest",
-    "recordings",
-    "tables",
-    "theory",
-    "unsaturated",
-]
+__all__ = ["STUDY"]

@@ -8,6 +8,7 @@ frames did: a random split keeps that promise, a split by time, session or posit
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -78,19 +79,19 @@ def values(
             yield {**row, "n": n, "model": "regressor", **of_regressor}
 
 
-@experiment(revision=1, uses=("hdc.HDCClassifier",))
+@experiment(revision=2, uses=("hdc.HDCClassifier",))
 def coverage(
     run: Run,
     scene: Mapping[str, Any],
     splits: Mapping[str, Mapping[str, Any]],
     seeds: Sequence[int] = (0,),
-    n_per_class: int = 40,
+    n_per_class: Sequence[int] = (40,),
     draws: int = 5,
     most_test: int = 100,
     alphas: Sequence[float] = (0.2, 0.1, 0.05),
 ) -> Iterator[Row]:
     """One row: the share ``covered`` of ``n_test`` held-out frames whose label is in the library's
-    prediction set, the mean ``size`` of the set, the share ``refused`` (empty sets), and of frames
+    prediction set after ``n`` frames of every class, the mean ``size`` of the set, the share ``refused`` (empty sets), and of frames
     of no class (None without any) the share ``unknown_refused``: lists over ``alpha``.
 
     Arguments: configs/experiment/coverage.yaml.
@@ -100,29 +101,39 @@ def coverage(
     ):
         key = row["seed"], row["draw"]
         order, _ = nested(pool, recording.labels, [], key)
-        n = min(n_per_class, *map(len, order))
-        train = np.concatenate([of_class[:n] for of_class in order])
-        learnt = recording.frames(train)
-        model = HDCClassifier().fit(learnt, recording.labels[train])
-        frames, labels = recording.frames(test), recording.labels[test]
-        row |= {
-            "n": n,
-            "n_test": len(test),
-            "alpha": list(alphas),
-        }
-        row["accuracy"] = model.score(frames, labels)
+        least = min(map(len, order))
+        for n in sorted({min(n, least) for n in n_per_class}):
+            train = np.concatenate([of_class[:n] for of_class in order])
+            model = HDCClassifier()
+            model.fit(recording.frames(train), recording.labels[train])
+            yield {**row, "n": n, **_promises(model, recording, test, alphas, key)}
+
+
+def _promises(
+    model: HDCClassifier,
+    recording: Any,
+    test: np.ndarray,
+    alphas: Sequence[float],
+    key: tuple[int, int],
+) -> Row:
+    """What a model answers to held-out frames, and to as many of no class."""
+    frames, labels = recording.frames(test), recording.labels[test]
+    row: Row = {"n_test": len(test), "alpha": list(alphas)}
+    row["accuracy"] = model.score(frames, labels)
+    with warnings.catch_warnings():
+        # That few frames refuse nothing is what is measured here.
+        warnings.filterwarnings("ignore", message=".*no frame is refused")
         sets = [model.predict_set(frames, alpha) for alpha in alphas]
-        row["covered"] = [covered(of_alpha, labels) for of_alpha in sets]
-        row["size"] = [_mean(map(len, of_alpha)) for of_alpha in sets]
-        row["refused"] = [empty(of_alpha) for of_alpha in sets]
-        others = getattr(recording, "unknown", None)
         row["unknown_refused"] = [None for _ in alphas]
+        others = getattr(recording, "unknown", None)
         if others is not None:
-            random = np.random.default_rng(key)
-            some = random.permutation(len(others.labels))
-            strange = others.frames(some[:most_test])
+            some = np.random.default_rng(key).permutation(len(others.labels))
+            strange = others.frames(some[: len(test)])
             row["unknown_refused"] = refused_shares(model, strange, alphas)
-        yield row
+    row["covered"] = [covered(of_alpha, labels) for of_alpha in sets]
+    row["size"] = [_mean(map(len, of_alpha)) for of_alpha in sets]
+    row["refused"] = [empty(of_alpha) for of_alpha in sets]
+    return row
 
 
 def refused_shares(

@@ -122,10 +122,10 @@ def errors(results: Results) -> pd.DataFrame | None:
     f"random split. {NOTE}",
 )
 def coverage(results: Results) -> pd.DataFrame | None:
-    """A row for each scene, answer, split and promise."""
+    """A row for each scene, answer, split and promise, after the most frames there are."""
     lines = []
     for about, rows in measured(results, "coverage"):
-        lines += [{**about, **line} for line in _promises(rows)]
+        lines += [{**about, **line} for line in _promises(rows[rows.n == rows.n.max()])]
     for about, rows in measured(results, "values"):
         rows = rows[(rows.model == "regressor") & (rows.n == rows.n.max())]
         renamed = rows.rename(columns={"width": "size"})
@@ -149,3 +149,47 @@ def _promises(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
             if part[column].notna().all():
                 line |= means(part, column, column)
         yield line
+
+
+@STUDY.table(
+    "coverage_few",
+    title="Label sets after few frames: how often they hold the right label",
+    key=("recording", "n"),
+    columns=COLUMNS | {"n": Column("Training frames of a class")},
+    note="Random split, for which the promise is made. Asked for 80, 90 and 95 %: the share of sets "
+    "with the right label, and beside it the mean number of labels of a set. With one to three "
+    "frames of a class every set has all labels. Brackets: Student over sensors or input fields; "
+    "of one camera, the central 95 % of draws.",
+)
+def coverage_few(results: Results) -> pd.DataFrame | None:
+    """A row for each scene and number of frames; None of records of one number."""
+    lines = []
+    for about, rows in measured(results, "coverage"):
+        if rows.n.nunique() < 2:
+            continue
+        for n, part in rows[rows.split == "random"].groupby("n"):
+            line: dict[str, Any] = {"recording": about["recording"], "n": n}
+            for promise in _promises(part):
+                asked = f"{100 * promise['promised']:g}"
+                for end in ENDS:
+                    line[f"covered_{asked}{end}"] = promise[f"covered{end}"]
+                line[f"size_{asked}"] = promise["size"]
+            lines.append(line)
+    table = shown(lines, results, "coverage")
+    if table is not None:
+        table.attrs["columns"] = COLUMNS | _of_promises(table)
+    return table
+
+
+def _of_promises(table: pd.DataFrame) -> dict[str, Column]:
+    """How the columns of each promise are shown, and of the number of frames."""
+    found = {"n": Column("Training frames of a class")}
+    for name in map(str, table):
+        kind, _, asked = name.partition("_")
+        if not asked.isdigit():
+            continue
+        if kind == "covered":
+            found[name] = Column(f"Asked {asked} %: covered, %", percent)
+        else:
+            found[name] = Column(f"Labels of a set, {asked} %", number)
+    return found

@@ -129,3 +129,26 @@ def test_five_values_have_no_such_interval_and_an_infinite_one_is_the_largest():
     assert math.isnan(few.high)
     never = estimates.median_interval([1.0, 2.0, 3.0, math.inf, math.inf, math.inf])
     assert never == (math.inf, 1.0, math.inf)
+
+
+def test_few_values_have_the_coverage_that_their_lowest_and_highest_have():
+    found, coverage = estimates.median_range([2.0])
+    assert (found.value, math.isnan(found.low), math.isnan(coverage)) == (2, True, True)
+    for n in range(2, 6):
+        found, coverage = estimates.median_range(list(range(n)))
+        assert (found.low, found.high) == (0, n - 1)
+        assert coverage == pytest.approx(1 - 2 ** (1 - n))
+    assert estimates.median_range([1.0, math.inf, 3.0])[0] == (3, 1, math.inf)
+
+
+def test_an_interval_of_a_median_holds_as_often_as_it_says_and_narrows_with_more_values():
+    rng = np.random.default_rng(0)
+    widths = []
+    for n in (7, 15, 40):
+        drawn = [estimates.median_range(rng.exponential(size=n)) for _ in range(4000)]
+        held = np.mean([one.low <= math.log(2) <= one.high for one, _ in drawn])
+        coverage = drawn[0][1]
+        assert coverage >= 0.95
+        assert held == pytest.approx(coverage, abs=0.012)
+        widths.append(np.median([one.high - one.low for one, _ in drawn]))
+    assert widths[0] > widths[1] > widths[2]

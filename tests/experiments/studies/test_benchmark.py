@@ -6,7 +6,6 @@ import pytest
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.records.results import Results
-from experiments.reporting import routes
 from experiments.studies.benchmark import measure as benchmark
 from experiments.studies.benchmark import names
 from experiments.studies.benchmark.cases import Case
@@ -173,7 +172,3 @@ def test_goals_are_judged(tmp_path, write_measurement):
         f"train: {OURS_COMPILED}, × {COPY}": ["≤ 1", "1.00", "yes"],
         f"hamming: {OURS_COMPILED}, × {NUMKONG}": ["≤ 1.1", "0.900", "yes"],
     }
-
-
-def test_ordinary_routes_are_known_by_the_names_of_the_benchmark():
-    assert routes.ORDINARY_ROUTES == names.ORDINARY_ROUTES

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from matplotlib import pyplot as plt
 from rich.console import Console
 
 from experiments.protocol.draws import draw_split, nested
@@ -11,8 +12,15 @@ from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
-from experiments.reporting.measured import with_right
-from experiments.studies.recordings import tables, theory, values, view
+from experiments.reporting.measured import RIVAL, with_right
+from experiments.studies.recordings import (
+    decomposition,
+    forest,
+    tables,
+    theory,
+    values,
+    view,
+)
 from experiments.studies.recordings.measure import (
     recording_costs,
     recording_distances,
@@ -111,7 +119,7 @@ def test_one_fibre_seen_through_more_fields_is_one_recording(
             "recordings", [row | {"right": [5]}], config=config, scene=scene
         )
     results = Results(tmp_path)
-    assert list(view.recordings(results)) == ["fibre_grouped"]
+    assert list(values.recordings(results)) == ["fibre_grouped"]
     assert tables.fields(results).pixels.tolist() == [3362, 13448, 53792]
 
 
@@ -130,14 +138,14 @@ def test_a_change_of_settings_does_not_displace_the_whole_measurement(
         }
         rows = [
             row | {"model": name, "draw": k}
-            for name in ("hdc", view.RIVAL)
+            for name in ("hdc", RIVAL)
             for k in range(3)
         ]
         config = {"scene": scene, "draws": draws, "seeds": [0]}
         write_measurement("recordings", rows, config=config, scene="gelsight")
-    (measured,) = view.recordings(Results(tmp_path)).values()
+    (measured,) = values.recordings(Results(tmp_path)).values()
     assert measured.record.config["draws"] == 20
-    assert view.Accuracies(measured).mean("hdc", 5).value == 0.9
+    assert values.Accuracies(measured).mean("hdc", 5).value == 0.9
 
 
 # What the tables say -----------------------------------------------------------------------------
@@ -204,8 +212,8 @@ def test_forms_are_set_beside_both_rivals_and_losses_are_shown(results):
 def test_few_draws_have_no_interval(tmp_path, write_measurement):
     rows = [row for row in measured_of({"hdc": np.arange(60, 80)}) if row["draw"] < 9]
     write_measurement("recordings", rows, scene="gelsight")
-    (measured,) = view.recordings(Results(tmp_path)).values()
-    estimate = view.Accuracies(measured).mean("hdc", 50)
+    (measured,) = values.recordings(Results(tmp_path)).values()
+    estimate = values.Accuracies(measured).mean("hdc", 50)
     assert estimate.value == pytest.approx(0.64)
     assert np.isnan([estimate.low, estimate.high]).all()
 
@@ -231,7 +239,7 @@ def test_steps_add_up_to_the_whole_loss(results):
         "hdc_integer": 50,
         "hdc": 45,
     }
-    table = view.decomposition.decomposition(results(gelsight=accuracy))
+    table = decomposition.decomposition(results(gelsight=accuracy))
     assert table.change.sum() == pytest.approx(-0.35)
     assert table.change.min() == pytest.approx(-0.29)
     assert "pixels weigh alike" in table.step[table.change.idxmin()]
@@ -249,13 +257,15 @@ def test_the_forest_takes_the_stronger_rival(results):
     )
     dots = {
         (dot.scene, dot.form, dot.few): dot.difference.value
-        for dot in view.forest.dots(found)
+        for dot in forest.dots(found)
     }
     assert dots["gelsight", "hdc", False] == pytest.approx(-0.05)
     assert dots["gelsight", "hdc_levels_lda", False] == pytest.approx(0.05)
     assert {scene for scene, *_ in dots} == {"gelsight"}  # the other is saturated
     (plot,) = [p for p in view.STUDY.plots_of(found) if p.name == "forest"]
-    names = [text.get_text() for text in plot.draw().axes[0].get_yticklabels()]
+    figure = plot.draw()
+    names = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    plt.close(figure)
     assert names == ["captured", "GelSight"]
 
 

@@ -55,55 +55,126 @@ def test_numbers_of_table_1(tmp_path, write_run, number):
     assert not [name for name, _ in names if "cnn3" in name]
 
 
-ROUTE = {
-    "operation": "train", "route": "torch.median, torchhd.multiset", "frames": "speckle", "n": 400,
-    "d": 250_000, "l": 5, "median_s": 2.0, "min_s": 1.9, "samples": 9, "ratio_to_ours": 50.0,
-    "peak_bytes": 1, "equal_result": True, "status": "ok",
-}  # fmt: skip
+def grid_row(way, model, turn, seconds):
+    return {
+        "way": way, "route": "r", "model": model, "turn": turn, "seconds": seconds,
+        "hdc_seconds": 0.5, "train_accuracy": 0.95, "test_accuracy": 0.9, "status": "ok",
+        "origin": "simulated", "seed": 0,
+    }  # fmt: skip
 
 
 @pytest.fixture
 def timed(write_run, write_measurement):
-    """timed(**row): three seeds of HDC and softmax, and a benchmark with a row of a route."""
+    """timed(cpu): three seeds of HDC and softmax, and the grid of times of two ways."""
+    for seed in range(3):
+        write_run("hdc", seed=seed, curve=[{"training_s": 0.5 * 2**seed}])
+        write_run("softmax", seed=seed, curve=epochs(*[0.5] * (1 + seed), 0.95))
 
-    def make(cpu="A CPU", **row):
-        for seed in range(3):
-            write_run("hdc", seed=seed, curve=[{"training_s": 0.5 * 2**seed}])
-            write_run("softmax", seed=seed, curve=epochs(*[0.5] * (1 + seed), 0.95))
-        entry = write_measurement("benchmark", [ROUTE | row])
-        write_measurement(
-            "benchmark", [ROUTE | row], environment=entry["environment"] | {"cpu": cpu}
-        )
+    def measured(**changed):
+        rows = [grid_row("default", "softmax", k, 3.0 + k) for k in range(7)]
+        rows += [grid_row("default", "hdc", k, 0.5) for k in range(7)]
+        rows += [grid_row("libraries", "softmax", k, 1.0) for k in range(7)]
+        entry = write_measurement("times_grid", rows, scene="touch")
+        environment = entry["environment"] | changed
+        write_measurement("times_grid", rows, scene="touch", environment=environment)
 
-    return make
+    return measured
 
 
-def test_times_are_judged_as_ratios_to_both_kinds_of_hdc(tmp_path, timed, number):
+def test_times_are_those_of_the_grid_where_it_was_measured(tmp_path, timed, number):
     timed()
+    rows, made = table(tmp_path)
+    line = rows["softmax"]
+    assert (line["training_time_s"], line["turns"]) == (6, 7)
+    assert line["training_time_over_hdc"] == 12
+    ends = line["training_time_over_hdc_low"], line["training_time_over_hdc_high"]
+    assert ends == (6, 18)
+    assert rows["hdc"]["training_time_s"] == 0.5
+    assert line["total_time_over_hdc"] == line["total_time_s"] / 0.5 == 60
+    cells = dict(zip(made.heads, made.cells()[1], strict=True))
+    assert cells["× HDC [interval]"] == "12.0 [6.00, 18.0]"
+    ours = number(STUDY, "table1/softmax_time_over_hdc", "as written here")
+    assert (ours.value, ours.low, ours.high) == (12, 6, 18)
+    theirs = number(STUDY, "table1/softmax_time_over_hdc", "standard libraries")
+    assert (theirs.value, theirs.made_by) == (
+        2,
+        "python -m experiments.run experiment=times_grid",
+    )
+
+
+@pytest.mark.parametrize("changed", [{"cpu": "Another"}, {"threads": 1}, None])
+def test_without_a_grid_on_this_machine_times_are_those_of_the_runs(
+    tmp_path, timed, number, changed
+):
+    if changed:
+        timed(**changed)
     # 20, 30 and 40 s over 0.5, 1 and 2 s: 40, 30 and 20 in each run.
-    ours = number(STUDY, "table1/softmax_time_over_hdc", "HDC as written here")
-    assert (ours.value, ours.low, ours.high) == pytest.approx((30, 20, 40))
-    ordinary = number(STUDY, "table1/softmax_time_over_hdc", "HDC by ordinary routes")
-    assert (ordinary.value, ordinary.low, ordinary.high) == pytest.approx((15, 10, 20))
-    rows, _ = table(tmp_path)
-    assert rows["softmax"]["training_time_over_ordinary_hdc"] == pytest.approx(15)
+    line = table(tmp_path)[0]["softmax"]
+    assert (line["training_time_s"], line["training_time_over_hdc"]) == (30, 30)
+    ends = line["training_time_over_hdc_low"], line["training_time_over_hdc_high"]
+    assert ends == (20, 40)
+    assert line["coverage"] == pytest.approx(0.75)
+    ours = number(STUDY, "table1/softmax_time_over_hdc", "as written here")
+    assert (ours.value, ours.low, ours.high) == (30, 20, 40)
+
+
+def test_the_head_says_which_training_accuracy_was_passed(tmp_path, write_run):
+    write_run("hdc")
+    write_run("softmax", curve=epochs(0.5, 0.925, 1.0))
+    write_run("cnn1", curve=epochs(0.5, 0.975))
+    made = table(tmp_path)[1]
+    assert "Test, %, there (training accuracy 92.5 to 100 %)" in made.heads
 
 
 @pytest.mark.parametrize(
-    "row",
+    ("stop", "text"),
     [
-        {"n": 40},
-        {"d": 10_000},
-        {"median_s": None, "status": "skipped"},
-        {"cpu": "Another"},
+        ("budget", "not finished: 100 [96.3, 100]"),
+        ("reached", "not continued"),
+        ("trained", "100 [96.3, 100]"),
     ],
 )
-def test_a_denominator_that_was_not_measured_is_missing(tmp_path, timed, number, row):
-    timed(**row)
-    ratio = number(STUDY, "table1/softmax_time_over_hdc", "HDC by ordinary routes")
-    assert ratio.value is None
-    assert ratio.made_by == "python -m experiments.run experiment=benchmark"
-    assert table(tmp_path)[0]["softmax"]["training_time_over_ordinary_hdc"] is None
+def test_a_training_that_was_not_finished_says_so(
+    tmp_path, write_run, read_run, stop, text
+):
+    write_run("hdc")
+    write_run("cnn1", curve=epochs(0.5, 0.95), stop="paper")
+    path = tmp_path / "runs.jsonl"
+    path.write_text(path.read_text().replace('"stop":"trained"', f'"stop":"{stop}"'))
+    made = table(tmp_path)[1]
+    (cells,) = (c for c in made.cells() if c[0] == "CNN, 1 layer")
+    found = dict(zip(made.heads, cells, strict=True))
+    assert found["Afterwards: test, % [95 % interval]"] == text
+    assert (found["Afterwards: at, s"] == "–") == (stop == "reached")
+
+
+def test_few_samples_have_a_table_of_the_same_form_on_two_scenes(tmp_path, write_run):
+    assert not [t for t in STUDY.tables_of(Results(tmp_path)) if t.name == "table1_few"]
+    for seed in range(3):
+        write_run("hdc", seed=seed, n_train=25, wrong=range(4))
+        write_run(
+            "cnn3", seed=seed, n_train=25, curve=epochs(0.95, 1.0), wrong=range(20)
+        )
+        write_run("softmax", seed=seed, n_train=25, curve=epochs(0.95, 1.0))
+        for model, curve in (("hdc", None), ("softmax", epochs(0.95))):
+            write_run(model, seed=seed, n_train=35, scene="finger", curve=curve)
+        write_run("hdc", seed=seed, n_train=35, scene="spatial")
+        write_run("hdc", seed=seed, n_train=100, wrong=range(1))
+    (made,) = (t for t in STUDY.tables_of(Results(tmp_path)) if t.name == "table1_few")
+    rows = [
+        (r["scene"], r["model"], r["n_train"], r["seeds"]) for r in records(made.data)
+    ]
+    assert rows == [
+        ("touch", "hdc", 25, 3),
+        ("touch", "softmax", 25, 3),
+        ("touch", "cnn3", 25, 3),
+        ("finger", "hdc", 35, 3),
+        ("finger", "softmax", 35, 3),
+    ]
+    assert [cells[0] for cells in made.cells()] == ["Touch"] * 3 + ["Finger"] * 2
+    cnn3 = records(made.data)[2]
+    assert cnn3["over_hdc"] == pytest.approx(-0.16)
+    assert not [name for name in made.data if name.startswith("published")]
 
 
 def test_the_time_to_hdcs_accuracy_is_that_of_the_first_report_that_has_it(

@@ -5,13 +5,14 @@ import os
 import re
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from hdc import HDCClassifier
+from hdc import HDCClassifier, HDCRegressor, command
 from hdc.accuracy import wilson
 from hdc.command import main
 
@@ -299,6 +300,28 @@ def test_sets_of_classes_and_their_coverage(hdc, model, folder, frames):
     assert hdc(*words[:-1], "1.5")[0] == 2
 
 
+def test_probabilities_are_those_of_the_model(hdc, model, folder, frames, tmp_path):
+    found = HDCClassifier.load(model)
+    expected = found.predict_proba(frames.reshape(-1, SIDE, SIDE))
+    out = hdc("predict", model, folder, "--proba", "--json")[1]
+    answers = [json.loads(line) for line in out]
+    assert [list(answer["probabilities"]) for answer in answers] == [list("abc")] * 36
+    shown = [list(answer["probabilities"].values()) for answer in answers]
+    np.testing.assert_allclose(shown, expected)
+    out = hdc("predict", model, folder, "--proba")[1]
+    assert out[0].split("\t")[:4] == ["file", "label", "probability", "margin"]
+    assert [line.split("\t")[2] for line in out[1:]] == [
+        f"{share:.4f}" for share in expected.max(1)
+    ]
+    numbers = HDCRegressor().fit(frames[0], np.arange(12.0))
+    numbers.save(tmp_path / "n.safetensors")
+    status, _, errors = hdc("predict", tmp_path / "n.safetensors", folder, "--proba")
+    assert (status, errors) == (
+        1,
+        ["error: --proba: expected a model of classes, found HDCRegressor"],
+    )
+
+
 def test_a_model_with_a_reference_is_zeroed_without_labels(hdc, frames, tmp_path):
     rng = np.random.default_rng(3)
     drift = rng.integers(0, 60, (SIDE, SIDE)).astype(np.uint8)
@@ -526,3 +549,23 @@ def test_help_does_without_torch():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert done.stdout.splitlines()[-1] == "False"
+
+
+def test_a_warning_is_said_once_whatever_its_share(capsys, monkeypatch):
+    """A comparison trains the same model fold after fold, and each has its share of ties."""
+
+    def warn(_):
+        for share in (80, 81, 45):
+            warnings.warn(f"{share}% of the pixels are tied", stacklevel=2)
+        for day in (1, 2):
+            warnings.warn(f"left out day{day}/notes.txt", stacklevel=2)
+        return 0
+
+    monkeypatch.setattr(command, "_run", warn)
+    with pytest.raises(SystemExit):
+        command.main([])
+    assert capsys.readouterr().err.splitlines() == [
+        "warning: 80% of the pixels are tied",
+        "warning: left out day1/notes.txt",
+        "warning: left out day2/notes.txt",
+    ]

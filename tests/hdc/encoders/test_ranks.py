@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from hdc import bits
-from hdc.encoders import Levels, Median, Quantile, ranks
-from hdc.encoders.ties import TIES, first_ties
+from hdc.encoders import Levels, Median, Quantile, ranks, thresholds
+from hdc.encoders.ties import TIES
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:.*constant frame"),
@@ -32,7 +32,8 @@ def by_torch(
     words = torch.empty(
         len(pixels), bits.words_for(len(ones) * pixels.shape[1]), dtype=torch.int64
     )
-    ranks._encode_block(ranks._by_torch, pixels, ones, ties, words)
+    levels = thresholds.by_torch(pixels, ones, ties)
+    ranks._encode_block(levels, pixels.shape[1], words)
     return words
 
 
@@ -49,9 +50,9 @@ def test_any_frame_by_any_route_and_sample(
     frames = kinds_of_frames(d, dtype)
     expected = brightest(frames)
     for small in (2**30, 1):  # many at once, and frame by frame
-        monkeypatch.setattr(ranks, "_SMALL", small)
-        for places in (ranks._places(d), np.zeros(1, int), np.full(5, d - 1)):
-            monkeypatch.setattr(ranks, "_places", lambda n, places=places: places)
+        monkeypatch.setattr(thresholds, "_SMALL", small)
+        for places in (thresholds._sampled(d), np.zeros(1, int), np.full(5, d - 1)):
+            monkeypatch.setattr(thresholds, "_sampled", lambda n, places=places: places)
             words = encode(torch.from_numpy(frames))
             assert np.array_equal(bits.unpack(words, d).numpy(), expected)
     _, ties = ranks.encode_ranks(torch.from_numpy(frames), [Fraction(1, 2)])
@@ -66,13 +67,13 @@ def test_frames_of_a_camera_take_few_passes(
 ) -> None:
     frames = camera_frames(12, dtype=dtype).reshape(12, -1)
     counted = []
-    count = ranks._count
+    count = thresholds.count_ones
 
     def counting(words: np.ndarray) -> int:
         counted.append(1)
         return count(words)
 
-    monkeypatch.setattr(ranks, "_count", counting)
+    monkeypatch.setattr(thresholds, "count_ones", counting)
     words = encode(torch.from_numpy(frames))
     assert np.array_equal(bits.unpack(words, 250_000).numpy(), brightest(frames))
     assert len(counted) <= most * len(frames)
@@ -96,7 +97,7 @@ def test_extreme_numbers_keep_their_order(dtype: str, brightest, monkeypatch) ->
         one = np.ones(130, dtype)
         frames[2] = np.nextafter(one, 2 * one * (frames[0] > 0))
     for small in (2**30, 1):
-        monkeypatch.setattr(ranks, "_SMALL", small)
+        monkeypatch.setattr(thresholds, "_SMALL", small)
         words = encode(torch.from_numpy(frames))
         found = bits.unpack(words, frames[0].size).numpy()
         assert np.array_equal(found, brightest(frames))
@@ -214,9 +215,12 @@ def test_routes_count_the_same_ties(kinds_of_frames) -> None:
         _, here = ranks.encode_ranks(frames, quantiles)
         _, there = ranks.encode_ranks(frames, quantiles, backend="compiled")
         assert here == there
-    (level,) = ranks._by_torch(frames, ranks.count_ones([Fraction(1, 2)], 4200))
-    kept = first_ties(level.equal, level.missing, "spread")
-    assert bits.count_ones(kept).tolist() == level.missing.tolist()
+        levels = thresholds.by_torch(
+            frames, ranks.count_ones(quantiles, 4200), "spread"
+        )
+        by_other_routes = torch.stack([level.n_equal for level in levels], 1)
+        split = torch.stack([level.split for level in levels], 1)
+        assert ranks.ties_of(by_other_routes, split, 4200) == here
 
 
 def test_frames_with_strides_are_read_by_value() -> None:
@@ -293,11 +297,9 @@ def test_other_shapes_and_types_are_refused() -> None:
 @pytest.mark.parametrize("d", [1, 2, 7, 64, 129, 1000, 4097])
 def test_codes_are_thermometers(d: int, ties: str, kinds_of_frames) -> None:
     """A pixel above a threshold is above all lower ones: constant frames and odd D included."""
-    for thresholds in (2, 3, 7, 16):
-        words = Levels(thresholds, ties=ties).encode(
-            torch.from_numpy(kinds_of_frames(d))
-        )
-        code = bits.unpack(words, thresholds * d).view(len(words), thresholds, d)
+    for n_levels in (2, 3, 7, 16):
+        words = Levels(n_levels, ties=ties).encode(torch.from_numpy(kinds_of_frames(d)))
+        code = bits.unpack(words, n_levels * d).view(len(words), n_levels, d)
         assert not (code[:, 1:] & ~code[:, :-1]).any()
 
 

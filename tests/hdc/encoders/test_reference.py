@@ -164,3 +164,15 @@ def test_a_frame_that_is_the_reference_is_named_by_its_number() -> None:
     assert [str(w.message).partition(":")[0] for w in caught] == [
         "1 constant frame(s), at index 233"
     ]
+
+
+def test_levels_of_differences_have_a_name() -> None:
+    """The same words as a reference before levels, by a name for the command and for files."""
+    frames = np.random.default_rng(0).integers(0, 255, (8, 6, 6), dtype=np.uint8)
+    named = HDCClassifier(encoder="reference_levels").fit(frames, [0, 1] * 4)
+    spelled = HDCClassifier(encoder=Reference("levels")).fit(frames, [0, 1] * 4)
+    assert named.dimension_ == 7 * 36
+    np.testing.assert_array_equal(named.distances(frames), spelled.distances(frames))
+    assert (
+        HDCClassifier("reference_levels").get_params()["encoder__base__thresholds"] == 7
+    )

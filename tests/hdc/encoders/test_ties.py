@@ -8,36 +8,45 @@ import torch
 
 from hdc import bits
 from hdc.encoders import Median
-from hdc.encoders.ties import TIES, first_ties
+from hdc.encoders.ties import TIES, first_ties, places
 
 
 @pytest.mark.parametrize("ties", TIES)
 @pytest.mark.parametrize("d", [1, 2, 63, 64, 65, 130, 700])
 def test_the_first_ties_by_plain_loops(d: int, ties: str, order_of_pixels) -> None:
-    places = order_of_pixels(d, ties)
+    order = order_of_pixels(d, ties)
     rng = np.random.default_rng(d)
     masks = rng.random((40, d)) < rng.random((40, 1))
     masks[0], masks[1] = False, True
-    counts = masks.sum(1)
+    masks[4:6] = np.arange(d) % 64 < rng.integers(1, 64, (2, 1))  # uneven rounds
+    masks[6:8] = np.arange(d) >= d - 64
+    counts = masks.sum(1).tolist()
     missing = [int(rng.integers(0, n + 1)) for n in counts]
-    missing[2:4] = counts[2:4].tolist()
-    found = first_ties(bits.pack(torch.from_numpy(masks)), torch.tensor(missing), ties)
-    for mask, wanted, words in zip(masks, missing, found, strict=True):
+    missing[2:4] = counts[2:4]
+    packed = bits.pack(torch.from_numpy(masks)).numpy()
+    for mask, n, wanted, words in zip(masks, counts, missing, packed, strict=True):
+        found = first_ties(words, n, wanted, ties)
         equal = [j for j in range(d) if mask[j]]
         if ties == "below" and wanted < len(equal):
             chosen = []
         else:
-            chosen = sorted(equal, key=places.__getitem__)[:wanted]
+            chosen = sorted(equal, key=order.__getitem__)[:wanted]
         expected = [j in chosen for j in range(d)]
-        assert bits.unpack(words, d).tolist() == expected
+        assert bits.unpack(torch.from_numpy(found), d).tolist() == expected
+
+
+@pytest.mark.parametrize("ties", ["spread", "raster"])
+@pytest.mark.parametrize("d", [1, 64, 700, 4161])
+def test_places_are_in_that_order(d: int, ties: str, order_of_pixels) -> None:
+    assert np.array_equal(places(d, ties).argsort(), order_of_pixels(d, ties).argsort())
 
 
 def test_the_key_of_a_pixel_is_as_stated(order_of_pixels) -> None:
     """Pixels of the first two words: h(0) = 0, and h(1) = 0x9E3779B1 >> 26 = 39."""
-    places = order_of_pixels(128, "spread")
-    assert places[:3].tolist() == [0, 2, 4]
-    assert places[64 + 25] == 1  # (25 + 39) mod 64 = 0
-    assert places[64 + 26] == 3
+    order = order_of_pixels(128, "spread")
+    assert order[:3].tolist() == [0, 2, 4]
+    assert order[64 + 25] == 1  # (25 + 39) mod 64 = 0
+    assert order[64 + 26] == 3
     assert order_of_pixels(128, "raster").tolist() == list(range(128))
 
 
@@ -49,10 +58,10 @@ def test_the_spread_is_even_over_rows_and_columns(
     """Shares of rows and columns differ less than twice those of a random choice do, and those of
     quarters by less than 1 %; in raster order they differ by half."""
     d = shape[0] * shape[1]
-    equal = bits.pack(torch.ones(1, d, dtype=torch.bool))
+    equal = bits.pack(torch.ones(d, dtype=torch.bool)).numpy()
     n_ones = int(share * d)
-    words = first_ties(equal, torch.tensor([n_ones]), "spread")
-    chosen = bits.unpack(words, d)[0].view(shape).double()
+    words = torch.from_numpy(first_ties(equal, d, n_ones, "spread"))
+    chosen = bits.unpack(words, d).view(shape).double()
     assert chosen.sum() == n_ones
     for axis in (0, 1):
         means = chosen.mean(axis)

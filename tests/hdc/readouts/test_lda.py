@@ -12,7 +12,7 @@ from sklearn.covariance import OAS, LedoitWolf
 from hdc import HDCClassifier, bits
 from hdc.readouts import LDA, Majority
 from hdc.readouts.arithmetic import combinations, gram
-from hdc.readouts.lda import _dual_weights
+from hdc.readouts.lda import _solve
 
 
 def problem(
@@ -51,8 +51,8 @@ def dual(words: torch.Tensor, rows: torch.Tensor, d: int, shrinkage):
     share = onehot / onehot.sum(0)
     products = gram(words, words, d)
     of_means = products @ share
-    weights, alpha = _dual_weights(products, of_means, onehot, share, d, shrinkage)
-    return weights, alpha, of_means
+    solution = _solve(products, of_means, onehot, share, d, shrinkage)
+    return solution.dual, solution.alpha, of_means
 
 
 @pytest.mark.parametrize("alpha", [0.01, 0.3, 0.9, 0.999])

@@ -1,0 +1,79 @@
+"""When a model in training is tested: as often as its curve needs, and no more.
+
+A look at all frames can take longer than the steps between two of them: for three convolutions it
+did for half of a run. A model that learns by steps may report ``batch_accuracy``, the share of
+its last minibatches that it had right before it learnt from them, which costs nothing. Far below
+the target it says that a look at the training frames is not worth its time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import IntEnum
+
+# Of the target: below, no look at the training frames. Half, since the accuracy of a network jumps
+# and that of its last minibatches lags behind.
+_NEAR = 0.5
+# Samples seen between two looks, as a share of those seen so far.
+_DOUBLE, _TENTH, _FIFTH = 1.0, 0.1, 0.2
+
+
+class Look(IntEnum):
+    """What is asked of the model at a report."""
+
+    NOTHING = 0
+    TEST = 1  # the test frames alone, for the curve
+    ALL = 2  # the training frames as well
+
+
+class Looks:
+    """The looks at one model, from its first report to its last.
+
+    Three cases. A model that reports no loss learns in one pass: it is tested at twice the samples
+    each time, and at all of them. One that reports its loss is tested at a tenth more samples, as
+    its training accuracy may exceed the target at any report. One that reports its
+    ``batch_accuracy``, too, is looked at in that way from half of the target on; below, its test
+    frames are asked at twice the samples. Once the target is exceeded a fifth more is enough.
+
+    Args:
+        target: training accuracy that ends the training time.
+        n_train: number of training frames.
+    """
+
+    def __init__(self, target: float, n_train: int):
+        self._target, self._n_train = target, n_train
+        self._test_due = 0.0  # samples seen at which the test frames are asked next
+        self._train_due = 0.0  # and the training frames
+        self._reached = False
+
+    def at(self, report: Mapping[str, float]) -> Look:
+        """What to ask at this report."""
+        seen = report.get("samples_seen", 0)
+        if self._is_near(report) and seen >= self._train_due:
+            return Look.ALL
+        if seen >= self._test_due:
+            return Look.TEST if "batch_accuracy" in report else Look.ALL
+        return Look.NOTHING
+
+    def looked(
+        self, report: Mapping[str, float], train_accuracy: float | None = None
+    ) -> None:
+        """Note that the model was tested at a report, and its training accuracy if it was asked."""
+        seen = report.get("samples_seen", 0)
+        if "loss" not in report:
+            due = min(2 * seen, self._n_train)
+            self._test_due = self._train_due = due
+            return
+        if train_accuracy is not None and train_accuracy > self._target:
+            self._reached = True
+        share = _FIFTH if self._reached and "batch_accuracy" in report else _TENTH
+        self._train_due = seen + share * seen
+        far = _DOUBLE if "batch_accuracy" in report else share
+        self._test_due = seen + far * seen
+
+    def _is_near(self, report: Mapping[str, float]) -> bool:
+        """Whether the training accuracy may exceed the target at this report."""
+        batch_accuracy = report.get("batch_accuracy")
+        if batch_accuracy is None:
+            return True
+        return self._reached or batch_accuracy >= _NEAR * self._target

@@ -1,0 +1,72 @@
+"""The grid of times: each model by each way, over HDC by the same way; from ``times_grid``."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from experiments.records.measurement import Measured
+from experiments.records.results import Group, Results
+from experiments.reporting.estimates import median_range
+from experiments.reporting.table import frame, records
+
+NAME = "times_grid"
+DEFAULT = "default"  # the way of model=NAME
+WAYS = {
+    "libraries": "standard libraries",
+    DEFAULT: "as written here",
+    "tuned": "tuned",
+}
+COLUMNS = (
+    *("way", "model", "seconds", "ratio", "ratio_low", "ratio_high", "turns"),
+    *("coverage", "train_accuracy", "test_accuracy", "route"),
+)
+
+
+def grid(rows: pd.DataFrame) -> pd.DataFrame:
+    """One row a way and model, from one row a training: HDC of a way first, others as measured.
+
+    ``seconds`` is the median over ``turns``; ``ratio`` that of the ratios to HDC in the same turn,
+    between order statistics ``ratio_low`` and ``ratio_high`` that hold it with probability
+    ``coverage``. A training that never got there counts as infinitely long.
+    """
+    lines = []
+    for (way, model), part in rows.groupby(["way", "model"], sort=False):
+        seconds = part.seconds.astype(float).fillna(math.inf)
+        ratios = seconds / part.hdc_seconds
+        ratio, coverage = median_range(ratios.tolist())
+        line: dict[str, Any] = {"way": way, "model": model}
+        line["seconds"] = float(np.median(seconds))
+        line |= {"ratio": ratio.value, "ratio_low": ratio.low, "ratio_high": ratio.high}
+        line |= {"turns": len(part), "coverage": coverage}
+        for name in ("train_accuracy", "test_accuracy"):
+            line[name] = float(part[name].mean())
+        line["route"] = part.route.iloc[0]
+        lines.append(line)
+    ways = list(dict.fromkeys(rows.way))
+    lines.sort(key=lambda line: (ways.index(line["way"]), line["model"] != "hdc"))
+    return frame(lines, COLUMNS)
+
+
+def measured_beside(results: Results, group: Group) -> Measured | None:
+    """The grid of these results on the scene of a group, its samples, processor and threads."""
+    measured = results.measured(NAME)
+    if measured is None or group.n_train is not None or group.pixels is not None:
+        return None
+    environment = measured.record.environment
+    if group.runs and group.machines != {(environment.cpu, environment.threads)}:
+        return None
+    return measured if measured.record.scene == group.scene else None
+
+
+def default_times(results: Results, group: Group) -> dict[str, dict[str, Any]]:
+    """Rows of :func:`grid` of the default way by model; none where it was not measured beside a
+    group."""
+    measured = measured_beside(results, group)
+    if measured is None:
+        return {}
+    lines = records(grid(measured.frame))
+    return {line["model"]: line for line in lines if line["way"] == DEFAULT}

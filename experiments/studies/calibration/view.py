@@ -1,0 +1,199 @@
+"""Calibration error of probabilities, and how often answers of each probability are right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from experiments.records.measurement import Measured
+from experiments.records.results import Results
+from experiments.records.rows import unpack_labels
+from experiments.reporting.columns import Column, display_name, scene_name
+from experiments.reporting.measured import ENDS, by_scene, models_of, over_units
+from experiments.reporting.plot import literal, style_of
+from experiments.reporting.study import RUN, Study
+from experiments.reporting.text import percent, points
+from experiments.studies.calibration.measure import STEPS
+
+Shares = NDArray[np.float64]
+
+STUDY = Study(
+    "calibration",
+    "Probabilities",
+    "Of the answers with a probability of 0.8, are 80 % right, on frames like those of training "
+    "and on later ones?",
+    2.85,
+)
+BINS = 10
+FEWEST = 20
+"""Answers of a bin that the figure shows."""
+PERFECT = 200
+"""Random choices of which answers are right, for the error of perfect probabilities."""
+COLUMNS = {
+    "recording": Column("Frames", scene_name),
+    "split": Column(
+        "Split", lambda split: "as recorded" if split == "counts" else split
+    ),
+    "n": Column("n of each class"),
+    "model": Column("Model", display_name),
+    "accuracy": Column("Right, %", percent),
+    "sure": Column("Mean probability of the answer, %", percent),
+    "error": Column("Calibration error, points", points),
+    "perfect": Column("that of perfect probabilities, points", points),
+}
+
+
+def measurements(results: Results) -> dict[str, Measured]:
+    """Finished measurements by the name of their scene."""
+    return by_scene(results, "calibration")
+
+
+def calibration_error(sure: Shares, right: NDArray[np.bool_]) -> float:
+    """Expected calibration error: Σ_b n_b/n·|right answers − probabilities|, means of bin b.
+
+    Ten bins of equal width (Guo et al., ICML 2017).
+
+    Args:
+        sure: probability of each answer.
+        right: whether it is right.
+    """
+    place = _bins(sure)
+    excess = np.bincount(place, sure - right, minlength=BINS)
+    return float(np.abs(excess).sum() / len(sure))
+
+
+def perfect_error(sure: Shares) -> float:
+    """The calibration error that so many answers have on average if probabilities are perfect."""
+    rng = np.random.default_rng(0)
+    drawn = rng.random((PERFECT, len(sure))) < sure
+    return float(np.mean([calibration_error(sure, right) for right in drawn]))
+
+
+def _bins(sure: Shares) -> NDArray[np.int64]:
+    return np.minimum((BINS * sure).astype(np.int64), BINS - 1)
+
+
+def _unpacked(row: Any) -> tuple[Shares, NDArray[np.bool_]]:
+    """Probability of each answer of a row, and whether it is right."""
+    right = unpack_labels(row.predicted) == unpack_labels(row.labels)
+    return unpack_labels(row.sure) / STEPS, right
+
+
+def summary(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """A line for each split, n and model, with intervals over seeds or draws."""
+    seeds = rows.seed.nunique() > 1
+    for (split, n), at in rows.groupby(["split", "n"], sort=False):
+        for model in models_of(at):
+            units: dict[str, list[float]] = {
+                name: [] for name in ("accuracy", "sure", "error", "perfect")
+            }
+            own = at[at.model == model]
+            for _, unit in own.groupby("seed" if seeds else "draw"):
+                parts = [_unpacked(row) for row in unit.itertuples()]
+                sure, right = (
+                    np.concatenate(part) for part in zip(*parts, strict=True)
+                )
+                units["accuracy"].append(float(right.mean()))
+                units["sure"].append(float(sure.mean()))
+                units["error"].append(calibration_error(sure, right))
+                units["perfect"].append(perfect_error(sure))
+            line = {"split": split, "n": n, "model": model}
+            for name, values in units.items():
+                estimate = over_units(values, seeds)
+                line |= estimate.within(0, 1).columns(name)
+            yield line
+
+
+@STUDY.table(
+    "calibration",
+    title="How far probabilities of classes are from the share of right answers",
+    key=("recording", "split", "n", "model"),
+    note="Calibration error: the expected one, over ten bins of equal width (Guo et al., ICML "
+    "2017). By chance alone it is above zero: the last column has what it would be for perfect "
+    "probabilities of so many test frames. Probabilities are fitted to the training frames, each "
+    "scored as if it had not been learnt. As recorded: split by time, session or position. "
+    "Brackets: Student over sensors or input fields; of one camera or sensor, the central 95 % of "
+    "draws.",
+)
+def table(results: Results) -> pd.DataFrame | None:
+    """A row for each scene, split, n and model."""
+    found = measurements(results)
+    lines = []
+    for scene, measured in found.items():
+        lines += [{"recording": scene, **line} for line in summary(measured.frame)]
+    if not lines:
+        return None
+    data = pd.DataFrame(lines)
+    data = data[[name + end for name in COLUMNS for end in ENDS if name + end in data]]
+    data.attrs["columns"] = COLUMNS
+    data.attrs["shown"] = list(COLUMNS)
+    data.attrs["commands"] = [f"{RUN}calibration scene={scene}" for scene in found]
+    return data
+
+
+@STUDY.figure(
+    "calibration",
+    caption="Share of right answers against their probability, after most training frames; a row "
+    "of panels a split, a column a recording. On the grey diagonal probabilities are perfect; "
+    "below it they promise too much. Points of fewer than 20 answers are left out.",
+    size=(7.0, 4.2),
+    needs=lambda results: bool(measurements(results)),
+)
+def figure(figure: Figure, results: Results) -> None:
+    """A panel a scene and split, a line a model."""
+    shown = measurements(results)
+    frames = {scene: measured.frame for scene, measured in shown.items()}
+    splits = list(dict.fromkeys(s for rows in frames.values() for s in rows.split))
+    models = list(dict.fromkeys(m for rows in frames.values() for m in models_of(rows)))
+    looks = {model: _look(model, place) for place, model in enumerate(models)}
+    panels = figure.subplots(
+        len(splits), len(shown), sharex=True, sharey=True, squeeze=False
+    )
+    for line, split in zip(panels, splits, strict=True):
+        line[0].set_ylabel("right (%)")
+        for axes, (scene, rows) in zip(line, frames.items(), strict=True):
+            _draw(axes, rows[rows.split == split], looks)
+            words = "as recorded" if split == "counts" else split
+            axes.set_title(literal(f"{scene_name(scene)}, {words}"), fontsize=6)
+    for axes in panels[-1]:
+        axes.set_xlabel("probability (%)")
+    handles = [
+        Line2D([], [], label=literal(display_name(model)), **look)
+        for model, look in looks.items()
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+
+
+def _look(model: str, place: int) -> dict[str, Any]:
+    """All models are HDC, and of one colour elsewhere: here each has a colour of its own."""
+    _, marker, _ = style_of(model)
+    return {"color": f"C{place}", "marker": marker, "ms": 3, "lw": 0.8}
+
+
+def _draw(axes: Axes, rows: pd.DataFrame, looks: dict[str, dict[str, Any]]) -> None:
+    """The panel of one scene and split."""
+    axes.plot([0, 100], [0, 100], color="0.6", lw=0.8)
+    most = rows[rows.n == rows.n.max()]
+    for model, own in most.groupby("model", sort=False):
+        x, y = _reliability(own)
+        axes.plot(x, y, **looks[str(model)])
+    axes.set(xlim=(0, 103), ylim=(0, 103))
+
+
+def _reliability(rows: pd.DataFrame) -> tuple[Shares, Shares]:
+    """Mean probability and share of right answers, in %, of each bin with enough answers."""
+    parts = [_unpacked(row) for row in rows.itertuples()]
+    sure, right = (np.concatenate(part) for part in zip(*parts, strict=True))
+    place = _bins(sure)
+    counts = np.bincount(place, minlength=BINS)
+    kept = counts >= FEWEST
+    x = np.bincount(place, sure, minlength=BINS)[kept] / counts[kept]
+    y = np.bincount(place, right, minlength=BINS)[kept] / counts[kept]
+    return 100 * x, 100 * y

@@ -1,0 +1,146 @@
+"""Error against run time."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from experiments.records import configs
+from experiments.records.results import Group, Results, Run
+from experiments.reporting import estimates
+from experiments.reporting.plot import (
+    error_axis,
+    error_bars,
+    handle,
+    plain_decades,
+    published_point,
+    style_of,
+    title,
+)
+from experiments.reporting.rows import row
+from experiments.studies.table1 import models
+
+
+def error_vs_time(
+    figure: Figure, results: Results, behind: Results | None = None
+) -> None:
+    """Test error against training time over HDC's, a curve for each model and seed; the paper's
+    points."""
+    groups = _curves_of(results)
+    rows = [row(group, groups[0]) for group in groups]
+    axes = figure.subplots()
+    floor = error_axis(axes, rows)
+    axes.set_xscale("log")
+    if behind is not None:
+        _draw_curves(axes, behind, floor, alpha=0.2)
+    _draw_curves(axes, results, floor)
+    hdc_s = _hdc_s(results)
+    for line in rows:
+        if not isinstance(line["training_time_s"], str):
+            at = [line["total_time_s"] / hdc_s]
+            error_bars(axes, line["model"], at, [line], floor, marker=False)
+    for model in models.PAPER:
+        known = row(results.group(models.scene(), model), groups[0], paper=True)
+        error = max(1 - known["published_test_accuracy"], floor)
+        ratio = known["published_training_time_over_hdc"]
+        published_point(axes, model, ratio, error, 9)
+    axes.set(xlabel="training time, × HDC", ylabel="test error")
+    plain_decades(axes)
+    shown = [group.model for group in groups]
+    handles = [handle(model) for model in shown]
+    for marker, size, label in (
+        ("*", 8, "paper, Table I"),
+        ("o", 6, "training accuracy > 90 %"),
+    ):
+        look: Any = {
+            "marker": marker,
+            "ms": size,
+            "mfc": "white",
+            "mec": "black",
+        }
+        handles.append(
+            Line2D(
+                [],
+                [],
+                label=label,
+                ls="",
+                **look,
+            )
+        )
+    text = "Test error against training time"
+    title(figure, axes, text, rows, shown, shown, handles)
+
+
+def _curves_of(results: Results) -> list[Group]:
+    """The groups of Table I that have runs, HDC first: the paper's models, fast ones, one's own."""
+    every = [*configs.models("paper", "fast"), *results.extra_models(models.scene())]
+    groups = [results.group(models.scene(), model) for model in every]
+    return [group for group in groups if group.runs]
+
+
+def _draw_curves(
+    axes: Axes,
+    results: Results,
+    floor: float,
+    alpha: float = 0.75,
+) -> None:
+    hdc_s = _hdc_s(results)
+    for group in _curves_of(results):
+        for run in group.runs:
+            _curve(axes, run, floor, hdc_s, alpha)
+
+
+def _hdc_s(results: Results) -> float:
+    """Training time of HDC in Table I, median over runs."""
+    runs = results.group(models.scene(), "hdc").runs
+    times = [estimates.training_time(run) for run in runs]
+    return float(np.median(times)) if times else math.nan
+
+
+def _curve(
+    axes: Axes,
+    run: Run,
+    floor: float,
+    hdc_s: float,
+    alpha: float = 0.75,
+) -> None:
+    """Error over the reports of one run, times over HDC's; a ring where training accuracy passed
+    90 %."""
+    colour, marker, line = style_of(run.model)
+    reports = [report for report in run.curve if "test_accuracy" in report]
+    if not reports:
+        return
+    seconds = np.array([report["training_s"] for report in reports])
+    accuracies = np.array([report["test_accuracy"] for report in reports])
+    times = seconds / hdc_s
+    errors = np.maximum(1 - accuracies, floor)
+    shape = marker if len(times) < 3 else None
+    look: Any = {
+        "color": colour,
+        "ls": line,
+        "lw": 0.8,
+        "marker": shape,
+    }
+    axes.plot(times, errors, alpha=alpha, **look)
+    reached = estimates.training_time(run) / hdc_s
+    if np.isfinite(reached):
+        nearest = np.abs(times - reached).argmin()
+        at = int(nearest)
+        ring: Any = {
+            "mfc": "white",
+            "mec": colour,
+            "ms": 5,
+            "zorder": 4,
+        }
+        axes.plot(
+            times[at],
+            errors[at],
+            "o",
+            alpha=min(1, alpha / 0.75),
+            **ring,
+        )

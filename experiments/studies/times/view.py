@@ -1,0 +1,95 @@
+"""The grid of times as a table and a figure: every model over HDC by the same way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from experiments.reporting import grid
+from experiments.reporting.columns import Column, display_name
+from experiments.reporting.plot import handle, head, style_of
+from experiments.reporting.study import Study
+from experiments.reporting.table import records
+from experiments.reporting.text import number, percent
+
+STUDY = Study(
+    "times",
+    "The grid of times",
+    "How much longer than HDC does each model train, when both are computed the same way: by "
+    "standard libraries, as written here, tuned?",
+    order=1.5,
+)
+NOTE = (
+    "Until training accuracy exceeds 90 %; ridge regression and softmax at its optimum until they "
+    "are solved. Within a way the models trained in turns in one process, HDC before and after "
+    "each. × HDC: median over turns of the ratio to HDC by the same way, between order statistics "
+    "that hold the median with the coverage shown, whatever the law of the errors. Standard "
+    "libraries: the fastest of several routes, PyTorch at its defaults. Tuned: compiled kernels, "
+    "products of bytes, bfloat16."
+)
+
+
+def _seconds(value: float) -> str:
+    return number(value) if np.isfinite(value) else "not reached"
+
+
+@STUDY.table(
+    grid.NAME,
+    of=grid.NAME,
+    title="Training times over that of HDC by the same way, {frames}. {machine}",
+    note=NOTE,
+    key=("way", "model"),
+    columns={
+        "way": Column("Way", lambda way: grid.WAYS.get(way, way)),
+        "model": Column("Model", display_name),
+        "seconds": Column("Time, s", _seconds),
+        "ratio": Column("× HDC [interval]"),
+        "turns": Column("Turns"),
+        "coverage": Column("Coverage, %", percent),
+        "train_accuracy": Column("Training accuracy reached, %", percent),
+        "test_accuracy": Column("Test, %, there", percent),
+        "route": Column("Route"),
+    },
+)
+def times_grid(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+    """One row a way and model."""
+    return grid.grid(rows)
+
+
+@STUDY.figure(
+    grid.NAME,
+    of=grid.NAME,
+    caption="Training time over that of HDC by the same way, {frames}: median over turns and its "
+    "interval; the line marks HDC.",
+    size=(3.4, 2.6),
+)
+def draw(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
+    """A group of points a way, a point a model."""
+    axes = figure.subplots()
+    lines = records(grid.grid(rows))
+    ways = list(dict.fromkeys(line["way"] for line in lines))
+    models = [m for m in dict.fromkeys(line["model"] for line in lines) if m != "hdc"]
+    for line in lines:
+        model, ratio = line["model"], line["ratio"]
+        if model == "hdc" or not np.isfinite(ratio):
+            continue
+        colour, marker, _ = style_of(model)
+        place = ways.index(line["way"]) + (models.index(model) - len(models) / 2) / 8
+        ends = (line["ratio_low"], line["ratio_high"])
+        low, high = (ratio if end is None else end for end in ends)
+        bars = np.array([[ratio - low], [high - ratio]])
+        look: Any = {"color": colour, "marker": marker, "ms": 5, "lw": 1}
+        axes.errorbar([place], [ratio], yerr=bars, **look)
+    axes.axhline(1, color="#D55E00", lw=0.8)
+    axes.set_yscale("log")
+    axes.set_ylabel("training time, × HDC")
+    names = [grid.WAYS.get(way, way) for way in ways]
+    axes.set_xticks(range(len(ways)), names)
+    axes.set_xlim(-0.6, len(ways) - 0.4)
+    head(figure, "Training time over that of HDC by the same way", [])
+    handles = [handle(model) for model in models]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2)

@@ -1,0 +1,105 @@
+"""Scores to probabilities: one temperature, fitted to frames that are scored as if not learnt.
+
+The probability of class c of a frame with scores s is the softmax
+
+    p_c = exp(β·s_c) / Σ_k exp(β·s_k),      β > 0,
+
+as of temperature scaling with β = 1/T (Guo et al., On calibration of modern neural networks, ICML
+2017): the most probable class stays the predicted one. β maximises the likelihood of m training
+frames, each scored by a model that has not learnt it. Where these are all right, that β would be
+infinite; so the right class of a frame is aimed at with (m + 1)/(m + 2) instead of 1, as Platt does
+(Advances in Large Margin Classifiers, 1999), and the others share the rest.
+
+Frames that come otherwise than the training frames, such as after drift, are less often right than
+their probabilities say.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from hdc.readouts.base import HeldOut, Readout
+
+FOLDS = 5
+_HALVINGS = 60
+_DOUBLINGS = 60
+_FLATTEST = 1e-6
+"""Least sharpness in units of one over the spread of the scores: equal probabilities, nearly."""
+
+
+@dataclass
+class Calibration:
+    """What a model knows of its probabilities; the sharpness is found when first asked for.
+
+    Attributes:
+        sharpness: β, or None as long as it is not known.
+        learnt: training hypervectors int64 [N, W] and their classes [N], of a read-out without a
+            closed form.
+    """
+
+    sharpness: float | None = None
+    learnt: tuple[Tensor, Tensor] | None = None
+
+
+def sharpness(held_out: HeldOut) -> float:
+    """β of scores float64 [m, L] of m frames, which are of the classes rows [m]."""
+    scores, rows = held_out
+    m, n_classes = scores.shape
+    spread = float(scores.std(dim=1, correction=0).mean())
+    if spread == 0 or n_classes == 1:
+        return 1.0
+    right = (m + 1) / (m + 2)
+    aims = torch.full_like(scores, (1 - right) / (n_classes - 1))
+    aims[torch.arange(m), rows] = right
+    aimed = float((aims * scores).sum())
+
+    def excess(beta: float) -> float:
+        """Derivative of minus the logarithm of the likelihood, which rises with β."""
+        shares = torch.softmax(beta * scores, dim=1)
+        return float((shares * scores).sum()) - aimed
+
+    low, high = 0.0, 1 / spread
+    for _ in range(_DOUBLINGS):
+        if excess(high) >= 0:
+            break
+        low, high = high, 2 * high
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        if excess(middle) < 0:
+            low = middle
+        else:
+            high = middle
+    return max(high, _FLATTEST / spread)
+
+
+def probabilities(scores: Tensor, beta: float, known: Tensor) -> Tensor:
+    """p [Q, L] of scores [Q, L] and β; 0 of classes that are not `known`, bool [L]."""
+    exponents = beta * scores.double().cpu()
+    exponents[:, ~known] = -math.inf
+    return torch.softmax(exponents, dim=1)
+
+
+def cross_validated(
+    readout: Readout, words: Tensor, rows: Tensor, n_classes: int, dimension: int
+) -> HeldOut:
+    """Scores of training hypervectors by read-outs like this one, trained on four folds of five.
+
+    The frames of a class are dealt out to the folds in their order.
+    """
+    place = torch.empty_like(rows)
+    for c in rows.unique().tolist():
+        members = (rows == c).nonzero().flatten()
+        place[members] = torch.arange(len(members)) % FOLDS
+    scores = torch.zeros(len(rows), n_classes, dtype=torch.float64)
+    for fold in place.unique().tolist():
+        tested = place == fold
+        here = tested.to(words.device)
+        trained = readout.unlearned()
+        trained.backend = readout.backend
+        trained.fit(words[~here], rows[~tested], n_classes, dimension)
+        scores[tested] = trained.scores(words[here]).double().cpu()
+    return HeldOut(scores, rows)

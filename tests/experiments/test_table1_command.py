@@ -1,0 +1,123 @@
+"""``make table1``: one line of progress, one table, once, and what lies outside the reference."""
+
+import io
+import re
+import types
+
+import pytest
+from rich.console import Console
+
+from experiments import report, table1
+from experiments.records.results import Results
+from experiments.reporting import terminal
+from experiments.studies.table1.view import STUDY
+
+
+def epochs(*pairs):
+    """A curve of (seconds, training accuracy, test accuracy)."""
+    return [
+        {"training_s": s, "loss": 1.0, "train_accuracy": a, "test_accuracy": b}
+        for s, a, b in pairs
+    ]
+
+
+def a_first_look(write_run):
+    """One seed: softmax reaches 90 % after 7.5 times the time of HDC, three layers stop there."""
+    write_run("hdc", curve=[{"training_s": 0.035}])
+    write_run("softmax", curve=epochs((0.2625, 0.95, 0.9), (2.8, 1.0, 1.0)))
+    write_run("cnn1", curve=epochs((8.9, 0.95, 0.84), (21.9, 1.0, 1.0)))
+    write_run("cnn3", curve=epochs((94.0, 0.98, 0.99)), stop="quick")
+
+
+@pytest.fixture
+def first_look(tmp_path, write_run):
+    """The table of a first look, whose three layers were not trained on."""
+    a_first_look(write_run)
+    path = tmp_path / "runs.jsonl"
+    lines = path.read_text().splitlines()
+    lines[-1] = lines[-1].replace('"stop":"trained"', '"stop":"reached"')
+    path.write_text("\n".join(lines) + "\n")
+    return next(t for t in STUDY.tables_of(Results(tmp_path)) if t.name == "table1")
+
+
+def shown(show):
+    console = Console(file=io.StringIO(), width=100)
+    show(console)
+    return console.file.getvalue().splitlines()
+
+
+def test_the_table_on_the_terminal(first_look):
+    lines = shown(lambda console: terminal.show_table1(console, first_look))
+    assert lines == [
+        "Table I · touch (simulated) · 400 train / 100 test · A CPU, 2 threads · 1 seed",
+        "                 until 90 % in training    afterwards         paper",
+        "Model               time  × HDC  test %    test %       at    × HDC  test %",
+        "HDC              0.035 s      1     100       100  0.035 s        1     100",
+        "Softmax           0.26 s    7.5      90       100    2.8 s      137      90",
+        "CNN, 1 layer       8.9 s    254      84       100   21.9 s     81.7      93",
+        "CNN, 3 layers       94 s   2686      99         –        –      356      93",
+    ]
+
+
+def test_a_number_outside_the_reference_is_named_and_one_within_is_not(first_look):
+    reference = types.SimpleNamespace(data=first_look.data.copy())
+    bounds = {
+        "hdc": (1, 1),
+        "softmax": (3.3, 5.9),
+        "cnn1": (200, 300),
+        "cnn3": (None, None),
+    }
+    for end, k in (("low", 0), ("high", 1)):
+        reference.data[f"training_time_over_hdc_{end}"] = [
+            bounds[model][k] for model in reference.data["model"]
+        ]
+    lines = shown(lambda console: terminal.show_table1(console, first_look, reference))
+    outside = [line for line in lines if line.startswith("!")]
+    assert outside == ["! softmax × HDC 7.5; reference 3.3 to 5.9"]
+
+
+def test_the_last_line_says_what_one_seed_is_worth(first_look, tmp_path, write_run):
+    text = "One seed decides nothing: make reproduce QUICK=1 · page: a.html"
+    assert terminal.last_line(first_look, "a.html") == text
+    write_run("hdc", seed=1)
+    (more,) = (t for t in STUDY.tables_of(Results(tmp_path)) if t.name == "table1")
+    assert terminal.last_line(more, "a.html") == "page: a.html"
+    assert terminal.last_line(None, "a.html") == "page: a.html"
+
+
+def test_a_brief_report_shows_the_table_once_and_no_reference(
+    tmp_path, write_run, monkeypatch
+):
+    a_first_look(write_run)
+    monkeypatch.setattr(report, "studies_of", lambda _: [STUDY])
+    lines = shown(lambda console: report.write(tmp_path, console, brief=True))
+    assert [line.startswith("Table I ·") for line in lines].count(True) == 1
+    assert lines[0].startswith("Table I ·")
+    assert lines[-1].startswith("One seed decides nothing")
+    assert any(
+        line.startswith("! softmax × HDC 7.5; reference 3.3 to 5.9") for line in lines
+    )
+    assert not [line for line in lines if re.match("mine|reference|own", line)]
+
+
+def test_the_command_runs_every_model_of_table_1_in_one_process(
+    results, one_thread, monkeypatch, composed_run
+):
+    carried_out, reported = [], []
+
+    def run(cfg, choices, words, console, about):
+        carried_out.append(
+            (cfg.seed.run, choices["scene"], choices["stop"], choices["model"])
+        )
+        if choices["model"] == "cnn1":
+            raise ValueError("model.lr: expected a number")
+
+    monkeypatch.setattr(table1.job, "run", run)
+    monkeypatch.setattr(table1.machine, "keep_memory", lambda: None)
+    monkeypatch.setattr(report, "write", lambda *_, **more: reported.append(more))
+    monkeypatch.setattr(table1.sys, "argv", ["table1"])
+    assert table1.main() == 1  # one failed, and the others ran
+    models = ["hdc", "softmax", "softmax_zero", "cnn1", "cnn3"]
+    assert carried_out == [(0, "touch", "quick", model) for model in models]
+    assert reported == [{"brief": True}]
+    assert table1.sys.argv[1:] == ["experiment=table1"]

@@ -1,0 +1,312 @@
+"""Probabilities: held-out scores by definition, calibration, files, and what has none."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from hdc import HDCClassifier, bits
+from hdc.probability import FOLDS, cross_validated, probabilities, sharpness
+from hdc.readouts import (
+    LDA,
+    Counts,
+    Majority,
+    Neighbours,
+    Readout,
+    Ridge,
+    Trained,
+    Updatable,
+    leave_one_out,
+)
+from hdc.readouts.base import HeldOut
+
+D, L = 300, 3
+CLOSED = [
+    Majority(),
+    Majority(ties="one"),
+    Counts(),
+    Neighbours(),
+    Neighbours(3),
+]
+
+
+class Nearest(Readout):
+    """The mean hypervector of a class, without a closed form."""
+
+    def fit(self, words, rows, n_classes, dimension):
+        ones = bits.unpack(words, dimension).double()
+        self.means_ = torch.stack([ones[rows == c].mean(0) for c in range(n_classes)])
+        return self
+
+    def scores(self, words):
+        ones = bits.unpack(words, self.means_.shape[1]).double()
+        return -(torch.cdist(ones, self.means_) ** 2)
+
+
+class Batchwise(Updatable, Nearest):
+    def add(self, words, rows):
+        self.fit(words, rows, L, D)
+
+    def arrange(self, places, n_classes): ...
+
+    def merge(self, other, places): ...
+
+
+def drawn(sizes: list[int], seed: int = 0, flips: float = 0.4) -> tuple[Tensor, Tensor]:
+    """Hypervectors int64 [N, W] around one of each class, in random order, and their classes."""
+    rng = np.random.default_rng(seed)
+    rows = rng.permutation(np.repeat(np.arange(len(sizes)), sizes))
+    centres = rng.random((len(sizes), D)) < 0.5
+    flipped = rng.random((len(rows), D)) < flips
+    words = bits.pack(torch.from_numpy(centres[rows] ^ flipped))
+    return words, torch.from_numpy(rows)
+
+
+def without_each(readout: Readout, words: Tensor, rows: Tensor) -> Tensor:
+    """Scores of each frame by a read-out that is trained on all others."""
+    found = []
+    for i in range(len(rows)):
+        others = torch.arange(len(rows)) != i
+        trained = readout.unlearned().fit(words[others], rows[others], L, D)
+        found.append(trained.scores(words[i : i + 1])[0].double())
+    return torch.stack(found)
+
+
+@pytest.mark.parametrize("readout", CLOSED, ids=repr)
+@pytest.mark.parametrize("sizes", [[7, 7, 7], [2, 5, 9]], ids=str)
+def test_held_out_scores_are_those_without_the_frame(readout, sizes) -> None:
+    if hasattr(readout, "balance"):
+        readout = readout.unlearned().set_params(balance=False)
+    words, rows = drawn(sizes)
+    trained = readout.unlearned().fit(words, rows, L, D)
+    scores, of = trained.held_out(words, rows)
+    torch.testing.assert_close(scores, without_each(readout, words, rows))
+    assert torch.equal(of, rows)
+
+
+def test_a_larger_class_is_held_out_as_it_is_compared() -> None:
+    words, rows = drawn([3, 3, 12])
+    trained = Counts().fit(words, rows, L, D)
+    found = trained.held_out(words, rows).scores
+    expected = without_each(Counts(), words, rows)
+    large = rows == 2  # its size goes down to that of the smallest before and after
+    torch.testing.assert_close(found[large], expected[large])
+
+
+def test_ridge_has_its_exact_residuals() -> None:
+    """Up to the rounding of weights to 8 bits, and of a penalty chosen anew."""
+    words, rows = drawn([9, 9, 9])
+    scores, of = Ridge(0.1).fit(words, rows, L, D).held_out(words, rows)
+    expected = without_each(Ridge(0.1), words, rows)
+    assert (scores - expected).abs().max() < 0.05
+    assert torch.equal(of, rows)
+
+
+@pytest.mark.parametrize("alpha", [0.3, 1.0])
+def test_lda_is_held_out_as_by_definition(alpha: float) -> None:
+    """Against means and an inverse of D × D without the frame; one unit for all scores."""
+    words, rows = drawn([10, 8, 6])
+    found = LDA(alpha).fit(words, rows, L, D).held_out(words, rows)
+    x = 2.0 * bits.unpack(words, D).double().numpy() - 1
+    y = rows.numpy()
+    within = x - np.stack([x[y == c].mean(0) for c in range(L)])[y]
+    penalty = alpha / (1 - alpha) * (within**2).sum() / D if alpha < 1 else None
+    units = []
+    for i in range(len(y)):
+        others = np.arange(len(y)) != i
+        expected = primal(x[others], y[others], x[i], penalty)
+        units.append(found.scores[i].numpy() / expected)
+    np.testing.assert_allclose(units, np.mean(units), rtol=1e-6)
+    assert torch.equal(found.rows, rows)
+
+
+def primal(x, y, query, penalty) -> np.ndarray:
+    """Discriminants [L] of a query, by an inverse of D × D."""
+    means = np.stack([x[y == c].mean(0) for c in range(L)])
+    centre = means.mean(0)
+    inverse = np.eye(D)
+    if penalty is not None:
+        within = x - means[y]
+        inverse = penalty * np.linalg.inv(within.T @ within + penalty * np.eye(D))
+    away = query - (means + centre) / 2
+    return np.einsum("cd,de,ce->c", away, inverse, means - centre)
+
+
+def test_lda_scores_some_of_many_frames(monkeypatch) -> None:
+    words, rows = drawn([10, 10, 10])
+    all_of_them = LDA(0.5).fit(words, rows, L, D).held_out(words, rows)
+    monkeypatch.setattr(leave_one_out, "MOST", 7)
+    some = LDA(0.5).fit(words, rows, L, D).held_out(words, rows)
+    places = leave_one_out.spread_over(30)
+    assert places.tolist() == [0, 5, 10, 14, 19, 24, 29]
+    torch.testing.assert_close(some.scores, all_of_them.scores[places])
+    assert torch.equal(some.rows, rows[places])
+
+
+def test_five_folds_never_score_a_frame_that_they_learnt() -> None:
+    """The nearest frame to a learnt frame is itself: distance 0 never occurs."""
+    words, rows = drawn([6, 6, 6])
+    found = cross_validated(Neighbours(), words, rows, L, D)
+    assert found.scores.max() < 0
+    learnt = []
+
+    class Spy(Nearest):
+        def fit(self, words, rows, n_classes, dimension):
+            learnt.append(len(rows))
+            return super().fit(words, rows, n_classes, dimension)
+
+    cross_validated(Spy(), words, rows, L, D)
+    assert len(learnt) == FOLDS
+    assert sum(18 - n for n in learnt) == 18
+
+
+def test_the_likelihood_is_greatest_at_the_sharpness() -> None:
+    """Of the aims that are said: (m + 1)/(m + 2) for the right class."""
+    rng = np.random.default_rng(0)
+    scores = torch.from_numpy(rng.normal(size=(40, 4)))
+    rows = torch.from_numpy(rng.integers(0, 4, 40))
+    scores[torch.arange(40), rows] += 1.5
+    aims = torch.full((40, 4), 1 / 42 / 3, dtype=torch.float64)
+    aims[torch.arange(40), rows] = 41 / 42
+
+    def likelihood(beta: float) -> float:
+        return float((aims * torch.log_softmax(beta * scores, 1)).sum())
+
+    found = sharpness(HeldOut(scores, rows))
+    assert likelihood(found) > max(likelihood(0.99 * found), likelihood(1.01 * found))
+    # Another unit of the scores is another unit of the sharpness.
+    assert sharpness(HeldOut(1e6 * scores, rows)) == pytest.approx(1e-6 * found)
+
+
+def test_all_right_is_not_certain_and_all_wrong_is_no_guess_upside_down() -> None:
+    rows = torch.arange(20) % 2
+    right = torch.nn.functional.one_hot(rows, 2).double()
+    beta = sharpness(HeldOut(right, rows))
+    found = probabilities(right, beta, torch.ones(2, dtype=torch.bool))
+    torch.testing.assert_close(found.amax(1), torch.full((20,), 21 / 22).double())
+    beta = sharpness(HeldOut(1 - right, rows))
+    wrong = probabilities(1 - right, beta, torch.ones(2, dtype=torch.bool))
+    assert beta > 0
+    assert wrong.max() < 0.5001
+    constant = HeldOut(torch.ones(20, 2).double(), rows)
+    assert sharpness(constant) > 0
+
+
+def noisy(n: int, seed: int, flips: float = 0.44) -> tuple[np.ndarray, np.ndarray]:
+    """Frames [n, 16, 16] of four classes, drowned so that some are taken for others."""
+    base = np.random.default_rng(0).random((4, 256)) < 0.5
+    rng = np.random.default_rng([1, seed])
+    labels = np.arange(n) % 4
+    lit = base[labels] ^ (rng.random((n, 256)) < flips)
+    frames = np.where(lit, 160, 60) + rng.integers(0, 60, (n, 256))
+    return frames.reshape(n, 16, 16).astype(np.uint8), labels
+
+
+READOUTS = ["majority", "counts", "ridge", "neighbours", "lda", "trained", Nearest()]
+
+
+@pytest.mark.parametrize("readout", READOUTS, ids=str)
+def test_probabilities_are_as_often_right_as_they_say(readout) -> None:
+    """On 2,000 fresh frames; those of distances that were learnt would say far more."""
+    frames, labels = noisy(100, 0)
+    model = HDCClassifier(readout=readout).fit(frames, labels)
+    queries, truth = noisy(2000, 1)
+    found = model.predict_proba(queries)
+    assert found.shape == (2000, 4)
+    assert found.dtype == np.float64
+    np.testing.assert_allclose(found.sum(1), 1)
+    predicted = model.predict(queries)
+    np.testing.assert_array_equal(model.classes_[found.argmax(1)], predicted)
+    share = float((predicted == truth).mean())
+    assert 0.3 < share < 0.95
+    assert found.max(1).mean() == pytest.approx(share, abs=0.1)
+
+
+@pytest.mark.parametrize("readout", READOUTS[:6])
+def test_files_keep_probabilities(readout: str, tmp_path: Path) -> None:
+    frames, labels = noisy(40, 0)
+    model = HDCClassifier(readout=readout).fit(frames, labels)
+    path = tmp_path / "model.safetensors"
+    if readout == "trained":  # five folds are not computed unless they are asked for
+        model.save(path)
+        message = (
+            r"predict_proba: expected a model fresh from fit, .*Trained\(.*fit anew"
+        )
+        with pytest.raises(ValueError, match=message):
+            HDCClassifier.load(path).predict_proba(frames)
+    else:
+        model.save(path)
+        loaded = HDCClassifier.load(path).predict_proba(frames)
+        np.testing.assert_array_equal(loaded, model.predict_proba(frames))
+    asked = model.predict_proba(frames)
+    model.save(path)
+    np.testing.assert_array_equal(HDCClassifier.load(path).predict_proba(frames), asked)
+
+
+def test_batches_and_merging_are_calibrated_as_all_at_once() -> None:
+    frames, labels = noisy(60, 0)
+    whole = HDCClassifier().fit(frames, labels).predict_proba(frames)
+    model = HDCClassifier().fit(frames[:30], labels[:30])
+    before = model.predict_proba(frames)
+    model.partial_fit(frames[30:], labels[30:])
+    np.testing.assert_array_equal(model.predict_proba(frames), whole)
+    assert not np.array_equal(before, whole)
+    other = HDCClassifier().fit(frames[30:], labels[30:])
+    merged = HDCClassifier().fit(frames[:30], labels[:30]).merge(other)
+    np.testing.assert_array_equal(merged.predict_proba(frames), whole)
+
+
+@pytest.mark.parametrize("readout", ["majority", "neighbours", "ridge"])
+def test_a_recalibration_is_a_new_calibration(readout: str) -> None:
+    frames, labels = noisy(60, 0, flips=0.3)
+    model = HDCClassifier(readout=readout).fit(frames, labels)
+    certain = model.predict_proba(frames).max(1).mean()
+    worse, truth = noisy(60, 5, flips=0.47)
+    model.recalibrate(worse, truth, p=1)
+    assert model.predict_proba(frames).max(1).mean() < certain
+
+
+def test_recalibrated_counts_say_fit_anew() -> None:
+    frames, labels = noisy(40, 0)
+    model = HDCClassifier(readout="counts").fit(frames, labels)
+    model.recalibrate(frames, labels, method="merge")
+    with pytest.raises(ValueError, match=r"found one with Counts\(.* fit anew"):
+        model.predict_proba(frames)
+
+
+def test_a_class_of_one_frame_and_one_of_none() -> None:
+    frames, labels = noisy(41, 0)
+    labels = labels.copy()
+    labels[-1] = 7  # the only one of its class
+    for readout in READOUTS[:6]:
+        model = HDCClassifier(readout=readout).fit(frames, labels)
+        assert model.predict_proba(frames).shape == (41, 5)
+    model = HDCClassifier().partial_fit(frames[:40], labels[:40], classes=range(6))
+    found = model.predict_proba(frames)
+    assert found.shape == (41, 6)
+    assert (found[:, 4:] == 0).all()
+    np.testing.assert_allclose(found.sum(1), 1)
+    single = HDCClassifier().fit(frames[:4], labels[:4])
+    message = "predict_proba: expected two training frames or more of a class"
+    with pytest.raises(ValueError, match=message):
+        single.predict_proba(frames)
+
+
+def test_what_a_read_out_cannot_is_not_there() -> None:
+    assert hasattr(HDCClassifier(readout=Nearest()), "predict_proba")
+    assert hasattr(HDCClassifier(readout=Trained()), "predict_proba")
+    model = HDCClassifier(readout=Batchwise())
+    assert not hasattr(model, "predict_proba")
+    with pytest.raises(
+        AttributeError, match="expected a read-out with a method held_out"
+    ):
+        _ = model.predict_proba
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        frames, labels = noisy(20, 0)
+        HDCClassifier().fit(frames, labels).predict_proba(frames[0])
