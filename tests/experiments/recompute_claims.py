@@ -247,7 +247,9 @@ def of_times(folder: Folder, rules: dict, rival: str) -> dict | None:
         yes, no = low > factor * rules["times"], high < rules["times"] / factor
         words.append("yes" if yes else "no" if no else "undecided")
         if least is None or middle < least["mean"]:
-            least = {"mean": middle, "mean_low": low, "mean_high": high}
+            least = {"mean": middle}
+            if n > 1:  # a single run has no range
+                least |= {"mean_low": low, "mean_high": high}
     same = len(set(words)) == 1
     word = words[0] if same else "partly" if "yes" in words else "undecided"
     return {**(least or {}), "word": word, "kinds": ["simulated"]}

@@ -16,7 +16,7 @@ from experiments.reporting.estimates import mean_interval
 from experiments.studies.claims.frozen import Claim, Rules, Update
 from experiments.studies.claims.piece import Piece, measured_by_scene, place_of
 from experiments.studies.claims.rules import rule_of
-from experiments.studies.drift.view import accuracies
+from experiments.studies.drift.numbers import accuracies
 
 STORED = "stored"
 OWN_LOSS = "its own loss"  # what the update is held against
