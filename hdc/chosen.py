@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from torch import Tensor
 
 from hdc import inputs
-from hdc.bank import Bank, Selection
+from hdc.bank import Bank
 from hdc.classifier import HDCClassifier
-from hdc.selection import Combination, Frames, combinations, cross_validate, folds
+from hdc.selection import (
+    Combination,
+    Frames,
+    combinations,
+    cross_validate,
+    folds,
+    in_bank,
+)
 
 
 class Chosen:
@@ -37,6 +44,9 @@ class Chosen:
         >>> model.form_
         'median, majority'
     """
+
+    revision: ClassVar[int] = 1
+    """Raised by hand in the commit that changes which form is chosen."""
 
     form_: str
     model_: HDCClassifier
@@ -83,7 +93,7 @@ class Chosen:
     def train(self, frames: Any, labels: np.ndarray) -> Iterator[dict[str, float]]:
         """Choose and learn; yields once, ``{"samples_seen": N}``."""
         labels = inputs.label_array(labels, len(frames))
-        bank, rows = _in_bank(frames, labels)
+        bank, rows = in_bank(frames, labels)
         self.form_, model = self.choose(bank, rows)
         self.model_ = model.fit(frames, labels)
         yield {"samples_seen": len(frames)}
@@ -119,12 +129,3 @@ class Chosen:
         if not self.forms:
             raise ValueError("forms: expected at least one, found none")
         return [Combination(encoder, readout) for encoder, readout in self.forms]
-
-
-def _in_bank(frames: Any, labels: np.ndarray) -> tuple[Bank, np.ndarray]:
-    """A bank that has the training frames, and their rows in it."""
-    if isinstance(frames, Selection):
-        return frames.bank, frames.rows
-    images = inputs.tensor(frames[0 : len(frames)])
-    classes, rows = np.unique(labels, return_inverse=True)
-    return Bank(images, rows, len(classes)), np.arange(len(images))

@@ -62,20 +62,35 @@ def evaluate(
     predict_from = getattr(model, "predict_from", None)
     if predict_from is not None:
         return predict_from(bank, train, queries)
+    labels, _ = evaluate_until(stop or StopRule(), model, bank, train, queries)
+    return labels
+
+
+def evaluate_until(
+    stop: StopRule,
+    model: Model,
+    bank: Bank,
+    train: np.ndarray,
+    queries: np.ndarray,
+) -> tuple[np.ndarray, str]:
+    """As :func:`evaluate` by training on the frames, and why the training ended."""
     trained = copy.deepcopy(model)
-    train_until(trained, stop or StopRule(), bank.at(train), bank.labels[train])
-    return np.asarray(trained.predict(bank.at(queries)))
+    reason = train_until(trained, stop, bank.at(train), bank.labels[train])
+    return np.asarray(trained.predict(bank.at(queries))), reason
 
 
 def train_until(
     model: Model, stop: StopRule, frames: FrameSource, labels: np.ndarray
-) -> None:
-    """Train a model until the rule ends it; test samples have no say."""
+) -> str:
+    """Train a model until the rule ends it, and name the reason, one of
+    :data:`experiments.protocol.stop.NAMES`; test samples have no say."""
     clock = Clock()
     for row in reports(model, type(model).__name__, frames, labels, clock):
         loss: Any = row.get("loss")
         share = 0.0
         if loss is not None and stop.reached_after_s is not None:
             share = accuracy(model.predict(frames), labels)
-        if stop.check(row["training_s"], row.get("steps", 0), loss, share):
-            return
+        reason = stop.check(row["training_s"], row.get("steps", 0), loss, share)
+        if reason is not None:
+            return reason
+    return "finished"

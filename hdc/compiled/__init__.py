@@ -2,13 +2,17 @@
 
 Imported only for ``backend="compiled"``: numba takes as long to import as everything else here. The
 results are those of the numpy routes, bit for bit. The first import on a machine compiles (some
-seconds) and keeps the code beside these files, in the user's cache folder, or in this process only.
+seconds) and keeps the code beside these files, in the user's cache folder, or in this process only;
+:mod:`hdc.ahead` has that done beforehand.
 """
 
 from __future__ import annotations
 
+from hdc import ahead
 from hdc.compiled.combine import combine
 from hdc.compiled.count import count_into, count_uint8, hamming
 from hdc.compiled.encode import encode_uint8
 
 __all__ = ["combine", "count_into", "count_uint8", "encode_uint8", "hamming"]
+
+ahead.say_compiled()

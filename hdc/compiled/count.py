@@ -177,10 +177,16 @@ def _add(counts, others):
 
 @compile_kernel("void(int64[:, ::1], int64[:, ::1], int64[:, ::1])")
 def _hamming(queries, prototypes, distances):
-    """:func:`hamming` in one thread."""
-    for i in range(len(queries)):
-        for j in range(len(prototypes)):
-            total = np.int64(0)
-            for w in range(queries.shape[1]):
-                total += ones(np.uint64(queries[i, w] ^ prototypes[j, w]))
-            distances[i, j] = total
+    """:func:`hamming` in one thread, some words of all at a time: they stay in the cache."""
+    distances[:] = 0
+    width = queries.shape[1]
+    for left in range(0, width, _BLOCK):
+        right = min(left + _BLOCK, width)
+        for i in range(len(queries)):
+            query = queries[i, left:right]
+            for j in range(len(prototypes)):
+                prototype = prototypes[j, left:right]
+                total = np.int64(0)
+                for w in range(right - left):
+                    total += ones(np.uint64(query[w] ^ prototype[w]))
+                distances[i, j] += total

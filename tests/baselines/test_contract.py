@@ -50,6 +50,8 @@ def config_of(name: str) -> DictConfig:
 
 def make(name: str) -> Any:
     """The model of a config, quick enough for small frames."""
+    if name.startswith("torchhd"):
+        pytest.importorskip("torchhd")
     model = instantiate(config_of(name).model, _convert_="all")
     if isinstance(model, IterativeClassifier) and model.optimizer != "LBFGS":
         return replace(model, lr=1e-2, max_epochs=20)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import itertools
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,10 @@ from torch import Tensor
 
 from baselines import softmax
 from baselines.softmax import SoftmaxRegression
+from baselines.softmax_chosen import ChosenSoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
+from hdc.bank import Bank
+from hdc.selection import Frames, folds
 
 C = 0.1
 
@@ -218,3 +222,56 @@ def test_initial_weights_are_those_named(given, spread, bias, speckle):
 
 def test_the_example_in_the_docstring():
     assert doctest.testmod(softmax).failed == 0
+
+
+def test_the_accuracy_of_minibatches_is_that_before_they_were_learnt_from(
+    frames_and_labels,
+):
+    frames, labels = frames_and_labels(60, 3, 8)
+    frames = torch.from_numpy(frames)
+    model = SoftmaxRegression(batch_size=None, lr=1e-3)
+    found, expected = [], []
+    for report in itertools.islice(model.train(frames, labels), 8):
+        found.append(report["batch_accuracy"])
+        expected.append(model.score(frames, labels))
+    assert found[1:] == expected[:-1]
+    assert len(set(found)) > 2
+
+
+def test_the_accuracy_of_minibatches_is_that_since_the_last_report(frames_and_labels):
+    frames, labels = frames_and_labels(60, 3, 8)
+    shared = {"batch_size": 10, "lr": 1e-2, "seed": 3}
+    often, seldom = (
+        SoftmaxRegression(**shared, reports_per_epoch=n).train(
+            torch.from_numpy(frames), labels
+        )
+        for n in (6, 2)
+    )
+    single = [report["batch_accuracy"] for report in itertools.islice(often, 12)]
+    three = [report["batch_accuracy"] for report in itertools.islice(seldom, 4)]
+    assert three == pytest.approx(np.mean(np.reshape(single, (4, 3)), axis=1))
+
+
+def test_the_penalty_is_the_one_of_least_error_in_the_folds(speckle):
+    frames, labels = speckle(45, (8, 9), 3)
+    bank = Bank(torch.as_tensor(frames), np.asarray(labels), 3)
+    train, test = np.arange(30), np.arange(30, 45)
+    model = ChosenSoftmaxRegression(choices=(1e-6, 1.0, 1e-9))
+    data = Frames(bank, (), (), None, None)
+    made, _ = folds(data, train)
+    errors = {}
+    for c in model.choices:
+        plain = DualSoftmaxRegression(C=c)
+        wrong = [
+            plain.predict_from(bank, rows, held) != bank.labels[held]
+            for rows, held in made
+        ]
+        errors[c] = np.concatenate(wrong).mean()
+    best = min(model.choices, key=lambda c: errors[c])
+    model.fit(bank.at(train), bank.labels[train])
+    assert best == model.model_.C
+    expected = DualSoftmaxRegression(C=best).predict_from(bank, train, test)
+    assert (model.predict_from(bank, train, test) == expected).all()
+    assert (model.predict(bank.at(test)) == expected).all()
+    single = np.array([np.flatnonzero(bank.labels == c)[0] for c in range(3)])
+    assert model.fit(bank.at(single), bank.labels[single]).model_.C == 1e-6

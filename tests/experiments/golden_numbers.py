@@ -18,6 +18,7 @@ import pkgutil
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +79,8 @@ EXPERIMENTS = {
     "library": ("task.n_per_class=3", "task.repeats=1", "scene=touch", *SMALL_SENSOR),
     "recordings": ("scene=touch", "task.n_per_class=[1,3]", "task.draws=1", "task.steps_draws=0",
                    *SMALL_SENSOR),
+    "quantiles": ("scene=touch", "task.n_per_class=[1,3]", "task.seeds=[0]", "task.sample=3",
+                  *SMALL_SENSOR),
     "recording_distances": ("scene=touch", *SMALL_SENSOR),
     "recording_theory": ("scene=touch", "task.n_per_class=[1,2]", "task.draws=2", "task.sample=4",
                          *SMALL_SENSOR),
@@ -218,6 +221,8 @@ def words_of(model: Any, frames: torch.Tensor) -> torch.Tensor:
 def of_models() -> Iterator[tuple[str, Item]]:
     """Labels of every model of ``configs/model/`` after a few steps."""
     for path in sorted((configs.CONFIGS / "model").glob("*.yaml")):
+        if path.stem.startswith("torchhd") and find_spec("torchhd") is None:
+            continue
         part = configs.part("model", path.stem)
         make = functools.partial(labels_of, part["model"])
         yield f"model {path.stem}", Item(part["model"], make)

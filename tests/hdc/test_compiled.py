@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 import hdc
-from hdc import HDCClassifier, bits
+from hdc import HDCClassifier, ahead, bits
 from hdc.encoders import Levels, Median, Quantile
 from hdc.encoders.ties import TIES
 from hdc.prototypes import Counters
@@ -160,7 +160,7 @@ def test_without_numba_the_parameter_is_named(monkeypatch) -> None:
         HDCClassifier(backend="compiled").fit(frames, [0, 1, 0, 1])
     with pytest.raises(ValueError, match=message):
         encode(frames, backend="compiled")
-    monkeypatch.setattr(bits, "_WORTH_LOADING", 0)
+    monkeypatch.setattr(ahead, "ENOUGH", 0)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert HDCClassifier().fit(frames, [0, 1, 0, 1]).predict(frames).shape == (4,)
 
@@ -178,12 +178,58 @@ def test_other_backends_and_devices_are_refused() -> None:
         encode(frames.to("meta"), backend="compiled")
 
 
-@needs_numba
-def test_auto_is_compiled_where_the_work_is_worth_it(monkeypatch) -> None:
+@pytest.fixture
+def fresh(monkeypatch, tmp_path):
+    """A process that has neither loaded the kernels nor encoded anything; a list of its others."""
     monkeypatch.delitem(sys.modules, "hdc.compiled", raising=False)
-    assert bits.choose_backend("auto", "cpu", 400 * 250_000) == "numpy"
-    assert bits.choose_backend("auto", "cpu", 10_000 * 250_000) == "compiled"
+    monkeypatch.setattr(ahead, "_encoded", 0)
+    monkeypatch.setattr(ahead, "_mark", lambda: tmp_path / "mark")
+    started: list[list[str]] = []
+    monkeypatch.setattr(
+        ahead.subprocess, "Popen", lambda command, **_: started.append(command)
+    )
+    ahead._compile_in_background.cache_clear()
+    yield started
+    ahead._compile_in_background.cache_clear()
+
+
+BATCH = 270 * 250_000
+
+
+@needs_numba
+def test_auto_is_compiled_from_the_second_batch_on(fresh) -> None:
+    ahead.say_compiled()
     assert bits.choose_backend("auto", "meta", 10_000 * 250_000) == "numpy"
+    assert bits.choose_backend("auto", "cpu", 1000) == "numpy"
+    assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
+    assert bits.choose_backend("auto", "cpu", 1) == "compiled"
+    assert not fresh
+
+
+@needs_numba
+def test_auto_is_compiled_at_once_for_many_frames(fresh) -> None:
+    ahead.say_compiled()
+    assert bits.choose_backend("auto", "cpu", 10_000 * 250_000) == "compiled"
+
+
+@needs_numba
+def test_what_was_not_compiled_is_compiled_by_another_process(fresh) -> None:
+    assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
+    assert not fresh
+    for _ in range(3):
+        assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
+    (command,) = fresh
+    assert command[0] == sys.executable
+    assert "hdc.compiled" in command[-1]
+    ahead.say_compiled()
+    assert bits.choose_backend("auto", "cpu", 1) == "compiled"
+
+
+@needs_numba
+def test_loading_the_kernels_leaves_a_mark() -> None:
+    from hdc import compiled  # noqa: F401
+
+    assert ahead._mark().exists()
 
 
 @needs_numba

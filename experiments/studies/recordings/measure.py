@@ -20,7 +20,12 @@ from omegaconf import OmegaConf
 
 from experiments.protocol.data import at_seed
 from experiments.protocol.draws import draw_split, nested
-from experiments.protocol.evaluate import bank_of, evaluate, train_until
+from experiments.protocol.evaluate import (
+    bank_of,
+    evaluate,
+    evaluate_until,
+    train_until,
+)
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model, models_of
 from experiments.protocol.stop import StopRule
@@ -75,7 +80,9 @@ def recordings(
     ``n`` and ``predicted`` are lists, the latter of texts of
     :func:`experiments.records.rows.pack_labels`; the first row of a draw has the true classes in
     ``labels`` and their number in ``n_classes``. A model that chooses its form has the names of
-    those that it ``chose``, one for each n. Arguments: configs/experiment/recordings.yaml.
+    those that it ``chose``, one for each n; one that learns by steps has the reasons why it
+    ``stopped``, as :mod:`experiments.protocol.stop` names them.
+    Arguments: configs/experiment/recordings.yaml.
 
     Raises:
         ValueError: naming the key that is wrong.
@@ -107,6 +114,11 @@ def _limited(
     made = models_of(at_seed(models, 0))
     known = {"draws", "n_per_class", "splits"}
     for name, limit in limits.items():
+        if name not in made:
+            expected = ", ".join(made)
+            raise ValueError(
+                f"task.limits: expected models among {expected}, found {name!r}"
+            )
         if unknown := set(limit) - known:
             found = sorted(unknown)[0]
             expected = ", ".join(sorted(known))
@@ -155,22 +167,34 @@ def _draw(
             "model": name,
             "n_test": len(test),
             "n": chosen,
-            "predicted": [pack_labels(labels) for labels, _ in answers],
+            "predicted": [pack_labels(answer.labels) for answer in answers],
         }
         if isinstance(asked.model, Chosen):
-            row["chose"] = [form for _, form in answers]
+            row["chose"] = [answer.form for answer in answers]
+        if asked.stop is not None:
+            row["stopped"] = [answer.stopped for answer in answers]
         yield {**row, **of_draw}
         of_draw = {}  # the first row has it for all
 
 
-def _answer(
-    asked: Asked, bank: Bank, train: np.ndarray, test: np.ndarray
-) -> tuple[np.ndarray, str]:
-    """Labels of the test frames, and the form of a model that chooses one."""
-    model, form = asked.model, ""
+class Answer(NamedTuple):
+    """Labels of test frames; which form a model chose, if it does; why its training stopped, if it
+    learns by steps."""
+
+    labels: np.ndarray
+    form: str = ""
+    stopped: str = ""
+
+
+def _answer(asked: Asked, bank: Bank, train: np.ndarray, test: np.ndarray) -> Answer:
+    model = asked.model
     if isinstance(model, Chosen):
         form, model = model.choose(bank, train)
-    return evaluate(model, bank, train, test, asked.stop), form
+        return Answer(evaluate(model, bank, train, test), form)
+    if asked.stop is None:
+        return Answer(evaluate(model, bank, train, test))
+    labels, stopped = evaluate_until(asked.stop, model, bank, train, test)
+    return Answer(labels, stopped=stopped)
 
 
 @experiment(revision=1, uses=("hdc.HDCClassifier",), timed=True)

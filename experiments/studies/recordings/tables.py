@@ -26,6 +26,7 @@ from experiments.studies.recordings.values import (
     FEW,
     NOTE,
     RIVALS,
+    TUNED,
     Accuracies,
     accuracies_of,
     fields_of,
@@ -165,6 +166,7 @@ def _fibre(measured: Measured) -> dict[str, Any]:
     "forms",
     title="Forms of HDC less softmax regression at its optimum, points",
     note=f"{NOTE} Above zero, the form of HDC is more accurate on the same test frames. "
+    "C chosen: by the folds that choose HDC's form, on the same training frames. "
     "Confirmatory: named before anything was measured. Exploratory: all others; the best of many "
     "on the frames that judge it is no claim.",
     key=("recording", "n", "rival"),
@@ -178,7 +180,7 @@ def forms(results: Results) -> pd.DataFrame | None:
         for n in every.ends():
             if n < FEW:
                 continue
-            for rival in RIVALS:
+            for rival in (*RIVALS, *TUNED):
                 line: dict[str, Any] = {"recording": scene, "n": n, "rival": rival}
                 for gap in gaps(every, n, known, [rival]):
                     line |= gap.difference.columns(gap.form)

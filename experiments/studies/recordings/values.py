@@ -25,6 +25,8 @@ from experiments.reporting.text import kind_of
 
 RIVALS = (RIVAL, f"{RIVAL}_standardised")
 """Softmax regression at its optimum, of grey values and of standardised frames."""
+TUNED = ("softmax_chosen", "softmax_chosen_standardised")
+"""The same with a penalty chosen by the folds that choose HDC's form."""
 CONFIRMATORY = ("hdc", "hdc_levels_lda")
 """The forms of HDC that were named before anything was measured; every other is exploratory."""
 FEW = 5  # frames a class

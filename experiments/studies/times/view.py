@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from experiments.reporting import grid
 from experiments.reporting.columns import Column, display_name
-from experiments.reporting.plot import handle, head, style_of
+from experiments.reporting.plot import handle, head, look_of, style_of
 from experiments.reporting.study import Study
 from experiments.reporting.table import records
 from experiments.reporting.text import number, percent
@@ -77,15 +78,16 @@ def draw(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
         model, ratio = line["model"], line["ratio"]
         if model == "hdc" or not np.isfinite(ratio):
             continue
-        colour, marker, _ = style_of(model)
         place = ways.index(line["way"]) + (models.index(model) - len(models) / 2) / 8
         ends = (line["ratio_low"], line["ratio_high"])
         low, high = (ratio if end is None else end for end in ends)
         bars = np.array([[ratio - low], [high - ratio]])
-        look: Any = {"color": colour, "marker": marker, "ms": 5, "lw": 1}
+        look: Any = {**look_of(model), "ls": "", "ms": 4.5, "elinewidth": 1}
         axes.errorbar([place], [ratio], yerr=bars, **look)
-    axes.axhline(1, color="#D55E00", lw=0.8)
+    axes.axhline(1, color=style_of("hdc")[0], lw=0.8)
+    axes.text(-0.57, 1.12, "HDC", color=style_of("hdc")[0], fontsize=6)
     axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda ratio, _: f"{ratio:,g}"))
     axes.set_ylabel("training time, × HDC")
     names = [grid.WAYS.get(way, way) for way in ways]
     axes.set_xticks(range(len(ways)), names)

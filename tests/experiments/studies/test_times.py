@@ -7,9 +7,11 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import torch
+from omegaconf import OmegaConf
 
 from baselines.cnn import CNN
 from baselines.softmax import SoftmaxRegression
+from experiments import run
 from experiments.protocol import machine
 from experiments.protocol.experiment import Run
 from experiments.protocol.stop import StopRule
@@ -35,7 +37,9 @@ def samples(frames_and_labels):
 # Models by standard libraries ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("median", "majority"), itertools.product(MEDIANS, MAJORITIES))
+@pytest.mark.parametrize(
+    ("median", "majority"), list(itertools.product(MEDIANS, MAJORITIES))
+)
 def test_hdc_by_libraries_has_the_prototypes_of_ours_but_for_ties(
     median, majority, samples
 ):
@@ -209,6 +213,17 @@ def test_the_grid_of_a_small_scene(small_scene, one_thread, results, monkeypatch
     del task["ways"]["tuned"]["hdc"]
     with pytest.raises(ValueError, match=r"task\.ways\.tuned: expected hdc"):
         next(measure.times_grid.rows(Run(), **task))
+
+
+def test_the_runner_leaves_memory_to_the_grid_alone():
+    """PyTorch at its defaults gives freed memory back."""
+
+    def says(name):
+        return run._says(OmegaConf.create(configs.task(name)), "own_memory")
+
+    assert says("times_grid")
+    assert not says("benchmark")
+    assert not run._says(None, "own_memory")
 
 
 # The table ----------------------------------------------------------------------------------------

@@ -1,0 +1,99 @@
+"""Torchhd's classifiers behind the adapter are torchhd's own, and predict without chance."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+import pytest
+import torch
+
+from baselines.pixels import signs
+from baselines.torchhd_peers import TorchhdClassifier
+from hdc import HDCClassifier
+
+EPOCHS = 5
+
+
+@pytest.fixture
+def torchhd():
+    return pytest.importorskip("torchhd")
+
+
+def plainly(torchhd, name, frames, labels, queries):
+    """Labels by torchhd as its documentation calls it, on hypervectors that it does not make."""
+    kind = getattr(torchhd.classifiers, name)
+    hypervectors = signs(frames).flatten(1).float()
+    model = kind(1, hypervectors.shape[1], int(labels.max()) + 1, epochs=EPOCHS)
+    model.encoder = torch.nn.Identity().forward
+    targets = torch.from_numpy(labels)
+    # The adapter's order of frames: torch's own permutations, a new one for each epoch.
+    order = torch.Generator().manual_seed(0)
+
+    class Batches:
+        def __iter__(self):
+            permutation = torch.randperm(len(targets), generator=order)
+            for rows in permutation.split(12):
+                yield hypervectors[rows], targets[rows]
+
+    model.fit(Batches())
+    return model.predict(signs(queries).flatten(1).float()).numpy()
+
+
+@pytest.mark.parametrize("name", ["AdaptHD", "QuantHD"])
+def test_the_adapter_says_what_a_plain_call_says(torchhd, speckle, name):
+    frames, _ = speckle(60, (16, 12), 3)
+    labels = np.random.default_rng(0).integers(0, 3, 40)  # hard to learn: many mistakes
+    train, queries = frames[:40], frames[40:]
+    model = TorchhdClassifier(classifier=name, epochs=EPOCHS)
+    said = model.fit(train, labels).predict(queries)
+    assert (said == plainly(torchhd, name, train, labels, queries)).all()
+    after_one = TorchhdClassifier(classifier=name, epochs=1).fit(train, labels)
+    prototypes = after_one.state_tensors()["prototypes"]
+    assert not torch.equal(prototypes, model.state_tensors()["prototypes"])
+
+
+def test_quanthd_of_one_epoch_is_the_published_classifier(torchhd, speckle):
+    """Nothing is corrected yet: prototypes are majorities of the very same bits."""
+    frames, labels = speckle(27, (16, 12), 3)  # an odd number of each class: no ties
+    model = TorchhdClassifier(classifier="QuantHD", epochs=1).fit(frames, labels)
+    hdc = HDCClassifier().fit(frames, labels)
+    queries, _ = speckle(90, (16, 12), 3, seed=1)
+    assert (model.predict(queries) == hdc.predict(queries)).all()
+
+
+def test_dropout_is_for_training_only(torchhd, speckle):
+    frames, labels = speckle(60, (16, 12), 3)
+    model = TorchhdClassifier(classifier="LeHDC", epochs=EPOCHS)
+    model.fit(frames[:40], labels[:40])
+    batch = model.read(frames, slice(40, 60))
+    assert torch.equal(model.scores(batch), model.scores(batch))
+    first = model.predict(frames[40:])
+    assert (first == model.predict(frames[40:])).all()
+    model.peer_.train()  # as torchhd leaves it
+    assert not torch.equal(model.scores(batch), model.scores(batch))
+
+
+def test_nothing_of_its_progress_is_printed(torchhd, small, capfd):
+    TorchhdClassifier(classifier="OnlineHD", epochs=2).fit(*small)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_name_that_torchhd_does_not_have_is_refused(torchhd):
+    with pytest.raises(ValueError, match="classifier: expected one of AdaptHD, "):
+        TorchhdClassifier(classifier="HD")
+
+
+def test_without_torchhd_the_error_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(
+        ValueError, match=r"torchhd \(pip install torch-hd\), found none"
+    ):
+        TorchhdClassifier(classifier="QuantHD")
+
+
+def test_labels_may_be_any(torchhd, speckle):
+    frames, labels = speckle(30, (12, 10), 3)
+    named = np.array(["left", "right", "far away"])[labels]
+    model = TorchhdClassifier(classifier="AdaptHD", epochs=EPOCHS).fit(frames, named)
+    assert (model.predict(frames) == named).mean() > 0.9
