@@ -27,7 +27,13 @@ from tests.experiments.recompute_arithmetic import (
     spread,
     word_of,
 )
-from tests.experiments.recompute_records import ROOT, Folder, shares, shown
+from tests.experiments.recompute_records import (
+    ROOT,
+    Folder,
+    labels,
+    shares,
+    shown,
+)
 
 RULES = ROOT / "experiments" / "studies" / "claims" / "rules.yaml"
 PUBLISHED = ROOT / "results" / "published.csv"
@@ -125,15 +131,20 @@ def of_drift(folder: Folder, rules: dict, name: str) -> dict | None:
     for record, rows in folder.measured("drift"):
         of_scene = shown(record["scene"])
         lab, kind = of_scene["family"], of_scene["kind"]
+        truths = {
+            (row["seed"], row["order"]): labels(row["labels"])
+            for row in rows
+            if row.get("labels")
+        }
         by_seed: dict[int, dict[str, list[float]]] = {}
         for row in rows:
             if (row["model"], row["order"]) != ("hdc", update["order"]):
                 continue
-            new = row["right_new"] / row["n_test_new"]
+            new, old = of_sessions(row, truths)
             place = by_seed.setdefault(row["seed"], {"old": [], "new": [], "after": []})
             if row["method"] == "stored":
                 place["new"].append(new)
-                place["old"].append(row["right_old"] / row["n_test_old"])
+                place["old"].append(old)
             elif (row["method"], row["p"], row["n_new"]) == (
                 update["method"],
                 update["p"],
@@ -155,6 +166,15 @@ def of_drift(folder: Folder, rules: dict, name: str) -> dict | None:
     if not evidence:
         return None
     return {**by_laboratory(evidence), "kinds": kinds}
+
+
+def of_sessions(row: dict, truths: dict) -> tuple[float, float]:
+    """Share of right answers in the new and in the old session."""
+    n_new, n_old = row["n_test_new"], row["n_test_old"]
+    if "right_new" in row:
+        return row["right_new"] / n_new, row["right_old"] / n_old
+    right = labels(row["predicted"]) == truths[row["seed"], row["order"]]
+    return right[:n_new].sum() / n_new, right[n_new:].sum() / n_old
 
 
 def of_flips(folder: Folder, rules: dict, name: str, level: float) -> dict | None:
@@ -227,7 +247,9 @@ def of_times(folder: Folder, rules: dict, rival: str) -> dict | None:
         yes, no = low > factor * rules["times"], high < rules["times"] / factor
         words.append("yes" if yes else "no" if no else "undecided")
         if least is None or middle < least["mean"]:
-            least = {"mean": middle, "mean_low": low, "mean_high": high}
+            least = {"mean": middle}
+            if n > 1:  # a single run has no range
+                least |= {"mean_low": low, "mean_high": high}
     same = len(set(words)) == 1
     word = words[0] if same else "partly" if "yes" in words else "undecided"
     return {**(least or {}), "word": word, "kinds": ["simulated"]}

@@ -16,7 +16,7 @@ from experiments.reporting.estimates import mean_interval
 from experiments.studies.claims.frozen import Claim, Rules, Update
 from experiments.studies.claims.piece import Piece, measured_by_scene, place_of
 from experiments.studies.claims.rules import rule_of
-from experiments.studies.drift.view import accuracies
+from experiments.studies.drift.numbers import accuracies
 
 STORED = "stored"
 OWN_LOSS = "its own loss"  # what the update is held against
@@ -42,10 +42,12 @@ def regained(in_order: pd.DataFrame, model: str, update: Update) -> pd.DataFrame
     ``lost``, and the ``share`` of it that came back; None where one was not measured."""
     of_model = in_order[in_order.model == model]
     stored = of_model[of_model.method == STORED].set_index("seed")
-    is_update = (of_model.method == update.method) & (of_model.n_new == update.n_new)
+    is_update = (
+        (of_model.method == update.method)
+        & (of_model.n_new == update.n_new)
+        & (of_model.p == update.p)
+    )
     updated = of_model[is_update]
-    if update.p in set(updated.p):
-        updated = updated[updated.p == update.p]
     after = updated.set_index("seed").new
     if not len(after) or not len(stored):
         return None

@@ -88,7 +88,9 @@ def regained(rows: pd.DataFrame) -> pd.DataFrame:
     """
     n_new, n_old = (int(rows[f"n_test_{name}"].iloc[0]) for name in SESSIONS)
     lines: list[dict[str, Any]] = []
-    for (order, model), part in accuracies(rows).groupby(["order", "model"], sort=False):
+    for (order, model), part in accuracies(rows).groupby(
+        ["order", "model"], sort=False
+    ):
         stored = part[part.method == "stored"].set_index("seed")
         updated = part[part.method != "stored"]
         keys = ["method", "update", "share", "n_new"]

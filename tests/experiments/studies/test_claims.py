@@ -16,7 +16,8 @@ from experiments.reporting.random_effects import Pooled
 from experiments.studies.claims import frozen, rules, view
 from experiments.studies.claims.piece import CONFIRMATORY, variance_of
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
-from experiments.studies.recordings import view as recordings
+from experiments.studies.recordings import forest
+from experiments.studies.recordings import values as recordings
 
 NAN = math.nan
 RULES = frozen.rules()
@@ -57,7 +58,7 @@ def test_the_mended_form_is_that_of_its_file():
 def test_other_studies_show_the_same_rivals_forms_and_margins():
     assert RULES.rivals == recordings.RIVALS
     assert tuple(RULES.forms.values()) == recordings.CONFIRMATORY
-    assert 100 * RULES.margin == recordings.forest.MARGIN
+    assert 100 * RULES.margin == forest.MARGIN
     assert RULES.saturated == measured.SATURATED
     assert RULES.rivals[0] == measured.RIVAL
 
@@ -439,7 +440,8 @@ def test_a_claim_on_times_waits_for_every_way(tmp_path, write_measurement, judge
     def write(ratios, turns=7):
         rows = [
             {"origin": "simulated", "seed": 0, "way": way, "route": "torch", "turn": turn,
-             "model": model, "seconds": seconds, "hdc_seconds": 0.5, "status": "ok"}
+             "model": model, "seconds": seconds, "hdc_seconds": 0.5, "status": "ok",
+             "train_accuracy": 1.0, "test_accuracy": 1.0}
             for way, ratio in zip(RULES.ways, ratios, strict=False) for turn in range(turns)
             for model, seconds in (("hdc", 0.5), ("cnn1", ratio * (0.5 + turn / 1000)))
         ]  # fmt: skip
