@@ -52,11 +52,23 @@ def reduced(runs, measurements):
     return results
 
 
+def rows_without(rows, model):
+    """Rows of the other models; the true classes of a draw move to its next row."""
+    kept, moved = [], {}
+    for row in rows:
+        if row.get("model") != model:
+            kept.append({**moved, **row})
+            moved = {}
+        elif "labels" in row:
+            moved = {key: row[key] for key in ("labels", "n_classes") if key in row}
+    return kept
+
+
 def without_model(model):
     runs = [run for run in RESULTS.runs if run.record.choices.model != model]
     measurements = []
     for measured in MEASUREMENTS:
-        rows = [row for row in measured.rows if row.get("model") != model]
+        rows = rows_without(measured.rows, model)
         if rows:
             measurements.append(replace(measured, rows=rows))
     return reduced(runs, measurements)

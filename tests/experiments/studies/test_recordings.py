@@ -304,7 +304,7 @@ def test_a_model_is_asked_within_its_limits(recording):
     assert chosen.n.tolist() == [[5], [5]]
     assert all(form in forms for (form,) in chosen.chose)
     unknown = {"hcd": {"draws": 1}}
-    with pytest.raises(ValueError, match="limits: expected models among .* 'hcd'"):
+    with pytest.raises(ValueError, match=r"limits: expected models among .* 'hcd'"):
         list(recordings.rows(run, of, splits, MODELS, [1], draws=1, limits=unknown))
     wrong = {"hdc": {"draw": 1}}
     with pytest.raises(
