@@ -124,7 +124,8 @@ def _epochs(measured: Measured) -> set[int]:
 def times(results: Results) -> pd.DataFrame | None:
     """Seconds of training of each model, a row for each recording."""
     found = by_scene(results, "peers_costs")
-    table, models = [], {}
+    table: list[dict[str, Any]] = []
+    models: dict[str, None] = {}
     for scene, measured in found.items():
         rows = measured.frame.set_index("model")
         models |= dict.fromkeys(models_of(measured.frame))
