@@ -264,7 +264,7 @@ def fig8(
         )
         handles.append(star("paper: p = 0; p = 0.5 or 0.75"))
     axes.set(xscale="log", xlabel="samples of the new session, $N^{new}$")
-    sizes = sorted(set(by_seed.n_new) - {0})
+    sizes = sorted(set(by_seed[by_seed.way.isin(looks)].n_new) - {0})
     axes.set_xticks(sizes, map(str, sizes))
     axes.set_xticks([], minor=True)
     figure.legend(handles=handles, loc="outside lower center", ncols=1)
