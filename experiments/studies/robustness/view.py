@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.estimates import Estimate, mean_share
@@ -117,6 +118,7 @@ _PANELS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (("shift",), "shift (pixels)", "of the camera"),
 )
 _SHOWN = ("hdc", "hdc_lda", "hdc_levels_lda", "softmax_dual", "ridge")
+_SHADES = {"hdc_lda": "#E8924F", "hdc_levels_lda": "#7A3600"}  # of HDC's colour, told apart
 _LEAST = 0.05  # percent of flipped bits, where none is drawn
 
 
@@ -147,12 +149,14 @@ def curves(
             axes.set_xticks([_LEAST, 0.1, 1, 10, 30], ["0", "0.1", "1", "10", "30"])
             axes.set_xticks([], minor=True)
             axes.set_xlim(_LEAST / 1.3, 40)
+        else:
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.axhline(
             100 / rows.n_classes.iloc[0], color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0
         )
         axes.set(xlabel=label, ylabel="test accuracy (%)", ylim=(0, 103))
         panel(axes, letter, title)
-    handles = [handle(model) for model in models]
+    handles = [_handle(model) for model in models]
     handles.append(Line2D([], [], color="0.5", lw=0.8, ls=(0, (4, 3)), label="chance"))
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
 
@@ -175,8 +179,22 @@ def _curve(axes: Axes, table: pd.DataFrame, model: str, kind: str) -> None:
     found = part[[model, f"{model}_low", f"{model}_high"]].to_numpy(float)
     values, spread = errors([Estimate(*line) for line in found], 100)
     in_floats = kind == "bit_flips" and "bit_flips_int8" in _kinds_of(table, model)
-    look: dict[str, Any] = {"ls": ":"} if in_floats else {}
-    bars(axes, model, places, values, spread, elinewidth=0.5, ms=3, **look)
+    look = _shade_of(model)
+    if in_floats:
+        look["ls"] = ":"
+    bars(axes, model, places, values, spread, elinewidth=0.5, ms=3.5, **look)
+
+
+def _shade_of(model: str) -> dict[str, Any]:
+    """Colours of a form of HDC that differ from those of HDC itself."""
+    shade = _SHADES.get(model)
+    return {"color": shade, "mfc": shade} if shade else {}
+
+
+def _handle(model: str) -> Line2D:
+    entry = handle(model)
+    entry.set(**_shade_of(model))
+    return entry
 
 
 def _kinds_of(table: pd.DataFrame, model: str) -> set[str]:
