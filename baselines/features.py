@@ -146,9 +146,8 @@ class Thumbnail(FeatureClassifier):
         frames = batch.float()
         if self.pixels == "standardised":
             frames = standardise(frames)
-        frames = frames.numpy(force=True)
         pictures = []
-        for frame in frames:
+        for frame in frames.numpy(force=True):
             picture = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
             pictures.append(torch.from_numpy(picture))
         return torch.stack(pictures).flatten(1).double()

@@ -88,7 +88,9 @@ def regained(rows: pd.DataFrame) -> pd.DataFrame:
     """
     n_new, n_old = (int(rows[f"n_test_{name}"].iloc[0]) for name in SESSIONS)
     lines: list[dict[str, Any]] = []
-    for (order, model), part in accuracies(rows).groupby(["order", "model"], sort=False):
+    for (order, model), part in accuracies(rows).groupby(
+        ["order", "model"], sort=False
+    ):
         stored = part[part.method == "stored"].set_index("seed")
         updated = part[part.method != "stored"]
         keys = ["method", "update", "share", "n_new"]
@@ -122,7 +124,7 @@ def ratio(parts: pd.Series, wholes: pd.Series) -> Estimate:
 
 def best_updates(found: pd.DataFrame, most: int = N_NEW) -> pd.DataFrame:
     """Of :func:`regained`, every model's best update in the order of time with at most so many
-    labelled samples, and its best without labels, of frames that show all classes alike or no touch.
+    labelled samples, and its best without labels, by frames of all classes alike or of no touch.
 
     The best is the highest mean on the test samples: the choice favours models with many updates.
     """

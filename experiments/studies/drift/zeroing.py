@@ -170,7 +170,9 @@ def _of_hdc(
     """The same by HDC itself, whose encoder is a reference."""
     encoder = make_encoder(model.encoder)
     if not isinstance(encoder, Reference):
-        raise TypeError(f"task.zeroing: expected encoder 'reference', found {encoder!r}")
+        raise TypeError(
+            f"task.zeroing: expected encoder 'reference', found {encoder!r}"
+        )
     stored = model.unlearned()
     if not np.array_equal(before, train):
         mean = bank.at(before)[:].double().mean(0).numpy(force=True)

@@ -73,8 +73,8 @@ def matrix(rows: pd.DataFrame) -> pd.DataFrame:
     key=("scene", "model"),
     title="What each scene and model leaves out",
     columns={module: Column(module, lambda found: _SIGNS[found]) for module in WATCHED},
-    note="A dot: the module is left out. Every row is a process of its own. A module that is loaded "
-    "and that neither the scene nor the model needs is a failure.",
+    note="A dot: the module is left out. Every row is a process of its own. A module that is "
+    "loaded and that neither the scene nor the model needs is a failure.",
 )
 def left_out(
     rows: pd.DataFrame,
@@ -91,8 +91,8 @@ _COLOURS = {LEFT_OUT: "#EEEEEE", LOADED: "#0072B2", TOO_MUCH: "#D55E00"}
     "footprint",
     of="footprint",
     size=(3.4, 3.2),
-    caption="What each scene leaves out: modules that some part of the project loads, by scene, in a "
-    "process that learns and predicts with HDC. Peak memory on the right.",
+    caption="What each scene leaves out: modules that some part of the project loads, by scene, in "
+    "a process that learns and predicts with HDC. Peak memory on the right.",
 )
 def picture(
     figure: Figure,
@@ -105,7 +105,9 @@ def picture(
     axes = figure.subplots()
     for y, line in enumerate(table.to_dict("records")):
         for x, module in enumerate(WATCHED):
-            square = Rectangle((x - 0.45, y - 0.45), 0.9, 0.9, fc=_COLOURS[line[module]])
+            square = Rectangle(
+                (x - 0.45, y - 0.45), 0.9, 0.9, fc=_COLOURS[line[module]]
+            )
             axes.add_patch(square)
     for y, peak in enumerate(of_hdc.peak_bytes):
         axes.text(len(WATCHED) - 0.3, y, size(int(peak)), va="center", fontsize=6)

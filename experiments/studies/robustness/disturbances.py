@@ -1,4 +1,4 @@
-"""Faults after training: of the frames that a model sees, of its queries, and of its stored bits."""
+"""Faults after training: of the frames that a model sees, its queries, and its stored bits."""
 
 from __future__ import annotations
 
@@ -120,7 +120,9 @@ class FlippedQueries(Encoder):
     def encode(self, frames: Tensor) -> Tensor:
         """Hypervectors int64 [N, W] of frames, flipped; bits beyond the last stay zero."""
         words = encode_with(self.base, frames, 0, "numpy").clone()
-        _flip_block_by_block(words.view(-1).view(torch.uint8).numpy(), self.rate, self._random)
+        _flip_block_by_block(
+            words.view(-1).view(torch.uint8).numpy(), self.rate, self._random
+        )
         return words & self._used
 
 

@@ -234,7 +234,9 @@ def test_unlabelled_frames_have_the_share_that_is_asked_for(scene):
     pool = np.arange(60, 120)
     frames = Unlabelled([6, 10, 600], [0.6, 1.0], [10], [1, 99], favoured=4)
     found = list(frames.choices(pool, scene.labels, 3))
-    counts = {(n, share): np.bincount(scene.labels[c], minlength=3) for n, share, c in found}
+    counts = {
+        (n, share): np.bincount(scene.labels[c], minlength=3) for n, share, c in found
+    }
     assert counts.keys() == {(6, None), (10, None), (10, 0.6), (10, 1.0)}
     assert counts[6, None].tolist() == [2, 2, 2]
     assert counts[10, None].tolist() == [4, 3, 3]
@@ -260,7 +262,9 @@ def test_the_share_regained_is_a_ratio_of_means():
         same = {**common, "seed": seed, "right_old": old}
         lines.append({**same, "method": "stored", "n_new": 0, "right_new": stored})
         lines.append({**same, "method": "new", "n_new": 50, "right_new": updated})
-        lines.append({**same, "method": "pooled", "n_new": 50, "right_new": updated - 9})
+        lines.append(
+            {**same, "method": "pooled", "n_new": 50, "right_new": updated - 9}
+        )
         lines.append({**same, "method": "zeroed", "n_new": 90, "right_new": stored})
     found = regained(pd.DataFrame(lines))
     new = found[found.method == "new"].iloc[0]

@@ -200,11 +200,15 @@ def test_a_descent_of_other_steps_fails(limits, monkeypatch):
 
 def test_distances_that_leave_out_a_word_fail(monkeypatch):
     true = bits.hamming
-    monkeypatch.setattr(bits, "hamming", lambda a, b, *r: true(a[..., :-1], b[..., :-1], *r))
+    monkeypatch.setattr(
+        bits, "hamming", lambda a, b, *r: true(a[..., :-1], b[..., :-1], *r)
+    )
     assert "distances above 255" in failing("hypervectors")
 
 
 def test_counters_that_forget_a_frame_fail(monkeypatch):
     true = Counters.add
-    monkeypatch.setattr(Counters, "add", lambda self, words, rows: true(self, words[1:], rows[1:]))
+    monkeypatch.setattr(
+        Counters, "add", lambda self, words, rows: true(self, words[1:], rows[1:])
+    )
     assert {"counters above 2 to the 16", "unequal classes"} <= failing("hypervectors")
