@@ -16,11 +16,12 @@ D, whatever the distribution of frames: full conformal prediction (Vovk, Gammerm
 Algorithmic Learning in a Random World, 2005, Prop. 2.3), class by class. It holds on average over
 training sets; after drift it does not hold at all.
 
-A p-value is at least 1/(m + 1). Where that is above α, a class of at least 4 kept frames is compared
-with those of all such classes: their leave-one-out distances less the mean of their class, and those
-of class c less the mean of all m + 1. Coverage is then that of all classes together, not of each,
-and holds as far as their distances spread alike. Distances of fewer frames less their mean are too
-near to zero (those of two frames are zero), so such a class is in every set, and nothing is refused.
+A p-value is at least 1/(m + 1). Where that is above α, a class of at least 4 kept frames is
+compared with those of all such classes: their leave-one-out distances less the mean of their class,
+and those of class c less the mean of all m + 1. Coverage is then that of all classes together, not
+of each, and holds as far as their distances spread alike. Distances of fewer frames less their mean
+are too near to zero (those of two frames are zero), so such a class is in every set, and nothing is
+refused.
 """
 
 from __future__ import annotations

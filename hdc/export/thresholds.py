@@ -40,8 +40,8 @@ def distance_thresholds(
     too_few = least < FEWEST and share * (least + 1) < 1
     if too_few or share * (len(pool) + 1) < 1:
         warnings.warn(
-            f"{float(share):g} of known frames: expected at least {FEWEST} kept frames of each class, "
-            f"and {math.ceil(1 / share) - 1} in all, found {len(pool)}; no frame is refused",
+            f"{float(share):g} of known frames: expected at least {FEWEST} kept frames of each "
+            f"class, and {math.ceil(1 / share) - 1} in all, found {len(pool)}; no frame is refused",
             stacklevel=2,
         )
         return [farthest] * len(peers)

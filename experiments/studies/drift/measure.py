@@ -72,8 +72,8 @@ def drift(
     It ``predicted`` classes of ``n_test_new`` test samples of the second session, then of
     ``n_test_old`` of the first (texts of :func:`experiments.records.rows.pack_labels`); the first
     row of a seed and order has the true ones in ``labels``. ``draw`` is the choice of the ``n_new``
-    samples. Of models in `zeroing`, which are updated without labels, ``share`` is that of one class
-    among the unlabelled frames; None: all classes alike.
+    samples. Models in `zeroing` are updated without labels; ``share`` is that of one class among
+    the unlabelled frames, None: all classes alike.
     Arguments: configs/experiment/drift.yaml.
     """
     if set(order) - set(ORDERS):

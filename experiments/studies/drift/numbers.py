@@ -124,7 +124,7 @@ def ratio(parts: pd.Series, wholes: pd.Series) -> Estimate:
 
 def best_updates(found: pd.DataFrame, most: int = N_NEW) -> pd.DataFrame:
     """Of :func:`regained`, every model's best update in the order of time with at most so many
-    labelled samples, and its best without labels, of frames that show all classes alike or no touch.
+    labelled samples, and its best without labels, by frames of all classes alike or of no touch.
 
     The best is the highest mean on the test samples: the choice favours models with many updates.
     """

@@ -37,8 +37,8 @@ from experiments.studies.drift.numbers import (
 STUDY = Study(
     "drift",
     "Drift and recalibration",
-    "The sensor has drifted. How many new samples restore its accuracy, with labels and without, what "
-    "is forgotten of the old session, and do the old samples add anything to the new?",
+    "The sensor has drifted. How many new samples restore its accuracy, with labels and without, "
+    "what is forgotten of the old session, and do the old samples add anything to the new?",
     5,
 )
 PAPERS = (0.5, 0.75)  # its p
@@ -113,7 +113,8 @@ def _by_size(
     note="Accuracy in the new session. Every frame is standardised and a reference frame is "
     "subtracted: of the training, the mean of its frames; after the drift, the mean of unlabelled "
     "new frames, which come before those tested; or both times the mean of frames in which nobody "
-    "touches. Of HDC by its own recalibrate, of others alike. Intervals: Student, 95 %, over seeds.",
+    "touches. Of HDC by its own recalibrate, of others alike. Intervals: Student, 95 %, over "
+    "seeds.",
 )
 def zeroed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame | None:
     """Every model and choice of unlabelled frames; None of records without any."""
@@ -150,8 +151,8 @@ def zeroed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame | None
         "lost": Column("Lost, points", points),
         "regained": Column("Regained of it, %", percent),
     },
-    note=f"Best: the highest mean on the test frames, with at most {N_NEW} labelled frames, or without "
-    "labels and with all classes alike or nobody touching. New frames come before those tested. "
+    note=f"Best: the highest mean on the test frames, with at most {N_NEW} labelled frames, or "
+    "without labels and with all classes alike or nobody touching. New frames come before those tested. "
     "Regained: gain over loss, a ratio of means. Intervals: Student, 95 %, over seeds.",
 )  # fmt: skip
 def best(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
@@ -264,7 +265,7 @@ def fig8(
         )
         handles.append(star("paper: p = 0; p = 0.5 or 0.75"))
     axes.set(xscale="log", xlabel="samples of the new session, $N^{new}$")
-    sizes = sorted(set(by_seed.n_new) - {0})
+    sizes = sorted(set(by_seed[by_seed.way.isin(looks)].n_new) - {0})
     axes.set_xticks(sizes, map(str, sizes))
     axes.set_xticks([], minor=True)
     figure.legend(handles=handles, loc="outside lower center", ncols=1)

@@ -1,4 +1,4 @@
-"""Faults after training: of the frames that a model sees, and of its stored bits."""
+"""Faults after training: of the frames that a model sees, its queries, and its stored bits."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import torch
 from torch import Tensor
 
 from baselines.rounding import to_int8
+from hdc import HDCClassifier, bits
+from hdc.encoders import Encoder, encode_with
 
 _BLOCK = 2**18  # bytes of a tensor whose flips are drawn at a time
 
@@ -99,6 +101,53 @@ def flipped_bits_of_int8(
             tensor.copy_(exact)
 
 
+class FlippedQueries(Encoder):
+    """An encoder whose hypervectors have every bit flipped with probability `rate`.
+
+    Args:
+        base: the encoder of the model, trained.
+        dimension: bits of a hypervector.
+        rate: share of flipped bits.
+        seed: of the choice of bits, which goes on from call to call.
+    """
+
+    def __init__(self, base: Encoder, dimension: int, rate: float, seed: Sequence[int]):
+        self.base = base
+        self.rate = rate
+        self._used = bits.pack(torch.ones(1, dimension, dtype=torch.bool))
+        self._random = np.random.default_rng(list(seed))
+
+    def encode(self, frames: Tensor) -> Tensor:
+        """Hypervectors int64 [N, W] of frames, flipped; bits beyond the last stay zero."""
+        words = encode_with(self.base, frames, 0, "numpy").clone()
+        _flip_block_by_block(
+            words.view(-1).view(torch.uint8).numpy(), self.rate, self._random
+        )
+        return words & self._used
+
+
+@contextmanager
+def flipped_queries(
+    model: HDCClassifier, rate: float, seed: Sequence[int]
+) -> Iterator[None]:
+    """A model that is asked hypervectors with flipped bits; as it was at the end."""
+    encoder = model.encoder_
+    model.encoder_ = FlippedQueries(encoder, model.dimension_, rate, seed)
+    try:
+        yield
+    finally:
+        model.encoder_ = encoder
+
+
+def flipped_pixels(
+    frames: np.ndarray, level: float, random: np.random.Generator
+) -> np.ndarray:
+    """Every bit of every pixel of frames [N, H, W] flipped with probability `level`."""
+    result = frames.copy()
+    _flip_block_by_block(result.reshape(-1).view(np.uint8), level, random)
+    return result
+
+
 def _flip(
     memory: Sequence[np.ndarray],
     rate: float,
@@ -106,16 +155,17 @@ def _flip(
 ) -> None:
     random = np.random.default_rng(list(seed))
     for stored in memory:
-        for start in range(0, len(stored), _BLOCK):
-            block = stored[start : start + _BLOCK]
-            flips = np.zeros(8 * len(block), np.bool_)
-            count = random.binomial(len(flips), rate)
-            flips[
-                random.choice(
-                    len(flips),
-                    count,
-                    replace=False,
-                    shuffle=False,
-                )
-            ] = True
-            block ^= np.packbits(flips)
+        _flip_block_by_block(stored, rate, random)
+
+
+def _flip_block_by_block(
+    stored: np.ndarray, rate: float, random: np.random.Generator
+) -> None:
+    """Flip bits of bytes uint8 [n] in place."""
+    for start in range(0, len(stored), _BLOCK):
+        block = stored[start : start + _BLOCK]
+        flips = np.zeros(8 * len(block), np.bool_)
+        count = random.binomial(len(flips), rate)
+        chosen = random.choice(len(flips), count, replace=False, shuffle=False)
+        flips[chosen] = True
+        block ^= np.packbits(flips)

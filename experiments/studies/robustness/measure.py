@@ -1,14 +1,15 @@
 """Accuracy that is left when something goes wrong after training.
 
-Every model is trained on clean frames, once a seed. Then its test frames are disturbed, or its
-stored bits are flipped at a bit error rate. A model that stores floating-point numbers is tested a
+Every model is trained on clean frames, once a seed. Then its test frames are disturbed, or bits are
+flipped at a bit error rate: of what it stores, or of what it is asked, which is a hypervector of
+HDC and the pixels of a frame of any other. A model that stores floating-point numbers is tested a
 second time with 8 bits a number: is it the method that tolerates faults, or the number format?
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -22,10 +23,11 @@ from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model, models_of
 from experiments.protocol.trial import stop_rule
 from experiments.studies.robustness import disturbances as faults
+from hdc import HDCClassifier
 from scenes.frames import Scene
 
 
-@experiment(revision=1)
+@experiment(revision=2, uses=("hdc.HDCClassifier",))
 def robustness(
     run: Run,
     scene: Mapping[str, Any],
@@ -36,6 +38,7 @@ def robustness(
     seeds: Sequence[int],
     disturbances: Mapping[str, Sequence[float]],
     bit_error_rates: Sequence[float],
+    query_error_rates: Sequence[float] = (),
     spared: Mapping[str, Sequence[str]] | None = None,
 ) -> Iterator[Row]:
     """One row: a trained model under one disturbance, ``right`` of ``n_test`` samples.
@@ -52,9 +55,8 @@ def robustness(
         for name, model in models_of(at_seed(models, seed)).items():
             train_until(model, rules[name], frames, sensor.labels[train])
             keep = (spared or {}).get(name, ())
-            made = rows_of(
-                model, sensor, test, disturbances, bit_error_rates, keep, seed
-            )
+            rates = Rates(bit_error_rates, query_error_rates)
+            made = rows_of(model, sensor, test, disturbances, rates, keep, seed)
             for row in made:
                 yield {
                     "origin": sensor.origin,
@@ -65,12 +67,19 @@ def robustness(
             run.note(f"seed {seed}, {name}")
 
 
+class Rates(NamedTuple):
+    """Bit error rates of what a model stores, and of what it is asked."""
+
+    stored: Sequence[float]
+    asked: Sequence[float] = ()
+
+
 def rows_of(
     model: Model,
     scene: Scene,
     test: np.ndarray,
     disturbances: Mapping[str, Sequence[float]],
-    bit_error_rates: Sequence[float],
+    rates: Rates,
     spared: Sequence[str] = (),
     seed: int = 0,
 ) -> Iterator[Row]:
@@ -103,17 +112,32 @@ def rows_of(
             random = np.random.default_rng([seed, place])
             disturbed = faults.OF_FRAMES[name](frames.numpy(), level, random)
             yield row(name, level, model.predict(torch.from_numpy(disturbed)))
+    for rate in rates.asked:
+        yield row("query_flips", rate, _asked_with_flips(model, frames, rate, seed))
     damaged = [tensor for name, tensor in state.items() if name not in spared]
-    for rate in bit_error_rates:
+    for rate in rates.stored:
         predicted = _with_flips(model, frames, damaged, faults.flipped_bits, rate, seed)
         yield row("bit_flips", rate, predicted)
     if not any(tensor.is_floating_point() for tensor in damaged):
         return
-    for rate in (0.0, *bit_error_rates):  # 0: rounding alone
+    for rate in (0.0, *rates.stored):  # 0: rounding alone
         predicted = _with_flips(
             model, frames, damaged, faults.flipped_bits_of_int8, rate, seed
         )
         yield row("bit_flips_int8", rate, predicted)
+
+
+def _asked_with_flips(
+    model: Model, frames: torch.Tensor, rate: float, seed: int
+) -> np.ndarray:
+    """Labels of frames by bits of which some are flipped."""
+    key = (seed, round(1e9 * rate), 1)
+    if isinstance(model, HDCClassifier):
+        with faults.flipped_queries(model, rate, key):
+            return model.predict(frames)
+    random = np.random.default_rng(key)
+    pixels = faults.flipped_pixels(frames.numpy(), rate, random)
+    return model.predict(torch.from_numpy(pixels))
 
 
 def _with_flips(

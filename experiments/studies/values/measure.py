@@ -91,8 +91,8 @@ def coverage(
     alphas: Sequence[float] = (0.2, 0.1, 0.05),
 ) -> Iterator[Row]:
     """One row: the share ``covered`` of ``n_test`` held-out frames whose label is in the library's
-    prediction set after ``n`` frames of every class, the mean ``size`` of the set, the share ``refused`` (empty sets), and of frames
-    of no class (None without any) the share ``unknown_refused``: lists over ``alpha``.
+    prediction set after ``n`` frames of every class, the mean ``size`` of the set, the share
+    ``refused`` (empty sets), and of frames of no class (None without any) the share ``unknown_refused``: lists over ``alpha``.
 
     Arguments: configs/experiment/coverage.yaml.
     """

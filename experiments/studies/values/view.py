@@ -158,8 +158,8 @@ def _promises(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     title="Label sets after few frames: how often they hold the right label",
     key=("recording", "n"),
     columns=COLUMNS | {"n": Column("Training frames of a class")},
-    note="Random split, for which the promise is made. Asked for 80, 90 and 95 %: the share of sets "
-    "with the right label, and beside it the mean number of labels of a set. With one to three "
+    note="Random split, for which the promise is made. Asked for 80, 90 and 95 %: the share of "
+    "sets with the right label, and beside it the mean number of labels of a set. With one to three "
     "frames of a class every set has all labels. Brackets: Student over sensors or input fields; "
     "of one camera, the central 95 % of draws.",
 )

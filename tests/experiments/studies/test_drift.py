@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,10 +15,21 @@ from baselines.ridge import RidgeReadout
 from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.protocol.evaluate import bank_of
 from experiments.protocol.experiment import Run
+from experiments.protocol.model import models_of
 from experiments.records import configs
 from experiments.studies.drift import view
 from experiments.studies.drift.measure import choose, drift, subsets, updates
+from experiments.studies.drift.numbers import (
+    best_updates,
+    ratio,
+    regained,
+    update_name,
+    with_right,
+)
+from experiments.studies.drift.zeroing import Unlabelled, rezeroed, untouched, zeroed
 from hdc import HDCClassifier
+from hdc.encoders import Reference
+from hdc.encoders.reference import FRACTION, standardised
 from scenes.frames import Frames
 
 SPLIT = {"kind": "random", "test_fraction": 0.2, "n_train": None}
@@ -58,12 +72,15 @@ def test_no_test_sample_is_learnt_from(scene, order):
 def scores(scene, model, n_new=30):
     """{(method, p): (right of the new, right of the old)}."""
     choice = choose(scene, SPLIT, 30, "time", seed=0)
-    rows = updates(
+    made = updates(
         bank_of(scene), choice, model, [n_new], (0, 0.5, 1), "time", 1, seed=0
     )
-    return {
-        (row["method"], row["p"]): (row["right_new"], row["right_old"]) for row in rows
-    }
+    found = {}
+    for about, predicted in made:
+        right = predicted == scene.labels[choice.asked]
+        key = about["method"], about.get("p")
+        found[key] = int(right[:30].sum()), int(right[30:].sum())
+    return found
 
 
 def test_every_update_of_prototypes_is_a_classifier_of_those_samples(scene):
@@ -117,7 +134,11 @@ def test_rows_of_a_small_experiment(small_scene):
     )
     # Stored models, and 4 + 4 + 4 + 3 updates of one choice in time order and of two others.
     assert len(rows) == 2 * 4 + 3 * 2 * 15
-    assert (rows.right_new <= rows.n_test_new).all()
+    assert set(rows.groupby("order").labels.count()) == {1}
+    counted = with_right(rows)
+    assert (counted.right_new <= rows.n_test_new).all()
+    assert (counted.right_old <= rows.n_test_old).all()
+    assert (counted.right_new + counted.right_old).min() > 0
     assert ((rows.method == "stored") == (rows.n_new == 0)).all()
     with pytest.raises(
         ValueError, match=r"task\.order: .* time, random, found \['late'\]"
@@ -142,3 +163,125 @@ def test_accuracies_are_means_over_seeds_and_draws():
     stored, recovered = view.quantities(rows, {})
     assert (stored.value, stored.n, stored.seeds) == (pytest.approx(30), 20_000, 2)
     assert recovered.value == pytest.approx(92)
+
+
+# Without labels -----------------------------------------------------------------------------------
+
+RIVALS = (
+    "ridge_standardised",
+    "softmax_dual_standardised",
+    "knn_greys_standardised",
+    "thumbnail_standardised",
+)
+
+
+def built(name):
+    return models_of({name: configs.part("model", name)})[name]
+
+
+@pytest.mark.parametrize("name", RIVALS)
+def test_rivals_are_zeroed_as_the_reference_of_hdc_is(scene, name):
+    """By frames themselves: standardised, less the library's reference frame, as floats."""
+    train, before, after = np.arange(40), np.arange(40, 50), np.arange(60, 75)
+    asked = np.arange(80, 120)
+    found = built(name).predict_zeroed(bank_of(scene), train, asked, before, after)
+    steps = 2.0**FRACTION
+    values = standardised(scene.images).double() / steps
+    references = [
+        Reference().zero(scene.images[chosen]).reference_ / steps
+        for chosen in (before, after)
+    ]
+    model = built(name).fit(scene.images[train], scene.labels[train])
+    moved = values[asked] - references[1] + references[0]
+    if name.startswith("knn"):
+        nearest = torch.cdist(moved, values[train]).argmin(1)
+        expected = scene.labels[train][nearest.numpy()]
+    elif name.startswith("thumbnail"):
+        # Of differences: a thumbnail as it is, of frames that are standardised already.
+        plain = replace(model, pixels="raw")
+        features = plain.features(moved.reshape(-1, 12, 12).float())
+        expected = model._logits(features).argmax(1).numpy()
+    else:
+        scores = moved.float() @ model.weight_.T + model.bias_
+        expected = scores.argmax(1).numpy()
+    assert (found == expected).mean() > 0.97  # near ties, in float32
+    assert len(set(found.tolist())) > 1
+
+
+@pytest.mark.parametrize("name", ["hdc_reference", "hdc_reference_levels_lda"])
+def test_hdc_is_zeroed_by_its_own_recalibration(scene, name):
+    train, after, asked = np.arange(50), np.arange(60, 75), np.arange(80, 120)
+    bank = bank_of(scene)
+    stored, moved = rezeroed(built(name), bank, train, asked, train, [None, after])
+    model = built(name).fit(scene.images[train], scene.labels[train])
+    assert (stored == model.predict(scene.images[asked])).all()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model.recalibrate(scene.images[after])
+    assert (moved == model.predict(scene.images[asked])).all()
+    assert (moved != stored).any()
+
+
+def test_models_that_cannot_be_zeroed_are_named(scene):
+    rows = np.arange(30)
+    for name, found in (("hdc", "Median"), ("correlation", "CorrelationClassifier")):
+        made = rezeroed(built(name), bank_of(scene), rows, rows, rows, [rows])
+        with pytest.raises(TypeError, match=rf"task\.zeroing: .*found {found}"):
+            next(made)
+
+
+def test_unlabelled_frames_have_the_share_that_is_asked_for(scene):
+    pool = np.arange(60, 120)
+    frames = Unlabelled([6, 10, 600], [0.6, 1.0], [10], [1, 99], favoured=4)
+    found = list(frames.choices(pool, scene.labels, 3))
+    counts = {
+        (n, share): np.bincount(scene.labels[c], minlength=3) for n, share, c in found
+    }
+    assert counts.keys() == {(6, None), (10, None), (10, 0.6), (10, 1.0)}
+    assert counts[6, None].tolist() == [2, 2, 2]
+    assert counts[10, None].tolist() == [4, 3, 3]
+    assert counts[10, 0.6].tolist() == [2, 6, 2]  # class 4 modulo 3
+    assert counts[10, 1.0].tolist() == [0, 10, 0]
+    _, _, first = found[0]
+    assert sorted(first) == [60, 61, 62, 63, 64, 65]  # the first in time
+    old = np.arange(40)
+    model = built("ridge_standardised")
+    bank = bank_of(scene)
+    rows = [about for about, _ in zeroed(model, bank, old, pool, pool, frames)]
+    assert [row["method"] for row in rows] == ["stored"] + 4 * ["zeroed"]
+    rows = [about for about, _ in untouched(model, bank, old, pool, pool, frames, 1)]
+    assert rows == [{"method": "untouched", "n_new": 1}]
+
+
+def test_the_share_regained_is_a_ratio_of_means():
+    """Before 90 and 80 %, stored 40 and 50, updated 80 and 65: 55 of 80 points."""
+    common = {"order": "time", "model": "hdc", "p": None, "draw": 0}
+    common |= {"n_test_new": 1000, "n_test_old": 1000}
+    lines = []
+    for seed, old, stored, updated in ((0, 900, 400, 800), (1, 800, 500, 650)):
+        same = {**common, "seed": seed, "right_old": old}
+        lines.append({**same, "method": "stored", "n_new": 0, "right_new": stored})
+        lines.append({**same, "method": "new", "n_new": 50, "right_new": updated})
+        lines.append(
+            {**same, "method": "pooled", "n_new": 50, "right_new": updated - 9}
+        )
+        lines.append({**same, "method": "zeroed", "n_new": 90, "right_new": stored})
+    found = regained(pd.DataFrame(lines))
+    new = found[found.method == "new"].iloc[0]
+    assert new.before == pytest.approx(0.85)
+    assert new.lost == pytest.approx(0.4)
+    assert new.regained == pytest.approx(0.55 / 0.8)
+    assert new.regained_low < new.regained < new.regained_high
+    assert new.labels
+    assert set(best_updates(found).method) == {"new", "zeroed"}
+
+
+def test_a_ratio_without_a_loss_is_none():
+    assert np.isnan(ratio(pd.Series([0.1, 0.2]), pd.Series([0.0, -0.1])).value)
+
+
+def test_updates_in_words():
+    assert update_name("replace", 0.5, np.nan) == "bits replaced, p = 0.5"
+    assert update_name("zeroed", None, 0.6) == "re-zeroed, 60 % of one class"
+    assert update_name("zeroed", None, 1.0) == "re-zeroed, one class only"
+    assert update_name("zeroed", None, None) == "re-zeroed, all classes alike"

@@ -20,10 +20,13 @@ from experiments.studies.robustness.disturbances import (
     dead_pixels,
     flipped_bits,
     flipped_bits_of_int8,
+    flipped_pixels,
+    flipped_queries,
     power,
     shift,
 )
-from experiments.studies.robustness.measure import robustness, rows_of
+from experiments.studies.robustness.measure import Rates, robustness, rows_of
+from hdc import HDCClassifier, bits
 from scenes.frames import Frames
 
 FRAMES = np.random.default_rng(0).integers(0, 256, (6, 20, 30), np.uint8)
@@ -103,14 +106,19 @@ def scene():
 
 
 @pytest.mark.parametrize(
-    "name", ["hdc", "linear_bits_1bit", "ridge", "nearest_neighbour"]
+    "name",
+    ["hdc", "hdc_levels_lda", "linear_bits_1bit", "ridge", "nearest_neighbour"],
 )
 def test_every_model_is_measured_and_left_as_it_was(name, scene):
     model = instantiate(OmegaConf.create(configs.part("model", name)["model"]), "model")
     model.fit(scene.images[:80], scene.labels[:80])
     test, levels = np.arange(80, 100), {"power": [0.2], "shift": [1]}
-    rows = pd.DataFrame(rows_of(model, scene, test, levels, [1e-4, 0.5], ("labels",)))
+    rates = Rates([1e-4, 0.5], [0.01, 0.5])
+    rows = pd.DataFrame(rows_of(model, scene, test, levels, rates, ("labels",)))
     assert rows.disturbance[:3].tolist() == ["none", "power", "shift"]
+    queries = rows[rows.disturbance == "query_flips"].right.tolist()
+    assert queries[0] > 15
+    assert queries[1] < 15
     assert set(rows.n_test) == {20}
     assert rows.right[0] > 18
     right = rows.groupby(["disturbance", "level"]).right.mean()
@@ -128,9 +136,35 @@ def test_the_experiment_of_the_config(small_scene):
     assert task.pop("_target_").endswith("robustness.measure.robustness")
     assert task["spared"].keys() | task["stops"].keys() <= task["models"].keys()
     small = {"scene": small_scene, "seeds": [0], "bit_error_rates": [0.1]}
+    small["query_error_rates"] = [0.1]
     models = {name: task["models"][name] for name in ("hdc", "ridge")}
     rows = list(robustness.rows(Run(), **{**task, **small, "models": models}))
-    assert len(rows) == (1 + 9 + 1) + (1 + 9 + 1 + 2)  # ridge in 8 bits too
+    assert len(rows) == (1 + 10 + 2) + (1 + 10 + 2 + 2)  # ridge in 8 bits too
+
+
+@pytest.mark.parametrize("encoder", ["median", "levels"])
+def test_queries_have_flips_of_their_rate_and_of_no_other_bits(encoder, scene):
+    model = HDCClassifier(encoder=encoder).fit(scene.images[:80], scene.labels[:80])
+    frames = scene.images[80:]
+    before = model.encoder_.encode(frames)
+    for rate in (0.0, 0.1, 1.0):
+        with flipped_queries(model, rate, (0,)):
+            after = model.encoder_.encode(frames)
+        used = model.dimension_ * len(frames)
+        flips = int(bits.count_ones(before ^ after).sum())
+        assert abs(flips - rate * used) <= 5 * math.sqrt(used * rate * (1 - rate))
+        # Nothing beyond the last bit, which would count in a distance.
+        unpacked = bits.unpack(after, after.shape[1] * 64)
+        assert not unpacked[:, model.dimension_ :].any()
+    assert torch.equal(model.encoder_.encode(frames), before)
+
+
+def test_pixels_have_flips_of_their_rate():
+    assert (flipped_pixels(FRAMES, 0.0, random()) == FRAMES).all()
+    assert (flipped_pixels(FRAMES, 1.0, random()) == 255 - FRAMES).all()
+    changed = flipped_pixels(FRAMES, 0.1, random()) ^ FRAMES
+    share = np.unpackbits(changed).mean()
+    assert share == pytest.approx(0.1, abs=0.01)
 
 
 def test_bounds_of_flips_are_the_worst_and_the_best_seed():
