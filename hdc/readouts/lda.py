@@ -80,10 +80,13 @@ class LDA(Readout):
         Raises:
             ValueError: for more than 8000 frames, of which the Gram matrices fill the memory.
         """
-        if len(words) > MOST_FRAMES:
+        n = len(words)
+        if n > MOST_FRAMES:
+            memory = 2 * 8 * n**2 / 1e9
             raise ValueError(
-                f"lda: expected at most {MOST_FRAMES} frames, found {len(words)}; train on some "
-                "of them, or use the read-out 'trained'"
+                f"lda: expected at most {MOST_FRAMES} frames, found {n}, which need two matrices "
+                f"of {n} × {n}, {memory:.1f} GB; train on some of them, or use the read-out "
+                "'trained'"
             )
         known, place = rows.unique(return_inverse=True)
         onehot = torch.nn.functional.one_hot(place, len(known)).double()
