@@ -265,6 +265,6 @@ def _ends(without: Tensor, residuals: Tensor, alpha: float) -> tuple[Tensor, Ten
     if low < 1 or high > n:
         infinite = torch.full_like(without[:, 0], torch.inf)
         return -infinite, infinite
-    lower = (without - spread).kthvalue(low, dim=1)
-    upper = (without + spread).kthvalue(high, dim=1)
-    return lower.values, upper.values
+    lower = np.partition((without - spread).numpy(), low - 1, axis=1)[:, low - 1]
+    upper = np.partition((without + spread).numpy(), high - 1, axis=1)[:, high - 1]
+    return torch.from_numpy(lower), torch.from_numpy(upper)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdc.compiled.operations import WORD, compile_kernel, share
+from hdc.compiled.operations import WORD, add_where, compile_kernel, share
 
 _BLOCK = 8  # words of a row at a time: a line of the cache
 
@@ -29,21 +29,11 @@ def combine(words: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
 def _combine(words, coefficients, sums, start, stop):
     """:func:`combine` of words start to stop, in one thread."""
     n_sums = coefficients.shape[1]
-    total = np.empty((n_sums, _BLOCK * WORD), np.float32)
-    ones = np.empty(WORD, np.float32)
+    sums[:, start * WORD : stop * WORD] = 0
     for left in range(start, stop, _BLOCK):
         right = min(left + _BLOCK, stop)
-        total[:] = 0
         for i in range(len(words)):
             for w in range(left, right):
-                word = words[i, w]
-                for b in range(WORD):
-                    ones[b] = np.float32((word >> b) & 1)
-                first = (w - left) * WORD
+                word = np.uint64(words[i, w])
                 for k in range(n_sums):
-                    factor = coefficients[i, k]
-                    for b in range(WORD):
-                        total[k, first + b] += factor * ones[b]
-        for k in range(n_sums):
-            for b in range((right - left) * WORD):
-                sums[k, left * WORD + b] = total[k, b]
+                    add_where(sums, k, w * WORD, coefficients[i, k], word)

@@ -1,8 +1,10 @@
 """What the kernels are made of: threads, operations spelled out for LLVM, and compiling.
 
-One operation is spelled out for LLVM, which does not find it by itself: a comparison of 64 bytes
-whose outcome is one word of mask. It passes a frame of 500 × 500 in 6 µs; a plain loop over pixels
-takes 44 µs, and one over words of eight pixels 23 µs (one core of an AMD EPYC, Zen 4).
+Two operations are spelled out for LLVM, which does not find them by itself. One adds a number to
+those of 64 whose bit in a word is one, in an eighth of the time of a loop over bits. The other
+compares 64 bytes, and its outcome is one word of mask. It passes a frame of 500 × 500 in 6 µs; a
+plain loop over pixels takes 44 µs, and one over words of eight pixels 23 µs (one core of an AMD
+EPYC, Zen 4).
 
 Work is shared among `torch.get_num_threads()` threads of Python; numba lets go of the interpreter
 meanwhile, and no second runtime of threads competes with torch's.
@@ -103,3 +105,32 @@ def ones(typing_context, word):
         return builder.ctpop(arguments[0])
 
     return types.int64(types.uint64), code
+
+
+@_operation
+def add_where(typing_context, sums, row, start, number, word):
+    """Add a float32 to those of sums[row, start : start + 64] whose bit of the word is one."""
+
+    def code(context, builder, signature, arguments):
+        sums, row, start, number, word = arguments
+        view = context.make_array(signature.args[0])(context, builder, sums)
+        # Without a check of bounds.
+        place = cgutils.get_item_pointer(
+            context, builder, signature.args[0], view, (row, start)
+        )
+        vector = ir.VectorType(ir.FloatType(), WORD)
+        pointer = builder.bitcast(place, vector.as_pointer())
+        i32 = ir.IntType(32)
+        first = builder.insert_element(
+            ir.Constant(vector, ir.Undefined), number, i32(0)
+        )
+        places = ir.Constant(ir.VectorType(i32, WORD), None)
+        everywhere = builder.shuffle_vector(first, first, places)
+        mask = builder.bitcast(word, ir.VectorType(ir.IntType(1), WORD))
+        added = builder.select(mask, everywhere, ir.Constant(vector, None))
+        total = builder.fadd(builder.load(pointer, align=4), added)
+        builder.store(total, pointer, align=4)
+        return context.get_dummy_value()
+
+    parts = types.intp, types.intp, types.float32, types.uint64
+    return types.void(sums, *parts), code

@@ -30,7 +30,6 @@ from torch import Tensor
 from hdc import bits
 from hdc.io import check_tensors
 from hdc.parameters import is_number
-from hdc.prototypes import Counters
 from hdc.readouts.arithmetic import combinations, dot, gram
 from hdc.readouts.base import NOWHERE, HeldOut, Readout
 from hdc.readouts.leave_one_out import (
@@ -87,10 +86,13 @@ class LDA(Readout):
         Raises:
             ValueError: for more than 8000 frames, of which the Gram matrices fill the memory.
         """
-        if len(words) > MOST_FRAMES:
+        n = len(words)
+        if n > MOST_FRAMES:
+            memory = 2 * 8 * n**2 / 1e9
             raise ValueError(
-                f"lda: expected at most {MOST_FRAMES} frames, found {len(words)}; train on some "
-                "of them, or use the read-out 'trained'"
+                f"lda: expected at most {MOST_FRAMES} frames, found {n}, which need two matrices "
+                f"of {n} × {n}, {memory:.1f} GB; train on some of them, or use the read-out "
+                "'trained'"
             )
         known, place = rows.unique(return_inverse=True)
         onehot = torch.nn.functional.one_hot(place, len(known)).double()
@@ -271,11 +273,9 @@ def class_means(
     words: Tensor, rows: Tensor, n_classes: int, dimension: int, backend: str
 ) -> Tensor:
     """Means of the hypervectors of each class in ±1, float32 [L, D] (CPU)."""
-    counters = Counters(n_classes, dimension, "cpu", backend)
-    counters.add(words.cpu(), rows)
-    n = counters.n[:, None]
-    sums = 2 * counters.counts() - n
-    return sums.float() / n
+    onehot = torch.nn.functional.one_hot(rows, n_classes)
+    sums = combinations(onehot, words, backend)[:, :dimension]
+    return sums / onehot.sum(0)[:, None]
 
 
 def _quantised(

@@ -12,10 +12,12 @@ with the least Σ r_i² is taken.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -29,7 +31,7 @@ from hdc.readouts.values import ValueReadout
 PENALTIES = tuple(10.0**k for k in range(-4, 5))
 """Penalties tried, in units of the mean of K's diagonal."""
 _OFFSET, _PLANES = 128, 8  # weights are stored as q + 128, bit-sliced
-_STEP = 256  # words unpacked at a time
+_STEP = 32  # words unpacked at a time: of some hundred frames they stay in the cache
 _LOWEST = -1e300  # intercept of a class without frames
 
 
@@ -380,6 +382,14 @@ def _quantised(
 
 def _weights(dual: Tensor, words: Tensor, start: int, stop: int) -> Tensor:
     """Xᵀa of the bits in words start to stop, float64 [T, B]."""
-    part = words[:, start:stop].cpu()
-    signs = bits.unpack(part, part.shape[1] * bits.WORD).double()
-    return dual.T @ (2 * signs - 1)
+    part = words[:, start:stop].cpu().contiguous().numpy()
+    signs = _signs_of_bytes()[part.view(np.uint8)]
+    return dual.T @ torch.from_numpy(signs).flatten(1)
+
+
+@functools.cache
+def _signs_of_bytes() -> np.ndarray:
+    """The bits of each byte in ±1, the lowest first: float64 [256, 8]."""
+    bytes_ = np.arange(256, dtype=np.uint8)[:, None]
+    ones = np.unpackbits(bytes_, axis=1, bitorder="little")
+    return 2.0 * ones - 1.0
