@@ -131,6 +131,7 @@ def forest(figure: Figure, results: Results) -> None:
     handles: list[Any] = [
         Line2D([], [], ls="", ms=5, label=NAMES[form], **LOOKS[form])
         for form in CONFIRMATORY
+        if form in {dot.form for dot in every}
     ]
     handles.append(Patch(color="0.88", label=f"±{MARGIN} points"))
     where: Any = {"loc": "outside lower center", "ncols": 3, "fontsize": 8}
