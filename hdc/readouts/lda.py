@@ -30,6 +30,7 @@ from torch import Tensor
 from hdc import bits
 from hdc.io import check_tensors
 from hdc.parameters import is_number
+from hdc.prototypes import Counters
 from hdc.readouts.arithmetic import combinations, dot, gram
 from hdc.readouts.base import NOWHERE, HeldOut, Readout
 from hdc.readouts.leave_one_out import (
@@ -273,9 +274,11 @@ def class_means(
     words: Tensor, rows: Tensor, n_classes: int, dimension: int, backend: str
 ) -> Tensor:
     """Means of the hypervectors of each class in ±1, float32 [L, D] (CPU)."""
-    onehot = torch.nn.functional.one_hot(rows, n_classes)
-    sums = combinations(onehot, words, backend)[:, :dimension]
-    return sums / onehot.sum(0)[:, None]
+    counters = Counters(n_classes, dimension, "cpu", backend)
+    counters.add(words.cpu(), rows)
+    n = counters.n[:, None]
+    sums = 2 * counters.counts() - n
+    return sums.float() / n
 
 
 def _quantised(
