@@ -21,9 +21,11 @@ class Trained(Readout):
     """Nearest prototype in Hamming distance; prototypes are counters corrected in some passes.
 
     The rule of QuantHD (Imani et al., IEEE TCAD 39, 2268 (2020)) with a margin: after each pass,
-    every frame whose nearest prototype of another class is nearer than its own by less than a
-    margin is added to the counter of its class and taken from that of the other; prototypes are the
-    signs of the counters. Nothing is drawn at random.
+    every frame that is not nearer to its own prototype than to each other by a margin is added to
+    the counter of its class and taken from that of the nearest other one; prototypes are the signs
+    of the counters. Nothing is drawn at random. In pass p a frame counts 1/p, a step that stochastic
+    approximation converges with (Robbins, Monro, Ann. Math. Stat. 22, 400 (1951)): with equal steps
+    the prototypes swing wherever most frames lie within the margin.
 
     Args:
         margin: share of the D bits.
@@ -37,7 +39,7 @@ class Trained(Readout):
     _empty: Tensor
     _dimension: int
 
-    def __init__(self, margin: float = 0.02, passes: int = 10):
+    def __init__(self, margin: float = 0.02, passes: int = 20):
         self.margin = margin
         self.passes = passes
 
@@ -49,19 +51,20 @@ class Trained(Readout):
         check_integer("passes", self.passes, 0)
 
     def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
-        """See :meth:`hdc.readouts.base.Readout.fit`; 4·L·D bytes are needed meanwhile."""
+        """See :meth:`hdc.readouts.base.Readout.fit`; 16·L·D bytes are needed meanwhile."""
         self._dimension = dimension
         self._empty = torch.bincount(rows, minlength=n_classes) == 0
         everyone = torch.nn.functional.one_hot(rows, n_classes)
-        counters = combinations(everyone, words, self.backend)
-        for _ in range(self.passes):
+        counters = combinations(everyone, words, self.backend).double()
+        for number in range(1, self.passes + 1):
             self._binarise(counters, words)
             votes = self._corrections(words, rows)
             if not votes.any():
                 break
             wrong = votes.any(1)
             corrected = words[wrong.to(words.device)]
-            counters += combinations(votes[wrong], corrected, self.backend)
+            step = combinations(votes[wrong], corrected, self.backend).double()
+            counters += step / number
         self._binarise(counters, words)
         return self
 

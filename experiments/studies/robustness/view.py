@@ -65,8 +65,8 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
 NOTE = (
     "Laser power: another factor for every frame. Dead pixels read zero, the same in all frames. "
     "In brackets: Student, 95 %, over seeds; of flips the lowest and the highest draw. Flipped bits "
-    "of the query: of the hypervector of HDC, of the pixels of a frame of others. Flipped bits of the "
-    "model: of every stored tensor, of lda but for its scale and offset of each class. 8-bit "
+    "of the query: of the hypervector of HDC, of the pixels of a frame of others. Flipped bits of "
+    "the model: of every stored tensor, of lda but for its scale and offset of each class. 8-bit "
     "numbers: every float32 was rounded to one of 255 equal steps before."
 )
 
@@ -131,9 +131,9 @@ _LEAST = 0.05  # percent of flipped bits, where none is drawn
     size=(3.4, 6.2),
     needs=lambda rows, config: bool((rows.disturbance == "query_flips").any()),
     caption="Accuracy that is left after flips of stored bits (dotted: weights of 32 bits; the "
-    "others of 8 bits or as packed), after flips of the bits that are asked, and after the camera has "
-    "moved, on {frames}. Left: undisturbed. Bars: lowest to highest seed of flips, 95 % intervals of "
-    "shifts.",
+    "others of 8 bits or as packed), after flips of the bits that are asked, and after the camera "
+    "has moved, on {frames}. Left: undisturbed. Bars: lowest to highest seed of flips, 95 % "
+    "intervals of shifts.",
 )
 def curves(
     figure: Figure,

@@ -92,7 +92,8 @@ def coverage(
 ) -> Iterator[Row]:
     """One row: the share ``covered`` of ``n_test`` held-out frames whose label is in the library's
     prediction set after ``n`` frames of every class, the mean ``size`` of the set, the share
-    ``refused`` (empty sets), and of frames of no class (None without any) the share ``unknown_refused``: lists over ``alpha``.
+    ``refused`` (empty sets), and of frames of no class (None without any) the share
+    ``unknown_refused``: lists over ``alpha``.
 
     Arguments: configs/experiment/coverage.yaml.
     """

@@ -67,10 +67,16 @@ def test_sets_hold_their_promise_and_noise_is_refused(scene, monkeypatch, tmp_pa
         scene_name="spr",
         scene={},
         splits=SPLITS,
-        n_per_class=20,
+        n_per_class=[2, 20, 999],
         draws=4,
     )
-    (table,) = view.STUDY.tables_of(Results(tmp_path))
+    table, few = view.STUDY.tables_of(Results(tmp_path))
+    assert few.data.n.iloc[0] == 2
+    assert few.data.covered_80.iloc[0] == 1  # every set has all four labels
+    assert few.data.size_80.iloc[0] == 4
+    assert few.data.n.iloc[-1] > 20  # as many as there are
+    assert few.data.size_80.iloc[-1] < 2
+    assert set(table.data.n) == {few.data.n.iloc[-1]}
     for row in table.data.to_dict("records"):
         assert row["covered"] >= row["promised"] - 0.08
         assert row["refused"] <= 1 - row["promised"] + 0.08
