@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from experiments.records import configs
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.estimates import Estimate, mean_share
-from experiments.reporting.plot import bars, errors, handle, panel
+from experiments.reporting.plot import bars, errors, handle, panel, style_of
 from experiments.reporting.study import Study
 from experiments.reporting.text import size
 
@@ -64,8 +65,8 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
 
 NOTE = (
     "Laser power: another factor for every frame. Dead pixels read zero, the same in all frames. "
-    "In brackets: Student, 95 %, over seeds; of flips the lowest and the highest draw. Flipped bits "
-    "of the query: of the hypervector of HDC, of the pixels of a frame of others. Flipped bits of "
+    "In brackets: Student, 95 %, over seeds; of flips the lowest and the highest draw. Flipped "
+    "bits of the query: of the hypervector of HDC, of the pixels of a frame of others. Flipped bits of "
     "the model: of every stored tensor, of lda but for its scale and offset of each class. 8-bit "
     "numbers: every float32 was rounded to one of 255 equal steps before."
 )
@@ -117,11 +118,8 @@ _PANELS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (("query_flips",), "flipped bits (%)", "of the query"),
     (("shift",), "shift (pixels)", "of the camera"),
 )
-_SHOWN = ("hdc", "hdc_lda", "hdc_levels_lda", "softmax_dual", "ridge")
-_SHADES = {
-    "hdc_lda": "#E8924F",
-    "hdc_levels_lda": "#7A3600",
-}  # of HDC's colour, told apart
+_GROUPS = ("paper", "beyond", "fast")  # of the models that the figure shows
+_SHADES = ("#E8924F", "#7A3600")  # of models whose colour another has
 _LEAST = 0.05  # percent of flipped bits, where none is drawn
 
 
@@ -142,12 +140,17 @@ def curves(
 ) -> None:
     """A panel a fault, a line a model."""
     table = accuracies(rows)
-    models = [model for model in _SHOWN if model in set(rows.model)]
+    models = [
+        model
+        for model in map(str, rows.model.unique())
+        if configs.display(model)["group"] in _GROUPS
+    ]
+    shades = _shades_of(models)
     every = figure.subplots(len(_PANELS), 1, sharey=True)
     for axes, letter, (kinds, label, title) in zip(every, "abc", _PANELS, strict=True):
         for kind in kinds:
             for model in models:
-                _curve(axes, table, model, kind)
+                _curve(axes, table, model, kind, shades[model])
         if "shift" not in kinds:
             axes.set_xscale("log")
             axes.set_xticks([_LEAST, 0.1, 1, 10, 30], ["0", "0.1", "1", "10", "30"])
@@ -160,12 +163,14 @@ def curves(
         )
         axes.set(xlabel=label, ylabel="test accuracy (%)", ylim=(0, 103))
         panel(axes, letter, title)
-    handles = [_handle(model) for model in models]
+    handles = [_handle(model, shades[model]) for model in models]
     handles.append(Line2D([], [], color="0.5", lw=0.8, ls=(0, (4, 3)), label="chance"))
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
 
 
-def _curve(axes: Axes, table: pd.DataFrame, model: str, kind: str) -> None:
+def _curve(
+    axes: Axes, table: pd.DataFrame, model: str, kind: str, shade: Mapping[str, Any]
+) -> None:
     """Accuracy of a model against the level of a disturbance, from none."""
     of_kind = table[(table.disturbance == kind) & table[model].notna()]
     if not len(of_kind):
@@ -183,21 +188,31 @@ def _curve(axes: Axes, table: pd.DataFrame, model: str, kind: str) -> None:
     found = part[[model, f"{model}_low", f"{model}_high"]].to_numpy(float)
     values, spread = errors([Estimate(*line) for line in found], 100)
     in_floats = kind == "bit_flips" and "bit_flips_int8" in _kinds_of(table, model)
-    look = _shade_of(model)
+    look = dict(shade)
     if in_floats:
         look["ls"] = ":"
     bars(axes, model, places, values, spread, elinewidth=0.5, ms=3.5, **look)
 
 
-def _shade_of(model: str) -> dict[str, Any]:
-    """Colours of a form of HDC that differ from those of HDC itself."""
-    shade = _SHADES.get(model)
-    return {"color": shade, "mfc": shade} if shade else {}
+def _shades_of(models: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """What the look of each model differs by from its own: a shade, where an earlier one has its
+    colour."""
+    shades = list(_SHADES)
+    found: dict[str, dict[str, Any]] = {}
+    colours = set()
+    for model in models:
+        colour, _, _ = style_of(model)
+        found[model] = {}
+        if colour in colours and shades:
+            shade = shades.pop(0)
+            found[model] = {"color": shade, "mfc": shade}
+        colours.add(colour)
+    return found
 
 
-def _handle(model: str) -> Line2D:
+def _handle(model: str, shade: Mapping[str, Any]) -> Line2D:
     entry = handle(model)
-    entry.set(**_shade_of(model))
+    entry.set(**shade)
     return entry
 
 
