@@ -23,9 +23,9 @@ class Trained(Readout):
     The rule of QuantHD (Imani et al., IEEE TCAD 39, 2268 (2020)) with a margin: after each pass,
     every frame that is not nearer to its own prototype than to each other by a margin is added to
     the counter of its class and taken from that of the nearest other one; prototypes are the signs
-    of the counters. Nothing is drawn at random. In pass p a frame counts 1/p, a step that stochastic
-    approximation converges with (Robbins, Monro, Ann. Math. Stat. 22, 400 (1951)): with equal steps
-    the prototypes swing wherever most frames lie within the margin.
+    of the counters. Nothing is drawn at random. In pass p a frame counts 1/p, a step with which
+    stochastic approximation converges (Robbins, Monro, Ann. Math. Stat. 22, 400 (1951)); with equal
+    steps the prototypes swing wherever most frames lie within the margin.
 
     Args:
         margin: share of the D bits.
