@@ -97,7 +97,7 @@ def test_parameters_that_do_not_fit_are_named(parameters, message, hard) -> None
 
 
 def test_prototypes_do_not_swing_where_all_frames_lie_within_the_margin() -> None:
-    x, words, rows = problem(60, 400, 3)
+    _, words, rows = problem(60, 400, 3)
     accuracies = []
     for passes in (0, 20):
         model = Trained(margin=0.4, passes=passes).fit(words, rows, 3, 400)
