@@ -27,6 +27,7 @@ from experiments.reporting.study import studies as studies_of
 from experiments.reproduction import took
 from experiments.reproduction.adopt import Adopted, adopt
 from experiments.reproduction.steps import steps
+from experiments.studies.claims.findings import findings
 from hdc.io import write_atomically
 
 README, DOCS = ROOT / "README.md", ROOT / "docs"
@@ -61,7 +62,7 @@ def main(arguments: list[str] | None = None) -> int:
     console.print(
         f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True
     )
-    contents = readme_parts() | docs_parts(answers)
+    contents = readme_parts(answers) | docs_parts(answers)
     for page in (README, *sorted(DOCS.glob("*.md"))):
         text = page.read_text(encoding="utf-8")
         filled = documents.fill(text, contents)
@@ -95,10 +96,12 @@ def _tell_older(answers: report.Answers, console: Console) -> int:
     return 1 if changed else 0
 
 
-def readme_parts() -> dict[str, Callable[[], str]]:
+def readme_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
     """What fills the marked parts of README.md, by their names."""
     return {
-        "claims": _claims,
+        "findings": partial(_findings, answers.results),
+        "claims": partial(_rows, "claims"),
+        "claims_confirmatory": partial(_rows, "claims_confirmatory"),
         "table1": partial(_table, "table1"),
         "table1_few": partial(_table, "table1_few"),
         "reproduction": _reproduction,
@@ -117,14 +120,21 @@ def docs_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
     }
 
 
-def _claims() -> str:
-    """The rows of the paper's claims, without title and note."""
-    path = REFERENCE / "tables" / "claims.md"
+def _findings(results: Results) -> str:
+    """What was found, a sentence an item."""
+    sentences = findings(results)
+    items = [f"{place}. {text}" for place, text in enumerate(sentences, 1)]
+    return "\n".join(items) or "*missing: no claim was measured*"
+
+
+def _rows(name: str) -> str:
+    """The rows of a table, without title and note."""
+    path = REFERENCE / "tables" / f"{name}.md"
     rows = []
     if path.exists():
         lines = path.read_text("utf-8").splitlines()
         rows = [line for line in lines if line.startswith("|")]
-    return "\n".join(rows) or "*missing: no claim was measured*"
+    return "\n".join(rows) or f"*missing: nothing of the table {name} was measured*"
 
 
 def _table(name: str) -> str:

@@ -1,0 +1,108 @@
+"""What was found, in a few sentences for the first screen of README.
+
+Which words a sentence has follows from the verdict, so that none outlives its numbers; a claim that
+was not measured has no sentence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from experiments.records.results import Results
+from experiments.reporting.columns import display_name
+from experiments.reporting.text import number
+from experiments.studies.claims.frozen import rules
+from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
+from experiments.studies.claims.verdict import Verdict
+from experiments.studies.claims.view import judged
+
+LAST = (
+    "No public recording is of the paper's sensor: its frames are not public, and the simulated "
+    "ones here were fitted to it."
+)
+# What the words say of two claims.
+RECOGNISES = {
+    YES: "it recognises better",
+    NO: "it does not recognise better",
+    UNDECIDED: "too uncertain to say whether it recognises better",
+}
+KEEPS_UP = {
+    YES: "it keeps up",
+    NO: "it stays behind",
+    UNDECIDED: "too uncertain to say whether it keeps up everywhere",
+}
+SLOWER = {
+    YES: "at least ten times in every way of computing both",
+    NO: "less than ten times in every way of computing both",
+    PARTLY: "more than ten times in some ways of computing both and less in others",
+    UNDECIDED: "with ten times inside the interval",
+}
+
+
+def findings(results: Results) -> list[str]:
+    """Sentences in Markdown, the answer first."""
+    found = {(name, rival): verdict for name, rival, verdict, _ in judged(results)}
+    sentences = [
+        *_recognition(found, "accuracy", "**As published**", RECOGNISES),
+        *_recognition(found, "accuracy_mended", f"**{_mended()}**", KEEPS_UP),
+        *_times(found),
+    ]
+    return [*sentences, LAST] if sentences else []
+
+
+def _mended() -> str:
+    """The form that is mended, in words."""
+    levels = rules().mended["thresholds"]
+    return f"With {levels} levels a pixel and a discriminant analysis of the bits"
+
+
+def _recognition(
+    found: dict[tuple[str, str], Verdict], claim: str, who: str, words: dict[str, str]
+) -> Iterator[str]:
+    """HDC against softmax regression of raw and of standardised frames."""
+    against = {
+        "softmax_dual": "on raw frames",
+        "softmax_dual_standardised": "on standardised ones",
+    }
+    parts: list[str] = []
+    said: dict[str, None] = {}
+    for rival, frames in against.items():
+        verdict = found.get((claim, rival))
+        if verdict is None:
+            return
+        mean = verdict.pooled.mean
+        low, high = (_points(bound) for bound in mean[1:])
+        parts.append(f"{_points(mean.value)} points [{low}, {high}] {frames}")
+        said[words[verdict.word]] = None
+    rival = display_name("softmax_dual").lower()
+    units = found[claim, "softmax_dual"].pooled.units
+    yield (
+        f"{who}, the accuracy of HDC minus that of {rival} is {' and '.join(parts)}, mean over "
+        f"{units} laboratories [95 %]: {'; '.join(said)}."
+    )
+
+
+def _times(found: dict[tuple[str, str], Verdict]) -> Iterator[str]:
+    """How much longer rivals train than HDC that is computed in the same way."""
+    parts = []
+    for claim, rival in (
+        ("softmax", "softmax_dual"),
+        ("networks_one_layer", "cnn1"),
+        ("networks_three_layers", "cnn3"),
+    ):
+        verdict = found.get((claim, rival))
+        if verdict is not None:
+            least = number(verdict.pooled.mean.value, 2)
+            name = display_name(rival)
+            parts.append(f"{name} ×{least}, {SLOWER[verdict.word]}")
+    if parts:
+        yield (
+            "**Training** takes its rivals, in the way that favours them most: "
+            f"{'; '.join(parts)}."
+        )
+
+
+def _points(share: float) -> str:
+    """A difference of accuracies in points, with its sign."""
+    value = 100 * min(1.0, max(-1.0, share))
+    return f"{value:+.1f}".replace("-", "−")

@@ -1,0 +1,56 @@
+"""Sentences of the first screen of README follow the verdicts."""
+
+import math
+
+import pytest
+
+from experiments.reporting.estimates import Estimate
+from experiments.reporting.random_effects import Pooled
+from experiments.studies.claims import findings as module
+from experiments.studies.claims.verdict import Verdict
+
+
+def verdict(word, value, units=4):
+    pooled = Pooled(
+        Estimate(value, value - 0.1, value + 0.1), math.nan, math.nan, 0, units
+    )
+    return Verdict(word, "", pooled, "captured", [])
+
+
+@pytest.fixture
+def judged(monkeypatch):
+    def set_to(*lines):
+        found = [(claim, rival, verdict(*of), []) for claim, rival, *of in lines]
+        monkeypatch.setattr(module, "judged", lambda _: found)
+        return module.findings(None)
+
+    return set_to
+
+
+RIVALS = ("softmax_dual", "softmax_dual_standardised")
+
+
+@pytest.mark.parametrize("word", ["yes", "no", "undecided"])
+def test_the_words_are_those_of_the_verdict(judged, word):
+    first, last = judged(*(("accuracy", rival, word, -0.158) for rival in RIVALS))
+    assert "−15.8 points [−25.8, −5.8]" in first
+    assert "over 4 laboratories" in first
+    assert first.endswith(f": {module.RECOGNISES[word]}.")
+    assert last == module.LAST
+
+
+def test_two_rivals_may_get_two_words(judged):
+    first, _ = judged(
+        ("accuracy_mended", RIVALS[0], "yes", 0.02),
+        ("accuracy_mended", RIVALS[1], "no", -0.08),
+    )
+    assert first.startswith("**With 7 levels a pixel")
+    assert first.endswith(": it keeps up; it stays behind.")
+
+
+def test_what_was_not_measured_has_no_sentence(judged):
+    assert judged() == []
+    assert len(judged(("accuracy", RIVALS[0], "no", -0.1))) == 0
+    times, _ = judged(("softmax", "softmax_dual", "no", 3.64))
+    assert "×3.6" in times
+    assert "CNN" not in times
