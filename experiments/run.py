@@ -150,10 +150,14 @@ def _show_progress(cfg: DictConfig, hydra_cfg: Any) -> None:
 
 
 def _says(task: DictConfig | None, name: str) -> bool:
-    """Whether an experiment was declared with this attribute; a plain run has none."""
+    """Whether an experiment was declared with this attribute; a plain run has none, and neither
+    has one that is not there, which is said where it is carried out."""
     if task is None:
         return False
-    measured = hydra.utils.get_method(task["_target_"])
+    try:
+        measured = hydra.utils.get_method(task["_target_"])
+    except (ImportError, ValueError):
+        return False
     return bool(getattr(measured, name, False))
 
 

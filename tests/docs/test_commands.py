@@ -18,6 +18,7 @@ COMMAND = re.compile(r"^(?:\w+=\S+ )*(hdc |python -m |pip |make\b).*")
 NOT_RUN = {
     "pip ": "installs: tests/hdc/command/test_package.py does",
     "make": "sets up .venv first; its recipes are the commands below",
+    "python -m experiments.reproduce": "is hours: tests/experiments/test_reproduce.py composes it",
     "python -m experiments.report": "reads all records: tests/experiments/test_report.py does",
     "hdc live": "waits for a browser: tests/live/test_page.py does",
     "python -m scenes.live": "waits for a browser: tests/live/test_page.py does",

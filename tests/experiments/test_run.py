@@ -231,7 +231,7 @@ def test_an_error_of_the_users_is_one_line_that_names_the_key(
     assert code == 1
     assert re.fullmatch(expected, "\n".join(lines)), lines
     assert len(lines) == 1
-    assert max(map(len, lines)) < 700
+    assert max(map(len, lines)) < 1000
 
 
 @pytest.mark.parametrize(

@@ -93,6 +93,9 @@ _COLOURS = {LEFT_OUT: "#EEEEEE", LOADED: "#0072B2", TOO_MUCH: "#D55E00"}
     size=(3.4, 3.2),
     caption="What each scene leaves out: modules that some part of the project loads, by scene, in "
     "a process that learns and predicts with HDC. Peak memory on the right.",
+    needs=lambda rows, config: bool(
+        ((rows.model == "hdc") & rows.loaded.notna()).any()
+    ),
 )
 def picture(
     figure: Figure,

@@ -14,9 +14,9 @@ from hdc.accuracy import wilson
 from hdc.command import main
 from hdc.command.compare import advice, judge, rivals
 from hdc.command.compare.frames import FrameBank, Frames, part, read_frames
-from hdc.encoders import Median
+from hdc.encoders import Median, make_encoder
 from hdc.readers import open_recording
-from hdc.readouts import Majority
+from hdc.readouts import Majority, make_readout
 
 SIDE = 16
 NAMES = ("left", "<b>middle</b>", "right $x$")
@@ -199,8 +199,11 @@ def test_train_takes_the_best_combination(hdc, tmp_path):
     assert line.startswith("chosen: ")
     assert "by 5 folds at random" in line
     model = HDCClassifier.load(path)
-    parts = [type(part).__name__.lower() for part in (model.encoder, model.readout)]
-    assert line.startswith(f"chosen: {', '.join(parts)} among 24 ")
+    chosen, _, rest = line.removeprefix("chosen: ").partition(" among ")
+    assert rest.startswith("30 ")
+    encoder, readout = chosen.split(", ")
+    assert type(make_encoder(encoder)) is type(model.encoder)
+    assert type(make_readout(readout)) is type(model.readout)
     plain = HDCClassifier(model.encoder, model.readout).fit(frames, labels.astype(str))
     assert (model.predict(frames) == plain.predict(frames)).all()
     in_mind = in_memory(frames, labels)
