@@ -41,6 +41,8 @@ class MeasuredScene:
         levels: classes where there are no labels: the name of a ``value`` and the upper ``edges``
             of its classes.
         unknown: labels of frames that are no class.
+        damaged: files of frames that nobody can read whole, as their repository has them; they are
+            left out.
         rename: other names for labels, such as of a class that is spelled in two ways.
         saturated: why accuracies on this recording rank nothing, or null.
 
@@ -73,6 +75,7 @@ class MeasuredScene:
         subsample: int = 1,
         saturated: str | None = None,
         rename: Mapping[str, str] | None = None,
+        damaged: Sequence[str] = (),
     ) -> None:
         self.source = Source(**source)
         self.saturated = saturated
@@ -111,12 +114,13 @@ class MeasuredScene:
             classes, names = self._levels(levels)
         expected = "edges of a value: no image has a label"
         require(len(classes) > 0, "scene.levels", levels, expected)
+        whole = ~_named(damaged, folders, self._parts)
         apart = np.isin(names, list(unknown))
         self.unknown: MeasuredScene | None = None
         if apart.any():
             self.unknown = copy.copy(self)
-            self.unknown._keep(apart, names, classes)
-        self._keep(~apart, names, classes)
+            self.unknown._keep(apart & whole, names, classes)
+        self._keep(~apart & whole, names, classes)
 
     def _levels(self, levels: Mapping[str, Any]) -> tuple[tuple[str, ...], np.ndarray]:
         """Names of the classes [L] of a value, and that of each frame's [N]."""
@@ -200,6 +204,20 @@ def _files(
             names.append(table)
         files += [posixpath.normpath(f"{folder}/{name}") for name in names]
     return files
+
+
+def _named(
+    damaged: Sequence[str],
+    folders: Sequence[str],
+    parts: Sequence[readers.Recording],
+) -> np.ndarray:
+    """Which frames are of the files so named, bool [N]."""
+    files = np.array(_files(folders, parts, None))
+    for name in damaged:
+        require(
+            name in files, "scene.damaged", name, "a file of a frame of this recording"
+        )
+    return np.isin(files, list(damaged))
 
 
 def _samples(parts: Sequence[readers.Recording]) -> dict[str, np.ndarray]:

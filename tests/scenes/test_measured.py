@@ -170,6 +170,24 @@ def test_labels_of_other_names_are_one_class_and_groups_stay_whole(root):
     assert scene.unknown.frames([0])[0, 0, 0] == 3
 
 
+def test_a_damaged_file_is_left_out_where_it_is_named(root):
+    rng = np.random.default_rng(0)
+    for k, name in enumerate(["a_1", "a_2", "b_1", "b_2"]):
+        image = rng.integers(0, 256, (30, 30)).astype(np.uint8)
+        write(root / "data" / f"{name}.png", np.maximum(image, k))
+    cut = root / "data" / "a_2.png"
+    cut.write_bytes(cut.read_bytes()[:300])
+    settings = {"template": "{label:w}_{order}.png", "folders": ["data"]}
+    with pytest.raises(ValueError, match="a_2.png: expected a whole image"):
+        touches(**settings).frames(range(4))
+    scene = touches(**settings, damaged=["data/a_2.png"])
+    assert scene.labels.tolist() == [0, 1, 1]
+    assert scene.frames(range(3)).shape == (3, 30, 30)
+    assert "a_2.png" not in scene.samples["file"]
+    with pytest.raises(ValueError, match=r"scene\.damaged: expected a file of a frame"):
+        touches(**settings, damaged=["a_2.png"])
+
+
 def test_what_is_missing_is_listed_with_the_commands_that_get_it(
     tmp_path, monkeypatch, capsys
 ):
