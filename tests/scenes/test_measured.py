@@ -178,7 +178,7 @@ def test_a_damaged_file_is_left_out_where_it_is_named(root):
     cut = root / "data" / "a_2.png"
     cut.write_bytes(cut.read_bytes()[:300])
     settings = {"template": "{label:w}_{order}.png", "folders": ["data"]}
-    with pytest.raises(ValueError, match="a_2.png: expected a whole image"):
+    with pytest.raises(ValueError, match=r"a_2\.png: expected a whole image"):
         touches(**settings).frames(range(4))
     scene = touches(**settings, damaged=["data/a_2.png"])
     assert scene.labels.tolist() == [0, 1, 1]
@@ -209,7 +209,7 @@ def test_what_is_missing_is_listed_with_the_commands_that_get_it(
         ("tactip_edge", [658, 657, 726, 669, 780, 672, 716, 703, 698, 721], (128, 128)),
         ("spr", [100] * 3, (640, 640)),
         ("gelsight_billets", [80, 114], (240, 320)),
-        ("rgb_fibres", [417, 205, 202], (480, 640)),
+        ("rgb_fibres", [416, 205, 202], (480, 640)),
         ("fibre_2", [100] * 5, (41, 82)),
         ("fibre_3", [100] * 5, (41, 82)),
     ],
