@@ -77,6 +77,12 @@ def _parser() -> argparse.ArgumentParser:
         f"than {ASKS} minutes asks for --full or --quick",
     )
     parser.add_argument(
+        "--step",
+        metavar="NAME",
+        action="append",
+        help="this step alone; may be repeated",
+    )
+    parser.add_argument(
         "--launcher",
         metavar="NAME",
         help="a launcher of Hydra for the steps that time nothing: joblib, submitit_local, "
@@ -112,7 +118,7 @@ def _steps(chosen: argparse.Namespace) -> list[Step]:
 
     Raises:
         ValueError: for a claim that is unknown, has no such steps, or takes long and was not asked
-            for expressly; for a launcher that is not there.
+            for expressly; for a step that is unknown; for a launcher that is not there.
     """
     mode, name = chosen.mode or "full", chosen.claim
     if name is not None and name not in claims():
@@ -121,11 +127,23 @@ def _steps(chosen: argparse.Namespace) -> list[Step]:
     found = steps(mode, name)
     if not found:
         raise ValueError(f"--claim {name}: it has no step for --{mode}")
+    if chosen.step:
+        found = _named(chosen.step, found)
     if name is not None and chosen.mode is None and not chosen.list:
         _ask(name, found)
     if chosen.launcher is not None:
         found = handed_over(found, chosen.launcher)
     return found
+
+
+def _named(names: Sequence[str], found: Sequence[Step]) -> list[Step]:
+    """The steps with these names."""
+    known = {step.name: step for step in found}
+    for name in names:
+        if name not in known:
+            expected = ", ".join(known)
+            raise ValueError(f"--step: expected one of {expected}; found {name}")
+    return [step for step in found if step.name in names]
 
 
 def _ask(name: str, found: Sequence[Step]) -> None:
