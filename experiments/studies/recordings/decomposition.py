@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from experiments.records.results import Results
 from experiments.reporting.columns import Column, display_name, scene_name
@@ -162,7 +163,11 @@ def _bars(axes: Axes, rows: pd.DataFrame) -> None:
         axes.text(right, y, text, va="center", fontsize=5.5)
         ends += [before, after]
     room = max(20.0, max(ends) - min(ends))
-    axes.set_xlim(min(ends) - 0.1 * room, max(ends) + 0.35 * room)
+    # To the right there is room for numbers, but no accuracy above 100 %.
+    left = min(100 - room, min(ends) - 0.1 * room)
+    ticks = MaxNLocator(4).tick_values(left, min(100, max(ends) + 0.1 * room))
+    axes.set_xticks([tick for tick in ticks if left <= tick <= 100])
+    axes.set_xlim(left, max(ends) + 0.35 * room)
     axes.set_xlabel("accuracy (%)", fontsize=6)
     axes.grid(axis="x", color="0.92", lw=0.5)
     axes.set_axisbelow(True)
