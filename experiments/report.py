@@ -194,7 +194,6 @@ def write(
     about = {answers.name: _about(answers) for answers in sets}
     path = folder / "report.html"
     write_atomically(path, page.render(_sections(sets), problems, about, against))
-    _write_charts(folder)
     _show_table1(console, sets)
     if not brief:
         _show_all(console, against, about)
@@ -202,13 +201,6 @@ def write(
     page_file = last_line(_table1(sets[0]), os.path.relpath(path))
     console.print(Text(page_file), soft_wrap=True)
     return path
-
-
-def _write_charts(folder: Path) -> None:
-    """The library that draws the page's interactive figures, beside the page."""
-    from experiments.reporting.page.charts import library  # slow to load
-
-    write_atomically(folder / page.CHARTS, library())
 
 
 def _table1(answers: Answers) -> Table | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import io
 import json
 import re
@@ -12,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-from markupsafe import Markup
 from PIL import Image
 
 from experiments.reporting.against import Comparison
@@ -24,9 +24,6 @@ TEMPLATES = Path(__file__).parent / "templates"
 COLUMNS = 8  # of a table that are shown at first
 ROWS = 30  # of a table that is not folded away
 FEW_ROWS = 8  # of a table in which a reader needs no search
-CHARTS = (
-    "report_charts.js"  # the library that draws interactive figures, beside the page
-)
 OWN = "mine"
 # Columns by which rows of all tables are filtered, with what a value is called.
 FILTERS: Mapping[str, Callable[[str], str]] = {
@@ -56,9 +53,16 @@ class Picture:
 
     @property
     def source(self) -> str:
-        """A data URI."""
-        kind = "svg+xml" if self.plot.kind == "svg" else self.plot.kind
-        return f"data:image/{kind};base64,{base64.b64encode(self.data).decode()}"
+        """A data URI; of an SVG nothing, as the page unpacks :attr:`packed`."""
+        if self.plot.kind == "svg":
+            return ""
+        text = base64.b64encode(self.data).decode()
+        return f"data:image/{self.plot.kind};base64,{text}"
+
+    @property
+    def packed(self) -> str:
+        """An SVG as :func:`pack` has it; a fifth of its size."""
+        return pack(self.data) if self.plot.kind == "svg" else ""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -116,7 +120,7 @@ def render(
         "tone": _tone,
         "kinds": _kinds,
         "about_rows": _about_rows,
-        "safe_json": _safe_json,
+        "packed_json": _packed_json,
     }
 
     def outside_of(table: Table, block: str) -> Sequence[set[str]]:
@@ -131,7 +135,7 @@ def render(
         outside_of=outside_of,
         compared=against is not None,
         choices=_choices(sections),
-        charts=CHARTS if any(picture.chart for picture in _pictures(sections)) else "",
+        charts=_charts(sections),
         most_rows=ROWS,
         few_rows=FEW_ROWS,
         most_columns=COLUMNS,
@@ -158,23 +162,34 @@ def _choices(sections: Sequence[Section]) -> dict[str, dict[str, str]]:
 
 def _about_rows(table: Table) -> list[dict[str, str]]:
     """Of each row its scene and its model, as far as it has them, and a ``title`` for a reader who
-    points at it: how many seeds it has, and the command that makes it again."""
+    points at it: how many seeds it has, and its own command, if it has one."""
     found = []
     for row in records(table.data):
         about = {key: row[key] for key in FILTERS if isinstance(row.get(key), str)}
         if isinstance(row.get("recording"), str):
             about["scene"] = row["recording"]
         seeds = f"{row['seeds']} seeds" if row.get("seeds") else ""
-        commands = [row["command"]] if row.get("command") else table.commands[:1]
-        about["title"] = "\n".join(filter(None, [seeds, *commands]))
+        about["title"] = "\n".join(filter(None, [seeds, row.get("command")]))
         found.append(about)
     return found
 
 
-def _safe_json(value: Any) -> Markup:
-    """JSON that may stand in a script element."""
-    text = json.dumps(value, separators=(",", ":"))
-    return Markup(text.replace("<", "\\u003c"))
+def pack(data: bytes) -> str:
+    """Bytes as gzip in base64, the same for the same bytes; report.js unpacks them."""
+    return base64.b64encode(gzip.compress(data, mtime=0)).decode()
+
+
+def _packed_json(value: Any) -> str:
+    return pack(json.dumps(value, separators=(",", ":")).encode())
+
+
+def _charts(sections: Sequence[Section]) -> str:
+    """The library that draws interactive figures, packed; empty if there is none."""
+    if not any(picture.chart for picture in _pictures(sections)):
+        return ""
+    from experiments.reporting.page.charts import library  # slow to load
+
+    return pack(library().encode())
 
 
 def _kinds(table: Table) -> list[str]:

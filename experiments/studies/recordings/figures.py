@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -13,7 +15,9 @@ from matplotlib.lines import Line2D
 
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name, scene_name
+from experiments.reporting.estimates import Estimate
 from experiments.reporting.plot import LETTERS, errors, head, literal, panel, wrapped
+from experiments.reporting.study import RUN
 from experiments.reporting.text import number
 from experiments.studies.recordings.study import STUDY
 from experiments.studies.recordings.values import (
@@ -33,6 +37,23 @@ SIZES = {
 ACROSS = 4  # panels in a row
 
 
+def _chart(results: Results) -> dict[str, Any]:
+    """The interactive form: accuracy against the frames of each class, a panel a recording."""
+    from experiments.reporting.page.charts import accuracy_chart  # slow to load
+
+    lines = []
+    for scene, measured in unsaturated(recordings(results)).items():
+        every = Accuracies(measured)
+        for model, n in itertools.product(every.models, every.sizes):
+            found = every.mean(model, n)
+            if not math.isnan(found.value):
+                line = {"scene": scene_name(scene), "model": model, "n": n}
+                shown = Estimate(*(round(100 * bound, 2) for bound in found))
+                command = f"{RUN}recordings scene={scene}"
+                lines.append(line | shown.columns("accuracy") | {"command": command})
+    return accuracy_chart(pd.DataFrame(lines), "n", "training frames of each class")
+
+
 @STUDY.figure(
     "recordings",
     caption="Accuracy of every model on each public recording that is not saturated, by the "
@@ -40,6 +61,7 @@ ACROSS = 4  # panels in a row
     "of their mean at the most frames. Split by time, group or position; bars: 95 %.",
     size=(7.0, 4.0),
     needs=lambda results: bool(unsaturated(recordings(results))),
+    chart=_chart,
 )
 def every_model(figure: Figure, results: Results) -> None:
     """A panel per recording, a line per model, a marker per number of frames."""

@@ -1,13 +1,13 @@
-"""Every model on public recordings: each module registers its tables and figures."""
+"""Every model on public recordings: each module registers its tables and figures, shown in this
+order."""
 
-from experiments.studies.recordings import (  # noqa: F401
-    costs,
-    decomposition,
-    figures,
-    forest,
-    tables,
-    theory,
-)
+from experiments.studies.recordings import forest, tables  # noqa: F401
+
+# isort: split
+from experiments.studies.recordings import decomposition, figures  # noqa: F401
+
+# isort: split
+from experiments.studies.recordings import costs, theory  # noqa: F401
 from experiments.studies.recordings.study import STUDY
 
 __all__ = ["STUDY"]

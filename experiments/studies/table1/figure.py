@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -13,6 +14,7 @@ from matplotlib.lines import Line2D
 from experiments.records import configs
 from experiments.records.results import Group, Results, Run
 from experiments.reporting import estimates
+from experiments.reporting import rows as rows_of
 from experiments.reporting.plot import (
     error_axis,
     error_bars,
@@ -76,6 +78,27 @@ def error_vs_time(
     title(figure, axes, text, rows, shown, shown, handles)
 
 
+def chart(results: Results) -> dict[str, Any]:
+    """The interactive form of :func:`error_vs_time`."""
+    from experiments.reporting.page.charts import time_chart  # slow to load
+
+    hdc_s = _hdc_s(results)
+    lines = []
+    for group in _curves_of(results):
+        command = rows_of.commands([group])[0]
+        for run in group.runs:
+            of_run = {"model": run.model, "run": run.seeds, "command": command}
+            for seconds, error in _tested(run):
+                lines.append(of_run | {"ratio": seconds / hdc_s, "error": 100 * error})
+    return time_chart(pd.DataFrame(lines))
+
+
+def _tested(run: Run) -> list[tuple[float, float]]:
+    """Seconds of training and test error wherever a run was tested."""
+    reports = [report for report in run.curve if "test_accuracy" in report]
+    return [(report["training_s"], 1 - report["test_accuracy"]) for report in reports]
+
+
 def _curves_of(results: Results) -> list[Group]:
     """The groups of Table I that have runs, HDC first: the paper's models, fast ones, one's own."""
     every = [*configs.models("paper", "fast"), *results.extra_models(models.scene())]
@@ -112,13 +135,12 @@ def _curve(
     """Error over the reports of one run, times over HDC's; a ring where training accuracy passed
     90 %."""
     colour, marker, line = style_of(run.model)
-    reports = [report for report in run.curve if "test_accuracy" in report]
-    if not reports:
+    tested = _tested(run)
+    if not tested:
         return
-    seconds = np.array([report["training_s"] for report in reports])
-    accuracies = np.array([report["test_accuracy"] for report in reports])
+    seconds, errors = np.array(tested).T
     times = seconds / hdc_s
-    errors = np.maximum(1 - accuracies, floor)
+    errors = np.maximum(errors, floor)
     shape = marker if len(times) < 3 else None
     look: Any = {
         "color": colour,

@@ -242,6 +242,7 @@ STUDY.figure(
     needs=lambda results: bool(results.group(models.scene(), "hdc").runs),
     commands=(f"{RUN}table1", f"{RUN}table1_extended"),
     over=True,
+    chart=figure.chart,
 )(figure.error_vs_time)
 
 

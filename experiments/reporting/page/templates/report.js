@@ -1,6 +1,16 @@
 "use strict";
 const all = (selector, from = document) => [...from.querySelectorAll(selector)];
 
+// What the page carries packed: gzip in base64.
+const unpacked = async (text, type) => {
+  const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Blob([await new Response(stream).arrayBuffer()], { type });
+};
+all("img[data-packed]").forEach(async (image) => {
+  image.src = URL.createObjectURL(await unpacked(image.dataset.packed, "image/svg+xml"));
+});
+
 // Figures: a click makes one as large as the window; Esc makes it small again.
 const small = () => all("figure.large").forEach((figure) => figure.classList.remove("large"));
 addEventListener("keydown", (event) => { if (event.key === "Escape") small(); });
@@ -70,16 +80,23 @@ filters.addEventListener("input", filter);
 filters.addEventListener("submit", (event) => event.preventDefault());
 all(".find").forEach((input) => input.addEventListener("input", filter));
 
-// Charts: where the library of charts lies beside the page, a figure can be explored. Drawn when it
-// is opened.
+// Charts: a figure can be explored; the library that draws is unpacked when the first is opened.
+let library;
+const loaded = () => library ??= new Promise(async (resolve) => {
+  const script = document.createElement("script");
+  const packed = document.getElementById("charts").textContent;
+  script.src = URL.createObjectURL(await unpacked(packed, "text/javascript"));
+  script.onload = resolve;
+  document.head.append(script);
+});
 for (const part of all("details.chart")) {
-  if (!window.vegaEmbed) break;
-  part.hidden = false;
-  part.addEventListener("toggle", () => {
+  part.addEventListener("toggle", async () => {
     const spec = part.querySelector("script");
     if (!part.open || !spec) return;
     const place = document.createElement("div");
     spec.replaceWith(place);
-    vegaEmbed(place, JSON.parse(spec.textContent), { actions: false, renderer: "svg" });
+    const blob = await unpacked(spec.textContent, "application/json");
+    await loaded();
+    vegaEmbed(place, JSON.parse(await blob.text()), { actions: false, renderer: "svg" });
   });
 }
