@@ -101,7 +101,6 @@ def readme_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
     return {
         "findings": partial(_findings, answers.results),
         "claims": partial(_rows, "claims"),
-        "claims_confirmatory": partial(_rows, "claims_confirmatory"),
         "table1": partial(_table, "table1"),
         "table1_few": partial(_table, "table1_few"),
         "reproduction": _reproduction,

@@ -2,6 +2,7 @@
 
 import math
 
+import pandas as pd
 import pytest
 
 from experiments.reporting.estimates import Estimate
@@ -19,9 +20,10 @@ def verdict(word, value, units=4):
 
 @pytest.fixture
 def judged(monkeypatch):
-    def set_to(*lines):
+    def set_to(*lines, unseen=None):
         found = [(claim, rival, verdict(*of), []) for claim, rival, *of in lines]
         monkeypatch.setattr(module, "judged", lambda _: found)
+        monkeypatch.setattr(module, "confirmatory", lambda _: unseen)
         return module.findings(None)
 
     return set_to
@@ -54,3 +56,17 @@ def test_what_was_not_measured_has_no_sentence(judged):
     times, _ = judged(("softmax", "softmax_dual", "no", 3.64))
     assert "×3.6" in times
     assert "CNN" not in times
+
+
+def test_unseen_recordings_have_both_forms_against_the_stronger_rival(judged):
+    line = {"rival": module.STRONGER, "recording": "gelsight_billets"}
+    unseen = pd.DataFrame(
+        [
+            line | {"claim": "accuracy", "mean": -21.7},
+            line | {"claim": "accuracy_mended", "mean": 1.39},
+            line | {"claim": "accuracy", "mean": -3.0, "recording": module.JOINED},
+            line | {"claim": "accuracy", "mean": 5.0, "rival": "softmax_dual"},
+        ]
+    )
+    text, _ = judged(unseen=unseen)
+    assert "GelSight, billets −21.7 as published, +1.4 mended." in text
