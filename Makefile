@@ -55,8 +55,8 @@ mutants: $(VENV)  ## weigh the tests: change the arithmetic line by line, count 
 	OMP_NUM_THREADS=1 $(BIN)/mutmut run --max-children 2
 	$(BIN)/mutmut results
 
-test: $(VENV)  ## every test but the slow ones
-	$(BIN)/pytest -m "not slow"
+test: $(VENV)  ## every test but the slow ones, as many at a time as there are cores
+	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto -m "not slow"
 
 lint: $(VENV)  ## ruff, mypy, and the direction of imports
 	$(BIN)/ruff check .
