@@ -57,9 +57,10 @@ class Recalibrating(Learner):
 
         Without labels, a model with a reference (``encoder="reference"``) is zeroed again: the
         reference becomes the mean of the new standardised frames, and prototypes stay. The new
-        frames have to show what the frames of the old reference showed: all classes about as often,
-        or, where the reference was a frame without a touch, no touch. With frames of one class the
-        model is spoilt; a warning says so where the model puts them into few classes.
+        frames have to show what the frames of the old reference showed: all classes about as often.
+        With frames of one class the model is spoilt; a warning says so where the model puts them
+        into few classes. Frames without a touch are no way around it: in the study of drift they
+        spoilt every model, even where the old reference was without a touch.
 
         Args:
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
