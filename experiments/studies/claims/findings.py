@@ -17,20 +17,21 @@ from experiments.studies.claims.verdict import Verdict
 from experiments.studies.claims.view import JOINED, confirmatory, judged
 
 LAST = (
-    "No public recording is of the paper's sensor: its frames are not public, and the simulated "
-    "ones here were fitted to it."
+    "**No public recording is of the paper's sensor.** Diffusers (captured) and fibres (computed) "
+    "show laser speckle; the others are cameras under a gel or a skin."
 )
+RAW = "softmax_dual"
 STRONGER = "softmax_dual_standardised"  # of the two rivals, on most recordings
-# What the words say of two claims.
+# What the words of both rivals say together: no, if one says no; else yes, if one says yes.
 RECOGNISES = {
-    YES: "it recognises better",
-    NO: "it does not recognise better",
-    UNDECIDED: "too uncertain to say whether it recognises better",
+    YES: "HDC is more accurate",
+    NO: "HDC is not more accurate",
+    UNDECIDED: "it is undecided whether HDC is more accurate",
 }
 KEEPS_UP = {
-    YES: "it keeps up",
-    NO: "it stays behind",
-    UNDECIDED: "too uncertain to say whether it keeps up everywhere",
+    YES: "HDC keeps up",
+    NO: "HDC does not keep up",
+    UNDECIDED: "it is undecided whether HDC keeps up",
 }
 SLOWER = {
     YES: "at least ten times in every way of computing both",
@@ -44,8 +45,8 @@ def findings(results: Results) -> list[str]:
     """Sentences in Markdown, the answer first."""
     found = {(name, rival): verdict for name, rival, verdict, _ in judged(results)}
     sentences = [
-        *_recognition(found, "accuracy", "**As published**", RECOGNISES),
-        *_recognition(found, "accuracy_mended", f"**{_mended()}**", KEEPS_UP),
+        *_recognition(found, "accuracy", "As published", RECOGNISES, "than"),
+        *_recognition(found, "accuracy_mended", _mended(), KEEPS_UP, "with"),
         *_unseen(results),
         *_times(found),
     ]
@@ -55,32 +56,35 @@ def findings(results: Results) -> list[str]:
 def _mended() -> str:
     """The form that is mended, in words."""
     levels = rules().mended["thresholds"]
-    return f"With {levels} levels a pixel and a discriminant analysis of the bits"
+    return (
+        f"With {levels} levels a pixel and a discriminant analysis of the bits (mended)"
+    )
 
 
 def _recognition(
-    found: dict[tuple[str, str], Verdict], claim: str, who: str, words: dict[str, str]
+    found: dict[tuple[str, str], Verdict],
+    claim: str,
+    who: str,
+    words: dict[str, str],
+    joint: str,
 ) -> Iterator[str]:
-    """HDC against softmax regression of raw and of standardised frames."""
-    against = {
-        "softmax_dual": "on raw frames",
-        "softmax_dual_standardised": "on standardised ones",
-    }
-    parts: list[str] = []
-    said: dict[str, None] = {}
-    for rival, frames in against.items():
-        verdict = found.get((claim, rival))
-        if verdict is None:
-            return
+    """HDC against softmax regression of standardised and of raw frames, the answer first."""
+    verdicts = [found.get((claim, rival)) for rival in (STRONGER, RAW)]
+    if None in verdicts:
+        return
+    known = [verdict for verdict in verdicts if verdict is not None]
+    said = {verdict.word for verdict in known}
+    together = next((word for word in (NO, YES) if word in said), UNDECIDED)
+    parts = []
+    for verdict, frames in zip(known, ("standardised", "raw"), strict=True):
         mean = verdict.pooled.mean
         low, high = (_points(bound) for bound in mean[1:])
-        parts.append(f"{_points(mean.value)} points [{low}, {high}] {frames}")
-        said[words[verdict.word]] = None
-    rival = display_name("softmax_dual").lower()
-    units = found[claim, "softmax_dual"].pooled.units
+        part = f"{_points(mean.value)} points [{low}, {high}] on {frames} frames"
+        parts.append(f"{part}, *{verdict.word}*")
+    rival = display_name(RAW).lower()
     yield (
-        f"{who}, the accuracy of HDC minus that of {rival} is {' and '.join(parts)}, mean over "
-        f"{units} laboratories [95 %]: {'; '.join(said)}."
+        f"**{who}, {words[together]}** {joint} {rival}: {'; '.join(parts)} (means over "
+        f"{known[0].pooled.units} laboratories, 95 %)."
     )
 
 

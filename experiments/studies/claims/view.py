@@ -49,7 +49,7 @@ from experiments.studies.claims.verdict import (
 )
 
 JOINED = "all of these"
-COMMAND = "python -m experiments.reproduce --claim"
+COMMAND = "python -m experiments.reproduce --full --claim"
 Row = Mapping[str, Any]
 Read = Callable[[str, Claim, Rules, Results], Iterator[Piece]]
 # By the experiment whose records are the evidence.

@@ -36,10 +36,10 @@ class Step(NamedTuple):
 
 STEPS = (
     Step("threshold: greys to bits", "ridge_standardised", "linear_bits"),
-    Step("ridge to lda, weights of four bits", "linear_bits", "hdc_lda"),
-    Step("lda to the mean: pixels weigh alike", "hdc_lda", "hdc_integer"),
+    Step("ridge to lda (4-bit weights)", "linear_bits", "hdc_lda"),
+    Step("lda to class means: equal weights", "hdc_lda", "hdc_integer"),
     Step("mean to majority: one bit", "hdc_integer", "hdc"),
-    Step("one prototype to every frame", "hdc", "nearest_neighbour"),
+    Step("aside: prototype to nearest frame", "hdc", "nearest_neighbour"),
 )
 """From ridge regression of grey values to HDC as published, and one step aside."""
 ACROSS = 4  # panels in a row

@@ -157,7 +157,7 @@ def _frame(axes: Axes, rows: list[tuple[str, str]]) -> None:
         if scene:
             axes.axhline(y, color="0.93", lw=0.5, zorder=0)
     axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.set_xlabel("points above softmax", fontsize=8)
+    axes.set_xlabel("HDC minus softmax (points)", fontsize=8)
     axes.tick_params(axis="x", labelsize=8)
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)

@@ -205,7 +205,7 @@ def forms(results: Results) -> pd.DataFrame | None:
 
 
 def _form_head(form: str) -> str:
-    status = "confirmatory" if form in CONFIRMATORY else "exploratory"
+    status = "fixed in advance" if form in CONFIRMATORY else "exploratory"
     return f"{display_name(form)} ({status})"
 
 

@@ -38,8 +38,8 @@ NOTE = (
     "test frame do not train. Brackets: Student over seeds (input fields, fibres) for fibres, the "
     "central 95 % of draws for cameras, each of which is one sensor; none of fewer than ten draws. "
     "Standardised: each frame with mean 0 and deviation 1. Captured: by a camera; computed: from "
-    f"measured matrices of a fibre, with an assumed noise. Primary rival, named beforehand: "
-    f"{display_name(RIVAL)}."
+    f"measured matrices of a fibre, with an assumed noise. Primary rivals: {display_name(RIVAL)}, "
+    "on raw and on standardised frames."
 )
 
 
