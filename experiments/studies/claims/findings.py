@@ -22,16 +22,18 @@ LAST = (
 )
 RAW = "softmax_dual"
 STRONGER = "softmax_dual_standardised"  # of the two rivals, on most recordings
-# What the words of both rivals say together: no, if one says no; else yes, if one says yes.
+# What the words against both rivals say together: no, if one is no; partly, if one is yes.
 RECOGNISES = {
-    YES: "HDC is more accurate",
-    NO: "HDC is not more accurate",
-    UNDECIDED: "it is undecided whether HDC is more accurate",
+    YES: "HDC is more accurate than",
+    NO: "HDC is not more accurate than",
+    PARTLY: "HDC is more accurate than one of two forms of",
+    UNDECIDED: "it is undecided whether HDC is more accurate than",
 }
 KEEPS_UP = {
-    YES: "HDC keeps up",
-    NO: "HDC does not keep up",
-    UNDECIDED: "it is undecided whether HDC keeps up",
+    YES: "HDC keeps up with",
+    NO: "HDC does not keep up with",
+    PARTLY: "HDC keeps up with one of two forms of",
+    UNDECIDED: "it is undecided whether HDC keeps up with",
 }
 SLOWER = {
     YES: "at least ten times in every way of computing both",
@@ -45,8 +47,8 @@ def findings(results: Results) -> list[str]:
     """Sentences in Markdown, the answer first."""
     found = {(name, rival): verdict for name, rival, verdict, _ in judged(results)}
     sentences = [
-        *_recognition(found, "accuracy", "As published", RECOGNISES, "than"),
-        *_recognition(found, "accuracy_mended", _mended(), KEEPS_UP, "with"),
+        *_recognition(found, "accuracy", "As published", RECOGNISES),
+        *_recognition(found, "accuracy_mended", _mended(), KEEPS_UP),
         *_unseen(results),
         *_times(found),
     ]
@@ -66,7 +68,6 @@ def _recognition(
     claim: str,
     who: str,
     words: dict[str, str],
-    joint: str,
 ) -> Iterator[str]:
     """HDC against softmax regression of standardised and of raw frames, the answer first."""
     verdicts = [found.get((claim, rival)) for rival in (STRONGER, RAW)]
@@ -74,7 +75,7 @@ def _recognition(
         return
     known = [verdict for verdict in verdicts if verdict is not None]
     said = {verdict.word for verdict in known}
-    together = next((word for word in (NO, YES) if word in said), UNDECIDED)
+    together = said.pop() if len(said) == 1 else NO if NO in said else PARTLY
     parts = []
     for verdict, frames in zip(known, ("standardised", "raw"), strict=True):
         mean = verdict.pooled.mean
@@ -83,7 +84,7 @@ def _recognition(
         parts.append(f"{part}, *{verdict.word}*")
     rival = display_name(RAW).lower()
     yield (
-        f"**{who}, {words[together]}** {joint} {rival}: {'; '.join(parts)} (means over "
+        f"**{who}, {words[together]} {rival}**: {'; '.join(parts)} (means over "
         f"{known[0].pooled.units} laboratories, 95 %)."
     )
 

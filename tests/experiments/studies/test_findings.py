@@ -37,7 +37,7 @@ def test_the_words_are_those_of_the_verdict(judged, word):
     first, last = judged(*(("accuracy", rival, word, -0.158) for rival in RIVALS))
     assert "−15.8 points [−25.8, −5.8]" in first
     assert "over 4 laboratories" in first
-    assert first.startswith(f"**As published, {module.RECOGNISES[word]}** than")
+    assert first.startswith(f"**As published, {module.RECOGNISES[word]} softmax at")
     assert first.count(f"*{word}*") == 2
     assert last == module.LAST
 
@@ -48,9 +48,17 @@ def test_two_rivals_may_get_two_words(judged):
         ("accuracy_mended", RIVALS[1], "no", -0.08),
     )
     assert first.startswith("**With 7 levels a pixel")
-    assert "HDC does not keep up** with softmax" in first  # one no is a no
+    assert "HDC does not keep up with softmax" in first  # one no is a no
     assert "on standardised frames, *no*; " in first
     assert "on raw frames, *yes* " in first
+
+
+def test_one_yes_is_no_yes(judged):
+    first, _ = judged(
+        ("accuracy_mended", RIVALS[0], "undecided", 0.05),
+        ("accuracy_mended", RIVALS[1], "yes", 0.03),
+    )
+    assert "HDC keeps up with one of two forms of softmax" in first
 
 
 def test_what_was_not_measured_has_no_sentence(judged):
