@@ -88,18 +88,21 @@ def cross_validated(
 ) -> HeldOut:
     """Scores of training hypervectors by read-outs like this one, trained on four folds of five.
 
-    The frames of a class are dealt out to the folds in their order.
+    The frames of a class are dealt out to the folds in their order. The only frame of a class is
+    always learnt, never asked.
     """
-    place = torch.empty_like(rows)
+    place = torch.full_like(rows, -1)
     for c in rows.unique().tolist():
         members = (rows == c).nonzero().flatten()
-        place[members] = torch.arange(len(members)) % FOLDS
+        if len(members) > 1:
+            place[members] = torch.arange(len(members)) % FOLDS
+    asked = place >= 0
     scores = torch.zeros(len(rows), n_classes, dtype=torch.float64)
-    for fold in place.unique().tolist():
+    for fold in place[asked].unique().tolist():
         tested = place == fold
         here = tested.to(words.device)
         trained = readout.unlearned()
         trained.backend = readout.backend
         trained.fit(words[~here], rows[~tested], n_classes, dimension)
         scores[tested] = trained.scores(words[here]).double().cpu()
-    return HeldOut(scores, rows)
+    return HeldOut(scores[asked], rows[asked])

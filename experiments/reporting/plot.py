@@ -62,8 +62,13 @@ def save(figure: Figure, kind: str) -> bytes:
     plt.close(figure)
     if kind != "svg":
         return stream.getvalue()
-    # A hundredth of a point is finer than any screen; the page carries every figure.
-    return re.sub(rb"(\d\.\d\d)\d+", rb"\1", stream.getvalue())
+    # A hundredth of a point is finer than any screen; the page carries every figure. Only what
+    # stands within tags is shortened: numbers between them are text.
+    return re.sub(
+        rb"<[^>]*>",
+        lambda tag: re.sub(rb"(\d\.\d\d)\d+", rb"\1", tag[0]),
+        stream.getvalue(),
+    )
 
 
 def style_of(model: str) -> tuple[str, str, str]:

@@ -96,8 +96,9 @@ class Neighbours(Updatable):
             k = min(self.n_neighbours, len(self.frames_))
             nearest = by_distance_and_class.topk(k, dim=1, largest=False)
             voting = nearest.values % self._n_classes
+            is_there = nearest.values // self._n_classes <= self._dimension
             votes = torch.zeros_like(scores)
-            votes.scatter_add_(1, voting, torch.ones_like(voting))
+            votes.scatter_add_(1, voting, is_there.to(votes.dtype))
             scores += (far + 1) * votes
         return scores
 

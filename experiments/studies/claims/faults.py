@@ -41,7 +41,7 @@ def pieces(name: str, claim: Claim, frozen: Rules, results: Results) -> Iterator
 
 
 def lost(rows: pd.DataFrame, model: str, level: float) -> list[float]:
-    """Accuracy with flipped bits less that without, a number a seed; mean over draws of flips.
+    """Accuracy with flipped bits less that without, a number a seed.
 
     Of a model that ends in ``_int8`` after its numbers were rounded.
     """

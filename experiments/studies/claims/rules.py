@@ -134,11 +134,11 @@ def much_slower(ratio: Estimate, runs: int, frozen: Rules | None = None) -> str:
     frozen = frozen or rules()
     if runs >= frozen.runs.least:
         return above(ratio, frozen.times)
-    ends = (ratio.value if math.isnan(ratio.low) else ratio.low,
-            ratio.value if math.isnan(ratio.high) else ratio.high)  # fmt: skip
-    if min(ends) > frozen.times * frozen.runs.factor:
+    low = ratio.value if math.isnan(ratio.low) else ratio.low
+    high = ratio.value if math.isnan(ratio.high) else ratio.high
+    if low > frozen.times * frozen.runs.factor:
         return YES
-    return NO if max(ends) < frozen.times / frozen.runs.factor else UNDECIDED
+    return NO if high < frozen.times / frozen.runs.factor else UNDECIDED
 
 
 def by_all_ways(words: Sequence[str]) -> str:

@@ -148,6 +148,8 @@ def subsets(
     seed: int,
 ) -> dict[int, np.ndarray]:
     """n of the pool for each n, stratified and nested: the first in time of each class, or any."""
+    if not sizes:
+        return {}
     if order == "random":
         return learning_curve_subsets(choice.pool, labels, sizes, seed)
     of_pool = labels[choice.pool]  # in time order

@@ -123,7 +123,7 @@ def waterfall(figure: Figure, results: Results) -> None:
     for axes in panels[len(scenes) :]:
         axes.set_visible(False)
     names = [step.name for step in STEPS]
-    for axes in panels[:: ACROSS if len(scenes) > ACROSS else len(panels)]:
+    for axes in panels[::across]:
         axes.set_yticks(range(len(STEPS)), names, fontsize=6)
     panels[0].set_ylim(len(STEPS) - 0.5, -0.5)
 

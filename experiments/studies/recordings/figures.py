@@ -113,6 +113,8 @@ def _by_mean(every: Iterable[Accuracies]) -> list[str]:
     """Models, the least accurate first, by their mean over recordings at the most frames."""
     table: dict[str, list[float]] = {}
     for of_scene in every:
+        if not of_scene.sizes:  # nothing by the split that counts
+            continue
         for model in of_scene.models:
             values = table.setdefault(model, [])
             most = of_scene.mean(model, of_scene.sizes[-1]).value

@@ -210,7 +210,7 @@ def recording_costs(
 ) -> Iterator[Row]:
     """One row: what a model costs that was trained on ``n`` frames of every class.
 
-    ``bytes`` that a prediction needs, and those a ``pixel`` and class, in bits; seconds to train
+    ``bytes`` that a prediction needs, of ``n_pixels`` and ``n_classes``; seconds to train
     (``fit_s``) and to predict a frame of a batch (``predict_frame_s``), the least of some repeats.
     Frames are in memory, and nothing was computed of them before.
     Arguments: configs/experiment/recording_costs.yaml.

@@ -75,8 +75,10 @@ def flipped_bits(
         stored = tensor.detach().view(-1).view(torch.uint8)
         memory.append(stored.numpy())
     _flip(memory, rate, seed)
-    yield
-    _flip(memory, rate, seed)
+    try:
+        yield
+    finally:
+        _flip(memory, rate, seed)
 
 
 @contextmanager
@@ -96,9 +98,11 @@ def flipped_bits_of_int8(
     with flipped_bits(stored, rate, seed):
         for tensor, _, q, step in rounded:
             tensor.copy_(q * step)
-        yield
-        for tensor, exact, *_ in rounded:
-            tensor.copy_(exact)
+        try:
+            yield
+        finally:
+            for tensor, exact, *_ in rounded:
+                tensor.copy_(exact)
 
 
 class FlippedQueries(Encoder):

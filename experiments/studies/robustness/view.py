@@ -65,7 +65,7 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
 
 NOTE = (
     "Laser power: another factor for every frame. Dead pixels read zero, the same in all frames. "
-    "In brackets: Student, 95 %, over seeds; of flips the lowest and the highest draw. Flipped "
+    "In brackets: Student, 95 %, over seeds; of flips the lowest and the highest seed. Flipped "
     "bits of the query: of the hypervector of HDC, of the pixels of a frame of others. Flipped "
     "bits of the model: of every stored tensor, of lda but for its scale and offset of each class. "
     "8-bit numbers: every float32 was rounded to one of 255 equal steps before."

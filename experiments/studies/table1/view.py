@@ -211,6 +211,7 @@ def table1_few(results: Results) -> pd.DataFrame | None:
         return None
     together = pd.concat(parts, ignore_index=True)
     lines = records(together)
+    together.attrs["commands"] = [c for part in parts for c in part.attrs["commands"]]
     together.attrs["columns"] = {
         **COLUMNS,
         "scene": Column("Scene", scene_name),

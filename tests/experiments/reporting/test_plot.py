@@ -60,3 +60,11 @@ def test_no_error_lies_below_one_error_of_all_samples(figure):
     drawn = np.concatenate([np.asarray(x.get_ydata(), float) for x in axes.lines[1:]])
     assert np.min(drawn) == pytest.approx(floor)
     assert 1 / 500 in np.round(drawn, 12)  # a single error is drawn where it is
+
+
+def test_text_of_a_figure_keeps_its_digits():
+    figure, axes = plt.subplots()
+    axes.text(0.123456, 0.5, "C = 0.0551")
+    drawn = plot.save(figure, "svg").decode()
+    assert "C = 0.0551" in drawn
+    assert "0.123456" not in drawn

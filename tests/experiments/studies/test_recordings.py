@@ -204,7 +204,7 @@ def test_forms_are_set_beside_both_rivals_and_losses_are_shown(results):
     assert (at.hdc_levels_lda_low, at.hdc_levels_lda_high) == pytest.approx((low, high))
     assert rows.loc[(50, "softmax_dual_standardised")].hdc == pytest.approx(-0.2)
     heads = {name: column.head for name, column in data.attrs["columns"].items()}
-    confirmed = {name for name, head in heads.items() if "(confirmatory)" in head}
+    confirmed = {name for name, head in heads.items() if "(fixed in advance)" in head}
     assert confirmed == {"hdc", "hdc_levels_lda"}
     assert "(exploratory)" in heads["hdc_quantile"]
 
@@ -242,7 +242,7 @@ def test_steps_add_up_to_the_whole_loss(results):
     table = decomposition.decomposition(results(gelsight=accuracy))
     assert table.change.sum() == pytest.approx(-0.35)
     assert table.change.min() == pytest.approx(-0.29)
-    assert "pixels weigh alike" in table.step[table.change.idxmin()]
+    assert "equal weights" in table.step[table.change.idxmin()]
 
 
 def test_the_forest_takes_the_stronger_rival(results):
