@@ -5,7 +5,7 @@ import shutil
 
 import pytest
 
-from experiments import reference
+from experiments import reference, report
 from experiments.records import steps
 from experiments.records.files import ROOT
 from experiments.records.results import Results
@@ -218,7 +218,8 @@ def test_the_committed_reference_skipped_nothing_and_names_no_folder_of_a_machin
 
 def test_every_part_that_fills_the_readme_stands_there_and_says_what_is_missing(target):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    parts = reference.readme_parts()
+    answers = report.Answers("reference", Results(target), [])
+    parts = reference.readme_parts(answers)
     filled = documents.fill(text, parts)
     blocks = dict(re.findall(r"<!-- begin (\w+) -->\n(.*)\n<!-- end \1 -->", filled))
     assert set(blocks) >= set(parts)
