@@ -91,8 +91,8 @@ _COLOURS = {LEFT_OUT: "#EEEEEE", LOADED: "#0072B2", TOO_MUCH: "#D55E00"}
     "footprint",
     of="footprint",
     size=(3.4, 3.2),
-    caption="What each scene leaves out: modules that some part of the project loads, by scene, in "
-    "a process that learns and predicts with HDC. Peak memory on the right.",
+    caption="What each scene loads and leaves out, in a process that learns and predicts with HDC. "
+    "A column is a module that some part of the project needs. Right: peak memory.",
     needs=lambda rows, config: bool(
         ((rows.model == "hdc") & rows.loaded.notna()).any()
     ),
