@@ -29,14 +29,13 @@ from experiments.reporting.plot import (
 )
 from experiments.reporting.study import RUN
 from experiments.reporting.text import number, percent, size
+from experiments.studies.recordings.panels import grid
 from experiments.studies.recordings.study import STUDY
 from experiments.studies.recordings.values import (
     Accuracies,
     recordings,
     unsaturated,
 )
-
-ACROSS = 3  # panels in a row
 
 
 @STUDY.table(
@@ -110,16 +109,11 @@ def error_against_bytes(figure: Figure, results: Results) -> None:
     table = _shown(results)
     assert table is not None
     scenes = list(table.recording.unique())
-    across = min(ACROSS, len(scenes))
-    down = -(-len(scenes) // across)
-    figure.set_size_inches(7.0, 1.0 + 1.9 * down)
-    panels = figure.subplots(down, across, squeeze=False).ravel()
+    panels, at_the_left = grid(figure, len(scenes), row=1.9, rest=1.0, most=3)
     for letter, axes, scene in zip(LETTERS, panels, scenes, strict=False):
         _points(axes, table[table.recording == scene])
         panel(axes, letter, wrapped(scene_name(scene), 34))
-    for axes in panels[len(scenes) :]:
-        axes.set_visible(False)
-    for axes in panels[::across]:
+    for axes in at_the_left:
         axes.set_ylabel("error (%)")
     handles = [handle(model) for model in table.model.unique()]
     for entry in handles:

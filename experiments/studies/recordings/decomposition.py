@@ -16,6 +16,7 @@ from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.plot import LETTERS, panel, wrapped
 from experiments.reporting.study import RUN
 from experiments.reporting.text import percent, points
+from experiments.studies.recordings.panels import grid
 from experiments.studies.recordings.study import STUDY
 from experiments.studies.recordings.values import (
     NOTE,
@@ -42,7 +43,6 @@ STEPS = (
     Step("aside: prototype to nearest frame", "hdc", "nearest_neighbour"),
 )
 """From ridge regression of grey values to HDC as published, and one step aside."""
-ACROSS = 4  # panels in a row
 # Blue for what wins, vermilion for what loses: told apart in any colour vision.
 GAIN, LOSS = "#0072B2", "#D55E00"
 
@@ -111,19 +111,14 @@ def waterfall(figure: Figure, results: Results) -> None:
     table = decomposition(results)
     assert table is not None
     scenes = list(table.recording.unique())
-    across = min(ACROSS, len(scenes))
-    down = -(-len(scenes) // across)
-    figure.set_size_inches(7.0, 0.5 + 1.9 * down)
-    panels = figure.subplots(down, across, sharey=True, squeeze=False).ravel()
+    panels, at_the_left = grid(figure, len(scenes), row=1.9, rest=0.5, sharey=True)
     for letter, axes, scene in zip(LETTERS, panels, scenes, strict=False):
         rows = table[table.recording == scene]
         _bars(axes, rows)
         n = rows.n.iloc[0]
         panel(axes, letter, f"{wrapped(scene_name(scene), 24)}, n = {n}")
-    for axes in panels[len(scenes) :]:
-        axes.set_visible(False)
     names = [step.name for step in STEPS]
-    for axes in panels[::across]:
+    for axes in at_the_left:
         axes.set_yticks(range(len(STEPS)), names, fontsize=6)
     panels[0].set_ylim(len(STEPS) - 0.5, -0.5)
 

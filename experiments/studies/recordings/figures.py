@@ -19,6 +19,7 @@ from experiments.reporting.estimates import Estimate
 from experiments.reporting.plot import LETTERS, errors, head, literal, panel, wrapped
 from experiments.reporting.study import RUN
 from experiments.reporting.text import number
+from experiments.studies.recordings.panels import grid
 from experiments.studies.recordings.study import STUDY
 from experiments.studies.recordings.values import (
     Accuracies,
@@ -34,7 +35,6 @@ SIZES = {
     20: ("#E69F00", "D"),
     50: ("black", "^"),
 }
-ACROSS = 4  # panels in a row
 
 
 def _chart(results: Results) -> dict[str, Any]:
@@ -68,18 +68,14 @@ def every_model(figure: Figure, results: Results) -> None:
     found = unsaturated(recordings(results))
     every = accuracies_of(found)
     models = _by_mean(every.values())
-    across = min(ACROSS, len(found))
-    down = -(-len(found) // across)
-    figure.set_size_inches(7.0, 0.8 + down * (0.6 + 0.105 * len(models)))
-    panels = figure.subplots(down, across, sharey=True, squeeze=False).ravel()
+    row = 0.6 + 0.105 * len(models)
+    panels, at_the_left = grid(figure, len(found), row, rest=0.8, sharey=True)
     for letter, axes, scene in zip(LETTERS, panels, found, strict=False):
         _frame_of_panel(axes, models, _chance(found[scene].frame))
         _draw_accuracies(axes, models, every[scene])
         panel(axes, letter, wrapped(scene_name(scene), 26))
-    for axes in panels[len(found) :]:
-        axes.set_visible(False)
     names = [literal(display_name(model)) for model in models]
-    for axes in panels[::across]:
+    for axes in at_the_left:
         axes.set_yticks(range(len(models)), names)
         for label, model in zip(axes.get_yticklabels(), models, strict=True):
             weight = "bold" if model == "hdc" else "normal"
