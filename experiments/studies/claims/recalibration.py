@@ -92,8 +92,9 @@ def _judged(
 
 
 def _variance(shares: pd.Series) -> float:
-    """Variance of the mean of a share a seed; NaN of a single seed."""
-    if len(shares) < 2:
+    """Variance of the mean of a share a seed; NaN of a single seed, and where all seeds agree,
+    which says nothing of how much another would differ."""
+    if shares.nunique() < 2:
         return math.nan
     return float(np.var(shares, ddof=1)) / len(shares)
 

@@ -85,7 +85,7 @@ def settled(piece: Piece, claim: Claim) -> Piece:
         remarks.append("simulated frames cannot rank models")
     is_joined = claim.rule not in BY_WORDS
     if is_joined and math.isnan(piece.variance):
-        remarks.append("of one draw or seed, so its variance is unknown")
+        remarks.append("of one draw or seed, or all agree, so its variance is unknown")
     if not piece.enters or not remarks:
         return piece
     return replace(

@@ -476,3 +476,12 @@ def test_every_row_of_the_reference_has_a_word_and_a_command():
     assert (table.command == view.COMMAND + " " + table.claim).all()
     for made in view.STUDY.tables_of(results):
         assert "<br>" not in made.markdown()
+
+
+def test_seeds_that_all_agree_join_no_estimate_and_break_no_table(
+    write_measurement, judged
+):
+    drifted(write_measurement, 90, stored=30, old=90, seeds=1)
+    assert judged("recalibration", "its own loss") is None
+    assert math.isnan(recalibration._variance(pd.Series([1.0, 1.0, 1.0])))
+    assert recalibration._variance(pd.Series([0.9, 1.0, 1.1])) == pytest.approx(0.01 / 3)
