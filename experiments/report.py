@@ -33,7 +33,7 @@ from experiments.reporting.study import Failure, Plot, Quantity, Study, own_stud
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table
 from experiments.reporting.terminal import last_line, show_table1
-from experiments.reporting.text import printable
+from experiments.reporting.text import counted, printable
 from hdc.io import write_atomically
 
 WIDTH = 100  # columns of the terminal that Table I needs
@@ -75,7 +75,8 @@ class Answers:
             self.pictures[study.name] = []
             for plot in study.plots_of(self.results, self.failures):
                 try:
-                    picture = Picture(plot, _drawn(plot, drawn, behind))
+                    over = plot.over(behind)
+                    picture = Picture(over, _drawn(over, drawn))
                 except Exception as error:
                     called = f"figure {plot.name}"
                     self.failures.append(Failure(study.name, called, error))
@@ -284,7 +285,9 @@ def _about(answers: Answers) -> str:
     for entry in records:
         environment = entry.record.environment
         machines.add((environment.cpu, environment.threads))
-    where = "; ".join(f"{cpu}, {threads} threads" for cpu, threads in sorted(machines))
+    where = "; ".join(
+        f"{cpu}, {counted(threads, 'thread')}" for cpu, threads in sorted(machines)
+    )
     counts = f"{len(results.runs)} runs and {len(results.measurements)} measurements on {where}"
     counts += f" ({'tables/runs.csv' if answers.name == 'mine' else 'runs.jsonl'} has every run)"
     old = [record for record in records if record.outdated]
@@ -305,14 +308,13 @@ def _about(answers: Answers) -> str:
 def _drawn(
     plot: Plot,
     folder: Path | None,
-    behind: Results | None,
 ) -> bytes:
     from experiments.reporting.plot import save  # --help does not wait for matplotlib
 
     file = folder and folder / f"{plot.name}.{plot.kind}"
     if file and file.exists():
         return file.read_bytes()
-    return save(plot.draw(behind=behind), plot.kind)
+    return save(plot.draw(), plot.kind)
 
 
 def print_problems(console: Console, sets: Sequence[Answers]) -> None:

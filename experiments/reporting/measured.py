@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -28,6 +28,11 @@ def by_scene(results: Results, name: str) -> dict[str, Measured]:
             found.setdefault(measured.record.scene, measured)
     ordered = sorted(found, key=lambda scene: (place_of(scene), scene))
     return {scene: found[scene] for scene in ordered}
+
+
+def commands_of(found: Iterable[Measured]) -> list[str]:
+    """Commands that make some measurements again, each once."""
+    return list(dict.fromkeys(measured.record.command for measured in found))
 
 
 def place_of(scene: str) -> float:

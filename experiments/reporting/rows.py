@@ -12,7 +12,7 @@ from experiments.records.results import Group, Results
 from experiments.reporting.columns import COLUMNS, Column
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.table import Table, frame
-from experiments.reporting.text import frames_of, number
+from experiments.reporting.text import counted, frames_of, number
 
 Row = dict[str, Any]
 
@@ -70,7 +70,9 @@ def caption(rows: Sequence[Mapping[str, Any]], what: str) -> str:
     """What a table shows, on which frames, on which machine."""
     scene = " and ".join(dict.fromkeys(f"“{line['scene']}”" for line in rows))
     used = {
-        f"{line['cpu']}, {line['threads']} threads" for line in rows if line.get("cpu")
+        f"{line['cpu']}, {counted(line['threads'], 'thread')}"
+        for line in rows
+        if line.get("cpu")
     }
     if not any(line["seeds"] for line in rows):
         return f"{what}, scene {scene}: no runs."

@@ -8,7 +8,7 @@ from typing import Any
 
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
-from experiments.reporting.text import frames_of
+from experiments.reporting.text import counted, frames_of
 
 Of = str | Sequence[str] | None
 
@@ -27,8 +27,7 @@ class Source:
         if self.measured is None:
             return text
         env = self.measured.record.environment
-        threads = "1 thread" if env.threads == 1 else f"{env.threads} threads"
-        parts = [env.cpu, threads]
+        parts = [env.cpu, counted(env.threads, "thread")]
         if env.device not in (None, "cpu"):
             parts.insert(0, env.device)
         text = text.replace("{frames}", frames_of(self.measured.rows))

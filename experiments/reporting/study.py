@@ -16,7 +16,7 @@ import importlib
 import math
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from types import ModuleType
 from typing import Any
@@ -48,10 +48,12 @@ class Plot:
     Attributes:
         name: stem of its file, and its anchor on the page.
         caption: also used as alternative text.
-        draw: makes the matplotlib figure; ``draw(behind)`` over other results, if it can.
+        draw: makes the matplotlib figure.
         commands: make its results again.
         kind: ``svg``, or ``webp`` for a figure made of pixels.
         chart: its interactive form for the page, as Vega-Lite; None if it has none.
+        behind: whether other results have anything to draw behind it; None if it is never drawn
+            over others.
     """
 
     name: str
@@ -60,6 +62,14 @@ class Plot:
     commands: Sequence[str] = ()
     kind: str = "svg"
     chart: Callable[[], dict[str, Any]] | None = None
+    behind: Callable[[Results], bool] | None = None
+
+    def over(self, behind: Results | None) -> Plot:
+        """The figure over other results, which its caption names where there are any to draw."""
+        if behind is None or self.behind is None or not self.behind(behind):
+            return self
+        caption = f"{self.caption} Pale: the reference."
+        return replace(self, caption=caption, draw=partial(self.draw, behind=behind))
 
 
 @dataclass(frozen=True)
@@ -179,20 +189,22 @@ class Study:
         self,
         name: str,
         *,
-        caption: str,
+        caption: str | Callable[..., str],
         of: Of = None,
         size: tuple[float, float] = (WIDTH, 2.6),
         kind: str = "svg",
         needs: Callable[..., bool] = lambda *_: True,
-        commands: Sequence[str] = (),
+        commands: Sequence[str] | Callable[..., Sequence[str]] = (),
         over: bool = False,
         chart: Callable[..., dict[str, Any]] | None = None,
     ) -> Decorator:
         """Register a function that draws on a figure, whose first argument that is.
 
         Args:
-            name, of, commands: as :meth:`table`.
-            caption: what it shows; also the alternative text; may hold ``{frames}``.
+            name, of: as :meth:`table`.
+            commands: as :meth:`table`, or a function of the function's other arguments.
+            caption: what it shows, a text or a function of the function's other arguments; also
+                the alternative text; may hold ``{frames}``.
             size: width and height in inches.
             kind: as :class:`Plot` has it.
             needs: of the function's other arguments: whether there is anything to draw.
@@ -204,14 +216,16 @@ class Study:
         def make(source: Source, function: Callable[..., Any]) -> Iterator[Plot]:
             if needs(*source.arguments):
                 draw = partial(_draw, function, source.arguments, size, over)
-                made_by = tuple(commands) or source.commands
+                says = caption(*source.arguments) if callable(caption) else caption
+                made = commands(*source.arguments) if callable(commands) else commands
                 yield Plot(
                     f"{name}{source.suffix}",
-                    source.fill(caption),
+                    source.fill(says),
                     draw,
-                    made_by,
+                    tuple(made) or source.commands,
                     kind,
                     chart and partial(chart, *source.arguments),
+                    needs if over else None,
                 )
 
         return self._registering(Plot, f"figure {name}", of, make)

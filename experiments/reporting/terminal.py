@@ -10,7 +10,7 @@ from rich.text import Text
 
 from experiments.reporting.columns import display_name
 from experiments.reporting.table import Table, records
-from experiments.reporting.text import number, percent, printable
+from experiments.reporting.text import counted, number, percent, printable
 
 # Heads of the columns, group by group.
 _GROUPS = (
@@ -68,7 +68,7 @@ def _about(rows: Sequence[Mapping[str, Any]]) -> str:
         "Table I",
         f"{first['scene']} ({first['origin']})",
         f"{first['n_train']} train / {first['n_test'] // first['seeds']} test",
-        f"{first['cpu']}, {first['threads']} threads",
+        f"{first['cpu']}, {counted(first['threads'], 'thread')}",
         seeds,
     )
     return " · ".join(map(str, parts))

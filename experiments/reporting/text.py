@@ -69,6 +69,11 @@ def size(value: Any) -> str:
     return f"{number(value / 1e3)} kB" if value < 1e6 else f"{number(value / 1e6)} MB"
 
 
+def counted(count: int, name: str) -> str:
+    """``1 thread``, ``2 threads``: so many of what takes an s."""
+    return f"{count} {name}" if count == 1 else f"{count} {name}s"
+
+
 def printable(text: str) -> str:
     """Text with its control characters shown, as Python would write them."""
     shown = [sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text]

@@ -16,9 +16,11 @@ from experiments.records.record import Finished
 from experiments.records.results import Group, Results
 from experiments.reporting import estimates, published
 from experiments.reporting import rows as rows_of
+from experiments.reporting.columns import display_name
 from experiments.reporting.plot import (
     accuracy_curves,
     handle,
+    literal,
     published_point,
     star,
     title,
@@ -160,8 +162,8 @@ def _chart(results: Results) -> dict[str, Any]:
 
 @STUDY.figure(
     "accuracy_vs_n",
-    caption="Test accuracy against the number of training samples (Fig. 5(b)); pale: the "
-    "reference; dotted: chance.",
+    caption="Test accuracy against the number of training samples (Fig. 5(b)); "
+    "dotted: chance.",
     size=(3.4, 5.6),
     needs=lambda results: bool(rows(results, "accuracy_vs_n")),
     commands=(f"{RUN}accuracy_vs_n", f"{RUN}accuracy_vs_n_cnn"),
@@ -195,7 +197,7 @@ def accuracy_vs_n(
             ls=":",
             zorder=0,
         )
-    _draw_published(panels)
+    _draw_published(panels, above)
     sizes = panels[1].xaxis
     sizes.set_major_locator(FixedLocator([5, 10, 20, 50, 100, 200, 400]))
     sizes.set_minor_locator(NullLocator())
@@ -205,15 +207,29 @@ def accuracy_vs_n(
     title(figure, panels[0], text, lines, measured, measured)
 
 
-def _draw_published(panels: Sequence[Axes]) -> None:
-    """The paper's accuracies as stars, and its least N for 90 % as dashed lines."""
+def _draw_published(panels: Sequence[Axes], shown: Sequence[str]) -> None:
+    """The paper's accuracies as stars, named where the model has no line, and its least N for 90 %
+    as dashed lines."""
     known = published.numbers()
     drawn: list[float] = []
+    names: dict[float, list[str]] = {}
     for model in published.models_of_table1():
         accuracy = known[f"table1/{model}_test_accuracy"].value
         place = N_PUBLISHED * 1.1 ** drawn.count(accuracy)
         published_point(panels[0], model, place, accuracy, 8)
         drawn.append(accuracy)
+        if model not in shown:
+            names.setdefault(accuracy, []).append(display_name(model))
+    for accuracy, of_models in names.items():
+        panels[0].text(
+            N_PUBLISHED / 1.08,
+            accuracy,
+            literal("; ".join(of_models)),
+            ha="right",
+            va="center",
+            fontsize=5.5,
+            bbox={"fc": "white", "ec": "none", "pad": 0.5},
+        )
     limit = known["accuracy_vs_n/n_for_90_percent"].value
     look: Any = {"color": "0.5", "lw": 0.7, "ls": (0, (4, 3)), "zorder": 0}
     for axes in panels:

@@ -16,8 +16,14 @@ from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
 from experiments.reporting.columns import Column, display_name, scene_name
-from experiments.reporting.measured import ENDS, by_scene, models_of, over_units
-from experiments.reporting.plot import literal, style_of
+from experiments.reporting.measured import (
+    ENDS,
+    by_scene,
+    commands_of,
+    models_of,
+    over_units,
+)
+from experiments.reporting.plot import LETTERS, literal, panel, style_of, wrapped
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import percent, points
 from experiments.studies.calibration.measure import STEPS
@@ -142,9 +148,11 @@ def table(results: Results) -> pd.DataFrame | None:
     "calibration",
     caption="Share of right answers against their probability, after most training frames; a row "
     "of panels a split, a column a recording. On the grey diagonal probabilities are perfect; "
-    "below it they promise too much. Points of fewer than 20 answers are left out.",
+    "below it they promise too much. Points of fewer than "
+    f"{FEWEST} answers are left out.",
     size=(7.0, 4.2),
     needs=lambda results: bool(measurements(results)),
+    commands=lambda results: commands_of(measurements(results).values()),
 )
 def figure(figure: Figure, results: Results) -> None:
     """A panel a scene and split, a line a model."""
@@ -156,12 +164,13 @@ def figure(figure: Figure, results: Results) -> None:
     panels = figure.subplots(
         len(splits), len(shown), sharex=True, sharey=True, squeeze=False
     )
+    for axes, letter, scene in zip(panels[0], LETTERS, frames, strict=False):
+        panel(axes, letter, wrapped(scene_name(scene), 20))
     for line, split in zip(panels, splits, strict=True):
-        line[0].set_ylabel("right (%)")
-        for axes, (scene, rows) in zip(line, frames.items(), strict=True):
+        words = "as recorded" if split == "counts" else split
+        line[0].set_ylabel(f"split {words}\nright (%)")
+        for axes, rows in zip(line, frames.values(), strict=True):
             _draw(axes, rows[rows.split == split], looks)
-            words = "as recorded" if split == "counts" else split
-            axes.set_title(literal(f"{scene_name(scene)}, {words}"), fontsize=6)
     for axes in panels[-1]:
         axes.set_xlabel("probability (%)")
     handles = [
@@ -171,10 +180,19 @@ def figure(figure: Figure, results: Results) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
 
 
+# Okabe and Ito's.
+_COLOURS = ("#D55E00", "#0072B2", "#E69F00", "#009E73", "#56B4E9", "#CC79A7", "black")
+
+
 def _look(model: str, place: int) -> dict[str, Any]:
     """All models are HDC, and of one colour elsewhere: here each has a colour of its own."""
     _, marker, _ = style_of(model)
-    return {"color": f"C{place}", "marker": marker, "ms": 3, "lw": 0.8}
+    return {
+        "color": _COLOURS[place % len(_COLOURS)],
+        "marker": marker,
+        "ms": 3,
+        "lw": 0.8,
+    }
 
 
 def _draw(axes: Axes, rows: pd.DataFrame, looks: dict[str, dict[str, Any]]) -> None:

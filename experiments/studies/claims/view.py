@@ -30,6 +30,7 @@ from experiments.studies.claims.frozen import (
     Rules,
     commit,
     digest,
+    earlier,
     earlier_word,
     rules,
 )
@@ -175,7 +176,7 @@ COLUMNS = {
     "predicted": Column("New sensor, 95 %", cell=_range),
     "because": Column("Because"),
     "frames": Column("Frames"),
-    "earlier": Column("By version 1", lambda word: word or "–"),
+    "earlier": Column(f"By version {earlier()[-1].version}", lambda word: word or "–"),
     "command": Column("Command"),
 }
 SHOWN = ("says", "rival", "word", "mean", "predicted", "frames", "command")

@@ -200,9 +200,9 @@ def _contrasts(axes: Axes, rows: pd.DataFrame) -> None:
     bars = {
         "$ΔC^s$": ("speckle", "all"),
         "$ΔC^b$": ("hypervector", "all"),
-        "$ΔC^p$\nheld\nout": ("prototype", "held-out"),
-        "$ΔC^p$\ntrain": ("prototype", "training"),
-        "$ΔC^p$\nall": ("prototype", "all"),
+        "$ΔC^p$, held out": ("prototype", "held-out"),
+        "$ΔC^p$, training": ("prototype", "training"),
+        "$ΔC^p$, all": ("prototype", "all"),
     }
     x = np.arange(len(bars))
     value, spread = errors([mean_contrast(rows, *of) for of in bars.values()])
@@ -218,7 +218,7 @@ def _contrasts(axes: Axes, rows: pd.DataFrame) -> None:
     names = [f"correlation/contrast_{kind}" for kind, _ in bars.values()]
     known = [numbers[name].value for name in names]
     axes.plot(x, known, zorder=4, **PAPER)
-    axes.set_xticks(x, list(bars), fontsize=5.5)
+    axes.set_xticks(x, list(bars), fontsize=5.5, rotation=90)
     axes.tick_params(axis="y", labelsize=5.5)
     axes.set_ylim(0, 1.3 * axes.get_ylim()[1])
     axes.legend(handles=[star("paper")], loc="upper left", handlelength=1)

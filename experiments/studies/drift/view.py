@@ -163,6 +163,7 @@ def best(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
 # Updates of HDC: Okabe and Ito's colours; the paper's scheme from light to dark as p grows.
 _OF_HDC = ("#F3C19B", "#E8924F", "#D55E00", "#7A3600", "#009E73", "0.45")
 _MARKERS = "osD^vX"
+_NOT_UPDATED: Any = {"color": "0.5", "lw": 0.8, "ls": (0, (4, 3))}
 
 
 def shown_ways(by_seed: pd.DataFrame) -> list[tuple[str, str]]:
@@ -205,8 +206,9 @@ def _look(
     of="drift",
     size=(3.4, 6.6),
     caption="Accuracy in the new and in the old session after an update with N_new samples, "
-    "on {frames} (Fig. 8(b)): HDC by every update, others by their best; dashed grey: HDC, "
-    "not updated; 95 % intervals over seeds.",
+    "on {frames} (Fig. 8(b)): HDC by every update, others by the one that is best on "
+    f"these test frames of the new session after {N_NEW} samples, which favours them; bars: 95 % "
+    "over seeds.",
 )
 def fig8(
     figure: Figure,
@@ -237,10 +239,8 @@ def fig8(
         stored = by_seed.query("model == 'hdc' and method == 'stored'")
         axes.axhline(
             100 * stored[session].mean(),
-            color="0.5",
-            lw=0.8,
-            ls=(0, (4, 3)),
             zorder=0,
+            **_NOT_UPDATED,
         )
         lowest = min(shown.percent.min(), 100 * stored[session].min())
         axes.set(ylim=(lowest - 4, 103), ylabel="accuracy (%)")
@@ -264,6 +264,7 @@ def fig8(
             **PAPER,
         )
         handles.append(star("paper: p = 0; p = 0.5 or 0.75"))
+    handles.append(Line2D([], [], label="HDC: not updated", **_NOT_UPDATED))
     axes.set(xscale="log", xlabel="samples of the new session, $N^{new}$")
     sizes = sorted(set(by_seed[by_seed.way.isin(looks)].n_new) - {0})
     axes.set_xticks(sizes, map(str, sizes))
@@ -283,15 +284,32 @@ _WAYS = {
 _AT = {"zeroed": 30, "untouched": 10, "new": N_NEW, "stored": 0}  # new frames
 
 
+_FRAMES = {
+    "zeroed": "unlabelled frames by which it is re-zeroed",
+    "untouched": "frames in which nobody touches",
+    "new": "labelled frames of the new samples alone",
+}
+
+
+def _caption_of_zeroed(rows: pd.DataFrame, config: Mapping[str, Any]) -> str:
+    """What is drawn, with the number of frames of each update that was measured."""
+    counts = [
+        f"{_AT[method]} {words}"
+        for method, words in _FRAMES.items()
+        if (rows.method == method).any()
+    ]
+    return (
+        "Accuracy in the new session without and with an update that needs no labels, on "
+        f"{{frames}}: {', '.join(counts)}. Dashed: chance; bars: 95 % over seeds."
+    )
+
+
 @STUDY.figure(
     "drift_zeroed",
     of="drift",
     size=(3.4, 3.4),
     needs=lambda rows, config: bool(rows.method.isin(UNLABELLED).any()),
-    caption="Accuracy in the new session without and with an update that needs no labels, on "
-    "{frames}: 30 unlabelled frames with all classes alike, with 60 % of one class or of one class "
-    "only, 10 frames in which nobody touches; and trained on 50 labelled frames alone. 95 % "
-    "intervals over seeds.",
+    caption=_caption_of_zeroed,
 )
 def fig_zeroed(
     figure: Figure,

@@ -114,6 +114,7 @@ def picture(
             axes.add_patch(square)
     for y, peak in enumerate(of_hdc.peak_bytes):
         axes.text(len(WATCHED) - 0.3, y, size(int(peak)), va="center", fontsize=6)
+    axes.text(len(WATCHED) - 0.3, -0.55, "peak", va="bottom", fontsize=6)
     axes.set(xlim=(-0.5, len(WATCHED) + 1.5), ylim=(len(table) - 0.5, -0.5))
     axes.set_xticks(range(len(WATCHED)), WATCHED, rotation=90, fontsize=6)
     axes.set_yticks(range(len(table)), [scene_name(name) for name in table.scene])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pandas as pd
@@ -48,6 +49,11 @@ def table(
 ) -> pd.DataFrame | None:
     """A row a method; None of records that judge nothing."""
     return rows if "verdict" in rows else None
+
+
+def _decade(text: str) -> str:
+    """A text with ``1e+05`` written as a power of ten."""
+    return re.sub(r"1e\+0*(\d+)", r"$10^{\1}$", text)
 
 
 @STUDY.figure(
@@ -97,7 +103,8 @@ def error_against_time(
             color="0.4",
             **place,
         )
-        axes.set(xlabel="CPU time (ms)", ylabel="error")
+        unit = " (mean intensities)" if name == "phases" else ""
+        axes.set(xlabel="CPU time (ms)", ylabel=f"error{unit}")
         times = part["time_s"]
         axes.set_xlim(300 * times.min(), 3000 * times.max())
         axes.margins(y=0.15)
@@ -114,7 +121,7 @@ def error_against_time(
                 ls="",
                 color=c,
                 marker=m,
-                label=n,
+                label=_decade(n),
             )
             for n, c, m in looks
         ]

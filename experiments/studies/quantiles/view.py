@@ -14,7 +14,7 @@ from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import Column, scene_name
 from experiments.reporting.estimates import Estimate, mean_interval
-from experiments.reporting.measured import by_scene, saturated, with_right
+from experiments.reporting.measured import by_scene, commands_of, saturated, with_right
 from experiments.reporting.plot import LETTERS, errors, panel, wrapped
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import percent, points
@@ -157,6 +157,7 @@ def _spread(values: pd.Series) -> Estimate:
     "median.",
     size=(7.0, 2.4),
     needs=lambda results: bool(by_scene(results, "quantiles")),
+    commands=lambda results: commands_of(by_scene(results, "quantiles").values()),
 )
 def accuracy_by_quantile(figure: Figure, results: Results) -> None:
     """A panel per recording, a line per number of frames, the stated quantiles as a band."""

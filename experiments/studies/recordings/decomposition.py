@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from experiments.records.results import Results
 from experiments.reporting.columns import Column, display_name, scene_name
+from experiments.reporting.measured import commands_of
 from experiments.reporting.plot import LETTERS, panel, wrapped
 from experiments.reporting.study import RUN
 from experiments.reporting.text import percent, points
@@ -105,6 +106,7 @@ def _steps(every: Accuracies) -> Iterator[dict[str, Any]]:
     "change.",
     size=(7.0, 4.2),
     needs=lambda results: decomposition(results) is not None,
+    commands=lambda results: commands_of(unsaturated(recordings(results)).values()),
 )
 def waterfall(figure: Figure, results: Results) -> None:
     """A panel a recording, a bar a step from the accuracy before to that after."""

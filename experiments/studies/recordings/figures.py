@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name, scene_name
 from experiments.reporting.estimates import Estimate
+from experiments.reporting.measured import commands_of
 from experiments.reporting.plot import LETTERS, errors, head, literal, panel, wrapped
 from experiments.reporting.study import RUN
 from experiments.reporting.text import number
@@ -58,9 +59,11 @@ def _chart(results: Results) -> dict[str, Any]:
     "recordings",
     caption="Accuracy of every model on each public recording that is not saturated, by the "
     "number of training frames per class. Grey band: HDC; dashed: chance. Models are in the order "
-    "of their mean at the most frames. Split by time, group or position; bars: 95 %.",
+    "of their mean at the most frames; without a marker: not measured. Split by time, group or "
+    "position; bars: 95 %.",
     size=(7.0, 4.0),
     needs=lambda results: bool(unsaturated(recordings(results))),
+    commands=lambda results: commands_of(unsaturated(recordings(results)).values()),
     chart=_chart,
 )
 def every_model(figure: Figure, results: Results) -> None:
@@ -158,9 +161,13 @@ def _frame_of_panel(
 @STUDY.figure(
     "recording_distances",
     caption="Hamming distances between hypervectors of frames of one class (intra) and of two "
-    "(inter), and their separation d′. Unrelated frames differ in half of their pixels.",
+    "(inter), and their separation d′. Unrelated frames differ in half of their pixels. Each "
+    "panel has a vertical scale of its own.",
     size=(7.0, 2.6),
     needs=lambda results: bool(recordings(results, "recording_distances")),
+    commands=lambda results: commands_of(
+        recordings(results, "recording_distances").values()
+    ),
 )
 def distances(figure: Figure, results: Results) -> None:
     """Histograms of intra- and inter-class distances, a panel a recording."""

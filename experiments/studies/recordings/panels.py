@@ -31,8 +31,8 @@ def grid(
     Returns:
         The panels, and those of them that stand at the left.
     """
-    across = min(most, count)
-    down = math.ceil(count / across)
+    down = math.ceil(count / most)
+    across = math.ceil(count / down)  # rows as even as they can be
     figure.set_size_inches(WIDTH, rest + row * down)
     panels = figure.subplots(down, across, sharey=sharey, squeeze=False).ravel()
     for unused in panels[count:]:

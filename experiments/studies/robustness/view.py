@@ -114,9 +114,13 @@ def disturbed(
 
 # Panels of the figure: its disturbances with the line of each, its axis and its title.
 _PANELS: tuple[tuple[tuple[str, ...], str, str], ...] = (
-    (("bit_flips", "bit_flips_int8"), "flipped bits (%)", "of the stored model"),
-    (("query_flips",), "flipped bits (%)", "of the query"),
-    (("shift",), "shift (pixels)", "of the camera"),
+    (
+        ("bit_flips", "bit_flips_int8"),
+        "flipped bits (%)",
+        "flips of bits of the stored model",
+    ),
+    (("query_flips",), "flipped bits (%)", "flips of bits of the query"),
+    (("shift",), "shift (pixels)", "shifts of the camera"),
 )
 _GROUPS = ("paper", "beyond", "fast")  # of the models that the figure shows
 _SHADES = ("#E8924F", "#7A3600")  # of models whose colour another has

@@ -6,7 +6,6 @@ Scenes of captured and computed frames come before simulated ones.
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Iterator
 
 import numpy as np
@@ -19,6 +18,7 @@ from experiments.records.record import Finished
 from experiments.records.results import Group, Results
 from experiments.reporting import estimates, published
 from experiments.reporting import rows as rows_of
+from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import ONE_SENSOR
 from experiments.reporting.measured import matrices
 from experiments.reporting.plot import (
@@ -26,9 +26,9 @@ from experiments.reporting.plot import (
     LETTERS,
     PRINTED,
     head,
-    literal,
     matrix,
     panel,
+    wrapped,
 )
 from experiments.reporting.rows import row
 from experiments.reporting.study import RUN, WIDTH, Quantity, Study, with_places
@@ -125,8 +125,7 @@ def confusions(figure: Figure, results: Results) -> None:
         of_paper = configs.scene_display(group.scene)["figure"]
         of = f", {of_paper}" if of_paper else ""
         accuracy = 100 * estimates.share(group).value
-        name = literal(group.scene.replace("_", " "))
-        scene = textwrap.fill(name, 17)
+        scene = wrapped(scene_name(group.scene), 20)
         panel(axes, letter, f"{scene}{of}\n{accuracy:.1f} %")
     origins = [{"origin": group.runs[0].record.scene.origin} for group in chosen]
     frames = frames_of(origins)

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from experiments.records import configs
 from experiments.records.results import Group, Results, Run
@@ -19,9 +18,10 @@ from experiments.reporting.plot import (
     error_axis,
     error_bars,
     handle,
+    look_of,
     plain_decades,
     published_point,
-    style_of,
+    star,
     title,
 )
 from experiments.reporting.rows import row
@@ -55,25 +55,7 @@ def error_vs_time(
     plain_decades(axes)
     shown = [group.model for group in groups]
     handles = [handle(model) for model in shown]
-    for marker, size, label in (
-        ("*", 8, "paper, Table I"),
-        ("o", 6, "training accuracy > 90 %"),
-    ):
-        look: Any = {
-            "marker": marker,
-            "ms": size,
-            "mfc": "white",
-            "mec": "black",
-        }
-        handles.append(
-            Line2D(
-                [],
-                [],
-                label=label,
-                ls="",
-                **look,
-            )
-        )
+    handles.append(star("paper, Table I"))
     text = "Test error against training time"
     title(figure, axes, text, rows, shown, shown, handles)
 
@@ -132,37 +114,17 @@ def _curve(
     hdc_s: float,
     alpha: float = 0.75,
 ) -> None:
-    """Error over the reports of one run, times over HDC's; a ring where training accuracy passed
+    """Error over the reports of one run, times over HDC's; a marker where training accuracy passed
     90 %."""
-    colour, marker, line = style_of(run.model)
+    look = look_of(run.model) | {"alpha": alpha, "lw": 0.8}
     tested = _tested(run)
     if not tested:
         return
     seconds, errors = np.array(tested).T
     times = seconds / hdc_s
     errors = np.maximum(errors, floor)
-    shape = marker if len(times) < 3 else None
-    look: Any = {
-        "color": colour,
-        "ls": line,
-        "lw": 0.8,
-        "marker": shape,
-    }
-    axes.plot(times, errors, alpha=alpha, **look)
     reached = estimates.training_time(run) / hdc_s
+    marked: list[int] = []
     if np.isfinite(reached):
-        nearest = np.abs(times - reached).argmin()
-        at = int(nearest)
-        ring: Any = {
-            "mfc": "white",
-            "mec": colour,
-            "ms": 5,
-            "zorder": 4,
-        }
-        axes.plot(
-            times[at],
-            errors[at],
-            "o",
-            alpha=min(1, alpha / 0.75),
-            **ring,
-        )
+        marked = [int(np.abs(times - reached).argmin())]
+    axes.plot(times, errors, markevery=marked, ms=5, **look)

@@ -18,7 +18,13 @@ from experiments.reporting.columns import (
     model_columns,
     scene_name,
 )
-from experiments.reporting.measured import ENDS, by_scene, models_of, over_units
+from experiments.reporting.measured import (
+    ENDS,
+    by_scene,
+    commands_of,
+    models_of,
+    over_units,
+)
 from experiments.reporting.plot import LETTERS, head, literal, panel, style_of
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import percent, points
@@ -43,7 +49,7 @@ COLUMNS = {
 
 def measurements(results: Results) -> dict[str, Measured]:
     """Finished measurements by the name of their scene."""
-    return dict(sorted(by_scene(results, "unequal").items()))
+    return by_scene(results, "unequal")
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
@@ -124,6 +130,7 @@ def _changes(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     "of every class, dashed, and each model with one more in one class.",
     size=(7.0, 3.0),
     needs=lambda results: bool(measurements(results)),
+    commands=lambda results: commands_of(measurements(results).values()),
 )
 def figure(figure: Figure, results: Results) -> None:
     """A panel a scene, a line a model."""

@@ -159,10 +159,9 @@ def _promises(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     key=("recording", "n"),
     columns=COLUMNS | {"n": Column("Training frames of a class")},
     note="Random split, for which the promise is made. Asked for 80, 90 and 95 %: the share of "
-    "sets with the right label, and beside it the mean number of labels of a set. With one to "
-    "three frames of a class every set has all labels. Brackets: Student over "
-    "sensors or input fields; "
-    "of one camera, the central 95 % of draws.",
+    "sets with the right label, and beside it the mean number of labels of a set. Of too few "
+    "frames to promise as much, every set has all labels. Brackets: Student over sensors or input "
+    "fields; of one camera, the central 95 % of draws.",
 )
 def coverage_few(results: Results) -> pd.DataFrame | None:
     """A row for each scene and number of frames; None of records of one number."""

@@ -63,3 +63,30 @@ def test_rows_of_a_measurement_become_a_table_for_each_kind_of_frames(
     assert [q.value for q in study.quantities_of(Results(tmp_path))] == [
         7
     ]  # not of other frames
+
+
+def test_a_caption_says_pale_only_where_a_reference_is_drawn(tmp_path, write_run):
+    study = Study("some", "A title", "A question?", 1)
+    drawn = []
+
+    @study.figure(
+        "curve",
+        caption=lambda results: f"Of {len(results.runs)}.",
+        needs=lambda results: bool(results.runs),
+        commands=lambda results: [f"make {len(results.runs)}"],
+        over=True,
+    )
+    def curve(figure, results, behind=None):
+        drawn.append(behind)
+
+    empty = Results(tmp_path / "empty")
+    write_run("hdc")
+    own = Results(tmp_path)
+    (plot,) = study.plots_of(own)
+    assert (plot.caption, tuple(plot.commands)) == ("Of 1.", ("make 1",))
+    assert plot.over(None).caption == plot.over(empty).caption == "Of 1."
+    over = plot.over(own)
+    assert over.caption == "Of 1. Pale: the reference."
+    over.draw()
+    plot.draw()
+    assert drawn == [own, None]

@@ -27,7 +27,7 @@ def test_a_table_has_a_row_for_all_that_its_experiments_ask_for(tmp_path, a_full
 @pytest.mark.filterwarnings("error")
 def test_the_figure_is_drawn_within_its_frame(a_full_set, drawn):
     words = drawn(STUDY)["accuracy_vs_n"]
-    expected = ("training samples N", "test accuracy (%)", "HDC", "Ridge read-out")
+    expected = ("training samples N", "test accuracy (%)", "HDC", "Ridge")
     for text in (*expected, "simulated frames", "95 % intervals"):
         assert text in words
 

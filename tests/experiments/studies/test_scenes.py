@@ -50,7 +50,7 @@ def test_figures_fit_and_name_every_scene(everything, write_scene, drawn):
     write_scene("tactile", {0: 1})
     words = drawn(STUDY)
     assert set(words) == {"confusions", "fig7_spatial"}
-    for scene in ("touch", "finger", "fibre grouped", "tactile"):
+    for scene in ("Touch", "Finger", "Fibre 1, positions", "Objects"):
         assert scene in words["confusions"]
     assert "83.3 %" in words["confusions"]
     assert "mean 0.21 mm" in words["fig7_spatial"]

@@ -260,5 +260,5 @@ def test_a_ratio_is_the_median_over_turns_between_order_statistics(
         "8.00 [5.00, 11.0]",
         "7",
     ]
-    assert cells["tuned", "Ridge read-out"][0] == "not reached"
+    assert cells["tuned", "Ridge"][0] == "not reached"
     assert "training time, × HDC" in drawn(STUDY)["times_grid"]
