@@ -115,7 +115,7 @@ def docs_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
     }
     return {
         "gallery": partial(documents.gallery, answers.questions, answers.tables, plots),
-        "scenes": documents.scene_list,
+        "scenes": partial(documents.scene_list, answers.results),
     }
 
 

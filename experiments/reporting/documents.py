@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from experiments.records import configs
+from experiments.records.results import Results
+from experiments.reporting.measured import by_scene
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.table import Table
 from experiments.reporting.text import CAPTURED, COMPUTED, SIMULATED, markdown_text
@@ -67,8 +69,13 @@ def _figure(plot: Plot) -> str:
     return f"![{caption}]({file})\n\n{caption}\n\n{commands}".rstrip()
 
 
-def scene_list() -> str:
-    """Every scene, by the kind of its frames, and what is known of it."""
+def scene_list(results: Results) -> str:
+    """Every scene, by the kind of its frames, and what is known of it.
+
+    Args:
+        results: records, which have numbers of frames and of classes.
+    """
+    counts = _counts(results)
     parts = []
     for kind, heading in (
         (CAPTURED, "Captured by a camera"),
@@ -76,7 +83,8 @@ def scene_list() -> str:
         (SIMULATED, "Simulated"),
     ):
         parts.append(f"## {heading}")
-        parts += [_scene(name, config) for name, config in _scenes_of(kind)]
+        for name, config in _scenes_of(kind):
+            parts.append(_scene(name, config, counts.get(name, "")))
     return "\n\n".join(parts)
 
 
@@ -91,14 +99,56 @@ def _scenes_of(kind: str) -> Iterator[tuple[str, dict[str, Any]]]:
         yield name, (configs.part("scene", name) or {}).get("scene", {})
 
 
-def _scene(name: str, config: Mapping[str, Any]) -> str:
-    """A scene: what its file says of it, where its frames are, under which licence, whom to
-    cite."""
+def _counts(results: Results) -> dict[str, str]:
+    """Frames, classes and split of each scene, as far as its records have them."""
+    found = {}
+    for run in results.runs:
+        scene = run.record.scene
+        height, width = scene.shape
+        found[run.scene] = (
+            f"{scene.n:,} frames of {height} × {width} pixels; {len(scene.classes)} classes."
+        )
+    for name, measured in by_scene(results, "recordings").items():
+        rows = measured.frame[measured.frame.split == "counts"]
+        if not len(rows) or "n_classes" not in rows:
+            continue
+        most = max(n for sizes in rows.n for n in sizes)
+        least_test, most_test = rows.n_test.min(), rows.n_test.max()
+        tested = str(most_test)
+        if least_test < most_test:
+            tested = f"{least_test} to {most_test}"
+        whole = found.get(name) or f"{rows.n_classes.iloc[0]:.0f} classes."
+        found[name] = (
+            f"{whole} Judged after at most {most} training frames a class, on {tested} test frames "
+            f"a draw; {_split_of(measured.record.config['splits']['counts'])}."
+        )
+    return found
+
+
+_SPLITS = {
+    "ordered": "the last {share} of each class in time test",
+    "grouped": "frames of equal {group} are all on one side, about {share} test",
+    "session": "the first session trains, the others test",
+    "random": "{share} drawn at random test",
+}
+
+
+def _split_of(split: Mapping[str, Any]) -> str:
+    """A split in words."""
+    share = f"{100 * split['test_fraction']:g} %"
+    return _SPLITS[split["kind"]].format(share=share, group=f"“{split['group']}”")
+
+
+def _scene(name: str, config: Mapping[str, Any], counts: str) -> str:
+    """A scene: what its file says of it, its numbers, where its frames are, under which licence,
+    whom to cite."""
     shown = configs.scene_display(name)
     lines = [f"### {shown['name']}", f"`scene={name}`: {shown['frames']}."]
     path = configs.CONFIGS / "scene" / f"{name}.yaml"
     if said := _comment(path):
         lines.append(said)
+    if counts:
+        lines.append(counts)
     source = _source(config)
     if source is None and shown["kind"] == COMPUTED:
         source = PRESSED

@@ -3,6 +3,7 @@
 from experiments import studies
 from experiments.records import configs
 from experiments.records.files import REFERENCE, ROOT
+from experiments.records.results import Results
 from experiments.reporting import documents
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.study import studies as studies_of
@@ -31,13 +32,15 @@ def test_the_gallery_has_every_figure_with_its_command_and_its_tables():
 
 
 def test_every_scene_is_listed_once_with_its_licence():
-    text = documents.scene_list()
+    text = documents.scene_list(Results(REFERENCE))
     names = [path.stem for path in (configs.CONFIGS / "scene").glob("*.yaml")]
     listed = [name for name in names if f"`scene={name}`" in text]
     assert sorted(listed) == sorted(set(names) - {"recorded"})
     sources = text.count("licence:")
     public = [n for n in listed if configs.scene_display(n)["kind"] != "simulated"]
     assert sources == len(public)
+    assert "2,400 frames of 512 × 512 pixels; 4 classes." in text
+    assert "the last 50 % of each class in time test" in text
 
 
 def test_links_of_the_committed_gallery_lead_to_files():
