@@ -128,7 +128,7 @@ def _counts(results: Results) -> dict[str, str]:
 _SPLITS = {
     "ordered": "the last {share} of each class in time test",
     "grouped": "frames of equal {group} are all on one side, about {share} test",
-    "session": "the first session trains, the others test",
+    "session": "the first session trains, the last tests",
     "random": "{share} drawn at random test",
 }
 

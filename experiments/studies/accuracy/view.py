@@ -17,14 +17,8 @@ from experiments.records.results import Group, Results
 from experiments.reporting import estimates, published
 from experiments.reporting import rows as rows_of
 from experiments.reporting.columns import display_name
-from experiments.reporting.plot import (
-    accuracy_curves,
-    handle,
-    literal,
-    published_point,
-    star,
-    title,
-)
+from experiments.reporting.curves import accuracy_curves, published_point
+from experiments.reporting.plot import handle, literal, star, title
 from experiments.reporting.rows import Row, row, swept
 from experiments.reporting.study import RUN, Quantity, Study
 from experiments.reporting.table import frame

@@ -16,14 +16,16 @@ from numpy.typing import NDArray
 
 from experiments.protocol.correlations import contrast
 from experiments.reporting import published
+from experiments.reporting.curves import errors
 from experiments.reporting.estimates import (
     ONE_SENSOR,
     Estimate,
     mean_interval,
     one_sensor,
 )
+from experiments.reporting.matrices import matrix
 from experiments.reporting.measured import matrices
-from experiments.reporting.plot import PAPER, errors, matrix, panel, star
+from experiments.reporting.plot import PAPER, panel, star
 from experiments.reporting.study import Quantity, Study
 
 STUDY = Study(

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from experiments.reporting import published
 from experiments.reporting.columns import Column
+from experiments.reporting.curves import line_plot
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.plot import handle, line_plot, panel, style_of
+from experiments.reporting.plot import handle, panel, style_of
 from experiments.reporting.study import Study
 
 STUDY = Study(

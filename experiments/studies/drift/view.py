@@ -12,17 +12,9 @@ from matplotlib.lines import Line2D
 from experiments.records.rows import unpack_labels
 from experiments.reporting import estimates, published
 from experiments.reporting.columns import Column, display_name
+from experiments.reporting.curves import errors, line_plot
 from experiments.reporting.measured import ENDS
-from experiments.reporting.plot import (
-    PAPER,
-    errors,
-    line_plot,
-    literal,
-    panel,
-    star,
-    style_of,
-    wrapped,
-)
+from experiments.reporting.plot import PAPER, literal, panel, star, style_of, wrapped
 from experiments.reporting.study import Quantity, Study
 from experiments.reporting.text import percent, points
 from experiments.studies.drift.numbers import (

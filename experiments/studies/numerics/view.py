@@ -11,7 +11,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
 from experiments.reporting.columns import Column, milliseconds
-from experiments.reporting.plot import panel, plain_decades
+from experiments.reporting.curves import plain_decades
+from experiments.reporting.plot import panel
 from experiments.reporting.study import Study
 
 STUDY = Study(

@@ -13,9 +13,10 @@ from matplotlib.figure import Figure
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import Column, scene_name
+from experiments.reporting.curves import errors
 from experiments.reporting.estimates import Estimate, mean_interval
 from experiments.reporting.measured import by_scene, commands_of, saturated, with_right
-from experiments.reporting.plot import LETTERS, errors, panel, wrapped
+from experiments.reporting.plot import LETTERS, panel, wrapped
 from experiments.reporting.study import RUN, Study
 from experiments.reporting.text import percent, points
 

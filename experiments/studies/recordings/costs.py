@@ -18,15 +18,9 @@ from experiments.reporting.columns import (
     milliseconds,
     scene_name,
 )
+from experiments.reporting.curves import plain_decades
 from experiments.reporting.measured import by_scene
-from experiments.reporting.plot import (
-    LETTERS,
-    handle,
-    look_of,
-    panel,
-    plain_decades,
-    wrapped,
-)
+from experiments.reporting.plot import LETTERS, handle, look_of, panel, wrapped
 from experiments.reporting.study import RUN
 from experiments.reporting.text import number, percent, size
 from experiments.studies.recordings.panels import grid

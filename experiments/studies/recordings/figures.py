@@ -15,9 +15,10 @@ from matplotlib.lines import Line2D
 
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name, scene_name
+from experiments.reporting.curves import errors
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.measured import commands_of
-from experiments.reporting.plot import LETTERS, errors, head, literal, panel, wrapped
+from experiments.reporting.plot import LETTERS, head, literal, panel, wrapped
 from experiments.reporting.study import RUN
 from experiments.reporting.text import number
 from experiments.studies.recordings.panels import grid

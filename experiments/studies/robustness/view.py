@@ -14,8 +14,9 @@ from matplotlib.ticker import MaxNLocator
 
 from experiments.records import configs
 from experiments.reporting.columns import Column, display_name
+from experiments.reporting.curves import bars, errors
 from experiments.reporting.estimates import Estimate, mean_share
-from experiments.reporting.plot import bars, errors, handle, panel, style_of
+from experiments.reporting.plot import handle, panel, style_of
 from experiments.reporting.study import Study
 from experiments.reporting.text import size
 

@@ -20,16 +20,9 @@ from experiments.reporting import estimates, published
 from experiments.reporting import rows as rows_of
 from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import ONE_SENSOR
+from experiments.reporting.matrices import CONFUSION_MAP, PRINTED, matrix
 from experiments.reporting.measured import matrices
-from experiments.reporting.plot import (
-    CONFUSION_MAP,
-    LETTERS,
-    PRINTED,
-    head,
-    matrix,
-    panel,
-    wrapped,
-)
+from experiments.reporting.plot import LETTERS, head, panel, wrapped
 from experiments.reporting.rows import row
 from experiments.reporting.study import RUN, WIDTH, Quantity, Study, with_places
 from experiments.reporting.table import frame

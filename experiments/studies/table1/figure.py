@@ -14,16 +14,13 @@ from experiments.records import configs
 from experiments.records.results import Group, Results, Run
 from experiments.reporting import estimates
 from experiments.reporting import rows as rows_of
-from experiments.reporting.plot import (
+from experiments.reporting.curves import (
     error_axis,
     error_bars,
-    handle,
-    look_of,
     plain_decades,
     published_point,
-    star,
-    title,
 )
+from experiments.reporting.plot import handle, look_of, star, title
 from experiments.reporting.rows import row
 from experiments.studies.table1 import models
 

@@ -5,7 +5,7 @@ import pytest
 from matplotlib import pyplot as plt
 
 from experiments.records import configs
-from experiments.reporting import plot
+from experiments.reporting import curves, plot
 from experiments.reporting.study import WIDTH
 
 MODELS = sorted(path.stem for path in (configs.CONFIGS / "model").glob("*.yaml"))
@@ -52,11 +52,11 @@ def test_no_error_lies_below_one_error_of_all_samples(figure):
         for value in (1.0, 499 / 500)
     ]  # fmt: skip
     axes = figure.axes[0]
-    floor = plot.error_axis(axes, lines)
+    floor = curves.error_axis(axes, lines)
     assert axes.get_ylim()[0] < floor == 0.5 / 500 < 1 / 500
     assert axes.yaxis.get_major_formatter()(floor) == "0"
     assert axes.yaxis.get_major_formatter()(1 / 500) == "0.2 %"
-    plot.error_bars(axes, "hdc", [1.0, 2.0], lines, floor)
+    curves.error_bars(axes, "hdc", [1.0, 2.0], lines, floor)
     drawn = np.concatenate([np.asarray(x.get_ydata(), float) for x in axes.lines[1:]])
     assert np.min(drawn) == pytest.approx(floor)
     assert 1 / 500 in np.round(drawn, 12)  # a single error is drawn where it is
