@@ -4,6 +4,7 @@ import math
 import subprocess
 
 import numpy as np
+import pandas as pd
 import pytest
 from omegaconf import OmegaConf
 
@@ -13,7 +14,7 @@ from experiments.records.results import Results
 from experiments.reporting import measured
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.random_effects import Pooled
-from experiments.studies.claims import frozen, rules, view
+from experiments.studies.claims import frozen, recalibration, rules, view
 from experiments.studies.claims.piece import CONFIRMATORY, variance_of
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
 from experiments.studies.recordings import forest
@@ -484,4 +485,6 @@ def test_seeds_that_all_agree_join_no_estimate_and_break_no_table(
     drifted(write_measurement, 90, stored=30, old=90, seeds=1)
     assert judged("recalibration", "its own loss") is None
     assert math.isnan(recalibration._variance(pd.Series([1.0, 1.0, 1.0])))
-    assert recalibration._variance(pd.Series([0.9, 1.0, 1.1])) == pytest.approx(0.01 / 3)
+    assert recalibration._variance(pd.Series([0.9, 1.0, 1.1])) == pytest.approx(
+        0.01 / 3
+    )
