@@ -9,7 +9,8 @@ subtracted from the queries, and nothing else changes. By ``method``:
 - ``untouched``: the mean of N_new frames of the class in which nobody touches; the reference of the
   training is then the mean of such frames of the first session.
 
-HDC does it by its own ``recalibrate``, a rival by ``predict_zeroed``: the same frames, alike.
+Every mean is of standardised frames. HDC does it by the reference of its encoder and its own
+``recalibrate``, a rival by ``predict_zeroed``: the same frames, alike.
 """
 
 from __future__ import annotations
@@ -175,8 +176,7 @@ def _of_hdc(
         )
     stored = model.unlearned()
     if not np.array_equal(before, train):
-        mean = bank.at(before)[:].double().mean(0).numpy(force=True)
-        stored.set_params(encoder__frame=mean)
+        stored.set_params(encoder__frame=bank.at(before)[:].numpy(force=True))
     stored.fit(bank.at(train), bank.labels[train])
     for after in afters:
         updated = copy.deepcopy(stored)
