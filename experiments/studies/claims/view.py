@@ -264,7 +264,7 @@ def confirmatory(results: Results) -> pd.DataFrame | None:
         "remark": Column("Remark", lambda text: text or "–"),
     },
     note="Brackets are of one sensor: the central 95 % of draws for a recording by a camera, "
-    "Student over seeds for others. They say nothing of another sensor.",
+    "none of fewer than ten, Student over seeds for others. They say nothing of another sensor.",
     folded=True,
 )
 def evidence(results: Results) -> pd.DataFrame | None:

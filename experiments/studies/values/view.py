@@ -43,7 +43,8 @@ PROMISED = ("covered", "size", "refused", "unknown_refused")
 SHARES = ("covered", "refused", "unknown_refused")
 NOTE = (
     "As recorded: split by time, session or position. Brackets: Student over sensors or input "
-    "fields; of one camera, the central 95 % of draws. A saturated recording ranks nothing."
+    "fields; of one camera, the central 95 % of draws, none of fewer than ten. A saturated "
+    "recording ranks nothing."
 )
 
 
@@ -160,9 +161,8 @@ def _promises(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     columns=COLUMNS | {"n": Column("Training frames of a class")},
     note="Random split, for which the promise is made. Asked for 80, 90 and 95 %: the share of "
     "sets with the right label, and beside it the mean number of labels of a set. With one to "
-    "three frames of a class every set has all labels. Brackets: Student over "
-    "sensors or input fields; "
-    "of one camera, the central 95 % of draws.",
+    "three frames of a class every set has all labels. Brackets: Student over sensors or input "
+    "fields; of one camera, the central 95 % of draws, none of fewer than ten.",
 )
 def coverage_few(results: Results) -> pd.DataFrame | None:
     """A row for each scene and number of frames; None of records of one number."""
