@@ -115,8 +115,11 @@ def difference(
 
 def theirs(of_models: list[np.ndarray]) -> np.ndarray | float:
     """The rival's accuracies, or the paper's on objects."""
-    if len(of_models) > 1:
-        return of_models[1]
+    return of_models[1] if len(of_models) > 1 else of_the_paper()
+
+
+def of_the_paper() -> float:
+    """The paper's accuracy on objects."""
     with PUBLISHED.open(encoding="utf-8") as file:
         for line in csv.DictReader(file):
             if (line["experiment"], line["quantity"]) == ("tactile", "test_accuracy"):
@@ -278,8 +281,12 @@ def recompute(folder: Folder, row: dict, rules: dict) -> dict | None:
         return None
     found["word"] = word_of(rule, found, rules, claim)
     is_points = row["unit"] == "points"
+    # No accuracy is below 0 or above 1, and the paper's is known.
+    low, high = -1.0, 1.0
+    if rival == "published":
+        low, high = 0 - of_the_paper(), 1 - of_the_paper()
     for key in CHECKED:
-        bounded = np.clip(found[key], -1, 1) if is_points else found[key]
+        bounded = np.clip(found[key], low, high) if is_points else found[key]
         found[key] = 100 * float(bounded)
     return found
 

@@ -112,7 +112,7 @@ def _row(name: str, rival: str, found: Verdict, pieces: list[Piece]) -> dict[str
         "says": claim.paper or claim.ours,
         "by": "the paper" if claim.paper else "this repository",
         "rival": rival,
-        **found.columns(pieces[0].unit),
+        **found.columns(pieces[0]),
         "status": CONFIRMATORY if statuses == {CONFIRMATORY} else EXPLORATORY,
         "earlier": earlier_word(name),
         "record": "; ".join(where),
@@ -181,7 +181,8 @@ COLUMNS = {
 SHOWN = ("says", "rival", "word", "mean", "predicted", "frames", "command")
 NOTE = (
     "Points: accuracy of HDC less that of the rival, mean over laboratories (random effects), with "
-    "the interval of the mean and the range for a sensor of another laboratory. ×: training time "
+    "the interval of the mean and the range for a sensor of another laboratory; bounds end where "
+    "the difference does: at ±100 points, and at 0 against the paper's 100 %. ×: training time "
     "over that of HDC of the same way, of the way with the least ratio. %: share of the loss by "
     "drift that came back. Exploratory unless said otherwise: numbers of these recordings were "
     "known when the rules were written. Rules: docs/claims.md, version {version} of {dated}, "
@@ -316,5 +317,5 @@ def _joined(
         "rival": rival,
         "over": over,
         "units": pooled.units,
-        **columns_of(pooled, pieces[0].unit),
+        **columns_of(pooled, pieces[0]),
     }

@@ -360,6 +360,21 @@ def test_objects_are_held_against_the_papers_accuracy(record, judged):
     assert judged("objects", "published")["laboratories"] == 1
 
 
+def test_no_bound_of_objects_lies_above_the_papers_accuracy(record, judged):
+    """Two laboratories 40 points apart: Student with one degree of freedom reaches further than
+    accuracies do, which is said."""
+    record("gelsight", 40, 50)
+    record("gelsight_billets", 80, 50)
+    row = judged("objects", "published")
+    assert (row["mean_low"], row["mean_high"]) == (-100, 0)
+    assert row["word"] == UNDECIDED
+    assert row["because"].startswith("2 laboratories, no bound")
+    record("gelsight_billets", 41, 50)
+    row = judged("objects", "published")
+    assert -100 < row["mean_low"] < row["mean_high"] < 0
+    assert row["because"] == "the interval lies below −3 points"
+
+
 def drifted(write_measurement, updated, stored=30, old=90, seeds=3):
     of = {"origin": "computed", "order": "time", "model": "hdc", "n_test_new": 100,
           "n_test_old": 100, "n_old": 400, "draw": 0, "p": None}  # fmt: skip
