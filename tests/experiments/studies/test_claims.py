@@ -1,6 +1,7 @@
 """The paper's claims: the frozen rules, words of numbers whose answer is known and of records."""
 
 import math
+import re
 import subprocess
 
 import numpy as np
@@ -429,6 +430,16 @@ def test_contrast_is_held_against_that_of_hypervectors_and_of_the_speckle(
         assert row["word"] == expected
         assert row["because"] == f"touch: {expected}"
         assert math.isnan(row["mean"])
+        less = prototype - gains[rival]
+        steps = 1 + np.array([0, 0.001, 0.002])
+        half = 4.30265 * less * np.std(steps, ddof=1) / math.sqrt(3)
+        low, high = sorted([less * 1.001 - half, less * 1.001 + half])
+        numbers = [
+            float(text)
+            for text in re.findall(r"[-\d.]+\d", row["by_scene"].replace("−", "-"))
+        ]
+        assert numbers == pytest.approx([less * 1.001, low, high], rel=0.03)
+        assert view._number(row) == row["by_scene"]
 
 
 @pytest.mark.parametrize(("flipped", "expected"), [(100, YES), (50, NO)])
