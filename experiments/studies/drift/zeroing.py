@@ -187,7 +187,7 @@ def _of_hdc(
 
 def _zero(model: HDCClassifier, frames: Selection) -> None:
     with warnings.catch_warnings():
-        # That frames of one class spoil a model is what is measured here; a single frame less
+        # What frames of one class do to a model is measured here; a single frame less
         # itself is constant.
         warnings.filterwarnings("ignore", message="recalibrate:|.*constant frame")
         model.recalibrate(frames)
