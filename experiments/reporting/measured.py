@@ -17,6 +17,7 @@ from experiments.reporting.estimates import Estimate, mean_interval
 RIVAL = "softmax_dual"  # the primary rival, named beforehand: the paper's own, at its optimum
 SATURATED = 0.995  # accuracy from which frames cannot tell models apart
 ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
+LEAST_DRAWS = 10  # of one recording; the ends of fewer are no interval
 
 
 def by_scene(results: Results, name: str) -> dict[str, Measured]:
@@ -56,9 +57,12 @@ def models_of(rows: pd.DataFrame) -> list[str]:
 
 def over_units(values: Sequence[float], seeds: bool) -> Estimate:
     """Mean with Student's interval over seeds; of draws from one recording, which share frames,
-    with the central 95 % of the draws."""
+    with the central 95 % of the draws, and without an interval where there are less than
+    LEAST_DRAWS."""
     if seeds:
         return mean_interval(list(values))
+    if len(values) < LEAST_DRAWS:
+        return Estimate(float(np.mean(values)))
     low, high = np.quantile(values, (0.025, 0.975))
     mean = float(np.mean(values))
     return Estimate(mean, float(low), float(high))

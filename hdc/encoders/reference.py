@@ -39,9 +39,10 @@ class Reference(Encoder):
 
     Args:
         base: the encoder of the differences, a name or an object; one that learns nothing.
-        frame: reference frame [H, W] or [D]; by default learned of the training frames. A saved
-            model keeps what it made of the frame, not the frame: loaded, it is ``"given"``, and
-            :meth:`fit` asks for it anew.
+        frame: reference frame [H, W] or [D], or several [n, H, W] or [n, D], whose mean after each
+            was standardised is the reference; by default learned of the training frames. A saved
+            model keeps what it made of the frames, not the frames: loaded, it is ``"given"``, and
+            :meth:`fit` asks for them anew.
 
     Attributes:
         reference_: int64 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
@@ -77,11 +78,11 @@ class Reference(Encoder):
             )
 
     def fit(self, frames: Any) -> Self:
-        """Learn the mean of the standardised training frames, or take the given frame.
+        """Learn the mean of the standardised training frames, or take the frame or frames given.
 
         Raises:
-            ValueError: for a given frame of another shape than the training frames, or one that
-                the file of the model does not keep.
+            ValueError: for given frames of another shape than the training frames, none, or some
+                that the file of the model does not keep.
         """
         if self.frame is None:
             return self.zero(frames)
@@ -92,12 +93,14 @@ class Reference(Encoder):
             )
         given = torch.as_tensor(np.asarray(self.frame))
         expected = tuple(frames.shape[1:])
-        if tuple(given.shape) != expected:
-            found = tuple(given.shape)
+        found = tuple(given.shape)
+        if found == expected:
+            return self.zero(given[None])
+        if found[1:] != expected or found[0] == 0:
             raise ValueError(
-                f"frame: expected a reference of shape {expected}, found {found}"
+                f"frame: expected a reference of shape {expected}, or several, found {found}"
             )
-        return self.zero(given[None])
+        return self.zero(given)
 
     def zero(self, frames: Any) -> Self:
         """Take the mean of these standardised frames [N, H, W] or [N, D] as the reference.

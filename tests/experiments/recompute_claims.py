@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import math
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -115,8 +116,11 @@ def difference(
 
 def theirs(of_models: list[np.ndarray]) -> np.ndarray | float:
     """The rival's accuracies, or the paper's on objects."""
-    if len(of_models) > 1:
-        return of_models[1]
+    return of_models[1] if len(of_models) > 1 else of_the_paper()
+
+
+def of_the_paper() -> float:
+    """The paper's accuracy on objects."""
     with PUBLISHED.open(encoding="utf-8") as file:
         for line in csv.DictReader(file):
             if (line["experiment"], line["quantity"]) == ("tactile", "test_accuracy"):
@@ -204,9 +208,11 @@ def of_flips(folder: Folder, rules: dict, name: str, level: float) -> dict | Non
     return {**by_laboratory(evidence), "kinds": kinds}
 
 
-def of_contrasts(folder: Folder, rules: dict, name: str, rival: str) -> list[str]:
-    """The word of each scene."""
-    samples, words = rules["claims"][name]["samples"], []
+def of_contrasts(
+    folder: Folder, rules: dict, name: str, rival: str
+) -> tuple[list[str], list[tuple[float, float, float]]]:
+    """The word of each scene; and what it is of: a mean over seeds with its interval."""
+    samples, words, values = rules["claims"][name]["samples"], [], []
     for _, rows in folder.measured("correlation"):
         sums: dict[tuple[str, int], dict[tuple[str, str], float]] = {}
         for row in rows:
@@ -220,8 +226,10 @@ def of_contrasts(folder: Folder, rules: dict, name: str, rival: str) -> list[str
         less = np.array(
             [contrast(sums["prototype", s]) - contrast(sums[rival, s]) for s in seeds]
         )
-        words.append(above(*of_mean(less), 0.0))
-    return words
+        low, high = of_mean(less)
+        words.append(above(low, high, 0.0))
+        values.append((float(less.mean()), low, high))
+    return words, values
 
 
 def of_times(folder: Folder, rules: dict, rival: str) -> dict | None:
@@ -263,10 +271,11 @@ def recompute(folder: Folder, row: dict, rules: dict) -> dict | None:
     if rule == "much_slower":
         return of_times(folder, rules, rival)
     if rule == "sharper":
-        words = of_contrasts(folder, rules, name, rival)
+        words, values = of_contrasts(folder, rules, name, rival)
         if not words:
             return None
-        return {"word": words[0] if len(set(words)) == 1 else "partly"}
+        word = words[0] if len(set(words)) == 1 else "partly"
+        return {"word": word, "by_scene": values}
     if claim["experiment"] == "recordings":
         found = of_recordings(folder, rules, name, rival)
     elif claim["experiment"] == "drift":
@@ -278,8 +287,12 @@ def recompute(folder: Folder, row: dict, rules: dict) -> dict | None:
         return None
     found["word"] = word_of(rule, found, rules, claim)
     is_points = row["unit"] == "points"
+    # No accuracy is below 0 or above 1, and the paper's is known.
+    low, high = -1.0, 1.0
+    if rival == "published":
+        low, high = 0 - of_the_paper(), 1 - of_the_paper()
     for key in CHECKED:
-        bounded = np.clip(found[key], -1, 1) if is_points else found[key]
+        bounded = np.clip(found[key], low, high) if is_points else found[key]
         found[key] = 100 * float(bounded)
     return found
 
@@ -340,9 +353,23 @@ def _different(row: dict, found: dict | None, rules: dict) -> Iterator[str]:
         close = math.isclose(stated, value, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
         if not nothing and not close:
             yield f"{key}: {stated}, recomputed {value}"
+    stated_by_scene = sorted(of_scenes(row.get("by_scene") or ""))
+    by_scene = sorted(
+        tuple(float(f"{value:.2g}") for value in values)
+        for values in found.get("by_scene", [])
+    )
+    if stated_by_scene != by_scene:
+        yield f"by_scene: {stated_by_scene}, recomputed {by_scene}"
     kinds = set(found.get("kinds", []))
     if kinds and set(row["frames"].split(", ")) != kinds:
         yield f"frames: {row['frames']}, recomputed {', '.join(sorted(kinds))}"
+
+
+def of_scenes(text: str) -> Iterator[tuple[float, ...]]:
+    """The numbers of each scene in a text like ``name: 0.2 [0.1, 0.3]; name: ...``."""
+    for part in filter(None, text.split("; ")):
+        numbers = part.rpartition(": ")[2].replace("−", "-")
+        yield tuple(float(each) for each in re.findall(r"-?[\d.]+", numbers))
 
 
 def main() -> int:

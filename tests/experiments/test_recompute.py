@@ -168,7 +168,7 @@ def test_the_script_and_the_table_agree_on_every_claim(tmp_path, every_study):
     assert status == 0, said
 
 
-# Each in another row.
+# Each in the first row of its claim.
 CHANGES = [
     ("accuracy", "mean", "1.5"),
     ("accuracy_mended", "status", "confirmatory"),
@@ -177,6 +177,7 @@ CHANGES = [
     ("objects", "mean_high", ""),
     ("softmax", "word", "maybe"),
     ("contrast", "word", "undecided"),
+    ("contrast", "by_scene", "Touch: 1 [0.5, 1.5]; Fibre 1: 2 [1, 3]"),
     ("recalibration", "frames", "simulated"),
 ]
 

@@ -126,7 +126,7 @@ def summary(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     "probabilities of so many test frames. Probabilities are fitted to the training frames, each "
     "scored as if it had not been learnt. As recorded: split by time, session or position. "
     "Brackets: Student over sensors or input fields; of one camera or sensor, the central 95 % of "
-    "draws.",
+    "draws, none of fewer than ten.",
 )
 def table(results: Results) -> pd.DataFrame | None:
     """A row for each scene, split, n and model."""

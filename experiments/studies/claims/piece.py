@@ -31,6 +31,8 @@ class Piece:
         estimate: the number with the interval of this one sensor, a fraction.
         variance: of the number, for the estimate across sensors; NaN where it is unknown.
         unit: in which tables show it.
+        possible: the least and the largest value that a number in points can have: a difference of
+            two accuracies, of which one may be given.
         n: frames, seeds or runs, in words.
         word: of this one sensor.
         enters: whether it enters the claim's word.
@@ -49,6 +51,7 @@ class Piece:
     variance: float = math.nan
     status: str = EXPLORATORY
     unit: str = "points"
+    possible: tuple[float, float] = (-1.0, 1.0)
     n: str = ""
     word: str = ""
     enters: bool = True

@@ -118,7 +118,7 @@ def _best_updates(
             str(shown["family"]),
             str(shown["kind"]),
             f"accuracy after its best update: {best}",
-            mean_interval(by_seed.tolist()),
+            mean_interval(by_seed.tolist()).within(0, 1),
             unit="%",
             n=f"{len(by_seed)} seeds",
             enters=False,

@@ -99,6 +99,9 @@ def _piece(
     elif not _is_split(measured, recording):
         remark = "another split than that of the rules"
     shown = configs.scene_display(measured.record.scene)
+    possible = (-1.0, 1.0)
+    if rival == PUBLISHED:
+        possible = (-_of_the_paper(), 1 - _of_the_paper())
     of_units = "seeds" if compared.seeds else "draws"
     sizes = " and ".join(map(str, compared.sizes))
     return Piece(
@@ -111,6 +114,7 @@ def _piece(
         value,
         variance,
         status=recording.status if recording else "exploratory",
+        possible=possible,
         n=f"{len(compared.by_unit)} {of_units}, {sizes} frames per class",
         word=rule_of(claim.rule, frozen).of_one(value),
         enters=not remark,
@@ -188,9 +192,13 @@ def _less(units: pd.DataFrame, models: Sequence[str], n: int) -> np.ndarray:
     """HDC less its rival, or less the paper's accuracy, a number a unit."""
     of_hdc = units[models[0], n].to_numpy(float)
     if len(models) == 1:
-        theirs = published.numbers()[_OBJECTS].value / 100
-        return of_hdc - theirs
+        return of_hdc - _of_the_paper()
     return of_hdc - units[models[1], n].to_numpy(float)
+
+
+def _of_the_paper() -> float:
+    """The accuracy that the paper reports for touched objects."""
+    return published.numbers()[_OBJECTS].value / 100
 
 
 def _simulated(

@@ -48,29 +48,29 @@ class Verdict(NamedTuple):
     frames: str
     decided_by: Sequence[Piece]
 
-    def columns(self, unit: str) -> dict[str, Any]:
-        """The columns of a table, in the unit."""
+    def columns(self, piece: Piece) -> dict[str, Any]:
+        """The columns of a table, in the unit of a piece and within what it can be."""
         return {
             "word": self.word,
             "because": self.because,
-            **columns_of(self.pooled, unit),
+            **columns_of(self.pooled, piece),
             "laboratories": self.pooled.units or None,
             "frames": self.frames,
         }
 
 
-def columns_of(pooled: Pooled, unit: str) -> dict[str, Any]:
-    """The mean with its interval and the range for a new sensor, in a unit; bounds of a difference
-    of accuracies end at ±100 points."""
-    factor = FACTORS.get(unit, 1)
+def columns_of(pooled: Pooled, piece: Piece) -> dict[str, Any]:
+    """The mean with its interval and the range for a new sensor, in the unit of a piece; bounds of
+    a difference of accuracies end where the difference does."""
+    factor = FACTORS.get(piece.unit, 1)
     bounds = [*pooled.mean, pooled.predicted_low, pooled.predicted_high]
-    if unit == "points":
-        bounds = np.clip(bounds, -1, 1).tolist()
+    if piece.unit == "points":
+        bounds = np.clip(bounds, *piece.possible).tolist()
     value, low, high, predicted_low, predicted_high = (
         factor * bound for bound in bounds
     )
     return {
-        "unit": unit,
+        "unit": piece.unit,
         **Estimate(value, low, high).columns("mean"),
         "predicted_low": predicted_low,
         "predicted_high": predicted_high,
@@ -144,7 +144,13 @@ def _across_sensors(claim: Claim, entering: Sequence[Piece], frozen: Rules) -> V
         return Verdict(UNDECIDED, needed, pooled, frames, entering)
     word = rule.across(pooled, frozen.few_units)
     mean = pooled.mean
-    if mean.low > rule.limit:
+    least, largest = entering[0].possible
+    is_points = entering[0].unit == "points"
+    if is_points and mean.low <= least and mean.high >= largest:
+        because = (
+            f"{pooled.units} laboratories, no bound: all that is possible is inside"
+        )
+    elif mean.low > rule.limit:
         because = f"the interval lies above {limit}"
     elif mean.high < rule.limit:
         because = f"the interval lies below {limit}"

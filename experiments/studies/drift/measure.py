@@ -46,7 +46,7 @@ _EQUAL = 0.5  # share of the new in all votes
 Update = tuple[str, float | None, np.ndarray]  # method, p, predicted labels
 
 
-@experiment(revision=2, uses=("hdc.HDCClassifier",))
+@experiment(revision=3, uses=("hdc.HDCClassifier",))
 def drift(
     run: Run,
     scene: Mapping[str, Any],

@@ -9,7 +9,8 @@ subtracted from the queries, and nothing else changes. By ``method``:
 - ``untouched``: the mean of N_new frames of the class in which nobody touches; the reference of the
   training is then the mean of such frames of the first session.
 
-HDC does it by its own ``recalibrate``, a rival by ``predict_zeroed``: the same frames, alike.
+Every mean is of standardised frames. HDC does it by the reference of its encoder and its own
+``recalibrate``, a rival by ``predict_zeroed``: the same frames, alike.
 """
 
 from __future__ import annotations
@@ -175,8 +176,7 @@ def _of_hdc(
         )
     stored = model.unlearned()
     if not np.array_equal(before, train):
-        mean = bank.at(before)[:].double().mean(0).numpy(force=True)
-        stored.set_params(encoder__frame=mean)
+        stored.set_params(encoder__frame=bank.at(before)[:].numpy(force=True))
     stored.fit(bank.at(train), bank.labels[train])
     for after in afters:
         updated = copy.deepcopy(stored)
@@ -187,7 +187,7 @@ def _of_hdc(
 
 def _zero(model: HDCClassifier, frames: Selection) -> None:
     with warnings.catch_warnings():
-        # That frames of one class spoil a model is what is measured here; a single frame less
+        # What frames of one class do to a model is measured here; a single frame less
         # itself is constant.
         warnings.filterwarnings("ignore", message="recalibrate:|.*constant frame")
         model.recalibrate(frames)

@@ -30,9 +30,6 @@ TUNED = ("softmax_chosen", "softmax_chosen_standardised")
 CONFIRMATORY = ("hdc", "hdc_levels_lda")
 """The forms of HDC that were named before anything was measured; every other is exploratory."""
 FEW = 5  # frames a class
-LEAST_DRAWS = (
-    10  # of one recording, whose central 95 % are shown; fewer are no interval
-)
 NOTE = (
     "Split by time, session, group or position, as each recording states, so that near copies of a "
     "test frame do not train. Brackets: Student over seeds (input fields, fibres) for fibres, the "
@@ -143,10 +140,7 @@ class Accuracies:
     def _estimate(self, values: pd.Series) -> Estimate:
         if not len(values):
             return Estimate(math.nan)
-        estimate = over_units(values.tolist(), self.seeds)
-        if self.seeds or len(values) >= LEAST_DRAWS:
-            return estimate
-        return Estimate(estimate.value)
+        return over_units(values.tolist(), self.seeds)
 
 
 def accuracies_of(found: dict[str, Measured]) -> dict[str, Accuracies]:

@@ -87,7 +87,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     "for odd n and n − 1 for even n. For equal classes the factor cancels; a class with more "
     "frames has a larger one, and takes frames of the others. Balanced, the library's default: a "
     "class counts as if it had as many frames as the smallest. Brackets: Student over sensors or "
-    "input fields; of one camera or sensor, the central 95 % of draws.",
+    "input fields; of one camera or sensor, the central 95 % of draws, none of fewer than ten.",
 )
 def table(results: Results) -> pd.DataFrame | None:
     """A row for each scene, n and number of further frames: what they change."""

@@ -43,7 +43,8 @@ PROMISED = ("covered", "size", "refused", "unknown_refused")
 SHARES = ("covered", "refused", "unknown_refused")
 NOTE = (
     "As recorded: split by time, session or position. Brackets: Student over sensors or input "
-    "fields; of one camera, the central 95 % of draws. A saturated recording ranks nothing."
+    "fields; of one camera, the central 95 % of draws, none of fewer than ten. A saturated "
+    "recording ranks nothing."
 )
 
 
@@ -119,8 +120,8 @@ def errors(results: Results) -> pd.DataFrame | None:
     title="How often intervals, label sets and rejection hold",
     columns=COLUMNS | {"n": Column("Training frames, of a class for labels")},
     note="Labels: HDCClassifier.predict_set; a frame whose set is empty is refused. Values: the "
-    "intervals of HDCRegressor, which are certain to cover 1 − 2·alpha, and 1 − alpha in practice, "
-    "the column. Both are promised for frames that come as the training frames did, so for the "
+    "intervals of HDCRegressor, for which 1 − 2·alpha is proven and 1 − alpha stands in the "
+    "column. Both are promised for frames that come as the training frames did, so for the "
     f"random split. {NOTE}",
 )
 def coverage(results: Results) -> pd.DataFrame | None:
@@ -159,9 +160,9 @@ def _promises(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     key=("recording", "n"),
     columns=COLUMNS | {"n": Column("Training frames of a class")},
     note="Random split, for which the promise is made. Asked for 80, 90 and 95 %: the share of "
-    "sets with the right label, and beside it the mean number of labels of a set. Of too few "
-    "frames to promise as much, every set has all labels. Brackets: Student over sensors or input "
-    "fields; of one camera, the central 95 % of draws.",
+    "sets with the right label, and beside it the mean number of labels of a set. By definition "
+    "a class of one to three frames is in every set. Brackets: Student over sensors or input "
+    "fields; of one camera, the central 95 % of draws, none of fewer than ten.",
 )
 def coverage_few(results: Results) -> pd.DataFrame | None:
     """A row for each scene and number of frames; None of records of one number."""

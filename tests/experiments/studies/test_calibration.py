@@ -74,7 +74,13 @@ def test_the_table_and_the_figure(rows):
         for row in first
     ]
     assert data.accuracy[0] == pytest.approx(np.mean(shares))
-    assert (data.error >= data.error_low).all()
+    assert data.error_low.isna().all()  # two draws have no interval
+    five_times = [
+        {**row, "draw": 2 * k + row["draw"]} for k in range(5) for row in rows
+    ]
+    of_ten = pd.DataFrame(list(view.summary(pd.DataFrame(five_times))))
+    assert of_ten.error.tolist() == pytest.approx(data.error.tolist())
+    assert (of_ten.error_low <= of_ten.error).all()
     assert (data.perfect < 0.15).all()
     one = pd.DataFrame(rows[:1])
     x, y = view._reliability(one)

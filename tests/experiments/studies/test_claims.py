@@ -1,9 +1,11 @@
 """The paper's claims: the frozen rules, words of numbers whose answer is known and of records."""
 
 import math
+import re
 import subprocess
 
 import numpy as np
+import pandas as pd
 import pytest
 from omegaconf import OmegaConf
 
@@ -13,7 +15,7 @@ from experiments.records.results import Results
 from experiments.reporting import measured
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.random_effects import Pooled
-from experiments.studies.claims import frozen, rules, view
+from experiments.studies.claims import frozen, recalibration, rules, view
 from experiments.studies.claims.piece import CONFIRMATORY, variance_of
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
 from experiments.studies.recordings import forest
@@ -359,6 +361,21 @@ def test_objects_are_held_against_the_papers_accuracy(record, judged):
     assert judged("objects", "published")["laboratories"] == 1
 
 
+def test_no_bound_of_objects_lies_above_the_papers_accuracy(record, judged):
+    """Two laboratories 40 points apart: Student with one degree of freedom reaches further than
+    accuracies do, which is said."""
+    record("gelsight", 40, 50)
+    record("gelsight_billets", 80, 50)
+    row = judged("objects", "published")
+    assert (row["mean_low"], row["mean_high"]) == (-100, 0)
+    assert row["word"] == UNDECIDED
+    assert row["because"].startswith("2 laboratories, no bound")
+    record("gelsight_billets", 41, 50)
+    row = judged("objects", "published")
+    assert -100 < row["mean_low"] < row["mean_high"] < 0
+    assert row["because"] == "the interval lies below −3 points"
+
+
 def drifted(write_measurement, updated, stored=30, old=90, seeds=3):
     of = {"origin": "computed", "order": "time", "model": "hdc", "n_test_new": 100,
           "n_test_old": 100, "n_old": 400, "draw": 0, "p": None}  # fmt: skip
@@ -413,6 +430,16 @@ def test_contrast_is_held_against_that_of_hypervectors_and_of_the_speckle(
         assert row["word"] == expected
         assert row["because"] == f"touch: {expected}"
         assert math.isnan(row["mean"])
+        less = prototype - gains[rival]
+        steps = 1 + np.array([0, 0.001, 0.002])
+        half = 4.30265 * less * np.std(steps, ddof=1) / math.sqrt(3)
+        low, high = sorted([less * 1.001 - half, less * 1.001 + half])
+        numbers = [
+            float(text)
+            for text in re.findall(r"[-\d.]+\d", row["by_scene"].replace("−", "-"))
+        ]
+        assert numbers == pytest.approx([less * 1.001, low, high], rel=0.03)
+        assert view._number(row) == row["by_scene"]
 
 
 @pytest.mark.parametrize(("flipped", "expected"), [(100, YES), (50, NO)])
@@ -484,4 +511,6 @@ def test_seeds_that_all_agree_join_no_estimate_and_break_no_table(
     drifted(write_measurement, 90, stored=30, old=90, seeds=1)
     assert judged("recalibration", "its own loss") is None
     assert math.isnan(recalibration._variance(pd.Series([1.0, 1.0, 1.0])))
-    assert recalibration._variance(pd.Series([0.9, 1.0, 1.1])) == pytest.approx(0.01 / 3)
+    assert recalibration._variance(pd.Series([0.9, 1.0, 1.1])) == pytest.approx(
+        0.01 / 3
+    )

@@ -222,6 +222,29 @@ def test_hdc_is_zeroed_by_its_own_recalibration(scene, name):
     assert (moved != stored).any()
 
 
+@pytest.mark.parametrize("name", ["hdc_reference", "hdc_reference_levels_lda"])
+def test_the_reference_of_hdc_is_the_mean_of_standardised_frames_too(scene, name):
+    """As of its rivals: frames before the drift that differ much in brightness count alike."""
+    images, dimmed = scene.images.clone(), np.arange(40, 50, 2)
+    images[dimmed] //= 16
+    bank = bank_of(replace(scene, images=images))
+    train, before, after = np.arange(40), np.arange(40, 50), np.arange(60, 75)
+    asked = np.arange(80, 120)
+    stored, moved = rezeroed(built(name), bank, train, asked, before, [None, after])
+    model = built(name)
+    model.encoder.frame = images[before].numpy()
+    model.fit(images[train], scene.labels[train])
+    steps = standardised(images[before]).sum(0, dtype=torch.int64) // len(before)
+    assert torch.equal(model.encoder_.reference_, steps)
+    assert (stored == model.predict(images[asked])).all()
+    model.encoder_.zero(images[after])
+    assert (moved == model.predict(images[asked])).all()
+    raw = built(name)
+    raw.encoder.frame = images[before].double().mean(0).numpy()
+    raw.fit(images[train], scene.labels[train])
+    assert (stored != raw.predict(images[asked])).any()
+
+
 def test_models_that_cannot_be_zeroed_are_named(scene):
     rows = np.arange(30)
     for name, found in (("hdc", "Median"), ("correlation", "CorrelationClassifier")):

@@ -128,11 +128,27 @@ def test_a_given_frame_is_the_reference(tmp_path) -> None:
     merged = HDCClassifier(Reference(frame=given)).fit(frames[::-1], labels)
     merged.merge(loaded)
     assert merged.counts_.tolist() == [20, 20]
-    for other in (given.T, given[:5], given[None]):
+    for other in (given.T, given[:5], given[None, :5], given[None][:0], given[0, 0]):
         with pytest.raises(
-            ValueError, match=r"frame: expected a reference of shape \(6, 9\), found \("
+            ValueError,
+            match=r"frame: expected a reference of shape \(6, 9\), or several, found \(",
         ):
             HDCClassifier(Reference(frame=other)).fit(frames, labels)
+
+
+@pytest.mark.parametrize("shape", [(6, 9), (54,)])
+def test_of_several_given_frames_the_standardised_mean_is_the_reference(shape) -> None:
+    """Frames of very different brightness and contrast count alike; one as it counts alone."""
+    rng = np.random.default_rng(5)
+    frames = rng.integers(0, 256, (20, *shape)).astype(np.uint8)
+    dimmed = np.array([1, 8, 64]).reshape(3, *(1 for _ in shape))
+    given = (rng.integers(0, 256, (3, *shape)) // dimmed).astype(np.uint8)
+    found = Reference(frame=given).fit(frames).reference_.tolist()
+    rows = [plainly(frame) for frame in given]
+    assert found == [sum(column) // 3 for column in zip(*rows, strict=True)]
+    assert found != plainly(given.astype(float).mean(0))
+    one = Reference(frame=given[:1]).fit(frames).reference_.tolist()
+    assert one == Reference(frame=given[0]).fit(frames).reference_.tolist() == rows[0]
 
 
 def test_zero_takes_new_frames_and_names_what_does_not_fit() -> None:
