@@ -69,10 +69,11 @@ def unfinished_records(own: Path) -> set[str]:
     rows = took.read(own)
     sure: set[str] = set()
     unsure: set[str] = set()
-    for mode, step, names in touched.read(own):
-        row = rows.get((step, mode))
+    for listed in touched.read(own):
+        row = rows.get((listed.step, listed.mode))
         is_finished = row is not None and row["status"] == took.FINISHED
-        (sure if is_finished and mode == WHOLE else unsure).update(names)
+        vouches = is_finished and listed.whole and listed.mode == WHOLE
+        (sure if vouches else unsure).update(listed.names)
     return unsure - sure
 
 

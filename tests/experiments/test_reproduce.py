@@ -2,6 +2,7 @@
 
 import io
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -33,11 +34,11 @@ def commands(monkeypatch):
     """The commands that were run; each is run in a moment, those on /nowhere fail."""
     made = []
 
-    def run(step, mode, results, lanes):
+    def run(step, mode, results, lanes, processes):
         made.append(step.name)
         return "failed with 1" if "/nowhere" in step.words else "finished"
 
-    monkeypatch.setattr(calls, "measured", run)
+    monkeypatch.setattr(calls, "carry_out", run)
     return made
 
 
@@ -123,9 +124,9 @@ def test_it_goes_on_after_a_failure_and_tells_of_it_at_the_end(tmp_path, command
 def test_seconds_memory_and_status_of_commands(tmp_path):
     (tmp_path / "large.py").write_text("held = bytearray(b'x' * 200_000_000)")
     code = (
-        "from pathlib import Path; from experiments.reproduction.calls import Step, measured\n"
+        "from pathlib import Path; from experiments.reproduction.calls import Step, carry_out\n"
         "for name in ('large', 'this', 'nowhere'):\n"
-        f"    measured(Step(name, (name,), 1), 'full', Path({str(tmp_path)!r}))"
+        f"    carry_out(Step(name, (name,), 1), 'full', Path({str(tmp_path)!r}))"
     )
     # In a process of its own: a child's peak counts from what its parent holds.
     subprocess.run(
@@ -161,8 +162,8 @@ def noted(folder, *calls, **more):
         (["40 interrupted", "30 interrupted", "5 finished"], (75, "finished")),
         (["40 failed with 1", "30 finished"], (70, "finished")),
         (["40 finished", "1 finished"], (40, "finished")),
-        (["40 finished", "1 interrupted"], (40, "interrupted")),
-        (["40 finished", "1 failed with 2"], (40, "failed with 2")),
+        (["40 finished", "1 interrupted"], (40, "finished")),
+        (["40 finished", "1 failed with 2"], (40, "finished")),
     ],
     ids=str,
 )
@@ -210,7 +211,7 @@ def test_timed_steps_have_the_machine_alone(tmp_path, monkeypatch):
     together, running = {}, set()
     lock = threading.Lock()
 
-    def call(step, mode, results, lanes):
+    def call(step, mode, results, lanes, processes):
         with lock:
             running.add(step.name)
         time.sleep(0.05)
@@ -219,13 +220,23 @@ def test_timed_steps_have_the_machine_alone(tmp_path, monkeypatch):
             running.remove(step.name)
         return "finished"
 
-    monkeypatch.setattr(calls, "measured", call)
+    monkeypatch.setattr(calls, "carry_out", call)
     found = [Step(str(k), NOTHING, 1, timed=k in (2, 5)) for k in range(7)]
     assert calls.run(found, "full", tmp_path, console()) == 0
     assert together["2"] == {"2"}
     assert together["5"] == {"5"}
     assert {"0", "1"} <= together["0"] | together["1"]
     assert max(map(len, together.values())) == 2
+
+
+def test_after_the_running_commands_were_ended_none_begins():
+    processes = calls.Processes()
+    waiting = [sys.executable, "-c", "import time; time.sleep(60)"]
+    process = processes.start(waiting, os.environ)
+    processes.end()
+    assert process.wait(20) == -signal.SIGTERM
+    with pytest.raises(KeyboardInterrupt):
+        processes.start(waiting, os.environ)
 
 
 def test_a_run_that_times_nothing_has_one_thread_and_does_not_wait():
@@ -267,12 +278,12 @@ def test_a_step_by_a_launcher_leaves_its_records_and_is_found_finished(
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "results"))
     words = ("experiments.run", "scene=recorded", f"scene.path={recording()}")
     step = Step("some", words, 1, timed=False, launcher=launcher)
-    assert calls.measured(step, "full", tmp_path / "results", 2) == "finished"
-    ((_, _, names),) = records_of.read(tmp_path / "results")
+    assert calls.carry_out(step, "full", tmp_path / "results", 2) == "finished"
+    (listed,) = records_of.read(tmp_path / "results")
     (run,) = Results(tmp_path / "results").runs
-    assert names == {run.record.id}
+    assert listed.names == {run.record.id}
     assert plain(run.record.command) == plain(step.command)
-    assert calls.measured(step, "full", tmp_path / "results", 2) == "finished"
+    assert calls.carry_out(step, "full", tmp_path / "results", 2) == "finished"
     assert len(Results(tmp_path / "results").runs) == 1
 
 
