@@ -13,9 +13,11 @@ from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
 from experiments.reporting.estimates import Estimate, mean_interval
+from experiments.reporting.frozen import rules
 
-RIVAL = "softmax_dual"  # the primary rival, named beforehand: the paper's own, at its optimum
-SATURATED = 0.995  # accuracy from which frames cannot tell models apart
+RIVAL = rules().rivals[
+    0
+]  # the first of the primary ones: the paper's own, at its optimum
 ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
 
 

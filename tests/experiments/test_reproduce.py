@@ -7,12 +7,10 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import pandas as pd
 import pytest
 from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
 from rich.console import Console
 
 from experiments import reproduce
@@ -20,11 +18,11 @@ from experiments.records import steps as records_of
 from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
 from experiments.records.results import Results
+from experiments.reporting import frozen
 from experiments.reporting.table import Table
 from experiments.reproduction import calls, claim, took
 from experiments.reproduction import steps as steps_of
 from experiments.reproduction.steps import WHAT, Step, claims, cost, plain, steps
-from experiments.studies.claims import rules
 
 NOTHING, FAILING = ("json.tool", "--help"), ("json.tool", "/nowhere")
 
@@ -291,8 +289,7 @@ def test_a_step_by_a_launcher_leaves_its_records_and_is_found_finished(
 
 
 def test_every_claim_has_steps_and_every_step_serves_claims_that_there_are():
-    rules_file = OmegaConf.load(Path(rules.__file__).with_name("rules.yaml"))
-    assert set(claims()) == set(rules_file.claims)
+    assert set(claims()) == set(frozen.rules().claims)
     for name in claims():
         assert steps("quick", name), name
         assert cost(steps("quick", name)) < reproduce.ASKS

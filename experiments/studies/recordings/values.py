@@ -14,6 +14,7 @@ from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import Estimate
+from experiments.reporting.frozen import rules
 from experiments.reporting.measured import (
     RIVAL,
     by_scene,
@@ -23,11 +24,11 @@ from experiments.reporting.measured import (
 )
 from experiments.reporting.text import kind_of
 
-RIVALS = (RIVAL, f"{RIVAL}_standardised")
+RIVALS = rules().rivals
 """Softmax regression at its optimum, of grey values and of standardised frames."""
 TUNED = ("softmax_chosen", "softmax_chosen_standardised")
 """The same with a penalty chosen by the folds that choose HDC's form."""
-CONFIRMATORY = ("hdc", "hdc_levels_lda")
+CONFIRMATORY = tuple(rules().forms.values())
 """The forms of HDC that were named before anything was measured; every other is exploratory."""
 FEW = 5  # frames a class
 LEAST_DRAWS = (
