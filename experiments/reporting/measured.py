@@ -43,6 +43,12 @@ def saturated(measured: Measured) -> bool:
     return bool(scene.get("saturated"))
 
 
+def fields_of(measured: Measured) -> int:
+    """How many input fields of a fibre a frame shows side by side; 1 of any other scene."""
+    scene = measured.record.config.get("scene") or {}
+    return int(scene.get("n_fields", 1))
+
+
 def models_of(rows: pd.DataFrame) -> list[str]:
     """The models of some rows: HDC first, then the primary rival, others in the order of rows."""
     first = ("hdc", RIVAL)
@@ -79,6 +85,18 @@ def with_right(rows: pd.DataFrame, draw: Sequence[str]) -> pd.DataFrame:
         for texts, truth in zip(rows.predicted, labels, strict=True)
     ]
     return rows.assign(right=right)
+
+
+def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row for each split, model, n and unit: ``accuracy``. The unit is what varies: the seed
+    where there are several (another input field or fibre), else the draw of frames."""
+    counted = with_right(rows, ("seed", "split", "draw"))
+    every = counted.explode(["n", "right"]).astype({"n": int, "right": float})
+    several = every.seed.nunique() > 1
+    every["unit"] = every.seed if several else every.draw
+    every["accuracy"] = every.right / every.n_test
+    by_unit = every.groupby(["split", "model", "n", "unit"])
+    return by_unit.accuracy.mean().reset_index()
 
 
 def matrices(

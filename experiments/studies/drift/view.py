@@ -23,13 +23,12 @@ from experiments.reporting.plot import (
     style_of,
     wrapped,
 )
+from experiments.reporting.sessions import SESSIONS, accuracies
 from experiments.reporting.study import Quantity, Study
 from experiments.reporting.text import percent, points
 from experiments.studies.drift.numbers import (
     N_NEW,
-    SESSIONS,
     UNLABELLED,
-    accuracies,
     best_updates,
     regained,
 )
