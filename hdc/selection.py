@@ -239,7 +239,7 @@ def cross_validate(
     """
     losses: dict[Method, list[np.ndarray]] = {method: [] for method in methods}
     scores = Scores()
-    for train, test in made:
+    for number, (train, test) in enumerate(made):
         for method in methods:
             step()
             if method.name in scores.reasons or method.name in scores.given_up:
@@ -250,7 +250,7 @@ def cross_validate(
                 scores.reasons[method.name] = str(error)
                 continue
             losses[method].append(frames.losses(found, test))
-        if train is made[0][0]:
+        if number == 0:
             scores.given_up = _given_up(losses, methods[0])
     for method, parts in losses.items():
         if parts and method.name not in scores.reasons:

@@ -13,9 +13,11 @@ from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
 from experiments.reporting.estimates import Estimate, mean_interval
+from experiments.reporting.frozen import rules
 
-RIVAL = "softmax_dual"  # the primary rival, named beforehand: the paper's own, at its optimum
-SATURATED = 0.995  # accuracy from which frames cannot tell models apart
+RIVAL = rules().rivals[
+    0
+]  # the first of the primary ones: the paper's own, at its optimum
 ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
 LEAST_DRAWS = 10  # of one recording; the ends of fewer are no interval
 
@@ -45,6 +47,12 @@ def saturated(measured: Measured) -> bool:
     """Whether the frames of a measurement cannot tell models apart, as its scene says."""
     scene = measured.record.config.get("scene") or {}
     return bool(scene.get("saturated"))
+
+
+def fields_of(measured: Measured) -> int:
+    """How many input fields of a fibre a frame shows side by side; 1 of any other scene."""
+    scene = measured.record.config.get("scene") or {}
+    return int(scene.get("n_fields", 1))
 
 
 def models_of(rows: pd.DataFrame) -> list[str]:
@@ -86,6 +94,18 @@ def with_right(rows: pd.DataFrame, draw: Sequence[str]) -> pd.DataFrame:
         for texts, truth in zip(rows.predicted, labels, strict=True)
     ]
     return rows.assign(right=right)
+
+
+def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row for each split, model, n and unit: ``accuracy``. The unit is what varies: the seed
+    where there are several (another input field or fibre), else the draw of frames."""
+    counted = with_right(rows, ("seed", "split", "draw"))
+    every = counted.explode(["n", "right"]).astype({"n": int, "right": float})
+    several = every.seed.nunique() > 1
+    every["unit"] = every.seed if several else every.draw
+    every["accuracy"] = every.right / every.n_test
+    by_unit = every.groupby(["split", "model", "n", "unit"])
+    return by_unit.accuracy.mean().reset_index()
 
 
 def matrices(

@@ -7,10 +7,10 @@ of the reference stays as it is, older revisions too, until a new record takes i
 from __future__ import annotations
 
 import shutil
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -69,10 +69,11 @@ def unfinished_records(own: Path) -> set[str]:
     rows = took.read(own)
     sure: set[str] = set()
     unsure: set[str] = set()
-    for mode, step, names in touched.read(own):
-        row = rows.get((step, mode))
+    for listed in touched.read(own):
+        row = rows.get((listed.step, listed.mode))
         is_finished = row is not None and row["status"] == took.FINISHED
-        (sure if is_finished and mode == WHOLE else unsure).update(names)
+        vouches = is_finished and listed.whole and listed.mode == WHOLE
+        (sure if vouches else unsure).update(listed.names)
     return unsure - sure
 
 
@@ -160,25 +161,35 @@ def go_on_from(reference: Path, own: Path) -> int:
     """Put what the present code made of the reference into own results, where they lack it: the
     steps that made it are then found finished. Returns the number of records."""
     results, there = Results(reference), Results(own)
-    known = {run.record.id for run in there.runs if not run.outdated}
-    missing = {run.record.id for run in results.runs if not run.outdated} - known
     own.mkdir(parents=True, exist_ok=True)
-    for entry in _finished_lines(reference, missing).values():
+    runs = _current(results.runs).keys() - _current(there.runs).keys()
+    for entry in _finished_lines(reference, runs).values():
         records.append_decoded(own, entry)
-    copied = len(missing)
-    known = {m.record.id for m in there.measurements if not m.outdated}
-    for measured in results.measurements:
-        if measured.outdated or measured.record.id in known:
-            continue
+    ours, theirs = _current(there.measurements), _current(results.measurements)
+    missing = [theirs[name] for name in theirs if name not in ours]
+    for measured in missing:
         _copy(measured.folder, own / "measured" / measured.record.id)
-        copied += 1
-    # Of steps of an older code nothing is known here.
-    current: list[Run | Measured] = [*results.runs, *results.measurements]
-    commits = {one.record.environment.commit for one in current if not one.outdated}
+    _take_over_steps(results, own)
+    return len(runs) + len(missing)
+
+
+Made = TypeVar("Made", Run, Measured)
+
+
+def _current(found: Iterable[Made]) -> dict[str, Made]:
+    """Those of some records that the present code made, by name."""
+    return {one.record.id: one for one in found if not one.outdated}
+
+
+def _take_over_steps(results: Results, own: Path) -> None:
+    """Rows of reproduce.csv that own results lack, of the commits that made what is up to date: of
+    steps of an older code nothing is known here."""
+    runs, measurements = _current(results.runs), _current(results.measurements)
+    current: list[Run | Measured] = [*runs.values(), *measurements.values()]
+    commits = {one.record.environment.commit for one in current}
     rows = took.read(own)
-    for key, row in took.read(reference).items():
+    for key, row in took.read(results.folder).items():
         if row.get("commit") in commits:
             rows.setdefault(key, row)
     if rows:
         took.write(own, rows.values())
-    return copied

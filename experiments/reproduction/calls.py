@@ -9,8 +9,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from rich.console import Console
@@ -50,7 +50,7 @@ def run(
     calls = _Calls(found, mode, results, console)
     try:
         for timed, together in itertools.groupby(found, key=lambda step: step.timed):
-            calls.carry_out(list(together), 1 if timed else lanes)
+            calls.call_all(list(together), 1 if timed else lanes)
     except KeyboardInterrupt:
         console.print("interrupted; the same command resumes")
         return 128 + signal.SIGINT
@@ -70,10 +70,10 @@ class _Calls:
         self.results, self.console = results, console
         self.statuses: dict[str, str] = {}
         self._left = list(found)
-        self._ending = False
+        self._processes = Processes()
         self._lock = threading.Lock()
 
-    def carry_out(self, together: Sequence[Step], lanes: int) -> None:
+    def call_all(self, together: Sequence[Step], lanes: int) -> None:
         """Call steps, so many at a time; an interruption ends all of them."""
         if lanes == 1:
             for step in together:
@@ -85,17 +85,20 @@ class _Calls:
                 for future in futures:
                     future.result()
             except BaseException:
-                self._end(futures)
+                for future in futures:
+                    future.cancel()
+                self._processes.end()
                 raise
 
     def _call(self, step: Step, lanes: int) -> None:
         with self._lock:
-            if self._ending:
+            if self._processes.ended:
                 return
             self._announce(step)
         if not step.skipped:
-            status = measured(step, self.mode, self.results, lanes)
-            self.statuses[step.name] = status
+            self.statuses[step.name] = carry_out(
+                step, self.mode, self.results, lanes, self._processes
+            )
         with self._lock:
             self._left.remove(step)
 
@@ -106,49 +109,79 @@ class _Calls:
         if step.skipped:
             self.console.print(f"[yellow]{step.name}: {step.skipped}[/yellow]")
 
-    def _end(self, futures: Sequence[Future[None]]) -> None:
-        """End what is running, begin nothing more."""
+
+class Processes:
+    """The commands that are running, of every lane; after :meth:`end` none begins."""
+
+    def __init__(self) -> None:
+        self.ended = False
+        self._running: set[subprocess.Popen[bytes]] = set()
+        self._lock = threading.Lock()
+
+    def start(
+        self, command: Sequence[str], environment: Mapping[str, str]
+    ) -> subprocess.Popen[bytes]:
+        """Start a command.
+
+        Raises:
+            KeyboardInterrupt: it may not begin any more.
+        """
+        # Held meanwhile: a command that began while the others are ended would stay behind.
         with self._lock:
-            self._ending = True
-        for future in futures:
-            future.cancel()
-        for process in list(_running):
-            process.terminate()
+            if self.ended:
+                raise KeyboardInterrupt
+            process = subprocess.Popen(command, cwd=ROOT, env=environment)
+            self._running.add(process)
+            return process
+
+    def forget(self, process: subprocess.Popen[bytes]) -> None:
+        """Take out a command that has ended."""
+        with self._lock:
+            self._running.discard(process)
+
+    def end(self) -> None:
+        """End what is running."""
+        with self._lock:
+            self.ended = True
+            for process in self._running:
+                process.terminate()
 
 
-_running: set[subprocess.Popen[bytes]] = set()  # commands of this process
 _writing = threading.Lock()  # of reproduce.csv, between the lanes
 
 
-def measured(
+def carry_out(
     step: Step,
     mode: str,
     results: Path,
     lanes: int = 1,
+    processes: Processes | None = None,
 ) -> str:
     """Run a step, note its time and the memory of its largest process; its status."""
+    processes = processes or Processes()
     sys.stdout.flush()  # what stands above is told first
     start, peak, status = time.perf_counter(), 0, INTERRUPTED
     records = records_of.place(results, mode, step.name)
-    records_of.begin(records)
-    environment = {**os.environ, records_of.VARIABLE: str(records)}
+    begun = records_of.begin(records)
+    environment = {**os.environ, records_of.VARIABLE: str(begun)}
     if not step.timed:
         environment["OMP_NUM_THREADS"] = "1"
     command = [sys.executable, "-m", *step.all_words]
-    process = subprocess.Popen(command, cwd=ROOT, env=environment)
-    _running.add(process)
+    process = processes.start(command, environment)
     try:
         _, ended, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(ended)
         peak = usage.ru_maxrss * _UNIT
         status = _status(process.returncode)
+        if status == FINISHED:
+            records_of.finish(records)
     except BaseException as error:
         if not isinstance(error, KeyboardInterrupt):  # which it got as well
             process.terminate()
         process.wait()
         raise
     finally:
-        _running.discard(process)
+        processes.forget(process)
         row = {
             "step": step.name,
             "mode": mode,

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from omegaconf import OmegaConf
 from rich import box
 from rich.console import Console
 from rich.table import Table as TerminalTable
@@ -16,6 +15,7 @@ from rich.text import Text
 
 from experiments.records.files import REFERENCE
 from experiments.records.results import Results
+from experiments.reporting import frozen
 from experiments.reporting.measured import ENDS
 from experiments.reporting.table import Table, records
 from experiments.reporting.text import printable
@@ -25,7 +25,6 @@ WORDS = (
     "word",
     "verdict",
 )  # columns with a word of the rules, of which the first counts
-_RULES = Path(rules.__file__).with_name("rules.yaml")
 
 
 def show(name: str, own: Path, console: Console) -> None:
@@ -61,8 +60,7 @@ def show(name: str, own: Path, console: Console) -> None:
 
 def rule_lines(name: str) -> Iterator[str]:
     """What the paper says, or we do, the rule as data, and the rule in words."""
-    of_file: Any = OmegaConf.to_container(OmegaConf.load(_RULES))
-    claim = dict(of_file["claims"][name])
+    claim = frozen.claim_as_written(name)
     said = claim.pop("paper", None)
     if said is None:
         yield f"{name}: ours: {claim.pop('ours')}"
@@ -70,7 +68,7 @@ def rule_lines(name: str) -> Iterator[str]:
         yield f"{name}: the paper says: {said}"
     rule = str(claim.pop("rule"))
     settings = ", ".join(f"{key} {_plain(value)}" for key, value in claim.items())
-    yield f"rule {rule} (version {of_file['version']}): {settings}"
+    yield f"rule {rule} (version {frozen.rules().version}): {settings}"
     function = getattr(rules, rule, None)
     words = (inspect.getdoc(function) or "").partition("\n\nArgs:")[0]
     if words:

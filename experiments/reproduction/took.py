@@ -19,17 +19,20 @@ def note(results: Path, row: dict[str, Any]) -> None:
     """Put a call of a step into its row of reproduce.csv.
 
     Seconds of calls that broke off add up with those of the call that finished the step. Of calls
-    after that the longest counts, as the others found work done. The memory is the largest of
-    all. Another command begins anew, another launcher does not.
+    after that the longest counts, as the others found work done, and one that breaks off changes
+    nothing: the step stays finished. The memory is the largest of all. Another command begins anew,
+    another launcher does not.
     """
     rows = read(results)
     known = rows.get((row["step"], row["mode"]))
     if known and plain(known["command"]) == plain(row["command"]):
         before = float(known["seconds"])
-        if known["status"] == FINISHED:
+        if known["status"] != FINISHED:
+            row["seconds"] += before
+        elif row["status"] == FINISHED:
             row["seconds"] = max(row["seconds"], before)
         else:
-            row["seconds"] += before
+            return
         row["peak_bytes"] = max(row["peak_bytes"], int(known["peak_bytes"]))
     rows[row["step"], row["mode"]] = row
     write(results, rows.values())

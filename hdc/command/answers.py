@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -103,13 +103,20 @@ def _answers(
 
 
 def _of_batch(model: Any, batch: np.ndarray, wanted: Wanted) -> list[dict[str, Any]]:
-    """Values of each frame, or its label with margin and distances of prototypes."""
-    if not hasattr(model, "classes_"):
-        if wanted.proba:
-            raise ValueError(
-                f"--proba: expected a model of classes, found {type(model).__name__}"
-            )
-        return _values_of_batch(model, batch, wanted.interval)
+    """Values of each frame, or its label with what belongs to it."""
+    if hasattr(model, "classes_"):
+        return _labels_of_batch(model, batch, wanted)
+    if wanted.proba:
+        raise ValueError(
+            f"--proba: expected a model of classes, found {type(model).__name__}"
+        )
+    return _values_of_batch(model, batch, wanted.interval)
+
+
+def _labels_of_batch(
+    model: Any, batch: np.ndarray, wanted: Wanted
+) -> list[dict[str, Any]]:
+    """The label of each frame, with margin and distances where classes have prototypes."""
     classes = [str(c) for c in model.classes_]
     labels = model.predict(batch, reject=wanted.reject or False).tolist()
     answers: list[dict[str, Any]] = [{"label": label} for label in labels]
@@ -197,25 +204,27 @@ def heads(model: Any, answer: dict[str, Any]) -> list[str]:
 
 def cells(answer: dict[str, Any]) -> list[str]:
     """One line of the table."""
-    items: list[Any] = []
-    for name, item in answer.items():
-        if name == "probabilities":  # the table has that of the best class
-            continue
-        if name in ("values", "distances"):
-            items += item.values()
-        elif name == "intervals":
-            for low, high in item.values():
-                items += [
-                    "-inf" if low is None else low,
-                    "inf" if high is None else high,
-                ]
-        elif name == "set":
-            items.append(", ".join(map(str, item)) or NONE)
-        elif name == "label" and item is None:
-            items.append(NONE)
-        else:
-            items.append(item)
-    return [_cell(item) for item in items]
+    return [_cell(item) for name in answer for item in _items(name, answer[name])]
+
+
+def _items(name: str, part: Any) -> Iterable[Any]:
+    """What the cells of a part of an answer show."""
+    if name == "probabilities":  # the table has that of the best class
+        return []
+    if name in ("values", "distances"):
+        return part.values()
+    if name == "intervals":
+        return itertools.chain.from_iterable(map(_ends, part.values()))
+    if name == "set":
+        return [", ".join(map(str, part)) or NONE]
+    if name == "label" and part is None:
+        return [NONE]
+    return [part]
+
+
+def _ends(interval: Sequence[float | None]) -> list[float | str]:
+    low, high = interval
+    return ["-inf" if low is None else low, "inf" if high is None else high]
 
 
 def _cell(item: Any) -> str:
@@ -382,5 +391,5 @@ def confusions(names: Sequence[str], counts: np.ndarray) -> list[str]:
 
 def _batched(items: Iterable[Any]) -> Iterator[list[Any]]:
     waiting = iter(items)
-    while some := list(islice(waiting, BATCH)):
+    while some := list(itertools.islice(waiting, BATCH)):
         yield some

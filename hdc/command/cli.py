@@ -17,7 +17,7 @@ import hdc
 from hdc.command import answers, options, work
 from hdc.command.export import export
 from hdc.io import check_replaceable
-from hdc.readers import Window
+from hdc.readers import Recording, Window
 from hdc.readers.batches import Batches
 from hdc.readers.listing import image_files
 
@@ -237,16 +237,27 @@ def recalibrate(
         click.echo(f"{output}: zeroed by {n} new frames without labels")
         return
     frames = work.frames_for(found, window, recording, source)
+    share = 0.5 if p is None else p
+    _learn_anew(found, frames, output, share, method or "replace", seed or 0)
+
+
+def _learn_anew(
+    found: Any,
+    frames: Recording,
+    output: Path,
+    share: float,
+    method: str,
+    seed: int,
+) -> None:
+    """Recalibrate a model by labelled frames, save it, and say by what."""
     by_name = {str(c): c for c in found.classes_.tolist()}
     labels = [by_name[name] for name in frames.names]
     batches = Batches(frames, np.arange(len(frames)))
-    share = 0.5 if p is None else p
-    way = method or "replace"
-    found.recalibrate(batches, labels, share, seed or 0, way)
+    found.recalibrate(batches, labels, share, seed, method)
     found.save(output)
     names, counts = np.unique(frames.names, return_counts=True)
     new = f"{len(frames)} new frames of {len(names)} classes, at least {counts.min()} of each"
-    click.echo(f"{output}: {new}, {way}, p = {share:g}")
+    click.echo(f"{output}: {new}, {method}, p = {share:g}")
     if old := sorted({*by_name} - {*names}):
         click.echo(f"not recalibrated: {', '.join(old)}")
 

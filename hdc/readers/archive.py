@@ -22,7 +22,6 @@ from hdc.readers.recording import (
 
 AXES = ("label", "order", "session", "group", "value")
 """Axes that an array may have, before those of its images."""
-_ABOUT_VALUES = ("values", "value_names", "value_units")
 
 
 def open_array(

@@ -11,7 +11,8 @@ from experiments.records import configs
 from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
 from experiments.records.rows import pack_labels
-from experiments.studies.claims import frozen, view
+from experiments.reporting import frozen
+from experiments.studies.claims import view
 
 RULES = frozen.rules()
 

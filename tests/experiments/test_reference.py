@@ -83,8 +83,10 @@ def test_records_of_other_revisions_stay_until_they_are_replaced_or_dropped(
 def a_step(folder, name, mode, status, *records):
     """What the runner leaves of a step that touched these records."""
     path = steps.place(folder, mode, name)
-    steps.begin(path)
-    path.write_text("".join(f"{record}\n" for record in records))
+    begun = steps.begin(path)
+    begun.write_text("".join(f"{record}\n" for record in records))
+    if status == took.FINISHED:
+        steps.finish(path)
     row = {"step": name, "mode": mode, "command": f"c {name}", "seconds": 1.0}
     took.note(folder, {**row, "peak_bytes": 1, "status": status, "commit": "c" * 40})
 
@@ -103,6 +105,17 @@ def test_a_step_enters_whole_or_not_at_all(
     a_step(tmp_path, "second", "full", "finished", two, both)
     a_step(tmp_path, "fourth", "full", "finished", drift)
     assert adopt(tmp_path, target) == Adopted(3, 1, 0)
+
+
+def test_a_finished_step_that_is_called_again_and_interrupted_enters_as_it_was(
+    tmp_path, target, write_run
+):
+    one, two = write_run("hdc"), write_run("softmax")
+    a_step(tmp_path, "first", "full", "finished", one)
+    a_step(tmp_path, "first", "full", "interrupted", two)
+    assert adopt(tmp_path, target) == Adopted(1, 0, 1)
+    assert {run.record.id for run in Results(target).runs} == {one}
+    assert [row["status"] for row in took.read(target).values()] == ["finished"]
 
 
 def test_another_machine_goes_on_from_the_reference(

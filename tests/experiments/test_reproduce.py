@@ -2,16 +2,15 @@
 
 import io
 import os
+import signal
 import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import pandas as pd
 import pytest
 from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
 from rich.console import Console
 
 from experiments import reproduce
@@ -19,11 +18,11 @@ from experiments.records import steps as records_of
 from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
 from experiments.records.results import Results
+from experiments.reporting import frozen
 from experiments.reporting.table import Table
 from experiments.reproduction import calls, claim, took
 from experiments.reproduction import steps as steps_of
 from experiments.reproduction.steps import WHAT, Step, claims, cost, plain, steps
-from experiments.studies.claims import rules
 
 NOTHING, FAILING = ("json.tool", "--help"), ("json.tool", "/nowhere")
 
@@ -33,11 +32,11 @@ def commands(monkeypatch):
     """The commands that were run; each is run in a moment, those on /nowhere fail."""
     made = []
 
-    def run(step, mode, results, lanes):
+    def run(step, mode, results, lanes, processes):
         made.append(step.name)
         return "failed with 1" if "/nowhere" in step.words else "finished"
 
-    monkeypatch.setattr(calls, "measured", run)
+    monkeypatch.setattr(calls, "carry_out", run)
     return made
 
 
@@ -123,9 +122,9 @@ def test_it_goes_on_after_a_failure_and_tells_of_it_at_the_end(tmp_path, command
 def test_seconds_memory_and_status_of_commands(tmp_path):
     (tmp_path / "large.py").write_text("held = bytearray(b'x' * 200_000_000)")
     code = (
-        "from pathlib import Path; from experiments.reproduction.calls import Step, measured\n"
+        "from pathlib import Path; from experiments.reproduction.calls import Step, carry_out\n"
         "for name in ('large', 'this', 'nowhere'):\n"
-        f"    measured(Step(name, (name,), 1), 'full', Path({str(tmp_path)!r}))"
+        f"    carry_out(Step(name, (name,), 1), 'full', Path({str(tmp_path)!r}))"
     )
     # In a process of its own: a child's peak counts from what its parent holds.
     subprocess.run(
@@ -161,8 +160,8 @@ def noted(folder, *calls, **more):
         (["40 interrupted", "30 interrupted", "5 finished"], (75, "finished")),
         (["40 failed with 1", "30 finished"], (70, "finished")),
         (["40 finished", "1 finished"], (40, "finished")),
-        (["40 finished", "1 interrupted"], (40, "interrupted")),
-        (["40 finished", "1 failed with 2"], (40, "failed with 2")),
+        (["40 finished", "1 interrupted"], (40, "finished")),
+        (["40 finished", "1 failed with 2"], (40, "finished")),
     ],
     ids=str,
 )
@@ -210,7 +209,7 @@ def test_timed_steps_have_the_machine_alone(tmp_path, monkeypatch):
     together, running = {}, set()
     lock = threading.Lock()
 
-    def call(step, mode, results, lanes):
+    def call(step, mode, results, lanes, processes):
         with lock:
             running.add(step.name)
         time.sleep(0.05)
@@ -219,13 +218,23 @@ def test_timed_steps_have_the_machine_alone(tmp_path, monkeypatch):
             running.remove(step.name)
         return "finished"
 
-    monkeypatch.setattr(calls, "measured", call)
+    monkeypatch.setattr(calls, "carry_out", call)
     found = [Step(str(k), NOTHING, 1, timed=k in (2, 5)) for k in range(7)]
     assert calls.run(found, "full", tmp_path, console()) == 0
     assert together["2"] == {"2"}
     assert together["5"] == {"5"}
     assert {"0", "1"} <= together["0"] | together["1"]
     assert max(map(len, together.values())) == 2
+
+
+def test_after_the_running_commands_were_ended_none_begins():
+    processes = calls.Processes()
+    waiting = [sys.executable, "-c", "import time; time.sleep(60)"]
+    process = processes.start(waiting, os.environ)
+    processes.end()
+    assert process.wait(20) == -signal.SIGTERM
+    with pytest.raises(KeyboardInterrupt):
+        processes.start(waiting, os.environ)
 
 
 def test_a_run_that_times_nothing_has_one_thread_and_does_not_wait():
@@ -267,12 +276,12 @@ def test_a_step_by_a_launcher_leaves_its_records_and_is_found_finished(
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "results"))
     words = ("experiments.run", "scene=recorded", f"scene.path={recording()}")
     step = Step("some", words, 1, timed=False, launcher=launcher)
-    assert calls.measured(step, "full", tmp_path / "results", 2) == "finished"
-    ((_, _, names),) = records_of.read(tmp_path / "results")
+    assert calls.carry_out(step, "full", tmp_path / "results", 2) == "finished"
+    (listed,) = records_of.read(tmp_path / "results")
     (run,) = Results(tmp_path / "results").runs
-    assert names == {run.record.id}
+    assert listed.names == {run.record.id}
     assert plain(run.record.command) == plain(step.command)
-    assert calls.measured(step, "full", tmp_path / "results", 2) == "finished"
+    assert calls.carry_out(step, "full", tmp_path / "results", 2) == "finished"
     assert len(Results(tmp_path / "results").runs) == 1
 
 
@@ -280,8 +289,7 @@ def test_a_step_by_a_launcher_leaves_its_records_and_is_found_finished(
 
 
 def test_every_claim_has_steps_and_every_step_serves_claims_that_there_are():
-    rules_file = OmegaConf.load(Path(rules.__file__).with_name("rules.yaml"))
-    assert set(claims()) == set(rules_file.claims)
+    assert set(claims()) == set(frozen.rules().claims)
     for name in claims():
         assert steps("quick", name), name
         assert cost(steps("quick", name)) < reproduce.ASKS

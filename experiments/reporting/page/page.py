@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -46,9 +47,9 @@ class Picture:
     plot: Plot
     data: bytes
 
-    @property
+    @cached_property
     def chart(self) -> dict[str, Any] | None:
-        """Its interactive form as Vega-Lite, if it has one."""
+        """Its interactive form as Vega-Lite, if it has one; built when it is first asked for."""
         return self.plot.chart() if self.plot.chart is not None else None
 
     @property

@@ -19,6 +19,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from experiments.protocol.libraries import multisets, opencv_median
 from experiments.studies.benchmark import names
 from experiments.studies.benchmark.cases import HELD_OUT, Case, pack_bits, unpack_bits
 from hdc import HDCClassifier, bits
@@ -231,29 +232,6 @@ def opencv_bits(frames: Tensor) -> Tensor:
     return torch.from_numpy(np.stack(ones))
 
 
-def opencv_median(frame: np.ndarray) -> int:
-    """Lower median of the uint8 pixels [D] of a frame by OpenCV's histogram."""
-    counts = load("cv2").calcHist([frame], [0], None, [256], [0, 256])
-    return level_of(counts.ravel().astype(np.int64))
-
-
-def numpy_median(frame: np.ndarray) -> int:
-    """The same by NumPy's."""
-    return level_of(np.bincount(frame, minlength=256))
-
-
-def level_of(counts: np.ndarray) -> int:
-    """The grey value that half of the pixels do not exceed, of a histogram [256]."""
-    return int(np.searchsorted(counts.cumsum(), (counts.sum() + 1) // 2))
-
-
 def by_class(case: Case, ones: Tensor) -> list[Tensor]:
     """Hypervectors bool [N, D], class by class."""
     return [ones[case.labels == c] for c in range(case.l)]
-
-
-def multisets(classes: list[Tensor]) -> Tensor:
-    """Prototypes by torchhd, bool [L, D]."""
-    torchhd = load("torchhd")
-    prototypes = [torchhd.multiset(torchhd.BSCTensor(ones)) for ones in classes]
-    return torch.stack(prototypes).as_subclass(Tensor)

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name, scene_name
+from experiments.reporting.frozen import rules
 from experiments.reporting.text import number
-from experiments.studies.claims.frozen import rules
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
 from experiments.studies.claims.verdict import Verdict
 from experiments.studies.claims.view import JOINED, confirmatory, judged
@@ -20,8 +20,7 @@ LAST = (
     "**No public recording is of the paper's sensor.** Diffusers (captured) and fibres (computed) "
     "show laser speckle; the others are cameras under a gel or a skin."
 )
-RAW = "softmax_dual"
-STRONGER = "softmax_dual_standardised"  # of the two rivals, on most recordings
+RAW, STRONGER = rules().rivals  # the second is the stronger one on most recordings
 # What the words against both rivals say together: no, if one is no; partly, if one is yes.
 RECOGNISES = {
     YES: "HDC is more accurate than",

@@ -13,10 +13,10 @@ from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import mean_interval
-from experiments.studies.claims.frozen import Claim, Rules, Update
+from experiments.reporting.frozen import Claim, Rules, Update
+from experiments.reporting.sessions import accuracies
 from experiments.studies.claims.piece import Piece, measured_by_scene, place_of
 from experiments.studies.claims.rules import rule_of
-from experiments.studies.drift.numbers import accuracies
 
 STORED = "stored"
 OWN_LOSS = "its own loss"  # what the update is held against
@@ -30,14 +30,16 @@ def pieces(name: str, claim: Claim, frozen: Rules, results: Results) -> Iterator
         assert claim.update is not None
         in_order = every[every.order == claim.update.order]
         form = frozen.forms[claim.form]
-        of_hdc = regained(in_order, form, claim.update)
+        of_hdc = shares_regained(in_order, form, claim.update)
         if of_hdc is None:
             continue
         yield _judged(name, claim, frozen, measured, of_hdc)
         yield from _best_updates(name, claim, measured, in_order)
 
 
-def regained(in_order: pd.DataFrame, model: str, update: Update) -> pd.DataFrame | None:
+def shares_regained(
+    in_order: pd.DataFrame, model: str, update: Update
+) -> pd.DataFrame | None:
     """By seed: accuracy in the old session, in the new before and after the update, what drift has
     ``lost``, and the ``share`` of it that came back; None where one was not measured."""
     of_model = in_order[in_order.model == model]

@@ -14,10 +14,10 @@ from experiments.records.results import Group, Results
 from experiments.reporting import published
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import difference
-from experiments.reporting.measured import over_units
+from experiments.reporting.frozen import Claim, Recording, Rules
+from experiments.reporting.measured import accuracies, fields_of, over_units
 from experiments.reporting.study import RUN
 from experiments.reporting.text import SIMULATED
-from experiments.studies.claims.frozen import Claim, Recording, Rules
 from experiments.studies.claims.piece import (
     Piece,
     least_variance,
@@ -26,7 +26,6 @@ from experiments.studies.claims.piece import (
     variance_of,
 )
 from experiments.studies.claims.rules import rule_of
-from experiments.studies.recordings.values import accuracies, fields_of
 
 PUBLISHED = "published"  # a rival that is a number of the paper
 _OBJECTS = "tactile/test_accuracy"

@@ -1,4 +1,4 @@
-"""Numbers of the study of drift, of its rows: accuracies, and the share of the loss regained."""
+"""How much of what a drift costs each update wins back, from the rows of the study."""
 
 from __future__ import annotations
 
@@ -7,69 +7,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.records.rows import unpack_labels
 from experiments.reporting import estimates
 from experiments.reporting.estimates import Estimate
+from experiments.reporting.sessions import SESSIONS, accuracies
 
 N_NEW = 50  # at which the paper reports the recovered accuracy
-UPDATES = {
-    "stored": "not updated",
-    "new": "new samples alone",
-    "replace": "bits replaced, p = {:g}",
-    "pooled": "old and new together",
-    "balanced": "old and new, equal votes",
-    "from_old": "new, from the old weights",
-    "zeroed": "re-zeroed, all classes alike",
-    "untouched": "re-zeroed, nobody touches",
-}
 UNLABELLED = ("zeroed", "untouched")
-SESSIONS = ("new", "old")
-
-
-def with_right(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with ``right_new`` and ``right_old``, counted from what was predicted; rows of
-    version 1.0 have the counts themselves."""
-    if "predicted" not in rows:
-        return rows
-    draws = rows.groupby(["seed", "order"]).labels
-    labels = draws.transform("first").map(unpack_labels)
-    new, old = [], []
-    for text, truth, first in zip(rows.predicted, labels, rows.n_test_new, strict=True):
-        right = unpack_labels(text) == truth
-        new.append(int(right[:first].sum()))
-        old.append(int(right[first:].sum()))
-    return rows.assign(right_new=new, right_old=old)
-
-
-def update_name(method: str, p: float | None, share: float | None) -> str:
-    """An update in words."""
-    if method == "zeroed" and share == share and share is not None:
-        if share == 1:
-            return "re-zeroed, one class only"
-        return f"re-zeroed, {100 * share:g} % of one class"
-    return UPDATES[method].format(p)
-
-
-def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
-    """Accuracy of each sensor, mean over draws.
-
-    Returns:
-        DataFrame: ``order``, ``model``, ``method``, ``p``, ``share``, ``update`` (the three in
-        words), ``n_new`` (0 for the stored model), ``seed``; accuracies ``new`` and ``old`` by
-        session.
-    """
-    rows = with_right(rows)
-    if "share" not in rows:
-        rows = rows.assign(share=np.nan)
-    ways = zip(rows.method, rows.p, rows.share, strict=True)
-    shares = rows.assign(
-        new=rows.right_new / rows.n_test_new,
-        old=rows.right_old / rows.n_test_old,
-        update=[update_name(*way) for way in ways],
-    )
-    keys = ["order", "model", "method", "p", "share", "update", "n_new", "seed"]
-    by_seed = shares.groupby(keys, sort=False, dropna=False)
-    return by_seed[list(SESSIONS)].mean().reset_index()
 
 
 def regained(rows: pd.DataFrame) -> pd.DataFrame:

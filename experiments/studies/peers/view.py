@@ -41,9 +41,10 @@ FINISHED = ("finished", "trained", "reached")  # of experiments.protocol.stop
 
 
 def accuracies(measured: Measured) -> pd.DataFrame:
-    """A row for each model, draw and n: ``accuracy``, and why the training ``stopped`` where that
-    is known."""
-    rows = with_right(measured.frame, ("seed", "split", "draw"))
+    """A row for each model, draw and n of the split that counts: ``accuracy``, and why the training
+    ``stopped`` where that is known."""
+    counting = measured.frame[measured.frame.split == "counts"]
+    rows = with_right(counting, ("seed", "draw"))
     table = []
     for row in rows.to_dict("records"):
         reasons = row.get("stopped")
@@ -53,7 +54,7 @@ def accuracies(measured: Measured) -> pd.DataFrame:
             accuracy = right / row["n_test"]
             line = {"model": row["model"], "n": n, "accuracy": accuracy}
             table.append({**line, "stopped": stopped})
-    return pd.DataFrame(table)
+    return pd.DataFrame(table, columns=["model", "n", "accuracy", "stopped"])
 
 
 def unfinished(rows: pd.DataFrame) -> str:

@@ -16,13 +16,8 @@ from experiments.records import configs
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name, scene_name
 from experiments.reporting.estimates import Estimate, difference
-from experiments.reporting.measured import (
-    RIVAL,
-    SATURATED,
-    by_scene,
-    commands_of,
-    place_of,
-)
+from experiments.reporting.frozen import rules
+from experiments.reporting.measured import RIVAL, by_scene, commands_of, place_of
 from experiments.reporting.plot import literal, panel
 from experiments.reporting.study import RUN
 from experiments.reporting.text import CAPTURED, COMPUTED, SIMULATED
@@ -38,7 +33,7 @@ from experiments.studies.recordings.values import (
 )
 
 WIDTH = 5.4  # in; narrow, so that its letters can be read on a phone
-MARGIN = 3  # points, within which two models count as equally good
+MARGIN = 100 * rules().margin  # points, within which two models count as equally good
 HEADINGS = {
     CAPTURED: "captured",
     COMPUTED: "computed",
@@ -98,7 +93,7 @@ def _of_scenes(results: Results) -> Iterator[Dot]:
             paired = difference(group.runs, rival.runs)
             if paired is None:
                 continue
-            if min(group.right.mean(), rival.right.mean()) < SATURATED:
+            if min(group.right.mean(), rival.right.mean()) < rules().saturated:
                 yield Dot(scene, SIMULATED, form, False, paired)
 
 
@@ -107,7 +102,7 @@ def _of_scenes(results: Results) -> Iterator[Dot]:
     caption=f"Accuracy of HDC less that of {display_name(RIVAL).lower()} on test frames, in "
     "points, a row a recording: as published (circles) and with levels and lda (diamonds). The "
     "rival learns of grey values or of standardised frames, whichever is better there, which "
-    f"favours it. Band: ±{MARGIN} points. Bars: 95 %, Student over input fields or seeds, the "
+    f"favours it. Band: ±{MARGIN:g} points. Bars: 95 %, Student over input fields or seeds, the "
     "central 95 % of draws for cameras. Captured: by a camera; computed: from measured matrices of "
     "a fibre; simulated: after all training frames, "
     "and without a diamond where that form was not run; * fitted to the accuracy of HDC.",
@@ -142,7 +137,7 @@ def forest(figure: Figure, results: Results) -> None:
         for form in CONFIRMATORY
         if form in {dot.form for dot in every}
     ]
-    handles.append(Patch(color="0.88", label=f"±{MARGIN} points"))
+    handles.append(Patch(color="0.88", label=f"±{MARGIN:g} points"))
     where: Any = {"loc": "outside lower center", "ncols": 3, "fontsize": 8}
     figure.legend(handles=handles, **where)
 

@@ -17,7 +17,13 @@ from experiments.reporting.columns import (
     model_columns,
     scene_name,
 )
-from experiments.reporting.measured import ENDS, by_scene, models_of, saturated
+from experiments.reporting.measured import (
+    ENDS,
+    by_scene,
+    fields_of,
+    models_of,
+    saturated,
+)
 from experiments.reporting.study import RUN
 from experiments.reporting.text import percent, points
 from experiments.studies.recordings.study import STUDY
@@ -29,7 +35,6 @@ from experiments.studies.recordings.values import (
     TUNED,
     Accuracies,
     accuracies_of,
-    fields_of,
     forms_of,
     gaps,
     kind,

@@ -10,11 +10,11 @@ import pandas as pd
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.measured import over_units
+from experiments.reporting.measured import accuracies, over_units
 from experiments.reporting.study import RUN
 from experiments.reporting.text import percent, points
 from experiments.studies.recordings.study import STUDY
-from experiments.studies.recordings.values import accuracies, recordings
+from experiments.studies.recordings.values import recordings
 
 
 @STUDY.table(

@@ -14,20 +14,22 @@ from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import Estimate
+from experiments.reporting.frozen import rules
 from experiments.reporting.measured import (
     RIVAL,
+    accuracies,
     by_scene,
+    fields_of,
     over_units,
     saturated,
-    with_right,
 )
 from experiments.reporting.text import kind_of
 
-RIVALS = (RIVAL, f"{RIVAL}_standardised")
+RIVALS = rules().rivals
 """Softmax regression at its optimum, of grey values and of standardised frames."""
 TUNED = ("softmax_chosen", "softmax_chosen_standardised")
 """The same with a penalty chosen by the folds that choose HDC's form."""
-CONFIRMATORY = ("hdc", "hdc_levels_lda")
+CONFIRMATORY = tuple(rules().forms.values())
 """The forms of HDC that were named before anything was measured; every other is exploratory."""
 FEW = 5  # frames a class
 NOTE = (
@@ -54,12 +56,6 @@ def unsaturated(found: dict[str, Measured]) -> dict[str, Measured]:
     return {scene: one for scene, one in found.items() if not saturated(one)}
 
 
-def fields_of(measured: Measured) -> int:
-    """How many input fields of a fibre a frame shows side by side; 1 of any other scene."""
-    scene = measured.record.config.get("scene") or {}
-    return int(scene.get("n_fields", 1))
-
-
 def kind(scene: str, measured: Measured) -> str:
     """Captured, computed or simulated: the kind of the frames of a measurement."""
     if "origin" in measured.frame:
@@ -76,18 +72,6 @@ def forms_of(models: Sequence[str]) -> list[str]:
 
 
 # Accuracies ---------------------------------------------------------------------------------------
-
-
-def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
-    """A row for each split, model, n and unit: ``accuracy``. The unit is what varies: the seed
-    where there are several (another input field or fibre), else the draw of frames."""
-    counted = with_right(rows, ("seed", "split", "draw"))
-    every = counted.explode(["n", "right"]).astype({"n": int, "right": float})
-    several = every.seed.nunique() > 1
-    every["unit"] = every.seed if several else every.draw
-    every["accuracy"] = every.right / every.n_test
-    by_unit = every.groupby(["split", "model", "n", "unit"])
-    return by_unit.accuracy.mean().reset_index()
 
 
 class Accuracies:

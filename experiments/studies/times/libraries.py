@@ -12,11 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from experiments.studies.benchmark.routes import (
-    multisets,
-    numpy_median,
-    opencv_median,
-)
+from experiments.protocol.libraries import multisets, numpy_median, opencv_median
 from hdc.inputs import check_option
 
 MEDIANS = {"cv2.calcHist": opencv_median, "numpy.bincount": numpy_median}

@@ -23,11 +23,6 @@ class Gain:
     low: float
     high: float
 
-    @property
-    def is_clear(self) -> bool:
-        """Whether the interval lies above zero."""
-        return self.low > 0
-
     def as_json(self) -> dict[str, float]:
         return {"gain": self.gain, "low": self.low, "high": self.high}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -110,33 +110,46 @@ def read_frames(
     if rows is None:
         rows = np.arange(len(recording))
     parts = [(recording, rows)]
+    session = None if recording.session is None else recording.session[rows]
     if other is not None:
         _check_alike(recording, other)
         parts.append((other, np.arange(len(other))))
+        session = None  # each recording numbers its own
     total = sum(len(index) for _, index in parts)
     stream = (frame for source, index in parts for frame in source.stream(index))
     images = np.stack(list(with_progress(stream, total, "Reading")))
-    session = None
-    if other is None and recording.session is not None:
-        session = recording.session[rows]
     if recording.values is not None:
-        values = np.concatenate([_values_of(*source) for source in parts])
         bank = FrameBank(images, np.zeros(total, np.int64), 1)
         names, units = recording.value_names, recording.value_units
-        return Frames(bank, names, units, session, values)
+        return Frames(bank, names, units, session, _values(parts))
+    known, labels = _classes(recording, parts)
+    return Frames(FrameBank(images, labels, len(known)), known, (), session, None)
+
+
+Part = tuple[Recording, np.ndarray]
+"""A recording, and the indices of those of its frames that are read."""
+
+
+def _values(parts: Sequence[Part]) -> np.ndarray:
+    """Values float64 [N, T] of the frames of some recordings."""
+    found = []
+    for source, index in parts:
+        assert source.values is not None
+        found.append(source.values[index])
+    return np.concatenate(found)
+
+
+def _classes(
+    recording: Recording, parts: Sequence[Part]
+) -> tuple[tuple[str, ...], np.ndarray]:
+    """The classes that occur, in the order of the recording, and which each frame is of [N]."""
     texts: list[str] = []
     for source, index in parts:
         texts += np.array(source.names)[index].tolist()
     here = set(texts)
     known = tuple(name for name in recording.classes if name in here)
     row = {name: number for number, name in enumerate(known)}
-    labels = np.array([row[text] for text in texts])
-    return Frames(FrameBank(images, labels, len(known)), known, (), session, None)
-
-
-def _values_of(recording: Recording, rows: np.ndarray) -> np.ndarray:
-    assert recording.values is not None
-    return recording.values[rows]
+    return known, np.array([row[text] for text in texts])
 
 
 def _check_alike(recording: Recording, other: Recording) -> None:

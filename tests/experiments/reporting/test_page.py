@@ -75,6 +75,19 @@ def built(*blocks, problems=(), about=None, **section):
     return Page(page.render([made], problems, about))
 
 
+def test_the_interactive_form_of_a_figure_is_built_once():
+    built_with = []
+
+    def chart():
+        built_with.append("data")
+        return {"mark": "point"}
+
+    figure = Picture(Plot("a_figure", "", lambda: None, chart=chart), SVG)
+    shown = built(Block(pictures=[figure]))
+    assert "chart" in shown.all("class")
+    assert built_with == ["data"]
+
+
 def webp(colour):
     stream = io.BytesIO()
     Image.new("RGB", (3, 2), colour).save(stream, "webp", lossless=True)

@@ -12,14 +12,12 @@ from omegaconf import OmegaConf
 from experiments.records import configs
 from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
-from experiments.reporting import measured
+from experiments.reporting import frozen
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.random_effects import Pooled
-from experiments.studies.claims import frozen, recalibration, rules, view
+from experiments.studies.claims import recalibration, rules, view
 from experiments.studies.claims.piece import CONFIRMATORY, variance_of
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
-from experiments.studies.recordings import forest
-from experiments.studies.recordings import values as recordings
 
 NAN = math.nan
 RULES = frozen.rules()
@@ -55,14 +53,6 @@ def test_the_mended_form_is_that_of_its_file():
     assert model["encoder"]["thresholds"] == mended["thresholds"]
     assert model["encoder"]["lit"] == mended["lit"]
     assert model["readout"]["shrinkage"] == mended["shrinkage"]
-
-
-def test_other_studies_show_the_same_rivals_forms_and_margins():
-    assert RULES.rivals == recordings.RIVALS
-    assert tuple(RULES.forms.values()) == recordings.CONFIRMATORY
-    assert 100 * RULES.margin == forest.MARGIN
-    assert RULES.saturated == measured.SATURATED
-    assert RULES.rivals[0] == measured.RIVAL
 
 
 def test_every_claim_has_a_reader_and_a_rule():

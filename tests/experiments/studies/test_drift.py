@@ -17,14 +17,13 @@ from experiments.protocol.evaluate import bank_of
 from experiments.protocol.experiment import Run
 from experiments.protocol.model import models_of
 from experiments.records import configs
+from experiments.reporting.sessions import update_name, with_right
 from experiments.studies.drift import view
 from experiments.studies.drift.measure import choose, drift, subsets, updates
 from experiments.studies.drift.numbers import (
     best_updates,
     ratio,
     regained,
-    update_name,
-    with_right,
 )
 from experiments.studies.drift.zeroing import Unlabelled, rezeroed, untouched, zeroed
 from hdc import HDCClassifier

@@ -52,6 +52,18 @@ def test_peers_stand_beside_hdc_with_the_range_of_draws(tmp_path, write_measurem
     assert "unfinished" not in table
 
 
+def test_only_the_split_that_counts_has_accuracies(tmp_path, write_measurement):
+    rows = [
+        row("hdc", 0, [5, 6], **labels()),
+        row("hdc", 0, [9, 10], **labels()) | {"split": "random"},
+    ]
+    write_measurement("recordings_networks", rows, scene="tactip")
+    few, many = view.networks(Results(tmp_path)).to_dict("records")
+    assert (few["hdc"], few["hdc_high"], many["hdc"]) == (0.5, 0.5, 0.6)
+    write_measurement("recordings_networks", rows[1:], scene="tactip")
+    assert view.networks(Results(tmp_path)) is None
+
+
 def test_networks_that_were_not_finished_are_counted(tmp_path, write_measurement):
     rows = [
         row("hdc", 0, [5, 6], **labels()),

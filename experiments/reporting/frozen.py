@@ -1,4 +1,4 @@
-"""The frozen rules: rules.yaml as typed data, its digest, and the commit that froze it."""
+"""The frozen rules of claims: rules.yaml as typed data, its digest, the commit that froze it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import Any, Literal
 import msgspec
 from omegaconf import OmegaConf
 
-PATH = Path(__file__).with_name("rules.yaml")
+from experiments.records.files import ROOT
+
+PATH = ROOT / "experiments" / "studies" / "claims" / "rules.yaml"
 FROZEN = PATH.with_name("frozen.yaml")
 EARLIER = PATH.with_name("earlier.yaml")
 
@@ -128,16 +130,24 @@ def rules(path: Path = PATH) -> Rules:
         ValueError: naming the file and the key that is wrong.
     """
     try:
-        return msgspec.convert(OmegaConf.to_container(OmegaConf.load(path)), Rules)
+        return msgspec.convert(_written(path), Rules)
     except msgspec.ValidationError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def claim_as_written(name: str) -> dict[str, Any]:
+    """The entry of a claim in the file: the keys that stand there, in their order."""
+    return dict(_written(PATH)["claims"][name])
+
+
+def _written(path: Path) -> Any:
+    return OmegaConf.to_container(OmegaConf.load(path))
 
 
 @functools.cache
 def earlier() -> tuple[Earlier, ...]:
     """The words of earlier versions, the oldest first."""
-    found = OmegaConf.to_container(OmegaConf.load(EARLIER))
-    return msgspec.convert(found, tuple[Earlier, ...])
+    return msgspec.convert(_written(EARLIER), tuple[Earlier, ...])
 
 
 def earlier_word(claim: str) -> str:
@@ -159,5 +169,5 @@ def digest(path: Path = PATH) -> str:
 @functools.cache
 def commit() -> str:
     """The commit that froze the rules, twelve digits; empty where the file was changed since."""
-    frozen: Any = OmegaConf.to_container(OmegaConf.load(FROZEN))
+    frozen = _written(FROZEN)
     return str(frozen["commit"])[:12] if frozen["digest"] == digest() else ""
