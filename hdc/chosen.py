@@ -91,7 +91,12 @@ class Chosen:
         return best.name, model
 
     def train(self, frames: Any, labels: np.ndarray) -> Iterator[dict[str, float]]:
-        """Choose and learn; yields once, ``{"samples_seen": N}``."""
+        """Choose and learn from frames uint8 or uint16 [N, H, W] or [N, D] and their labels [N];
+        yields once, ``{"samples_seen": N}``.
+
+        Raises:
+            ValueError: for frames of another type, which a bank does not take.
+        """
         labels = inputs.label_array(labels, len(frames))
         bank, rows = in_bank(frames, labels)
         self.form_, model = self.choose(bank, rows)
@@ -99,7 +104,8 @@ class Chosen:
         yield {"samples_seen": len(frames)}
 
     def fit(self, frames: Any, labels: Any) -> Self:
-        """Choose and learn; raises as :meth:`hdc.HDCClassifier.fit` and :meth:`choose`."""
+        """Choose and learn; frames as of :meth:`train`, labels and errors as of
+        :meth:`hdc.HDCClassifier.fit` and :meth:`choose`."""
         for _ in self.train(frames, labels):
             pass
         return self

@@ -286,7 +286,8 @@ def in_bank(frames: Any, labels: np.ndarray) -> tuple[Bank, np.ndarray]:
     """A bank that has some training frames, and their rows in it.
 
     Args:
-        frames: anything with ``shape`` and batches ``frames[a:b]``; a selection has a bank already.
+        frames: anything with ``shape`` and batches ``frames[a:b]`` of uint8 or uint16; a selection
+            has a bank already.
         labels: of the frames [N].
     """
     if isinstance(frames, Selection):
