@@ -15,7 +15,7 @@ _MODULES = {"HDCClassifier": "hdc.classifier", "HDCRegressor": "hdc.regressor"}
 REVISION = 1
 """Of the arithmetic that all parts share (bits, planes, prototypes), raised by hand in the commit
 that changes a number of theirs. Encoders and read-outs have revisions of their own."""
-__version__ = "1.0.0"  # pyproject.toml has it from here
+__version__ = "2.0.0"  # pyproject.toml has it from here
 
 
 def __getattr__(name: str) -> Any:
