@@ -1,8 +1,9 @@
-"""Compiled kernels without a stall: compiled ahead by a process of their own, loaded once they pay.
+"""Compiled kernels without a stall: compiled by a process of their own, loaded by a thread.
 
-Compiling takes some ten seconds, once a machine and version; loading what was compiled half a
-second, once a process. A process that has encoded enough frames loads them. Where nothing was
-compiled yet, it starts another Python that does so and goes on with numpy meanwhile.
+Compiling takes some ten seconds, once a machine and version; loading what was compiled most of a
+second, once a process. A process that has encoded enough frames loads them while it goes on with
+numpy, and uses them from the chunk of frames after. Where nothing was compiled yet, it starts
+another Python that does so.
 """
 
 from __future__ import annotations
@@ -14,40 +15,68 @@ import importlib.util
 import os
 import subprocess
 import sys
+import threading
+import time
 from contextlib import suppress
 from pathlib import Path
 
 ENOUGH = 2**26
 """Pixels that a process encodes by numpy before it loads the kernels: a batch of large frames."""
 AT_ONCE = 2**30
-"""Pixels of one call that are worth loading them at once: they save as long as loading takes."""
+"""Pixels of one call that are worth waiting for them: they save as long as loading takes."""
+AGAIN = 24 * 3600
+"""Seconds until what was not compiled is tried again, by whichever process."""
 
 _encoded = 0  # pixels
+_loaded = threading.Event()
+_compiler: subprocess.Popen[bytes] | None = None
+"""Kept, so that one that has ended can be cleared away."""
 
 
 def are_due(n_pixels: int) -> bool:
     """Whether a call that encodes so many pixels is to use the kernels, after all calls before."""
     global _encoded
-    if "hdc.compiled" in sys.modules:
+    if _loaded.is_set():
         return True
     if importlib.util.find_spec("numba") is None:
         return False
-    pays = _encoded >= ENOUGH or n_pixels > AT_ONCE
     _encoded += n_pixels
-    if not pays:
+    if _encoded < ENOUGH:
         return False
-    if _mark().exists():
+    if not _mark().exists():
+        _compile_in_background()
+        return False
+    if n_pixels > AT_ONCE:
         return True
-    _compile_in_background()
+    _load_in_background()
     return False
 
 
-def say_compiled() -> None:
-    """Leave a mark that the kernels of this version were compiled, for the processes to come."""
-    mark = _mark()
+def say_loaded() -> None:
+    """The kernels can be used; leave a mark that they were compiled, for the processes to come."""
+    _loaded.set()
+    _leave(_mark())
+
+
+def _leave(mark: Path) -> None:
     with suppress(OSError):
         mark.parent.mkdir(parents=True, exist_ok=True)
         mark.touch()
+
+
+@functools.cache
+def _load_in_background() -> None:
+    """Load the kernels in a thread, once a process."""
+    threading.Thread(target=_load, name="hdc.ahead").start()
+
+
+def _load() -> None:
+    """Load the kernels, in two steps: a program that has ended waits for one of them at most."""
+    # A broken numba is no error where nobody asked for it: numpy goes on.
+    with suppress(Exception):
+        importlib.import_module("numba")
+        if threading.main_thread().is_alive():
+            importlib.import_module("hdc.compiled")
 
 
 @functools.cache
@@ -65,16 +94,24 @@ def _mark() -> Path:
     return beside / f"compiled-{stamp.hexdigest()[:16]}"
 
 
-@functools.cache
 def _compile_in_background() -> None:
-    """Have another Python compile and keep the kernels, at low priority; once a process."""
+    """Have another Python compile and keep the kernels, at low priority; once a day at most."""
+    global _compiler
+    if _compiler is not None:
+        _compiler.poll()
+        return
     if not sys.executable or getattr(sys, "frozen", False):
         return
+    tried = _mark().with_suffix(".tried")
+    with suppress(OSError):
+        if time.time() - tried.stat().st_mtime < AGAIN:
+            return
+    _leave(tried)
     folder = str(Path(__file__).parent.parent)
     paths = [folder, os.environ.get("PYTHONPATH", "")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
     with suppress(OSError):
-        subprocess.Popen(
+        _compiler = subprocess.Popen(
             [sys.executable, "-c", "import os; os.nice(10); import hdc.compiled"],
             env=environment,
             stdin=subprocess.DEVNULL,

@@ -69,8 +69,8 @@ def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
 def choose_backend(backend: str, device: torch.device | str, n_pixels: int = 0) -> str:
     """The backend for so many pixels (frames × pixels of each); errors as of :func:`kernels`.
 
-    ``"auto"`` is ``"compiled"`` on the CPU where the kernels are loaded already, or where numba is
-    installed and loading them pays (:mod:`hdc.ahead`): after about 270 frames of 500 × 500.
+    ``"auto"`` is ``"compiled"`` on the CPU where the kernels are loaded. Where numba is installed
+    they are loaded once they pay (:mod:`hdc.ahead`): after about 270 frames of 500 × 500.
     """
     if backend != "auto":
         kernels(backend, device)

@@ -109,7 +109,7 @@ class Estimator(Parametrised, ABC):
         self._used = {name: getattr(self, name) for name in self.parts}
 
     def _backend(self, frames: Any = None) -> str:
-        """The backend to encode frames with, or (None) one that is loaded already."""
+        """The backend to encode a chunk with, or (None) one that is loaded already."""
         n_pixels = 0 if frames is None else prod(frames.shape)
         return bits.choose_backend(self.backend, self.device, n_pixels)
 
@@ -151,9 +151,9 @@ class Estimator(Parametrised, ABC):
     def _encoded(self, frames: Any) -> Iterator[Tensor]:
         """Hypervectors of frames, a chunk at a time."""
         frames = self._checked_frames(frames)
-        backend = self._backend(frames)
         for start in range(0, max(1, len(frames)), CHUNK):
-            yield self._encode(self._chunk(frames, start), start, backend)
+            part = self._chunk(frames, start)
+            yield self._encode(part, start, self._backend(part))
 
     def _untrained(self) -> Self:
         """A model of the same parameters, the very same objects, that has learned nothing."""

@@ -46,12 +46,12 @@ class Learner(Rejecting):
         inputs.check_two_classes(classes)
         inputs.check_discrete(labels)
         self._start(frames, classes.tolist())
-        backend = self._backend(frames)
         rows = torch.tensor([self._index[label] for label in labels])
         self._reserve(rows)
         words: Tensor | None = None
         for start in range(0, len(frames), CHUNK):
             part = self._chunk(frames, start)
+            backend = self._backend(part)
             chosen = slice(start, start + CHUNK)
             if self._in_one_read(part, backend):
                 self._add_in_one_read(part, rows[chosen], labels[chosen], start)

@@ -150,7 +150,9 @@ class HDCRegressor(Estimator):
     def _learn(self, words: Tensor, values: Tensor) -> None:
         """Take a read-out that has learned these."""
         readout = make_value_readout(self.readout).unlearned()
-        readout.backend = self._backend()
+        # Numpy compares a pair of words in the time that it encodes a pixel in.
+        n_compared = len(words) * words.numel() // 2
+        readout.backend = bits.choose_backend(self.backend, self.device, n_compared)
         readout.fit(words, values, self.dimension_)
         self._take(readout, words, values, recalibrated=False)
 

@@ -15,4 +15,4 @@ from hdc.compiled.encode import encode_uint8
 
 __all__ = ["combine", "count_into", "count_uint8", "encode_uint8", "hamming"]
 
-ahead.say_compiled()
+ahead.say_loaded()

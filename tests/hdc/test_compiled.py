@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import sys
+import threading
+import time
 import warnings
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -161,6 +165,7 @@ def test_without_numba_the_parameter_is_named(monkeypatch) -> None:
     with pytest.raises(ValueError, match=message):
         encode(frames, backend="compiled")
     monkeypatch.setattr(ahead, "ENOUGH", 0)
+    monkeypatch.setattr(ahead, "_loaded", threading.Event())
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert HDCClassifier().fit(frames, [0, 1, 0, 1]).predict(frames).shape == (4,)
 
@@ -178,51 +183,123 @@ def test_other_backends_and_devices_are_refused() -> None:
         encode(frames.to("meta"), backend="compiled")
 
 
+@dataclass
+class Started:
+    """What a process has started: programs that compile, and threads that load."""
+
+    programs: list[list[str]]
+    threads: list[Any]
+
+
 @pytest.fixture
 def fresh(monkeypatch, tmp_path):
-    """A process that has neither loaded the kernels nor encoded anything; a list of its others."""
-    monkeypatch.delitem(sys.modules, "hdc.compiled", raising=False)
+    """A process that has neither loaded the kernels nor encoded anything."""
     monkeypatch.setattr(ahead, "_encoded", 0)
+    monkeypatch.setattr(ahead, "_loaded", threading.Event())
+    monkeypatch.setattr(ahead, "_compiler", None)
     monkeypatch.setattr(ahead, "_mark", lambda: tmp_path / "mark")
-    started: list[list[str]] = []
-    monkeypatch.setattr(
-        ahead.subprocess, "Popen", lambda command, **_: started.append(command)
-    )
-    ahead._compile_in_background.cache_clear()
+    started = Started([], [])
+
+    class Program:
+        def __init__(self, command, **_) -> None:
+            started.programs.append(command)
+
+        def poll(self) -> int:
+            return 1
+
+    class Thread:
+        def __init__(self, target, name) -> None:
+            started.threads.append(target)
+
+        def start(self) -> None:
+            pass
+
+    monkeypatch.setattr(ahead.subprocess, "Popen", Program)
+    monkeypatch.setattr(ahead.threading, "Thread", Thread)
+    ahead._load_in_background.cache_clear()
     yield started
-    ahead._compile_in_background.cache_clear()
+    ahead._load_in_background.cache_clear()
 
 
 BATCH = 270 * 250_000
 
 
 @needs_numba
-def test_auto_is_compiled_from_the_second_batch_on(fresh) -> None:
-    ahead.say_compiled()
+def test_auto_loads_beside_the_first_batch_and_is_compiled_after(fresh) -> None:
+    ahead._leave(ahead._mark())
     assert bits.choose_backend("auto", "meta", 10_000 * 250_000) == "numpy"
     assert bits.choose_backend("auto", "cpu", 1000) == "numpy"
-    assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
+    assert not fresh.threads
+    for _ in range(3):
+        assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
+    assert fresh.threads == [ahead._load]
+    ahead.say_loaded()
     assert bits.choose_backend("auto", "cpu", 1) == "compiled"
-    assert not fresh
+    assert not fresh.programs
 
 
 @needs_numba
-def test_auto_is_compiled_at_once_for_many_frames(fresh) -> None:
-    ahead.say_compiled()
+def test_one_call_of_many_frames_waits_for_the_kernels(fresh) -> None:
+    ahead._leave(ahead._mark())
     assert bits.choose_backend("auto", "cpu", 10_000 * 250_000) == "compiled"
 
 
 @needs_numba
 def test_what_was_not_compiled_is_compiled_by_another_process(fresh) -> None:
-    assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
-    assert not fresh
     for _ in range(3):
         assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
-    (command,) = fresh
+    (command,) = fresh.programs
     assert command[0] == sys.executable
     assert "hdc.compiled" in command[-1]
-    ahead.say_compiled()
-    assert bits.choose_backend("auto", "cpu", 1) == "compiled"
+    assert not fresh.threads
+    ahead._leave(ahead._mark())
+    assert bits.choose_backend("auto", "cpu", 1) == "numpy"
+    assert fresh.threads == [ahead._load]
+
+
+@needs_numba
+def test_what_does_not_compile_is_not_tried_by_every_process(
+    fresh, monkeypatch
+) -> None:
+    assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
+    monkeypatch.setattr(ahead, "_compiler", None)  # another process
+    assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
+    assert len(fresh.programs) == 1
+    days_later = time.time() + 2 * ahead.AGAIN
+    monkeypatch.setattr(ahead.time, "time", lambda: days_later)
+    assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
+    assert len(fresh.programs) == 2
+
+
+def test_a_numba_that_cannot_be_loaded_leaves_numpy(fresh, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "numba", None)
+    ahead._load()
+    assert not ahead._loaded.is_set()
+
+
+@needs_numba
+@pytest.mark.parametrize("readout", ["majority", "counts", "trained", "ridge"])
+def test_kernels_that_are_loaded_during_fit_change_nothing(
+    monkeypatch, readout
+) -> None:
+    monkeypatch.setattr("hdc.learner.CHUNK", 8)
+    monkeypatch.setattr("hdc.estimator.CHUNK", 8)
+    frames = frames_of(40, 1000)
+    labels = [0, 1, 2, 3] * 10
+    expected = HDCClassifier(readout=readout, backend="numpy").fit(frames, labels)
+    chosen = []
+
+    def loaded_meanwhile(n_pixels: int) -> bool:
+        chosen.append(len(chosen) > 3)
+        return chosen[-1]
+
+    monkeypatch.setattr(ahead, "are_due", loaded_meanwhile)
+    found = HDCClassifier(readout=readout).fit(frames, labels)
+    assert not chosen[0]
+    assert chosen[-1]
+    assert torch.equal(found.prototypes_, expected.prototypes_)
+    assert np.array_equal(found.predict(frames), expected.predict(frames))
+    assert torch.equal(found.counters_.planes, expected.counters_.planes)
 
 
 @needs_numba

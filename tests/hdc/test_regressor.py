@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, HDCRegressor
+from hdc import HDCClassifier, HDCRegressor, bits
 from hdc.readouts import NeighbourValues, RidgeValues
 from hdc.regressor import _ends
 
@@ -197,3 +197,14 @@ def test_every_encoder_serves_numbers(encoder: str, readout, tmp_path: Path) -> 
         some.partial_fit(queries[:9], truth[:9])
     np.testing.assert_array_equal(loaded.predict(frames), model.predict(frames))
     assert loaded.recalibrate(queries, truth).score(queries, truth) > 0.7
+
+
+@pytest.mark.parametrize("readout", ["ridge", "neighbours"])
+def test_a_file_is_little_more_than_its_hypervectors(readout, tmp_path) -> None:
+    n, height, width = 200, 110, 112
+    rng = np.random.default_rng(0)
+    frames = rng.integers(0, 256, (n, height, width), dtype=np.uint8)
+    model = HDCRegressor(readout=readout).fit(frames, rng.normal(size=n))
+    model.save(tmp_path / "model")
+    hypervectors = n * bits.words_for(height * width) * 8
+    assert (tmp_path / "model").stat().st_size < 1.1 * hypervectors
