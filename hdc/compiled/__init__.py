@@ -10,9 +10,16 @@ from __future__ import annotations
 
 from hdc import ahead
 from hdc.compiled.combine import combine
-from hdc.compiled.count import count_into, count_uint8, hamming
+from hdc.compiled.count import count_into, count_uint8, hamming, weighted_hamming
 from hdc.compiled.encode import encode_uint8
 
-__all__ = ["combine", "count_into", "count_uint8", "encode_uint8", "hamming"]
+__all__ = [
+    "combine",
+    "count_into",
+    "count_uint8",
+    "encode_uint8",
+    "hamming",
+    "weighted_hamming",
+]
 
 ahead.say_loaded()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdc.compiled.operations import WORD, add_where, compile_kernel, share
+from hdc.compiled.operations import AT_ONCE, WORD, compile_kernel, share, sum_where
 
 _BLOCK = 8  # words of a row at a time: a line of the cache
 
@@ -12,14 +12,14 @@ _BLOCK = 8  # words of a row at a time: a line of the cache
 def combine(words: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
     """Σ_i a_ik·bit_ij of hypervectors int64 [N, W], a float32 [N, K]: float32 [K, 64·W]."""
     words = np.ascontiguousarray(words)
-    coefficients = np.ascontiguousarray(coefficients)
     width = words.shape[1]
     n_sums = coefficients.shape[1]
+    padded = np.pad(coefficients, ((0, 0), (0, -n_sums % AT_ONCE)))
     sums = np.empty((n_sums, width * WORD), np.float32)
 
     def work(start: int, stop: int) -> None:
         end = min(width, stop * _BLOCK)
-        _combine(words, coefficients, sums, start * _BLOCK, end)
+        _combine(words, padded, sums, start * _BLOCK, end)
 
     share(work, -(-width // _BLOCK), words.nbytes)
     return sums
@@ -28,12 +28,16 @@ def combine(words: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
 @compile_kernel("void(int64[:, ::1], float32[:, ::1], float32[:, ::1], intp, intp)")
 def _combine(words, coefficients, sums, start, stop):
     """:func:`combine` of words start to stop, in one thread."""
-    n_sums = coefficients.shape[1]
-    sums[:, start * WORD : stop * WORD] = 0
+    columns = np.empty((_BLOCK, len(words)), np.int64)
+    part = np.empty((AT_ONCE, WORD), np.float32)
     for left in range(start, stop, _BLOCK):
         right = min(left + _BLOCK, stop)
         for i in range(len(words)):
             for w in range(left, right):
-                word = np.uint64(words[i, w])
-                for k in range(n_sums):
-                    add_where(sums, k, w * WORD, coefficients[i, k], word)
+                columns[w - left, i] = words[i, w]
+        for first in range(0, len(sums), AT_ONCE):
+            last = min(first + AT_ONCE, len(sums))
+            for w in range(left, right):
+                sum_where(columns, w - left, coefficients, first, part)
+                for k in range(first, last):
+                    sums[k, w * WORD : (w + 1) * WORD] = part[k - first]

@@ -78,13 +78,22 @@ def count_into(
 
 def hamming(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
     """Hamming distances int64 [Q, L] of words [Q, W] and [L, W]."""
-    distances = np.empty((len(queries), len(prototypes)), np.int64)
+    return weighted_hamming(queries, prototypes[:, None])
 
-    def work(start: int, stop: int) -> None:
-        _hamming(queries[start:stop], prototypes, distances[start:stop])
 
-    n_bytes = queries.nbytes * max(1, len(prototypes))
-    share(work, len(queries), n_bytes)
+def weighted_hamming(queries: np.ndarray, planes: np.ndarray) -> np.ndarray:
+    """Σ_p 2^p·Ham(v, b_p) of queries v [Q, W] and planes b_p [L, P, W]: int64 [Q, L]."""
+    distances = np.zeros((len(queries), len(planes)), np.int64)
+
+    def some_queries(start: int, stop: int) -> None:
+        _hamming(queries[start:stop], planes, distances[start:stop])
+
+    def some_classes(start: int, stop: int) -> None:
+        _hamming(queries, planes[start:stop], distances[:, start:stop])
+
+    work = some_queries if len(queries) >= len(planes) else some_classes
+    n_bytes = queries.nbytes * max(1, len(planes) * planes.shape[1])
+    share(work, max(distances.shape), n_bytes)
     return distances
 
 
@@ -175,18 +184,23 @@ def _add(counts, others):
             counts[p, w], carry = _full_adder(counts[p, w], others[p, w], carry)
 
 
-@compile_kernel("void(int64[:, ::1], int64[:, ::1], int64[:, ::1])")
-def _hamming(queries, prototypes, distances):
-    """:func:`hamming` in one thread, some words of all at a time: they stay in the cache."""
-    distances[:] = 0
+@compile_kernel("void(int64[:, ::1], int64[:, :, ::1], int64[:, :])")
+def _hamming(queries, planes, distances):
+    """Add :func:`weighted_hamming` to distances, in one thread.
+
+    Some words of all at a time: those of a class stay in the first cache, the queries' in the next.
+    """
     width = queries.shape[1]
     for left in range(0, width, _BLOCK):
         right = min(left + _BLOCK, width)
-        for i in range(len(queries)):
-            query = queries[i, left:right]
-            for j in range(len(prototypes)):
-                prototype = prototypes[j, left:right]
+        for j in range(len(planes)):
+            for i in range(len(queries)):
+                query = queries[i, left:right]
                 total = np.int64(0)
-                for w in range(right - left):
-                    total += ones(np.uint64(query[w] ^ prototype[w]))
+                for p in range(planes.shape[1]):
+                    plane = planes[j, p, left:right]
+                    differing = np.int64(0)
+                    for w in range(right - left):
+                        differing += ones(np.uint64(query[w] ^ plane[w]))
+                    total += differing << p
                 distances[i, j] += total

@@ -12,28 +12,32 @@ _STEP = 1024  # words unpacked at a time
 
 
 def dot(
-    planes: Tensor,
-    plane_ones: Tensor,
-    n: Tensor,
-    words: Tensor,
-    dimension: int,
-    backend: str = "numpy",
+    planes: Tensor, n: Tensor, words: Tensor, dimension: int, backend: str = "numpy"
 ) -> Tensor:
     """(2v − 1)·(2c − n) of queries v, int64 [Q, L], from bit-sliced c, int64 [L, P, W].
 
-    A query v ∈ {0, 1} has v·c = Σ_p 2^p |v ∧ plane_p| and |v ∧ b| = (|v| + |b| − Ham(v, b))/2;
-    `plane_ones` [L, P] are the |plane_p|.
+    A query v ∈ {0, 1} has v·c = Σ_p 2^p |v ∧ b_p| of the planes b_p, and 2|v ∧ b| = |v| + |b| −
+    Ham(v, b), so that |b_p| cancels:
+    (2v − 1)·(2c − n) = 2·((2^P − 1 − n)·|v| − Σ_p 2^p Ham(v, b_p)) + n·D.
     """
+    largest = 2 ** planes.shape[1] - 1
+    n = n.to(words.device)
+    ones = bits.count_ones(words)[:, None]
+    distances = _weighted_hamming(words, planes, backend)
+    return 2 * ((largest - n) * ones - distances) + n * dimension
+
+
+def _weighted_hamming(words: Tensor, planes: Tensor, backend: str) -> Tensor:
+    """Σ_p 2^p Ham(v, b_p) of queries [Q, W] and planes [L, P, W]: int64 [Q, L]."""
     n_classes, n_planes, width = planes.shape
+    kernels = bits.kernels(backend, words.device)
+    if kernels:
+        asked = words.contiguous().numpy()
+        known = planes.contiguous().numpy()
+        return torch.from_numpy(kernels.weighted_hamming(asked, known))
+    distances = bits.hamming(words, planes.reshape(-1, width))
     weights = 2 ** torch.arange(n_planes, device=words.device)
-    ones = bits.count_ones(words)
-    distances = bits.hamming(words, planes.reshape(-1, width), backend)
-    distances = distances.view(-1, n_classes, n_planes)
-    overlap = (ones[:, None, None] + plane_ones - distances) // 2
-    products = (overlap * weights).sum(2)  # v·c
-    total = (plane_ones * weights).sum(1)  # Σ_j c_j
-    offset = n.to(words.device) * (2 * ones[:, None] - dimension)
-    return 4 * products - 2 * total - offset
+    return (distances.view(-1, n_classes, n_planes) * weights).sum(2)
 
 
 def gram(a: Tensor, b: Tensor, dimension: int, backend: str = "numpy") -> Tensor:

@@ -81,8 +81,7 @@ def cosines(counters: Counters, words: Tensor, size: int | None = None) -> Tenso
         )
     found = norms(counters, size)
     lengths = torch.tensor(found, dtype=torch.float64, device=words.device)
-    ones = bits.count_ones(counters.planes)
-    products = dot(counters.planes, ones, counters.n, words, counters.dimension)
+    products = dot(counters.planes, counters.n, words, counters.dimension)
     return products / lengths.clamp(min=1)
 
 
@@ -95,8 +94,7 @@ def cosines_without(
     0 of the only frame of a class.
     """
     dimension = counters.dimension
-    ones = bits.count_ones(counters.planes)
-    products = dot(counters.planes, ones, counters.n, words, dimension).cpu()
+    products = dot(counters.planes, counters.n, words, dimension).cpu()
     squares = [square_length(*pair, dimension) for pair in _counted(counters)]
     counts = counters.n.tolist()
     found = torch.zeros(len(rows), dtype=torch.float64)

@@ -67,7 +67,6 @@ class LDA(Readout):
     offsets_: Tensor
     shrinkage_: Tensor
     _dimension: int
-    _ones: Tensor
     _held_out: HeldOut | None = None  # not in files
 
     def __init__(self, shrinkage: float | str = "ledoit_wolf"):
@@ -138,13 +137,12 @@ class LDA(Readout):
         self.scales_[known] = (scales * unit).round().long()
         self.offsets_[known] = (offsets * unit).round().long()
         self._dimension = dimension
-        self._ones = bits.count_ones(self.weights_)
         return unit
 
     def scores(self, words: Tensor) -> Tensor:
         """The discriminants, int64 [Q, L]."""
         n = torch.full((len(self.weights_),), 2 * _OFFSET)
-        twice = dot(self.weights_, self._ones, n, words, self._dimension, self.backend)
+        twice = dot(self.weights_, n, words, self._dimension, self.backend)
         scales = self.scales_.to(words.device)
         offsets = self.offsets_.to(words.device)
         return twice // 2 * scales + offsets
@@ -175,7 +173,6 @@ class LDA(Readout):
         self.scales_ = tensors["scales"].cpu()
         self.offsets_ = tensors["offsets"].cpu()
         self._dimension = dimension
-        self._ones = bits.count_ones(self.weights_)
 
 
 def closed_form(

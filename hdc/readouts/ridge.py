@@ -194,8 +194,7 @@ class Linear:
     def values(self, words: Tensor, backend: str = "numpy") -> Tensor:
         """w·x + b of hypervectors int64 [Q, W], float64 [Q, T]; the products are exact."""
         n = torch.full((len(self.planes),), 2 * _OFFSET)
-        ones = bits.count_ones(self.planes)
-        twice = dot(self.planes, ones, n, words, self.dimension, backend)
+        twice = dot(self.planes, n, words, self.dimension, backend)
         scales = self.scales.to(words.device)
         intercepts = self.intercepts.to(words.device)
         return twice // 2 * scales + intercepts

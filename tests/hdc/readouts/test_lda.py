@@ -255,7 +255,6 @@ def test_flips_of_stored_bits_cost_little(share: float, lost: float, hard) -> No
     planes = model.state_tensors()["weights"]
     flips = torch.from_numpy(rng.random((*planes.shape[:-1], model.dimension_)) < share)
     planes ^= bits.pack(flips)
-    model.readout_._ones = bits.count_ones(planes)
     assert model.score(queries, labels) > before - lost
 
 
