@@ -273,9 +273,11 @@ def class_means(
     """Means of the hypervectors of each class in ±1, float32 [L, D] (CPU)."""
     counters = Counters(n_classes, dimension, "cpu", backend)
     counters.add(words.cpu(), rows)
-    n = counters.n[:, None]
-    sums = 2 * counters.counts() - n
-    return sums.float() / n
+    means = torch.empty(n_classes, dimension)
+    for c, n in enumerate(counters.n.tolist()):  # one by one, to stay in the cache
+        means[c] = counters.counts([c])[0]
+        means[c].mul_(2).sub_(n).div_(n)
+    return means
 
 
 def _quantised(
@@ -287,6 +289,7 @@ def _quantised(
     the mean of means; `offsets` are those of the weights as they are.
     """
     centre = means.mean(0)
+    in_doubles = centre.double()
     planes = []
     scales = torch.ones(len(weights), dtype=torch.float64)
     offsets = offsets.clone()
@@ -296,29 +299,29 @@ def _quantised(
         planes.append(_packed(q))
         if not q.any():
             continue
-        away = means[c] - centre
-        kept = _product(away, q)
+        away = (means[c] - centre).double()
+        exact, rounded = w.double(), q.double()
+        kept = float(away @ rounded)
         if kept > 0:
-            scales[c] = _product(away, w) / kept
+            scales[c] = float(away @ exact) / kept
         else:
-            scales[c] = _product(w, q) / _product(q, q)
+            scales[c] = float(exact @ rounded) / float(rounded @ rounded)
         lost = w - scales[c].float() * q
-        offsets[c] += _product(lost, centre)
+        offsets[c] += float(lost.double() @ in_doubles)
     return torch.stack(planes), scales.clamp(min=1e-300), offsets
-
-
-def _product(a: Tensor, b: Tensor) -> float:
-    """Σ a·b of float32 [D], in float64."""
-    return float(a.double() @ b.double())
 
 
 def _unit(sizes: Tensor) -> float:
     """The 99.5 % quantile of the weights' sizes [D] that are more than rounding; 1 without any."""
-    live = sizes[sizes > _NONE * sizes.max()]
+    is_live = sizes > _NONE * sizes.max()
+    live = sizes.numpy()[
+        is_live.numpy()
+    ]  # numpy selects and sorts much faster than torch
     if len(live) == 0:
         return 1.0
-    place = max(1, round(_CLIPPED * len(live)))
-    return float(live.kthvalue(place).values)
+    place = max(1, round(_CLIPPED * len(live))) - 1
+    live.partition(place)
+    return float(live[place])
 
 
 def _packed(q: Tensor) -> Tensor:
@@ -326,6 +329,6 @@ def _packed(q: Tensor) -> Tensor:
     shifted = (q + _OFFSET).to(torch.uint8)
     planes = []
     for p in range(_PLANES):
-        has_bit = (shifted >> p) & 1 == 1
-        planes.append(bits.pack(has_bit))
+        has_bit = shifted & (1 << p)
+        planes.append(bits.pack(has_bit.bool()))
     return torch.stack(planes)
