@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import torch
 from torch import Tensor
 
@@ -46,11 +48,21 @@ def gram(a: Tensor, b: Tensor, dimension: int, backend: str = "numpy") -> Tensor
         distances = bits.hamming(a, b, backend)
         return (dimension - 2 * distances).double().cpu()
     products = torch.empty(len(a), len(a), dtype=torch.float64)
-    for start in range(0, len(a), _ROWS):  # one half; the other is its mirror image
+
+    def fill(start: int) -> None:  # one half; the other is its mirror image
         stop = start + _ROWS
         block = gram(a[start:stop], a[:stop], dimension, backend)
         products[start:stop, :stop] = block
         products[:start, start:stop] = block[:, :start].T
+
+    starts = reversed(range(0, len(a), _ROWS))  # the longest first
+    if backend == "numpy" and a.device.type == "cpu":
+        # The kernels have threads of their own, and so has a GPU; numpy has none.
+        with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+            list(pool.map(fill, starts))
+    else:
+        for start in starts:
+            fill(start)
     return products
 
 
