@@ -161,8 +161,9 @@ def _bound(
     try:
         bound = signature.bind(None, **given)
     except TypeError as error:
-        known = ", ".join(list(signature.parameters)[1:])
-        raise ValueError(f"task: expected the keys {known}, found {error}") from None
+        keys = list(signature.parameters)[1:]
+        known = f"the keys {', '.join(keys)}" if keys else "no keys"
+        raise ValueError(f"task: expected {known}, found {error}") from None
     bound.apply_defaults()
     arguments = dict(list(bound.arguments.items())[1:])
     without_display: dict[str, Any] = configs.without(("display",), arguments)

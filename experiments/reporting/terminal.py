@@ -16,7 +16,7 @@ from experiments.reporting.text import counted, number, percent, printable
 _GROUPS = (
     ("", ("Model",)),
     ("until 90 % in training", ("time", "× HDC", "test %")),
-    ("afterwards", ("test %", "at")),
+    ("afterwards", ("test %", "at", "× HDC")),
     ("paper", ("× HDC", "test %")),
 )
 _IN_GROUP, _BETWEEN = "  ", "    "
@@ -113,22 +113,25 @@ def _cells(row: Mapping[str, Any]) -> list[str]:
     ]
     name = display_name(row["model"])
     if not row["seeds"]:
-        return [name, str(row["status"]), *["–"] * 4, *paper]
+        return [name, str(row["status"]), *["–"] * 5, *paper]
     time = row["training_time_s"]
     at_once = not isinstance(time, str) and row["total_time_s"] <= 1.01 * time
     at_target = row["test_accuracy_at_target"]
     if at_target is None and at_once:
         at_target = row["test_accuracy_final"]
-    final, seconds = percent(row["test_accuracy_final"]), _seconds(row["total_time_s"])
+    afterwards = [
+        percent(row["test_accuracy_final"]),
+        _seconds(row["total_time_s"]),
+        _short(row["total_time_over_hdc"]),
+    ]
     if row["stop"] == "reached":  # it was not trained on
-        final = seconds = "–"
+        afterwards = ["–"] * 3
     return [
         name,
         _seconds(time),
         _short(row["training_time_over_hdc"]),
         percent(at_target),
-        final,
-        seconds,
+        *afterwards,
         *paper,
     ]
 

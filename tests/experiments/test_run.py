@@ -215,7 +215,7 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
         ),
         (
             ["experiment=stability", "+task.nothing=1"],
-            r"error: task: expected the keys , found got an unexpected .*'nothing'",
+            r"error: task: expected no keys, found got an unexpected .*'nothing'",
         ),
         (
             ["experiment=stability", "task._target_=experiments.nowhere"],

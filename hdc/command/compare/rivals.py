@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from sklearn.base import clone
-from sklearn.dummy import DummyRegressor
+from sklearn.base import clone, is_classifier
+from sklearn.dummy import DummyClassifier, DummyRegressor
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import LogisticRegression, RidgeClassifierCV, RidgeCV
 from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor, NearestCentroid
@@ -74,6 +74,11 @@ class Rival:
         self, trained: np.ndarray, targets: np.ndarray, queries: np.ndarray
     ) -> np.ndarray:
         estimator = clone(self.estimator)
+        if not np.ptp(trained, axis=0).any():
+            # Equal frames tell nothing apart, and some estimators refuse them.
+            estimator = DummyRegressor()
+            if is_classifier(self.estimator):
+                estimator = DummyClassifier()
         neighbours = getattr(estimator, "n_neighbors", 1)
         if neighbours > len(trained):
             estimator.set_params(n_neighbors=len(trained))

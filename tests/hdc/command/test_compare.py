@@ -297,6 +297,19 @@ def test_floating_point_frames_are_compared():
     assert (found == plain.predict(frames[test])).all()
 
 
+@pytest.mark.parametrize("learns_values", [False, True])
+def test_training_frames_that_are_all_equal_stop_no_rival(learns_values):
+    frames = np.full((6, 4, 4), 7, np.uint8)
+    labels = np.array([1, 1, 0, 0, 0, 1])
+    values = np.arange(6.0)[:, None] if learns_values else None
+    data = in_memory(frames, labels, values=values)
+    train, test = np.arange(1, 6), np.array([0])
+    expected = 3.0 if learns_values else 0  # the mean, or the class of most frames
+    for rival in rivals.rivals(learns_values):
+        answers = rival.answers(data, train, test)
+        assert answers.item() == pytest.approx(expected), rival.name
+
+
 def test_folds_are_whole_sessions_or_even_at_random():
     labels = np.tile([0, 1, 2], 20)
     frames = np.zeros((60, 4, 4), np.uint8)
