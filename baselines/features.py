@@ -21,7 +21,7 @@ from torch import Tensor
 from baselines.base import Classifier, FrameSource, arithmetic
 from baselines.pixels import standardise
 from hdc.bank import Bank
-from hdc.inputs import check_option
+from hdc.parameters import check_choice
 
 PIXELS = ("raw", "standardised")
 _BATCH = 64  # frames that features are made of at a time
@@ -141,7 +141,7 @@ class Thumbnail(FeatureClassifier):
     revision: ClassVar[int] = 1
 
     def features(self, batch: Tensor) -> Tensor:
-        check_option("pixels", self.pixels, PIXELS)
+        check_choice("pixels", self.pixels, PIXELS)
         size = self.width, self.height
         frames = batch.float()
         if self.pixels == "standardised":

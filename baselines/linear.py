@@ -23,7 +23,7 @@ from baselines.base import (
 )
 from baselines.pixels import PixelScaling, fit_scaling
 from hdc.bank import KERNELS, Bank
-from hdc.inputs import check_option
+from hdc.parameters import check_choice
 
 FRAMES = 20  # turned into floats at a time
 
@@ -60,7 +60,7 @@ class DualLinearClassifier(Classifier):
         self, frames: FrameSource, labels: np.ndarray
     ) -> Iterator[dict[str, float]]:
         """Solve; yields once: samples_seen = N, epoch = 1 and the loss."""
-        check_option("pixels", self.pixels, KERNELS)
+        check_choice("pixels", self.pixels, KERNELS)
         targets = self.start(frames, labels)
         images = self.take(frames, slice(0, len(frames)))
         everyone = np.arange(len(frames))

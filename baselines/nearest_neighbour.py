@@ -14,7 +14,7 @@ from baselines.base import Classifier, FrameSource
 from hdc import bits, products
 from hdc.bank import Bank, deviations, standardised
 from hdc.encoders import Median
-from hdc.inputs import check_option
+from hdc.parameters import check_choice
 from hdc.products import Moments
 
 # Any other scaling of baselines.pixels ranks as raw does.
@@ -68,7 +68,7 @@ class NearestNeighbour(Classifier):
 
     def check(self) -> None:
         """Raise ValueError for a parameter that is wrong."""
-        check_option("pixels", self.pixels, PIXELS)
+        check_choice("pixels", self.pixels, PIXELS)
         if self.k < 1:
             raise ValueError(f"k: expected an integer from 1, found {self.k}")
 

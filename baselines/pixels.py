@@ -30,7 +30,7 @@ from baselines.base import FRAME_TYPES, Classifier, FrameSource
 from hdc import bits
 from hdc.bank import KERNELS
 from hdc.encoders import Median
-from hdc.inputs import check_option
+from hdc.parameters import check_choice
 
 SCALINGS = (*KERNELS, "standard")
 CHUNK = 20  # frames; float32 sums of 20 squared 8-bit pixels are exact (20·255² < 2²⁴)
@@ -87,7 +87,7 @@ def fit_scaling(
     The model reads the training frames, from which some scalings take a mean; its ``start`` has
     been called. A ValueError lists the names.
     """
-    check_option("pixels", pixels, SCALINGS)
+    check_choice("pixels", pixels, SCALINGS)
     unit = 1 / FRAME_TYPES[model.frame_dtype_]
     if pixels in ("raw", "unit"):
         return PixelScaling(scale=1.0 if pixels == "raw" else unit)

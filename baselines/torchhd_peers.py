@@ -26,7 +26,7 @@ from torch import Tensor
 
 from baselines.base import Classifier, FrameSource
 from baselines.pixels import signs
-from hdc.inputs import check_option
+from hdc.parameters import check_choice
 
 CLASSIFIERS = ("AdaptHD", "OnlineHD", "QuantHD", "LeHDC")
 
@@ -53,7 +53,7 @@ class TorchhdClassifier(Classifier):
     revision: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
-        check_option("classifier", self.classifier, CLASSIFIERS)
+        check_choice("classifier", self.classifier, CLASSIFIERS)
         if importlib.util.find_spec("torchhd") is None:
             install = "torchhd (pip install torch-hd)"
             raise ValueError(f"{self.classifier}: expected {install}, found none")

@@ -21,7 +21,7 @@ from torch.nn import functional as F
 
 from baselines.base import Classifier, FrameSource, in_memory_order
 from baselines.pixels import PixelScaling, fit_scaling
-from hdc.inputs import check_option
+from hdc.parameters import check_choice
 
 INITS = ("linear", "normal", "zeros")
 DTYPES = ("float32", "bfloat16")
@@ -124,10 +124,10 @@ class IterativeClassifier(Classifier):
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise ValueError(f"{name}: expected at least 1, found {value}")
-        check_option("dtype", self.dtype, DTYPES)
-        check_option("init", self.init, INITS)
-        check_option("memory_format", self.memory_format, MEMORY_FORMATS)
-        check_option("optimizer", self.optimizer, OPTIMIZERS)
+        check_choice("dtype", self.dtype, DTYPES)
+        check_choice("init", self.init, INITS)
+        check_choice("memory_format", self.memory_format, MEMORY_FORMATS)
+        check_choice("optimizer", self.optimizer, OPTIMIZERS)
         if self.optimizer == "LBFGS" and self.batch_size is not None:
             raise ValueError(
                 f"batch_size: LBFGS needs the whole training set (null), found {self.batch_size}"

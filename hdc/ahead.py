@@ -43,11 +43,11 @@ def are_due(n_pixels: int) -> bool:
     _encoded += n_pixels
     if _encoded < ENOUGH:
         return False
-    if not _mark().exists():
+    if not _is_there(_mark()):
         _compile_in_background()
         return False
     if n_pixels > AT_ONCE:
-        return True
+        return _load()
     _load_in_background()
     return False
 
@@ -64,19 +64,34 @@ def _leave(mark: Path) -> None:
         mark.touch()
 
 
+def _is_there(mark: Path) -> bool:
+    """Whether a mark was left; not where nobody may look into its folder."""
+    with suppress(OSError):
+        return mark.exists()
+    return False
+
+
 @functools.cache
 def _load_in_background() -> None:
     """Load the kernels in a thread, once a process."""
-    threading.Thread(target=_load, name="hdc.ahead").start()
+    # At the very end of a program no thread starts any more.
+    with suppress(RuntimeError):
+        threading.Thread(target=_load, name="hdc.ahead").start()
 
 
-def _load() -> None:
-    """Load the kernels, in two steps: a program that has ended waits for one of them at most."""
+def _load() -> bool:
+    """Load the kernels, in two steps: a program that has ended waits for one of them at most.
+
+    Returns:
+        Whether they can be used.
+    """
     # A broken numba is no error where nobody asked for it: numpy goes on.
     with suppress(Exception):
         importlib.import_module("numba")
         if threading.main_thread().is_alive():
             importlib.import_module("hdc.compiled")
+            return True
+    return False
 
 
 @functools.cache
@@ -107,12 +122,16 @@ def _compile_in_background() -> None:
         if time.time() - tried.stat().st_mtime < AGAIN:
             return
     _leave(tried)
+    if not _is_there(tried):
+        return  # nor could a mark be left that they were compiled
     folder = str(Path(__file__).parent.parent)
     paths = [folder, os.environ.get("PYTHONPATH", "")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    code = "import os; os.nice(10); import hdc.compiled"
     with suppress(OSError):
         _compiler = subprocess.Popen(
-            [sys.executable, "-c", "import os; os.nice(10); import hdc.compiled"],
+            # -P: no module of the folder that the user happens to be in
+            [sys.executable, "-P", "-c", code],
             env=environment,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,

@@ -72,7 +72,8 @@ class HDCClassifier(Recalibrating):
             name of such a class. Prototypes are made with each, for :meth:`distances` and
             :meth:`is_known`.
         device: where frames are encoded and prototypes live.
-        backend: ``"numpy"``, ``"compiled"`` (the same bits in less time, needs numba), or
+        backend: ``"numpy"``, ``"compiled"`` (the same hypervectors and counts in less time, needs
+            numba; ``"lda"`` may differ in last digits, :mod:`hdc.readouts.lda`), or
             ``"auto"``, by :func:`hdc.bits.choose_backend`. Not saved with the model.
 
     Parameters of the parts are ``encoder__ties``, ``readout__balance`` and so on.
@@ -253,8 +254,9 @@ class HDCClassifier(Recalibrating):
     def decision_function(self, frames: Any) -> np.ndarray:
         """The scores of the read-out, [Q, L], the largest wins.
 
-        Of two classes the difference [Q], positive for the second. Majority and neighbours have
-        minus the distance as a share of the bits.
+        Of two classes the difference [Q], positive for the second. Scores in whole numbers are
+        divided by D: majority, trained and a single neighbour have minus the distance as a share of
+        the bits.
         """
         self._check_is_trained()
         scores = [self._scores_of(words) for words in self._encoded(frames)]

@@ -285,11 +285,3 @@ def check_share(share: Any) -> float:
     if not is_float or not 0 < share < 1:
         raise ValueError(f"reject, alpha: expected a share in (0, 1), found {share!r}")
     return float(share)
-
-
-def check_option(name: str, value: Any, options: Iterable[Any]) -> None:
-    """Raise ValueError, listing the options, for a value that is none of them."""
-    options = list(options)
-    if value not in options:
-        listed = ", ".join(map(str, options))
-        raise ValueError(f"{name}: expected one of {listed}, found {value!r}")

@@ -12,7 +12,7 @@ import importlib
 import inspect
 import math
 import numbers
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
 Method = TypeVar("Method", bound=Callable[..., Any])
@@ -170,9 +170,9 @@ def name_of(part: object, known: Mapping[str, type]) -> str:
     return f"{kind.__module__}.{kind.__qualname__}"
 
 
-def check_choice(name: str, value: Any, choices: tuple[Any, ...]) -> None:
+def check_choice(name: str, value: Any, choices: Collection[Any]) -> None:
     """Raise ValueError, listing the choices, for a value that is none of them."""
-    if value not in choices:
+    if value not in list(choices):  # a dictionary would ask for its hash
         listed = ", ".join(map(str, choices))
         raise ValueError(f"{name}: expected one of {listed}, found {value!r}")
 

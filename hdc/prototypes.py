@@ -278,7 +278,8 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
 
     Where a class has hypervectors on one side only, those decide. p is taken as the nearest
     fraction with a denominator of at most 1000, and votes are integers: no rounding decides a tie.
-    Votes above 2^24, after some merges, are halved until they fit. Other p are a ValueError.
+    Votes of a class above 2^24, after some merges, are halved until they fit; other classes keep
+    theirs. Other p are a ValueError.
 
     Returns:
         The votes, and how many a new hypervector of each class has.
@@ -296,10 +297,16 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
         of_new.append(weight_new // divisor)
     votes = old.scaled(of_old)
     votes.merge(new.scaled(of_new))
-    while (votes.n >= 2**_VOTE_BITS).any():
-        votes.n = votes.n >> 1
-        votes.planes = votes.planes[:, 1:].contiguous()
-        of_new = [weight // 2 for weight in of_new]
+    for c, n in enumerate(votes.n.tolist()):
+        halvings = n.bit_length() - _VOTE_BITS
+        if halvings > 0:
+            kept = votes.planes[c, halvings:].clone()
+            votes.planes[c] = 0
+            votes.planes[c, : len(kept)] = kept
+            votes.n[c] = n >> halvings
+            of_new[c] >>= halvings
+    n_planes = max(1, int(votes.n.max()).bit_length())  # those above are empty
+    votes.planes = votes.planes[:, :n_planes].contiguous()
     return votes, of_new
 
 

@@ -50,10 +50,11 @@ class Recalibrating(Learner):
     ) -> Self:
         """Adapt to a changed environment by new frames, with labels or without.
 
-        With labels: classes without new frames stay as they are; :meth:`is_known` compares with the
-        new frames; ``partial_fit`` and ``merge`` refuse a recalibrated model. Ridge regression goes
-        from its old weights to those near them that fit the new frames, neighbours take the new
-        frames in place of the kept ones of their classes; neither depends on p.
+        With labels: prototypes of classes without new frames stay as they are; :meth:`is_known`
+        compares with the new frames; ``partial_fit`` and ``merge`` refuse a recalibrated model.
+        Ridge regression goes from its old weights to those near them that fit the new frames,
+        neighbours take the new frames in place of the kept ones of their classes; neither depends
+        on p.
 
         Without labels, a model with a reference (``encoder="reference"``) is zeroed again: the
         reference becomes the mean of the new standardised frames, and prototypes stay. The new

@@ -153,6 +153,7 @@ class HDCRegressor(Estimator):
         # Numpy compares a pair of words in the time that it encodes a pixel in.
         n_compared = len(words) * words.numel() // 2
         readout.backend = bits.choose_backend(self.backend, self.device, n_compared)
+        readout._dimension = self.dimension_  # which its `adapt` may need
         readout.fit(words, values, self.dimension_)
         self._take(readout, words, values, recalibrated=False)
 

@@ -147,7 +147,7 @@ def folds(frames: Frames, rows: np.ndarray) -> tuple[list[Fold], str]:
     """Folds of the training frames `rows`, and how they were made.
 
     Whole sessions where there are two or more and no fold has a class alone; else at random, every
-    class in each fold. No fold where a class has a single frame.
+    class in each fold. No fold where a class has a single frame, or of fewer than four frames.
     """
     by_session = _folds_of_sessions(frames, rows)
     if by_session:

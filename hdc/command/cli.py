@@ -83,7 +83,6 @@ def train(
     frames = work.open_frames(recording, window, **source)
     check_replaceable(output)
     training, test, how = work.hold_out(frames, test_fraction)
-    chosen_line = ""
     model, chosen_line = learn(frames, training, encoder, readout, choose)
     metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
     if frames.values is not None:

@@ -1,7 +1,8 @@
 """The inner loops on the CPU as machine code: encoding 8-bit frames, counting, distances.
 
-Imported only for ``backend="compiled"``: numba takes as long to import as everything else here. The
-results are those of the numpy routes, bit for bit. The first import on a machine compiles (some
+Imported only where it is used: numba takes as long to import as everything else here. The results
+are those of the numpy routes, bit for bit; only weighted sums of other than whole numbers
+(:func:`combine`) may differ in their last digits. The first import on a machine compiles (some
 seconds) and keeps the code beside these files, in the user's cache folder, or in this process only;
 :mod:`hdc.ahead` has that done beforehand.
 """

@@ -10,10 +10,14 @@ _BLOCK = 8  # words of a row at a time: a line of the cache
 
 
 def combine(words: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """Σ_i a_ik·bit_ij of hypervectors int64 [N, W], a float32 [N, K]: float32 [K, 64·W]."""
+    """Σ_i a_ik·bit_ij of hypervectors int64 [N, W], a float32 [N, K]: float32 [K, 64·W].
+
+    Frame by frame, in this order; a product of matrices may add in another, and round otherwise.
+    """
     words = np.ascontiguousarray(words)
     width = words.shape[1]
     n_sums = coefficients.shape[1]
+    coefficients = np.ascontiguousarray(coefficients)
     padded = np.pad(coefficients, ((0, 0), (0, -n_sums % AT_ONCE)))
     sums = np.empty((n_sums, width * WORD), np.float32)
 

@@ -60,9 +60,8 @@ def compile_kernel(signature):
     return compiled
 
 
-_operation: Any = (
-    intrinsic  # its type says that it leaves the function's arguments as they are
-)
+# Its type says that it leaves the arguments of a function as they are.
+_operation: Any = intrinsic
 
 
 def _pointer(context, builder, kind, array, place):
@@ -114,8 +113,8 @@ def ones(typing_context, word):
 def sum_where(typing_context, masks, w, numbers, k, sums):
     """Σ_i of numbers[i, k + t] in float32 where bit j of masks[w, i] is one: to sums[t, j].
 
-    For four t at once, whose 4 × 64 sums stay in registers; i increases, and so rounding is that of
-    a plain loop.
+    For four t at once, whose 4 × 64 sums fill half of the registers of AVX-512 (others keep some in
+    the cache); i increases, and so rounding is that of a plain loop.
     """
 
     def code(context, builder, signature, arguments):

@@ -66,9 +66,10 @@ class Reference(Encoder):
     @property
     def base_(self) -> Encoder:
         """The encoder of the differences."""
-        if not hasattr(self, "_base"):
-            self._base = self.parts["base"](self.base)
-        return self._base
+        kept = getattr(self, "_base", None)
+        if kept is None or kept[0] is not self.base:  # set since
+            kept = self._base = self.base, self.parts["base"](self.base)
+        return kept[1]
 
     def check(self) -> None:
         self.base_.check()

@@ -69,7 +69,8 @@ def gram(a: Tensor, b: Tensor, dimension: int, backend: str = "numpy") -> Tensor
 def combinations(coefficients: Tensor, words: Tensor, backend: str = "numpy") -> Tensor:
     """Σ_i a_ik·x_i of hypervectors int64 [N, W] in ±1, a [N, K]: float32 [K, 64·W] (CPU).
 
-    Bits beyond D count as −1. Sums of whole numbers are exact below 2²⁴.
+    Bits beyond D count as −1. Sums of whole numbers are exact below 2²⁴; others are rounded in an
+    order that differs between backends, processors and numbers of threads.
     """
     factors = coefficients.float()
     here = words.cpu()

@@ -15,7 +15,9 @@ nearest mean.
 Weights are rounded to q ∈ {−7 … 7}, in units of their 99.5 % quantile over seven; the zero stays,
 for a pixel that says nothing must not say one or the other when it flips. A scale a class, and an
 offset, keep the scores of the class's mean and of the mean of means; as whole numbers they make
-every score a whole number, the same on every machine.
+every score of a trained model a whole number, the same on every machine. Training is in floating
+point: with another backend, processor or number of threads, scales and offsets may differ in their
+last digits, and now and then a weight by one.
 """
 
 from __future__ import annotations
@@ -314,9 +316,8 @@ def _quantised(
 def _unit(sizes: Tensor) -> float:
     """The 99.5 % quantile of the weights' sizes [D] that are more than rounding; 1 without any."""
     is_live = sizes > _NONE * sizes.max()
-    live = sizes.numpy()[
-        is_live.numpy()
-    ]  # numpy selects and sorts much faster than torch
+    # numpy selects and sorts much faster than torch
+    live = sizes.numpy()[is_live.numpy()]
     if len(live) == 0:
         return 1.0
     place = max(1, round(_CLIPPED * len(live))) - 1

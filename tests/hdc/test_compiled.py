@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 import threading
 import time
@@ -35,9 +36,11 @@ def encode(
 
 @pytest.fixture(scope="module")
 def numba():
-    return pytest.importorskip(
+    found = pytest.importorskip(
         "numba", reason="numba is not installed: pip install 'speckle-hdc[compiled]'"
     )
+    importlib.import_module("hdc.compiled")  # before a test says that it is not loaded
+    return found
 
 
 @pytest.fixture(params=[1, 2])
@@ -242,6 +245,15 @@ def test_auto_loads_beside_the_first_batch_and_is_compiled_after(fresh) -> None:
 def test_one_call_of_many_frames_waits_for_the_kernels(fresh) -> None:
     ahead._leave(ahead._mark())
     assert bits.choose_backend("auto", "cpu", 10_000 * 250_000) == "compiled"
+
+
+def test_one_call_of_many_frames_goes_on_where_numba_is_broken(
+    fresh, monkeypatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "numba", None)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: object())
+    ahead._mark().touch()
+    assert bits.choose_backend("auto", "cpu", 10_000 * 250_000) == "numpy"
 
 
 @needs_numba

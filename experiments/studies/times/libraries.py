@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from experiments.protocol.libraries import multisets, numpy_median, opencv_median
-from hdc.inputs import check_option
+from hdc.parameters import check_choice
 
 MEDIANS = {"cv2.calcHist": opencv_median, "numpy.bincount": numpy_median}
 MAJORITIES = ("torchhd.multiset", "numpy.add")
@@ -34,8 +34,8 @@ class LibraryHDC:
     revision: ClassVar[int] = 1
 
     def __init__(self, median: str, majority: str):
-        check_option("median", median, MEDIANS)
-        check_option("majority", majority, MAJORITIES)
+        check_choice("median", median, MEDIANS)
+        check_choice("majority", majority, MAJORITIES)
         self._median, self._majority = MEDIANS[median], majority
         self._uses_opencv = median.startswith("cv2")
 

@@ -29,7 +29,7 @@ def choose(frames: Frames) -> tuple[Combination, str]:
     first = published(learns_values)
     chosen = scores.best(Combination)
     if not isinstance(chosen, Combination):
-        return first, f"chosen: {first.name}, for a class has one frame only"
+        return first, f"chosen: {first.name}, for there are too few frames of a class"
     best, before = scores.losses[chosen], scores.losses[first]
     if learns_values:
         compared = f"{best:.3g} of a guess's error, {first.name} {before:.3g}"

@@ -137,7 +137,7 @@ def _rank(method: Method, scores: Scores) -> tuple[bool, float]:
 
 def _how_chosen(count: int, how: str, n: int) -> str:
     if count == 0:
-        return "no folds: a class has one training frame only"
+        return "no folds: too few training frames of a class"
     return f"cross-validation on {n} training frames, {count} folds {how}"
 
 

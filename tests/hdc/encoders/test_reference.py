@@ -192,3 +192,12 @@ def test_levels_of_differences_have_a_name() -> None:
     assert (
         HDCClassifier("reference_levels").get_params()["encoder__base__thresholds"] == 7
     )
+
+
+def test_a_base_that_is_set_after_use_is_the_one_that_is_asked() -> None:
+    frames = np.random.default_rng(0).integers(0, 256, (5, 9, 7), np.uint8)
+    encoder = Reference().fit(torch.from_numpy(frames))
+    encoder.encode(torch.from_numpy(frames))
+    encoder.set_params(base="levels")
+    assert repr(encoder.base_) == repr(Levels())
+    assert encoder.dimension(63) == 7 * 63

@@ -48,10 +48,9 @@ def test_more_neighbours_than_frames_are_all_but_one() -> None:
 
 
 class Brightness(ValueReadout):
-    """The share of ones, by a line through two frames."""
+    """The mean of the numbers of training, whatever the frame."""
 
     def fit(self, words, values, dimension):
-        self._dimension = dimension
         self.mean_ = values.mean(0)
         return self
 
