@@ -13,6 +13,7 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import os
+import platform
 import subprocess
 import sys
 import threading
@@ -99,7 +100,9 @@ def _mark() -> Path:
     """The file that says so: beside the kernels, or in the user's cache."""
     folder = Path(__file__).parent / "compiled"
     stamp = hashlib.sha256(importlib.metadata.version("numba").encode())
-    stamp.update(repr((sys.version, os.environ.get("NUMBA_CACHE_DIR"))).encode())
+    # A folder may be shared between machines, and kernels are compiled for a processor.
+    here = sys.version, platform.node(), os.environ.get("NUMBA_CACHE_DIR")
+    stamp.update(repr(here).encode())
     for source in sorted(folder.glob("*.py")):
         status = source.stat()
         stamp.update(repr((source.name, status.st_mtime_ns, status.st_size)).encode())

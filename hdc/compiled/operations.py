@@ -20,9 +20,12 @@ from typing import Any
 
 import torch
 from llvmlite import ir
-from numba import njit, types
+from numba import config, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
+
+if config.DISABLE_JIT:
+    raise ImportError("numba compiles nothing, by NUMBA_DISABLE_JIT")
 
 WORD = 64
 AT_ONCE = 4  # weighted sums made at once
