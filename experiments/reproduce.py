@@ -73,7 +73,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--claim",
         metavar="NAME",
-        help="what one claim of the paper needs, its rule and its numbers; one that takes longer "
+        help="what one claim needs, its rule and its numbers; one that takes longer "
         f"than {ASKS} minutes asks for --full or --quick",
     )
     parser.add_argument(
@@ -93,7 +93,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         type=_positive,
         default=LANES,
-        help="steps that time nothing at a time; more than 2 for a cluster",
+        help="how many steps that time nothing run at once; more than 2 for a cluster",
     )
     parser.add_argument(
         "--continue",

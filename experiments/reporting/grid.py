@@ -17,7 +17,7 @@ NAME = "times_grid"
 DEFAULT = "default"  # the way of model=NAME
 WAYS = {
     "libraries": "standard libraries",
-    DEFAULT: "as written here",
+    DEFAULT: "by default",
     "tuned": "tuned",
 }
 COLUMNS = (

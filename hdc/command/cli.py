@@ -43,7 +43,7 @@ def cli() -> None:
 @click.option(
     "--test-fraction",
     type=options.SHARE,
-    help="Hold out this share: the last sessions if known, else at random.",
+    help="Share of frames to hold out: the last sessions if known, else at random.",
 )
 @click.option(
     "--encoder",
@@ -128,11 +128,11 @@ def predict(
     """Classify images, or predict their numbers.
 
     IMAGES are image files, videos, arrays or tables of frames, or folders, whose images and those
-    of their sub-folders are taken. For each: file, label, margin (how much farther the second
-    nearest class is) and the distance of each class, as shares of the pixels; 0.5 is the distance
-    of noise. With --interval also lower and upper ends of each number, or all classes that the
-    frame may be of; none where it is like no class. Probabilities are calibrated by the training
-    frames, and hold for frames that come as these did.
+    of their sub-folders are taken. For each: file and label; with the read-out majority also the
+    margin (how much farther the second nearest class is) and the distance of each class, as shares
+    of the bits: unrelated frames differ in half of them. With --interval also lower and upper ends
+    of each number, or all classes that the frame may be of; none where it is like no class.
+    Probabilities are calibrated by the training frames, and hold for frames that come as these did.
     """
     found, window = work.load(model)
     files: list[Path] = []
@@ -189,12 +189,13 @@ def evaluate(
 @click.option(
     "--p",
     type=click.FloatRange(0, 1),
-    help="Share of the new frames. [default: 0.5]",
+    help="Probability that a bit is replaced, or share of the new votes. [default: 0.5]",
 )
 @click.option(
     "--method",
     type=click.Choice(["replace", "merge"]),
-    help="Replace bits with probability p, as published, or merge votes. [default: replace]",
+    help="Replace bits with probability p, as published, or merge votes, the "
+    "only way of a model with the read-out counts. [default: replace]",
 )
 @click.option(
     "--seed", type=click.IntRange(0), help="Choice of the bits replaced. [default: 0]"
@@ -210,7 +211,8 @@ def recalibrate(
 ) -> None:
     """Adapt a model to a changed sensor.
 
-    The new RECORDING is of some or all of the classes of the model.
+    The new RECORDING is of some or all of the classes of the model. Models with the read-outs lda
+    and trained do not adapt by labels: train them anew.
 
     A model with --encoder reference can do without labels: the RECORDING is then a folder of images
     without sub-folders, or an array of frames without labels, and its mean frame becomes the new
@@ -357,7 +359,9 @@ def compare(
 )
 @options.pixels
 @click.option(
-    "--host", metavar="ADDRESS", help="Listen there. [default: this computer alone]"
+    "--host",
+    metavar="ADDRESS",
+    help="Listen at this address. [default: this computer alone]",
 )
 @click.option("--port", type=click.IntRange(1, 65535), default=8080)
 def live(

@@ -17,8 +17,9 @@ from experiments.studies.claims.verdict import Verdict
 from experiments.studies.claims.view import JOINED, confirmatory, judged
 
 LAST = (
-    "**No public recording is of the paper's sensor.** Diffusers (captured) and fibres (computed) "
-    "show laser speckle; the others are cameras under a gel or a skin."
+    "**No public recording is of the paper's sensor.** Of those that decide, diffusers (captured) "
+    "and fibres (computed) show laser speckle; the others are of cameras under a gel or a skin, or "
+    "behind plastic fibres."
 )
 RAW, STRONGER = rules().rivals  # the second is the stronger one on most recordings
 # What the words against both rivals say together: no, if one is no; partly, if one is yes.

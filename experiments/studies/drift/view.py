@@ -142,9 +142,10 @@ def zeroed(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame | None
         "lost": Column("Lost, points", points),
         "regained": Column("Regained of it, %", percent),
     },
-    note=f"Best: the highest mean on the test frames, with at most {N_NEW} labelled frames, or "
-    "without labels and with all classes alike or nobody touching. New frames come before those "
-    "tested. Regained: gain over loss, a ratio of means. Intervals: Student, 95 %, over seeds.",
+    note=f"Best: the highest mean on the test frames, which favours it, with at most {N_NEW} "
+    "labelled frames, or without labels and with all classes alike or nobody touching. New frames "
+    "come before those tested. Regained: gain over loss, a ratio of means. Intervals: Student, "
+    "95 %, over seeds.",
 )  # fmt: skip
 def best(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
     """A row a model, with labels and without."""

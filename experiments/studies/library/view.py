@@ -35,9 +35,10 @@ def _ms(seconds: float) -> str:
         "predict_s": Column("One prediction, ms", _ms),
         "peer_predict_s": Column("… beside", _ms),
     },
-    note="From frames to answers, on as many threads, the shortest of three; one frame at a time. "
-    "Prototypes are exact. Ridge: the library keeps weights of 8 bits, so an answer between two "
-    "classes may differ; a nearest neighbour may differ where two are equally near.",
+    note="From frames to answers, on as many threads, each time the shortest of three; a "
+    "prediction is of one frame, the median over ten. Prototypes are exact. Ridge: the library "
+    "keeps weights of 8 bits, so an answer between two classes may differ; a nearest neighbour may "
+    "differ where two are equally near.",
     folded=True,
 )
 def library(results: Results) -> pd.DataFrame | None:

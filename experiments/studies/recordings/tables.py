@@ -172,8 +172,8 @@ def _fibre(measured: Measured) -> dict[str, Any]:
     title="Forms of HDC less softmax regression at its optimum, points",
     note=f"{NOTE} Above zero, the form of HDC is more accurate on the same test frames. "
     "C chosen: by the folds that choose HDC's form, on the same training frames. "
-    "Confirmatory: named before anything was measured. Exploratory: all others; the best of many "
-    "on the frames that judge it is no claim.",
+    "Fixed in advance: named by the frozen rules. Exploratory: all others; the best of many on the "
+    "frames that judge it is no claim.",
     key=("recording", "n", "rival"),
 )
 def forms(results: Results) -> pd.DataFrame | None:

@@ -30,7 +30,7 @@ RIVALS = rules().rivals
 TUNED = ("softmax_chosen", "softmax_chosen_standardised")
 """The same with a penalty chosen by the folds that choose HDC's form."""
 CONFIRMATORY = tuple(rules().forms.values())
-"""The forms of HDC that were named before anything was measured; every other is exploratory."""
+"""The forms of HDC that the frozen rules name; every other is exploratory."""
 FEW = 5  # frames a class
 NOTE = (
     "Split by time, session, group or position, as each recording states, so that near copies of a "

@@ -69,9 +69,9 @@ COLUMNS = {
     "training_time_over_hdc": Column(
         "× HDC [interval]",
         note="Time and × HDC are medians over turns in one process, HDC before and after each "
-        "training, where the grid of times was measured; else over seeds. Brackets: between order "
-        "statistics that hold the median with the coverage of the table's file; afterwards × HDC "
-        "is the quotient of the times shown.",
+        "training, where the grid of times was measured; else over seeds. Brackets: two of the "
+        "ratios measured; how surely the median lies between them is in the column coverage of the "
+        "table's CSV. Afterwards × HDC is the quotient of the times shown.",
     ),
     "trained": Column(
         "Afterwards: test, % [95 % interval]",

@@ -21,7 +21,7 @@ STUDY = Study(
     "times",
     "The grid of times",
     "How much longer than HDC does each model train, when both are computed the same way: by "
-    "standard libraries, as written here, tuned?",
+    "standard libraries, by default, tuned?",
     order=1.5,
 )
 NOTE = (

@@ -93,7 +93,7 @@ def test_times_are_those_of_the_grid_where_it_was_measured(tmp_path, timed, numb
     assert line["total_time_over_hdc"] == line["total_time_s"] / 0.5 == 60
     cells = dict(zip(made.heads, made.cells()[1], strict=True))
     assert cells["× HDC [interval]"] == "12.0 [6.00, 18.0]"
-    ours = number(STUDY, "table1/softmax_time_over_hdc", "as written here")
+    ours = number(STUDY, "table1/softmax_time_over_hdc", "by default")
     assert (ours.value, ours.low, ours.high) == (12, 6, 18)
     theirs = number(STUDY, "table1/softmax_time_over_hdc", "standard libraries")
     assert (theirs.value, theirs.made_by) == (
@@ -114,7 +114,7 @@ def test_without_a_grid_on_this_machine_times_are_those_of_the_runs(
     ends = line["training_time_over_hdc_low"], line["training_time_over_hdc_high"]
     assert ends == (20, 40)
     assert line["coverage"] == pytest.approx(0.75)
-    ours = number(STUDY, "table1/softmax_time_over_hdc", "as written here")
+    ours = number(STUDY, "table1/softmax_time_over_hdc", "by default")
     assert (ours.value, ours.low, ours.high) == (30, 20, 40)
 
 

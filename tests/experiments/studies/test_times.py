@@ -255,7 +255,7 @@ def test_a_ratio_is_the_median_over_turns_between_order_statistics(
     assert (once["ratio"], once["ratio_low"], once["turns"]) == (20, None, 1)
     assert np.isinf(found["tuned", "ridge"]["seconds"])
     cells = {tuple(cells[:2]): cells[2:] for cells in table.cells()}
-    assert cells["as written here", "CNN, 1 layer"][:3] == [
+    assert cells["by default", "CNN, 1 layer"][:3] == [
         "16.0",
         "8.00 [5.00, 11.0]",
         "7",
