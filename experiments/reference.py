@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
         prog="python -m experiments.reference", description=__doc__
     )
     parser.add_argument(
-        "--tables", action="store_true", help="only tables, figures and README"
+        "--tables", action="store_true", help="only tables, figures, README and docs"
     )
     parser.add_argument(
         "--drop-older",
