@@ -156,7 +156,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def answers_of(folder: Path) -> list[Answers]:
-    """Own results and the reference; of an empty set only one's own, where both are empty."""
+    """Own results and the reference, as far as they hold anything; one's own where neither does."""
     folder.mkdir(parents=True, exist_ok=True)  # one that cannot be written fails first
     own = Results(folder)
     questions = [*studies_of(studies), *own_studies(own)]

@@ -30,9 +30,8 @@ class Model(Protocol):
 
         Each item becomes a row of the record's curve; its keys are the columns (``samples_seen``
         always; ``steps`` of an optimiser, ``epoch`` and ``loss`` where they exist), its values
-        numbers. The
-        clock runs inside ``next()`` only, so the caller may evaluate between two items at no cost
-        to the model. Stopping is up to the caller; a model that has converged returns.
+        numbers. The clock runs inside ``next()`` only, so the caller may evaluate between two items
+        at no cost to the model. Stopping is up to the caller; a model that has converged returns.
         """
         ...
 

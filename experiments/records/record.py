@@ -54,7 +54,6 @@ class SceneOf(msgspec.Struct):
         classes: class names, by label.
         shape: rows and columns of a frame.
         n: number of samples.
-        skipped: frames that could not be read, with the reason.
         saturated: why the scene ranks no models, or nothing.
     """
 
@@ -63,7 +62,6 @@ class SceneOf(msgspec.Struct):
     classes: list[str]
     shape: tuple[int, int]
     n: int
-    skipped: list[str] = []
     saturated: str = ""
 
 

@@ -38,8 +38,8 @@ KEEPS_UP = {
 SLOWER = {
     YES: "at least ten times in every way of computing both",
     NO: "less than ten times in every way of computing both",
-    PARTLY: "more than ten times in some ways of computing both and less in others",
-    UNDECIDED: "with ten times inside the interval",
+    PARTLY: "at least ten times in some ways of computing both, not surely in all",
+    UNDECIDED: "and whether at least ten times is undecided",
 }
 
 

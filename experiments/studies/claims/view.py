@@ -194,7 +194,10 @@ COLUMNS = {
     "earlier": Column(f"By version {earlier()[-1].version}", lambda word: word or "–"),
     "command": Column("Command"),
 }
-SHOWN = ("says", "rival", "word", "mean", "predicted", "frames", "command")
+SHOWN = (
+    *("says", "rival", "word", "earlier"),
+    *("mean", "predicted", "frames", "command"),
+)
 NOTE = (
     "Points: accuracy of HDC less that of the rival, mean over laboratories (random effects), with "
     "the interval of the mean and the range for a sensor of another laboratory; bounds end where "
@@ -237,7 +240,7 @@ def claims(results: Results) -> pd.DataFrame | None:
 @STUDY.table(
     "claims_confirmatory",
     title="Recordings that no model had classified when the rules were frozen",
-    shown=("says", "rival", "recording", *SHOWN[2:]),
+    shown=("says", "rival", "recording", "word", *SHOWN[4:]),
     columns={**COLUMNS, "recording": Column("Recording", scene_name)},
     key=("claim", "rival", "recording"),
 )

@@ -37,9 +37,10 @@ STUDY = Study(
     title="Softmax regression by gradient descent and SGD, over what the paper does not state",
     note="Trials: sensors times draws of the initial weights; accuracies are means over them, "
     "steps medians. As published: training and test accuracy lie within the published intervals at "
-    "the step where training reaches the published maximum, and HDC has at least 99 % on the same "
-    "frames. Start projected: without the part of the initial weights that is orthogonal to all "
-    "training frames, which training never changes. A dash: not reached in most trials.",
+    "the step where training reaches the published maximum, and the accuracy of HDC on the same "
+    "frames within its own; intervals are Wilson's, of as many samples as the paper has. Start "
+    "projected: without the part of the initial weights that is orthogonal to all training frames, "
+    "which training never changes. A dash: not reached in most trials.",
     columns={
         "method": Column("Optimiser, batch", lambda name: METHODS[name]),
         "pixels": Column("Pixels", lambda name: PIXELS[name]),

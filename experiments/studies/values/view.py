@@ -128,12 +128,17 @@ def coverage(results: Results) -> pd.DataFrame | None:
     """A row for each scene, answer, split and promise, after the most frames there are."""
     lines = []
     for about, rows in measured(results, "coverage"):
-        lines += [{**about, **line} for line in _promises(rows[rows.n == rows.n.max()])]
+        lines += [{**about, **line} for line in _promises(_after_most(rows))]
     for about, rows in measured(results, "values"):
-        rows = rows[(rows.model == "regressor") & (rows.n == rows.n.max())]
+        rows = _after_most(rows[rows.model == "regressor"])
         renamed = rows.rename(columns={"width": "size"})
         lines += [{**about, **line} for line in _promises(renamed)]
     return shown(lines, results, "coverage", "values")
+
+
+def _after_most(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows after the most frames of their split: another split may leave more to learn."""
+    return rows[rows.n == rows.groupby("split")["n"].transform("max")]
 
 
 def _promises(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
