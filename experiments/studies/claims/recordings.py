@@ -84,7 +84,8 @@ def _piece(
 ) -> Piece | None:
     """What one recording says; None where it says nothing."""
     fields = fields_of(measured)
-    if recording is None and fields == frozen.input_fields:
+    has_more_fields = fields != frozen.input_fields
+    if recording is None and not has_more_fields:
         return None
     form = frozen.forms[claim.form]
     compared = compare(measured, form, rival, claim, frozen)
@@ -93,7 +94,7 @@ def _piece(
     value = over_units(compared.by_unit, compared.seeds)
     variance = variance_of(compared.by_unit, compared.n_test, compared.seeds)
     remark = ""
-    if recording is None:
+    if has_more_fields:
         remark = f"seen through {fields} input fields"
     elif not _is_split(measured, recording):
         remark = "another split than that of the rules"

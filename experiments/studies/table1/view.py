@@ -23,7 +23,8 @@ from experiments.studies.table1.models import LINES, PAPER
 
 # Training samples on a scene, five of each class: no model is near 100 %.
 FEW = {"touch": 25, "finger": 35}
-NOT_FINISHED = "budget"  # the rule that ends a training before its loss has converged
+# The rules that end a training before its loss has converged.
+NOT_FINISHED = ("budget", "steps", "diverged")
 
 STUDY = Study(
     "table1",
@@ -43,7 +44,7 @@ def _trained(cells: Mapping[str, Any]) -> str:
         return "not continued"
     low, high = cells["test_accuracy_final_low"], cells["test_accuracy_final_high"]
     text = f"{percent(cells['test_accuracy_final'])} [{percent(low)}, {percent(high)}]"
-    if NOT_FINISHED in str(cells["stop"]):
+    if any(reason in str(cells["stop"]) for reason in NOT_FINISHED):
         return f"not finished: {text}"
     return text
 
