@@ -14,7 +14,8 @@ from baselines.base import Classifier
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 NAMES = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
-# Okabe and Ito's colours, told apart by people with any kind of colour vision.
+# Okabe and Ito's colours, told apart by people with any kind of colour vision; then an indigo of
+# Tol's and a light one of ColorBrewer's, which are safe as well: for softmax at its optimum.
 COLOURS = {
     "#000000",
     "#E69F00",
@@ -24,6 +25,8 @@ COLOURS = {
     "#0072B2",
     "#D55E00",
     "#CC79A7",
+    "#332288",
+    "#8DA0CB",
 }
 GROUPS = {"paper", "fast", "beyond", "other"}
 

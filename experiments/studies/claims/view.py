@@ -156,7 +156,7 @@ def _digits(row: Row, key: str) -> str:
     if value is None or value != value:
         return ""
     text = number(value, 2)
-    if row["unit"] == "points":
+    if row["unit"] == "points" and value != 0:
         decimals = 1 if abs(value) < 10 else 0
         text = f"{value:+.{decimals}f}"
     return text.replace("-", "−")
