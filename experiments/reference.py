@@ -103,8 +103,8 @@ def readme_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
     return {
         "findings": partial(_findings, answers.results),
         "claims": partial(_rows, "claims"),
-        "table1": partial(_table, "table1"),
-        "table1_few": partial(_table, "table1_few"),
+        "table1": partial(_rows, "table1"),
+        "table1_few": partial(_rows, "table1_few"),
         "reproduction": _reproduction,
     }
 
@@ -136,14 +136,6 @@ def _rows(name: str) -> str:
         lines = path.read_text("utf-8").splitlines()
         rows = [line for line in lines if line.startswith("|")]
     return "\n".join(rows) or f"*missing: nothing of the table {name} was measured*"
-
-
-def _table(name: str) -> str:
-    """A table with its title and its note."""
-    path = REFERENCE / "tables" / f"{name}.md"
-    if not path.exists():
-        return f"*missing: nothing of the table {name} was measured*"
-    return path.read_text("utf-8").strip()
 
 
 def _reproduction() -> str:

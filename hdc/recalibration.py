@@ -59,8 +59,8 @@ class Recalibrating(Learner):
         Without labels, a model with a reference (``encoder="reference"``) is zeroed again: the
         reference becomes the mean of the new standardised frames, and prototypes stay. The new
         frames have to show what the frames of the old reference showed: all classes about as often.
-        With frames of one class the model is spoilt; a warning says so where the model puts them
-        into few classes. Frames without a touch are no way around it: in the study of drift ten
+        Frames of one class can spoil the model; a warning says so where the model puts them into
+        few classes. Frames without a touch are no way around it: in the study of drift ten
         of them improved no model, even where the old reference was without a touch.
 
         Args:
