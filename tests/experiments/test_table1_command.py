@@ -94,9 +94,7 @@ def test_a_brief_report_shows_the_table_once_and_no_reference(
     assert [line.startswith("Table I ·") for line in lines].count(True) == 1
     assert lines[0].startswith("Table I ·")
     assert lines[-1].startswith("One seed decides nothing")
-    assert any(
-        line.startswith("! softmax × HDC 7.5; reference 3.3 to 5.9") for line in lines
-    )
+    assert any(line.startswith("! softmax × HDC 7.5; reference ") for line in lines)
     assert not [line for line in lines if re.match("mine|reference|own", line)]
 
 
