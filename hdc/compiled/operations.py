@@ -24,7 +24,7 @@ from numba import config, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-if config.DISABLE_JIT:
+if config.DISABLE_JIT:  # type: ignore[attr-defined]  # set as it is imported
     raise ImportError("numba compiles nothing, by NUMBA_DISABLE_JIT")
 
 WORD = 64

@@ -96,7 +96,7 @@ def _piece(
     remark = ""
     if has_more_fields:
         remark = f"seen through {fields} input fields"
-    elif not _is_split(measured, recording):
+    elif recording is not None and not _is_split(measured, recording):
         remark = "another split than that of the rules"
     shown = configs.scene_display(measured.record.scene)
     possible = (-1.0, 1.0)
