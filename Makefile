@@ -3,7 +3,8 @@
 # Results go to results/mine, or to RESULTS_DIR; the committed ones in results/reference are read.
 PYTHON ?= python3.11
 BIN := .venv/bin
-INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e
+# Modules are compiled as they are imported: the first table is there sooner.
+INSTALL := $(BIN)/pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e
 HARNESS := .venv/.harness
 VENV := .venv/.everything
 
