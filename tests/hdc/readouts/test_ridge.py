@@ -60,8 +60,7 @@ def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(
         np.testing.assert_allclose(
             change[:, i],
             expected - without.predict(queries).reshape(5, t),
-            rtol=1e-5,
-            atol=1e-5,
+            atol=1e-6,
         )
     np.testing.assert_allclose(residuals, errors, atol=1e-6)
 
