@@ -155,6 +155,8 @@ def _outside(
     for row in rows:
         other = known.get(row["model"], {})
         for name, (head, show) in _COMPARED.items():
+            if name == "test_accuracy_final" and row["stop"] == "reached":
+                continue  # it was not trained on
             own, low, high = (
                 row.get(name),
                 other.get(f"{name}_low"),

@@ -76,6 +76,16 @@ def test_a_number_outside_the_reference_is_named_and_one_within_is_not(first_loo
     assert outside == ["! softmax × HDC 7.5; reference 3.3 to 5.9"]
 
 
+def test_an_accuracy_that_was_not_trained_on_is_held_against_nothing(first_look):
+    reference = types.SimpleNamespace(data=first_look.data.copy())
+    reference.data["test_accuracy_final_low"] = 0.995
+    reference.data["test_accuracy_final_high"] = 1.0
+    first_look.data["test_accuracy_final"] = 0.7
+    lines = shown(lambda console: terminal.show_table1(console, first_look, reference))
+    outside = [line.split(" test %")[0] for line in lines if line.startswith("!")]
+    assert outside == ["! HDC", "! softmax", "! CNN, 1 layer"]
+
+
 def test_the_last_line_says_what_one_seed_is_worth(first_look, tmp_path, write_run):
     text = "One seed decides nothing: make reproduce QUICK=1 · page: a.html"
     assert terminal.last_line(first_look, "a.html") == text

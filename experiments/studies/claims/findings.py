@@ -126,8 +126,8 @@ def _times(found: dict[tuple[str, str], Verdict]) -> Iterator[str]:
             parts.append(f"{name} ×{least}, {SLOWER[verdict.word]}")
     if parts:
         yield (
-            "**Training time over that of HDC**, by the way of computing both that favours the rival "
-            f"most: {'; '.join(parts)}."
+            "**Training time over that of HDC**, by the way of computing both that favours the "
+            f"rival most: {'; '.join(parts)}."
         )
 
 
