@@ -83,9 +83,7 @@ def _piece(
     recording: Recording | None,
 ) -> Piece | None:
     """What one recording says; None where it says nothing."""
-    fields = fields_of(measured)
-    has_more_fields = fields != frozen.input_fields
-    if recording is None and not has_more_fields:
+    if recording is None and fields_of(measured) == frozen.input_fields:
         return None
     form = frozen.forms[claim.form]
     compared = compare(measured, form, rival, claim, frozen)
@@ -93,11 +91,7 @@ def _piece(
         return None
     value = over_units(compared.by_unit, compared.seeds)
     variance = variance_of(compared.by_unit, compared.n_test, compared.seeds)
-    remark = ""
-    if has_more_fields:
-        remark = f"seen through {fields} input fields"
-    elif recording is not None and not _is_split(measured, recording):
-        remark = "another split than that of the rules"
+    remark = _remark(measured, recording, frozen)
     shown = configs.scene_display(measured.record.scene)
     possible = (-1.0, 1.0)
     if rival == PUBLISHED:
@@ -122,6 +116,16 @@ def _piece(
         command=f"{RUN}{claim.experiment} scene={measured.record.scene}",
         record=place_of(measured),
     )
+
+
+def _remark(measured: Measured, recording: Recording | None, frozen: Rules) -> str:
+    """Why a recording enters nothing; nothing of one that enters."""
+    fields = fields_of(measured)
+    if fields != frozen.input_fields:
+        return f"seen through {fields} input fields"
+    if recording is not None and not _is_split(measured, recording):
+        return "another split than that of the rules"
+    return ""
 
 
 def _rival_name(rival: str) -> str:

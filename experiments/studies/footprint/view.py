@@ -91,7 +91,7 @@ _COLOURS = {LEFT_OUT: "#EEEEEE", LOADED: "#0072B2", TOO_MUCH: "#D55E00"}
     "footprint",
     of="footprint",
     size=(3.4, 3.2),
-    caption="What each scene loads and leaves out, in a process that learns and predicts with HDC. "
+    caption="Modules that one process loads to learn a scene and predict with HDC. "
     "A column is a module that some part of the project needs. Right: peak memory.",
     needs=lambda rows, config: bool(
         ((rows.model == "hdc") & rows.loaded.notna()).any()
