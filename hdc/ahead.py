@@ -16,6 +16,7 @@ import os
 import platform
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from contextlib import suppress
@@ -108,8 +109,15 @@ def _mark() -> Path:
         stamp.update(repr((source.name, status.st_mtime_ns, status.st_size)).encode())
     beside = folder / "__pycache__"
     if not os.access(beside if beside.exists() else folder, os.W_OK):
-        beside = Path.home() / ".cache" / "speckle-hdc"
+        beside = _home() / ".cache" / "speckle-hdc"
     return beside / f"compiled-{stamp.hexdigest()[:16]}"
+
+
+def _home() -> Path:
+    """The user's folder; that of temporary files for a user without one, as in containers."""
+    with suppress(RuntimeError):
+        return Path.home()
+    return Path(tempfile.gettempdir())
 
 
 def _compile_in_background() -> None:

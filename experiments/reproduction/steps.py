@@ -80,7 +80,8 @@ def steps(mode: str = "full", claim: str | None = None) -> list[Step]:
     """The steps of one of :data:`WHAT`; of a claim, those that it needs."""
     found = []
     for step in configs.reproduction():
-        claims = tuple(step.get("claims", ()))
+        left_out = step.get("not_quick", ()) if mode == "quick" else ()
+        claims = tuple(name for name in step.get("claims", ()) if name not in left_out)
         if mode not in step or (claim is not None and claim not in claims):
             continue
         found.append(

@@ -61,11 +61,13 @@ def list_folder(
     if table is not None:
         where = _table_path(root, table)
         rows = _rows_of_table(where, image_column, value_columns, pattern)
-        values = list(value_columns)
-        return _listing(where, _base(root, where, rows), rows, values or None)
+        base = _base(root, where, rows)
+        _check_once(base, rows)
+        return _listing(where, base, rows, list(value_columns) or None)
     manifest = root / MANIFEST
     if pattern is None and manifest.exists():
         rows = _rows_of_manifest(manifest, value_columns)
+        _check_once(root, rows)
         return _listing(manifest, root, rows, list(value_columns), by_index=True)
     wanted = f"a table with the columns {', '.join(value_columns)}"
     require(not value_columns, "table", None, wanted)
@@ -83,7 +85,6 @@ def _listing(
     """The listing of rows; without ``value_columns`` all columns of numbers are values."""
     if not rows.names:
         raise ValueError(_nothing_found(where, rows.other_files))
-    _check_once(base, rows)
     columns = Columns.of(rows.places, rows.texts)
     labels = columns.pop_labels()
     samples = columns.samples()
@@ -220,8 +221,9 @@ def all_files(root: Path) -> list[str]:
         folders[:] = [name for name in folders if not name.startswith(".")]
         for name in folders:
             _check_is_no_link(Path(parent, name))
-        inside = PurePath(parent).relative_to(root)
-        files += [(inside / name).as_posix() for name in names if name[0] != "."]
+        inside = PurePath(parent).relative_to(root).as_posix()
+        before = "" if inside == "." else f"{inside}/"
+        files += [before + name for name in names if name[0] != "."]
     return sorted(files, key=_path_key)
 
 

@@ -147,7 +147,8 @@ def test_in_a_clone_it_writes_the_page_and_a_bad_folder_is_one_line(tmp_path):
         for name in ("mine", "file")
     )  # fmt: skip
     assert good.returncode == 0, good.stderr
-    assert (tmp_path / "mine" / "report.html").is_file()
+    page = tmp_path / "mine" / "report.html"
+    assert 2**19 < page.stat().st_size < 2**21  # with the whole reference, within 2 MiB
     assert bad.returncode == 1
     assert bad.stderr.startswith("error: ")
     assert len(bad.stderr.splitlines()) == 1

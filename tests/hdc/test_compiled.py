@@ -270,6 +270,23 @@ def test_what_was_not_compiled_is_compiled_by_another_process(fresh) -> None:
 
 
 @needs_numba
+def test_a_user_without_a_folder_marks_among_temporary_files(
+    monkeypatch, tmp_path
+) -> None:
+    def no_home() -> None:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(ahead.Path, "home", no_home)
+    monkeypatch.setattr(ahead.os, "access", lambda path, mode: False)
+    monkeypatch.setattr(ahead.tempfile, "gettempdir", lambda: str(tmp_path))
+    ahead._mark.cache_clear()
+    try:
+        assert ahead._mark().is_relative_to(tmp_path)
+    finally:
+        ahead._mark.cache_clear()
+
+
+@needs_numba
 def test_what_does_not_compile_is_not_tried_by_every_process(
     fresh, monkeypatch
 ) -> None:
