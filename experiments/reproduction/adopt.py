@@ -20,6 +20,7 @@ from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
 from experiments.reporting.study import with_places
 from experiments.reproduction import took
+from experiments.reproduction.steps import WHAT, steps
 
 WHOLE = "full"  # the mode whose steps make the reference
 
@@ -43,7 +44,8 @@ def adopt(own: Path, reference: Path, drop_older: bool = False) -> Adopted:
     Args:
         own: folder of own results.
         reference: folder of the reference.
-        drop_older: remove what other revisions made and nothing replaced.
+        drop_older: remove what other revisions made and nothing replaced, and times of steps that
+            are no more.
     """
     results, before = Results(own), Results(reference)
     unfinished = unfinished_records(own)
@@ -57,6 +59,9 @@ def adopt(own: Path, reference: Path, drop_older: bool = False) -> Adopted:
     for key, row in took.read(own).items():
         if row["status"] == took.FINISHED:
             rows[key] = row
+    if drop_older:
+        there = {(step.name, mode) for mode in WHAT for step in steps(mode)}
+        rows = {key: row for key, row in rows.items() if key in there}
     if rows:
         took.write(reference, rows.values())
     outside = len(runs) - len(entering) + len(measured) - len(taken)

@@ -217,8 +217,8 @@ def recalibrate(
     A model with --encoder reference can do without labels: the RECORDING is then a folder of images
     without sub-folders, or an array of frames without labels, and its mean frame becomes the new
     reference. It has to show the classes about as often as the training frames did. Frames of one
-    class alone, or without a touch, spoil the model; a warning says so if the model puts the frames
-    into few classes.
+    class alone, or without a touch, can spoil the model; a warning says so if the model puts the
+    frames into few classes.
     """
     check_replaceable(output)
     found, window = work.load(model)

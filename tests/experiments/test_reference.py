@@ -105,6 +105,9 @@ def test_a_step_enters_whole_or_not_at_all(
     a_step(tmp_path, "second", "full", "finished", two, both)
     a_step(tmp_path, "fourth", "full", "finished", drift)
     assert adopt(tmp_path, target) == Adopted(3, 1, 0)
+    a_step(tmp_path, "drift", "full", "finished", drift)
+    adopt(tmp_path, target, drop_older=True)  # and what is no step any more
+    assert {row["step"] for row in took.read(target).values()} == {"drift"}
 
 
 def test_a_finished_step_that_is_called_again_and_interrupted_enters_as_it_was(
