@@ -1,0 +1,292 @@
+"""Answers, tables and scores of models whose answers can be read off the frames."""
+
+import cv2
+import numpy as np
+import pytest
+
+from hdc.command import answers
+from hdc.readers import BadFrame, Window, open_recording
+from hdc.readouts import Majority
+
+NAMES = np.array(["a", "b", "c"])
+
+
+class Nearest:
+    """A classifier: the pixels of a frame are its distances to three classes, of 100."""
+
+    frame_shape_ = (1, 3)
+    classes_ = NAMES
+    dimension_ = 100
+    readout_ = Majority()
+
+    def __init__(self):
+        self.asked = []
+
+    def distances(self, frames):
+        return frames[:, 0].astype(int)
+
+    def predict(self, frames, reject=False):
+        self.asked.append(len(frames))
+        labels = NAMES[self.distances(frames).argmin(1)].astype(object)
+        if reject:
+            labels[~self.is_known(frames, reject)] = None
+        return labels
+
+    def is_known(self, frames, reject):
+        return self.distances(frames).min(1) < 100 * (1 - reject)
+
+    def predict_set(self, frames, alpha):
+        return [NAMES[row <= 100 * alpha] for row in self.distances(frames)]
+
+    def predict_proba(self, frames):
+        return 1 - self.distances(frames) / 100
+
+
+class Read:
+    """A regressor: the first pixels of a frame are its force and its x, exact within the third.
+
+    The ends of an interval are farther for a smaller share outside; 255 is an infinite one.
+    """
+
+    frame_shape_ = (1, 3)
+
+    def __init__(self):
+        self.metadata_ = {"values": ["force", "x"], "units": ["N", ""]}
+
+    def predict(self, frames, return_interval=False, alpha=None):
+        found = frames[:, 0, :2].astype(float)
+        if not return_interval:
+            return found
+        wide = frames[:, 0, 2:].astype(float)
+        wide[wide == 255] = np.inf
+        return found, found - wide / alpha / 10, found + wide / alpha / 10
+
+
+def saved(path, frames, **arrays):
+    """Frames of a row of pixels each, as an .npz."""
+    frames = np.array(frames, np.uint8)[:, None]
+    np.savez(path, frames=frames, **arrays)
+    return path
+
+
+@pytest.fixture
+def classes(tmp_path):
+    """Four frames of the classes a, a, b, c, of which the second is read as b."""
+    frames = [[10, 60, 90], [30, 20, 90], [80, 5, 15], [95, 75, 70]]
+    return saved(tmp_path / "c.npz", frames, labels=[*"aabc"])
+
+
+def table(model, found):
+    """Lines of the table of some answers, a bar between two cells."""
+    rows = [answers.heads(model, found[0]), *map(answers.cells, found)]
+    return ["|".join(row) for row in rows]
+
+
+def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
+    model = Nearest()
+    first, _, third, last = answers.ask(model, Window(), [classes])
+    assert first == {
+        "file": f"{classes}, frame 0",
+        "label": "a",
+        "margin": pytest.approx(0.5),
+        "distances": {"a": 0.1, "b": 0.6, "c": 0.9},
+    }
+    assert (last["label"], last["margin"]) == ("c", pytest.approx(0.05))
+    found = list(answers.ask(model, Window(), [classes], 0.4, 0.8, True))
+    assert found[2] == third | {
+        "set": ["b", "c"],  # of those within 1 − 0.8
+        "probability": 0.95,
+        "probabilities": {"a": pytest.approx(0.2), "b": 0.95, "c": 0.85},
+    }
+    assert table(model, found) == [
+        "file|label|set|probability|margin|distance a|distance b|distance c",
+        f"{classes}, frame 0|a|a|0.9000|0.5000|0.1000|0.6000|0.9000",
+        f"{classes}, frame 1|b|b|0.8000|0.1000|0.3000|0.2000|0.9000",
+        f"{classes}, frame 2|b|b, c|0.9500|0.1000|0.8000|0.0500|0.1500",
+        f"{classes}, frame 3|(none of these)|(none of these)|0.3000|0.0500|0.9500|0.7500|0.7000",
+    ]
+
+
+def test_classes_without_prototypes_have_neither_margin_nor_distances(classes):
+    model = Nearest()
+    model.readout_ = object()
+    found = list(answers.ask(model, Window(), [classes]))
+    assert found[0] == {"file": f"{classes}, frame 0", "label": "a"}
+    assert table(model, found)[:2] == ["file|label", f"{classes}, frame 0|a"]
+
+
+def test_the_only_class_has_no_margin(tmp_path):
+    model = Nearest()
+    model.classes_ = np.array(["a"])
+    model.distances = lambda frames: frames[:, 0, :1].astype(int)
+    path = saved(tmp_path / "one.npz", [[10, 60, 90]])
+    (found,) = answers.ask(model, Window(), [path])
+    assert (found["margin"], found["distances"]) == (None, {"a": 0.1})
+
+
+def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals(tmp_path):
+    path = saved(tmp_path / "v.npz", [[5, 7, 4], [6, 8, 255]])
+    model = Read()
+    found = list(answers.ask(model, Window(), [path]))
+    assert found == [
+        {"file": f"{path}, frame 0", "values": {"force": 5.0, "x": 7.0}},
+        {"file": f"{path}, frame 1", "values": {"force": 6.0, "x": 8.0}},
+    ]
+    assert table(model, found) == [
+        "file|force [N]|x",
+        f"{path}, frame 0|5.0000|7.0000",
+        f"{path}, frame 1|6.0000|8.0000",
+    ]
+    found = list(answers.ask(model, Window(), [path], interval=0.8))
+    assert [answer["intervals"] for answer in found] == [
+        {"force": [3.0, 7.0], "x": [5.0, 9.0]},
+        {"force": [None, None], "x": [None, None]},
+    ]
+    assert table(model, found) == [
+        "file|force [N]|x|force from|force to|x from|x to",
+        f"{path}, frame 0|5.0000|7.0000|3.0000|7.0000|5.0000|9.0000",
+        f"{path}, frame 1|6.0000|8.0000|-inf|inf|-inf|inf",
+    ]
+
+
+def test_images_are_answered_before_arrays_and_these_before_videos(tmp_path):
+    """Whatever the order and the case of their names; a table may have values or not."""
+    film = tmp_path / "v.MKV"
+    code = cv2.VideoWriter_fourcc(*"FFV1")
+    writer = cv2.VideoWriter(str(film), cv2.CAP_FFMPEG, code, 10, (20, 16), False)
+    for grey in (10, 90):
+        writer.write(np.full((16, 20), grey, np.uint8))
+    writer.release()
+    wide = tmp_path / "x.PNG"
+    assert cv2.imwrite(str(wide), np.zeros((20, 9), np.uint8))
+    array = tmp_path / "a.NPY"
+    np.save(array.with_suffix(".npy"), np.full((1, 16, 20), 50, np.uint8))
+    array.with_suffix(".npy").rename(array)
+    image = tmp_path / "i.png"
+    assert cv2.imwrite(str(image), np.full((16, 20), 7, np.uint8))
+    model = Read()
+    model.frame_shape_ = (3,)
+    found = answers.ask(model, Window((4, 2, 3, 1)), [film, wide, array, image])
+    assert [(answer["file"], answer["values"]["x"]) for answer in found] == [
+        (str(wide), 0.0),
+        (str(image), 7.0),
+        (f"{array}, frame 0", 50.0),
+        (f"{film} at 0.000 s", pytest.approx(10, abs=3)),
+        (f"{film} at 0.100 s", pytest.approx(90, abs=3)),
+    ]
+    rows = tmp_path / "t.csv"
+    rows.write_text("p,force,q,r\n1,9,2,3\n")
+    model.predict = lambda frames: frames[:, :2]
+    (found,) = answers.ask(model, Window(), [rows])  # its force is no part of the frame
+    assert found == {"file": f"{rows}, line 2", "values": {"force": 1.0, "x": 2.0}}
+    with pytest.raises(BadFrame, match=r"i\.png: expected 3 pixels .* found 20 × 16"):
+        list(answers.ask(model, Window(), [image]))
+
+
+def test_frames_are_asked_about_in_small_batches(tmp_path):
+    """A long recording is not decoded as a whole before the first answer."""
+    path = saved(tmp_path / "long.npz", np.zeros((70, 3)), labels=[*"ab"] * 35)
+    model = Nearest()
+    assert len(list(answers.ask(model, Window(), [path]))) == 70
+    assert model.asked == [32, 32, 6]
+    found = answers.score(model, open_recording(path), np.arange(70))
+    assert (found["frames"], model.asked[3:]) == (70, [32, 32, 6])
+
+
+def test_a_score_of_classes_is_complete(classes):
+    recording = open_recording(classes)
+    found = answers.score(Nearest(), recording, np.arange(4), 0.4, 0.8)
+    assert found == {
+        "frames": 4,
+        "accuracy": 0.75,
+        "interval": pytest.approx([0.3006, 0.9544], abs=1e-4),
+        "classes": ["a", "b", "c"],
+        "confusion": [[1, 1, 0], [0, 1, 0], [0, 0, 1]],
+        "wrong": [{"file": f"{classes}, frame 1", "label": "a", "predicted": "b"}],
+        "coverage": {
+            "asked": 0.8,
+            "share": 0.5,  # a, b, b and c, and none
+            "interval": pytest.approx([0.15, 0.85], abs=1e-3),
+            "mean_size": 1.0,
+        },
+        "refused": 1,
+        "text": [
+            "accuracy 75.0% (95 % interval 30.1% to 95.4%), 3 of 4 frames",
+            "--reject 0.4 refuses 1 of them as none of the classes",
+            "sets for 0.8 hold the truth for 50.0% of these frames (95 % interval 15.0% to "
+            "85.0%); 1.00 classes a set",
+            "rows are the true classes, columns the predicted ones",
+            "  a b c",
+            "a 1 1 0",
+            "b 0 1 0",
+            "c 0 0 1",
+        ],
+    }
+    found = answers.score(Nearest(), recording, np.array([0, 3]))
+    assert found["text"][0].endswith(
+        "100.0% (95 % interval 34.2% to 100.0%), 2 of 2 frames"
+    )
+    assert found["confusion"] == [[1, 0, 0], [0, 0, 0], [0, 0, 1]]
+    assert found.keys().isdisjoint({"coverage", "refused"})
+
+
+def test_a_score_of_values_is_complete(tmp_path):
+    frames = [[5, 7, 4], [6, 8, 4], [0, 0, 4], [1, 1, 4]]
+    truth = [[6, 7], [3, 8], [9, 9], [1, 1.5]]
+    about = {"value_names": ["force", "x"], "value_units": ["N", ""]}
+    path = saved(tmp_path / "v.npz", frames, values=truth, **about)
+    recording = open_recording(path)
+    index = np.array([0, 1, 3])
+    plain = answers.score(Read(), recording, index)
+    assert plain == {
+        "frames": 3,
+        "errors": {
+            "force": {"mean_absolute_error": pytest.approx(4 / 3), "unit": "N"},
+            "x": {"mean_absolute_error": pytest.approx(0.5 / 3)},
+        },
+        "text": [
+            "force: mean absolute error 1.333 N, 3 frames",
+            "x: mean absolute error 0.1667, 3 frames",
+        ],
+    }
+    found = answers.score(Read(), recording, index, interval=0.8)
+    line = "hold the truth for"
+    assert found["text"] == [
+        *plain["text"],
+        f"force: intervals for 0.8 {line} 66.7% of these frames (95 % interval 20.8% to 93.9%); "
+        "mean width 4 N",
+        f"x: intervals for 0.8 {line} 100.0% of these frames (95 % interval 43.9% to 100.0%); "
+        "mean width 4",
+    ]
+    assert found["errors"]["force"] == plain["errors"]["force"] | {
+        "coverage": {
+            "asked": 0.8,
+            "share": 2 / 3,
+            "interval": pytest.approx([0.2077, 0.9385], abs=1e-4),
+            "mean_width": 4.0,
+        }
+    }
+    wide = saved(tmp_path / "w.npz", [[1, 1, 255]], values=[[1, 1]], **about)
+    found = answers.score(Read(), open_recording(wide), np.array([0]), interval=0.8)
+    assert found["errors"]["x"]["coverage"]["mean_width"] is None
+    assert found["text"][3].endswith("mean width inf")
+
+
+def test_values_are_scored_by_a_table_of_them(classes):
+    with pytest.raises(ValueError, match=r"--values: expected a table .* found none"):
+        answers.score(Read(), open_recording(classes), np.arange(4))
+
+
+def test_the_columns_of_confusions_are_as_wide_as_what_they_hold():
+    counts = np.array([[10, 2], [0, 7]])
+    assert answers.confusions(["a\tb", "polystyrene foam"], counts) == [
+        "rows are the true classes, columns the predicted ones",
+        "                         a\\tb polystyrene ",
+        "a\\tb                       10            2",
+        "polystyrene foam            0            7",
+    ]
+    assert answers.confusions(["a", "b"], 1000 * counts)[1:] == [
+        "      a     b",
+        "a 10000  2000",
+        "b     0  7000",
+    ]
