@@ -1,17 +1,18 @@
 """Recordings of every kind through the command: sessions, vectors, values, and odd names."""
 
 import csv
-import io
 import json
+from io import StringIO
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from hdc import HDCClassifier, HDCRegressor
+from hdc import HDCClassifier, HDCRegressor, io
 from hdc.accuracy import wilson
 from hdc.command import main, work
-from hdc.readers import open_recording
+from hdc.readers import BadFrame, Window, open_recording
 
 RNG = np.random.default_rng(0)
 BASE = RNG.integers(0, 150, (3, 16, 18))
@@ -86,6 +87,30 @@ def test_the_latest_frames_of_each_class_are_held_out_by_order():
         held_out = order[test][labels[test] == c]
         assert len(held_out) == 2
         assert in_training.max() < held_out.min()
+
+
+def test_frames_are_held_out_only_if_asked_for(tmp_path):
+    recording = recording_of(tmp_path, np.zeros(4), np.array([0, 1, 0, 1]))
+    train, test, how = work.hold_out(recording, None)
+    assert (train.tolist(), test.tolist(), how) == ([0, 1, 2, 3], [], "")
+
+
+@pytest.mark.parametrize(("fraction", "held"), [(0.01, 1), (0.5, 2), (0.99, 3)])
+def test_of_each_class_a_frame_at_least_is_learnt_and_one_held_out(fraction, held):
+    train, test = work.split(np.array([0, 1, 0, 1, 0, 1, 0, 1]), fraction, 0)
+    assert sorted([*train, *test]) == list(range(8))
+    assert [sum(test % 2 == c) for c in (0, 1)] == [held, held]
+    assert test.tolist() == sorted(test)
+    assert train.tolist() == sorted(train)
+
+
+def test_at_most_twelve_classes_are_shown(tmp_path):
+    for n, last in ((12, "c11 (2)"), (13, "c11 (2), … 13 in all")):
+        labels = [f"c{k}" for k in range(n)] * 2
+        np.savez(tmp_path / "r.npz", frames=np.zeros((2 * n, 3)), labels=labels)
+        line = work.class_line(open_recording(tmp_path / "r.npz"), np.arange(2 * n))
+        assert line.startswith("classes: c0 (2), c1 (2), c2 (2), ")
+        assert line.endswith(f", c10 (2), {last}")
 
 
 def test_numbers_are_held_out_whatever_the_labels(hdc, tmp_path):
@@ -246,6 +271,96 @@ def test_a_column_of_images_is_asked_for_by_its_option(hdc, tmp_path):
     assert "with image, found ['picture', 'force'] (--image-column names" in line
 
 
+# What the commands share -------------------------------------------------------------------------
+
+
+def test_frames_without_labels_are_read_from_folders_arrays_and_tables(tmp_path):
+    """None of what has labels, or may have them, and of other files."""
+    frames = np.random.default_rng(1).integers(0, 256, (3, 4, 5), np.uint8)
+    flat = frames.reshape(3, 20)
+    model = HDCRegressor().fit(frames, np.arange(3.0))
+
+    def read(name, crop=None, **given):
+        source = {"table": None, "template": None} | given
+        return work.unlabelled_frames(model, Window(crop), tmp_path / name, source)
+
+    for k, frame in enumerate(frames):
+        write(tmp_path / "loose" / f"{k + 9}.png", frame)
+        write(tmp_path / "wide" / f"{k}.png", np.pad(frame, 1))
+        write(tmp_path / "sorted" / "a" / f"{k}.png", frame)
+    assert np.array_equal(read("loose"), frames)
+    assert np.array_equal(read("wide", (1, 1, 5, 4)), frames)
+    assert read("sorted") is None
+    assert read("loose", table="t.csv") is None
+    assert read("loose", template="{label}.png") is None
+    (tmp_path / "loose" / "manifest.csv").write_text("file,label\n9.png,a\n")
+    assert read("loose") is None
+    np.savez(tmp_path / "a.npz", frames=frames)
+    np.save(tmp_path / "a.npy", frames)
+    np.savez(tmp_path / "l.npz", frames=frames, labels=[*"aab"])
+    assert np.array_equal(read("a.npz"), frames)
+    assert np.array_equal(read("a.npy"), frames)
+    assert read("l.npz") is None
+    assert read("v.mkv") is None
+    np.savez(tmp_path / "w.npz", frames=np.pad(frames, [(0, 0), (1, 0), (0, 0)]))
+    for name, place in (("wide", "wide/0.png"), ("w.npz", "w.npz, frame 0")):
+        with pytest.raises(BadFrame, match=f"{place}: expected 5 × 4 pixels"):
+            read(name)
+    model = HDCRegressor().fit(flat, np.arange(3.0))
+    rows = [",".join(map(str, row)) for row in [range(20), *flat.tolist()]]
+    (tmp_path / "t.csv").write_text("\n".join(rows))
+    assert np.array_equal(read("t.csv"), flat)
+
+
+def test_a_recording_is_opened_as_a_model_was_trained(tmp_path):
+    """A table of other columns of numbers has the model's values, unless others are named."""
+    frames = np.random.default_rng(1).integers(0, 256, (3, 20))
+    model = HDCRegressor().fit(frames, np.arange(3.0))
+    model.metadata_ = {"values": ["20"]}
+    rows = [",".join(map(str, row)) for row in [range(21), *np.pad(frames, 1)[1:4, 1:]]]
+    (tmp_path / "t.csv").write_text("\n".join(rows))
+    source = {"table": None, "value_columns": ()}
+    found = work.frames_for(model, Window(), tmp_path / "t.csv", source)
+    assert (found.value_names, found.shape) == (("20",), (20,))
+    source["value_columns"] = ("3",)
+    found = work.frames_for(model, Window(), tmp_path / "t.csv", source)
+    assert found.value_names == ("3",)
+    classifier = HDCClassifier().fit(frames, [0, 1, 1])
+    classifier.metadata_ = {"values": ["20"]}  # what a user kept with it
+    assert work.value_names(classifier) == ()
+
+
+def test_the_line_to_type_has_every_option_that_was_given(tmp_path):
+    source = {
+        "template": None,
+        "table": None,
+        "value_columns": (),
+        "image_column": "image",
+    }
+    plain = work.command_line(Path("r"), Window(), source, "median", "lda")
+    end = "--readout lda -o model.safetensors"
+    assert plain == f"hdc train r --encoder median {end}"
+    source = {
+        "template": "{label}/*.png",
+        "table": Path("t.csv"),
+        "value_columns": ("x", "y 2"),
+        "image_column": "file",
+    }
+    window = Window((1, 2, 30, 40), 5)
+    assert work.command_line(Path("my r"), window, source, "levels", "lda") == (
+        "hdc train 'my r' --template '{label}/*.png' --values t.csv --column x --column 'y 2' "
+        f"--image-column file --crop 1 2 30 40 --subsample 5 --encoder levels {end}"
+    )
+
+
+def test_what_is_no_model_of_frames_says_what_is_expected(tmp_path):
+    header = {"kind": "HDCIndex", "metadata": {}}
+    io.write_model(tmp_path / "m", header, {}, lambda *_: None)
+    expected = "m: expected a saved HDCClassifier or HDCRegressor, found 'HDCIndex'"
+    with pytest.raises(ValueError, match=expected):
+        work.load(tmp_path / "m")
+
+
 # Names -------------------------------------------------------------------------------------------
 
 
@@ -256,7 +371,7 @@ def test_classes_named_like_columns_have_columns_of_their_own(hdc, tmp_path):
             write(tmp_path / "r" / name / f"{k}.png", image(c))
     assert hdc("train", "r", "-o", "m")[0] == 0
     _, out, _ = hdc("predict", "m", "r/label/0.png")
-    rows = list(csv.DictReader(io.StringIO("\n".join(out)), delimiter="\t"))
+    rows = list(csv.DictReader(StringIO("\n".join(out)), delimiter="\t"))
     assert rows[0]["file"] == "r/label/0.png"
     assert rows[0]["label"] == "label"
     distances = HDCClassifier.load("m").distances(cv2.imread("r/label/0.png", 0)[None])
