@@ -1,5 +1,6 @@
 """Folders of images: frames come back as written, and a broken image is named."""
 
+import hashlib
 import io
 import struct
 import zlib
@@ -10,6 +11,8 @@ import pytest
 from PIL import Image
 
 from hdc.readers import BadFrame, open_recording
+from hdc.readers.batches import Batches
+from hdc.readers.images import decode
 
 
 def write(path, image, *parameters):
@@ -199,3 +202,60 @@ def test_pixels_of_a_tiff_are_as_they_are_stored(tmp_path, orientation, colour):
         (tmp_path / name).mkdir()
         (tmp_path / name / "1.tif").write_bytes(data)
     assert np.array_equal(open_recording(tmp_path).frames([0])[0], NOISE)
+
+
+def entry(tag, kind, value):
+    return struct.pack("<HHII", tag, kind, 1, value)
+
+
+def test_a_tiff_of_one_bit_may_leave_out_what_is_the_default(tmp_path):
+    """TIFF 6.0: one bit a pixel and one sample where no tag says another number."""
+    short, long = 3, 4
+    tags = [(256, long, 8), (257, long, 2), (259, short, 1), (262, short, 1),
+            (273, long, 8), (278, long, 2), (279, long, 2)]  # fmt: skip
+    fields = b"".join(entry(*tag) for tag in tags)
+    pixels = bytes([0b11110000, 0b00000001])
+    data = struct.pack("<2sHI", b"II", 42, 10) + pixels
+    data += struct.pack("<H", len(tags)) + fields + bytes(4)
+    path = tmp_path / "1.tif"
+    path.write_bytes(data)
+    assert decode(path).tolist() == [[255] * 4 + [0] * 4, [0] * 7 + [255]]
+
+
+def test_a_plain_png_is_left_to_opencv(tmp_path, monkeypatch):
+    """Pillow is asked about others alone: it would take 6 % of the time."""
+
+    def refuse(*_, **__):
+        raise AssertionError("Pillow was asked")
+
+    monkeypatch.setattr(Image, "open", refuse)
+    large = np.zeros((4096, 1024), np.uint8)
+    write(tmp_path / "1.png", large)
+    assert np.array_equal(decode(tmp_path / "1.png"), large)
+    (tmp_path / "2.png").write_bytes(saved("PNG", NOISE, NOISE))  # an animation
+    write(tmp_path / "3.bmp", NOISE)
+    for name in ("2.png", "3.bmp"):
+        with pytest.raises(BadFrame, match="Pillow was asked"):
+            decode(tmp_path / name)
+
+
+def test_the_digest_of_images_is_that_of_their_digests(folder):
+    """Results are known by it: it is to stay as it is."""
+    contents = [path.read_bytes() for path in sorted(folder.rglob("*.png"))]
+    whole = hashlib.sha256()
+    for content in contents:
+        whole.update(hashlib.sha256(content).digest())
+    assert open_recording(folder).digest() == whole.hexdigest()
+
+
+def test_batches_are_the_frames_one_after_the_other_in_the_same_memory(folder, pixels):
+    index = np.random.default_rng(0).permutation(12)
+    batches = Batches(open_recording(folder), index)
+    assert (len(batches), batches.shape) == (12, (12, 20, 30))
+    first = batches[:5]
+    assert first.dtype == np.uint8
+    assert np.array_equal(first, pixels[index[:5]])
+    second = batches[5:10]
+    assert np.shares_memory(first, second)
+    assert np.array_equal(second, pixels[index[5:10]])
+    assert np.array_equal(batches[10:15], pixels[index[10:]])

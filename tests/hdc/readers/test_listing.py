@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from hdc.readers import BadFrame, SettingError, camera, open_recording
+from hdc.readers.columns import Columns
+from hdc.readers.files import read_csv
+from hdc.readers.listing import image_files
 from hdc.readers.template import Template
 
 
@@ -285,6 +288,11 @@ def test_a_template_that_reads_a_name_in_two_ways_is_refused(tmp_path, pixels):
         ("{order}*.png", "12_x.png", {"order": "12"}),
         ("*{order}.png", "a_3_12.png", {"order": "12"}),
         ("{session}/*/{label}.png", "a/b_c/d.png", {"session": "a", "label": "d"}),
+        (
+            "{{label}_a}{order}.png",
+            "{wood_a}5.png",
+            {"label": "wood", "order": "5"},
+        ),  # a bracket alone is text
         ("{label}_*.png", "foam_brick_1.png", None),
         ("{label}*.png", "foam.png", None),
         ("*_{order}_*.png", "a_1_2_b.png", None),
@@ -401,3 +409,112 @@ def test_the_order_of_frames_is_part_of_the_fingerprint(folder):
         (folder / "manifest.csv").write_text(rows)
         prints.add(open_recording(folder).fingerprint())
     assert len(prints) == 3
+
+
+# Errors ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("image,x\n", "expected images in .*, found none$"),
+        ("image,note\na/1.png,u\n", "expected a label of each image, or numbers"),
+        ("image,x,order\na/1.png,1,?\n", "expected 1 numbers in the column order"),
+        ("image,x\n,1\n", "line 2: expected a image, found none"),
+    ],
+)
+def test_a_table_that_cannot_be_used_is_named(folder, rows, message):
+    (folder / "t.csv").write_text(rows)
+    with pytest.raises(ValueError, match=rf"recording/t\.csv(, |: ){message}"):
+        open_recording(folder, table="t.csv")
+
+
+def test_a_few_of_the_files_that_are_no_frames_are_shown(folder):
+    """Of a folder, and of a table whose rows are none of the template."""
+    (folder / "t.csv").write_text("image,x\nb/1.png,1\na/1.png,2\n")
+    for table, found in (
+        (None, "found 13 other files, a/1.png, a/2.png, a/3.png"),
+        ("t.csv", "found 2 other files, b/1.png, a/1.png"),
+    ):
+        with pytest.raises(ValueError, match=f"{found}$"):
+            open_recording(folder, template="{label}.jpg", table=table)
+
+
+def test_the_folder_above_is_named_as_a_user_would_write_it(folder, monkeypatch):
+    monkeypatch.chdir(folder.parent)
+    with pytest.raises(ValueError, match=r"^recording/a holds .* mean recording\?$"):
+        open_recording("recording/a")
+    monkeypatch.chdir(folder / "a")
+    with pytest.raises(ValueError, match=rf"^\. holds .* mean {folder}\?$"):
+        open_recording(".")
+
+
+def test_a_folder_that_cannot_be_read_is_an_error(tmp_path):
+    """Its files would be left out without a word."""
+    with pytest.raises(OSError, match="absent"):
+        image_files(tmp_path / "absent")
+
+
+# Files of text -----------------------------------------------------------------------------------
+
+
+def test_tables_are_read_as_spreadsheets_write_them(tmp_path):
+    """With a mark of UTF-8, spaces, empty lines, and commas and line feeds in quotes."""
+    path = tmp_path / "t.csv"
+    text = '\ufeffimage , x\r\na.png, 1 \r\n\r\n"b,\r\nc.png",2\r\nd.png,""\r\n'
+    path.write_bytes(text.encode())
+    assert list(read_csv(path, ["image"])) == [
+        (f"{path}, line 2", {"image": "a.png", "x": "1"}),
+        (f"{path}, line 5", {"image": "b,\r\nc.png", "x": "2"}),
+        (f"{path}, line 6", {"image": "d.png", "x": ""}),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("texts", "expected"),
+    [
+        (["1", "-2", "+3"], np.array([1, -2, 3])),
+        (["1", "2.5", "1e3"], np.array([1, 2.5, 1000])),
+        (["7", "1" + "0" * 20], np.array([7, 1e20])),  # more than 64 bits
+        (["1", "1_0"], np.array(["1", "1_0"])),
+        (["1", "nan"], np.array(["1", "nan"])),
+    ],
+)
+def test_cells_are_integers_or_else_numbers_or_else_text(texts, expected):
+    found = Columns([""] * len(texts), {"x": texts}).samples()["x"]
+    assert found.tolist() == expected.tolist()
+    assert found.dtype == expected.dtype
+
+
+# Vectors -----------------------------------------------------------------------------------------
+
+
+def test_a_table_of_vectors_has_what_is_learnt_or_says_what_is_missing(tmp_path):
+    path = tmp_path / "v.csv"
+    path.write_text("400,401,order,force\n1,2,7,0.5\n3,4,6,1.5\n")
+    for fewest in (1, 2):
+        found = open_recording(path, value_columns=["force"], fewest_classes=fewest)
+        assert found.frames([0, 1]).tolist() == [[1, 2], [3, 4]]
+        assert (found.labels, found.value_names) == (None, ("force",))
+        assert found.values.tolist() == [[0.5], [1.5]]
+        assert found.order.tolist() == [7, 6]
+        assert found.place(1) == f"{path}, line 3"
+        with pytest.raises(ValueError, match=r"v\.csv: .* with z, found"):
+            open_recording(path, value_columns=["z"], fewest_classes=fewest)
+        with pytest.raises(ValueError, match=r"v\.csv: expected a column label, or"):
+            open_recording(path, fewest_classes=fewest)
+    unlabelled = open_recording(path, value_columns=["z"], fewest_classes=0)
+    assert (unlabelled.labels, unlabelled.values) == (None, None)
+    assert unlabelled.frames([1]).tolist() == [[3, 4, 1.5]]
+    path.write_text("label,400\na,1\na,2\n")
+    with pytest.raises(ValueError, match=r"v\.csv: expected two classes or more"):
+        open_recording(path)
+    assert open_recording(path, fewest_classes=1).names == ["a", "a"]
+    path.write_text("label,order\na,1\nb,2\n")
+    with pytest.raises(ValueError, match=r"v\.csv: expected columns of numbers, found"):
+        open_recording(path)
+    path.write_text("label,400\n")
+    with pytest.raises(
+        ValueError, match=r"v\.csv: expected a row of numbers per frame"
+    ):
+        open_recording(path)

@@ -254,3 +254,114 @@ def test_seconds_are_numbers_as_they_are_written(film):
     film.with_suffix(".csv").write_text("start_s,end_s,label\n0,1_0,a\n")
     with pytest.raises(ValueError, match="line 2: expected seconds, found '1_0'"):
         open_recording(film)
+
+
+class Stated:
+    """A video of uniform frames at 10 Hz by its times in s, and the length that a header says."""
+
+    def __init__(self, times, length):
+        self._times, self._length, self._at = times, length, -1
+
+    def isOpened(self):
+        return True
+
+    def get(self, what):
+        if what == cv2.CAP_PROP_POS_MSEC:
+            return 1000 * self._times[self._at]
+        return {cv2.CAP_PROP_FPS: RATE, cv2.CAP_PROP_FRAME_COUNT: self._length}[what]
+
+    def grab(self):
+        self._at += 1
+        return self._at < len(self._times)
+
+    def retrieve(self):
+        return True, np.full((2, 3), self._at, np.uint8)
+
+
+def tenths(*numbers):
+    return [number / 10 for number in numbers]
+
+
+@pytest.mark.parametrize(
+    ("times", "length", "end", "found"),
+    [
+        (tenths(*range(10)), 10, np.inf, 10),
+        (tenths(*range(9)), 10, np.inf, 9),  # a header may count one too many
+        (tenths(*range(8)), 10, np.inf, "expected 10 frames .*, found 8$"),
+        (tenths(*range(8)), 10, 0.8, 8),  # whole up to where it is needed
+        (tenths(*range(8)), 10, 0.5, 5),
+        (
+            tenths(*range(10), 11),
+            12,
+            np.inf,
+            "expected 12 frames .*, found 11 with gaps",
+        ),
+        (tenths(*range(10), 11), 12, 0.8, 8),  # the gap is behind
+        (tenths(*range(10), 11, 12), 13, 1.15, "13 frames .*, found 12 with gaps"),
+        (tenths(*range(10), 11), 11, np.inf, 11),  # the header knows of the gap
+        (tenths(*range(9), 10), 11, np.inf, 10),  # a rate that varies has more gaps
+        (tenths(0, 1, 3, 4, 6, 7), 8, np.inf, 6),
+        (tenths(0, 1, 2, 2), 4, np.inf, "frame 3 at 0.2 s after one at 0.2 s"),
+    ],
+)
+def test_frames_are_missing_by_their_times_and_the_header(
+    monkeypatch, times, length, end, found
+):
+    """At an even rate one gap in nine steps is a loss; more are a rate that varies."""
+    monkeypatch.setattr(cv2, "VideoCapture", lambda *_: Stated(times, length))
+    frames = stream_video(Path("x.mkv"), Window(), end)
+    if isinstance(found, str):
+        with pytest.raises(ValueError, match=rf"x\.mkv: .*{found}"):
+            list(frames)
+        return
+    given = list(frames)
+    assert [time for time, _ in given] == pytest.approx(times[:found])
+    assert [frame[0, 0] for _, frame in given] == list(range(found))
+
+
+def test_times_that_a_container_rounds_are_made_even(monkeypatch):
+    rounded = [0.0, 0.1006, 0.1994, 0.35]
+    monkeypatch.setattr(cv2, "VideoCapture", lambda *_: Stated(rounded, 4))
+    times = [time for time, _ in stream_video(Path("x.mkv"), Window())]
+    assert times == pytest.approx([0, 0.1, 0.2, 0.35], abs=1e-9)
+
+
+def test_a_table_of_frames_gives_labels_values_and_sessions(film, tmp_path):
+    table = tmp_path / "t.csv"
+    table.write_text(
+        "frame,label,force,session,note\n40,b,1.5,9,x\n3,a,2,8,y\n7,b,-1,9,z\n"
+    )
+    scene = open_recording(film, table=table, crop=[8, 4, 16, 8])
+    assert (scene.classes, scene.labels.tolist()) == (("a", "b"), [1, 0, 1])
+    assert scene.value_names == ("force",)
+    assert scene.values.tolist() == [[1.5], [2.0], [-1.0]]
+    assert scene.order.tolist() == scene.samples["frame"].tolist() == [40, 3, 7]
+    assert scene.samples["time"] == pytest.approx([4, 0.3, 0.7])
+    assert scene.session.tolist() == [9, 8, 9]
+    assert (scene.shape, scene.dtype) == ((8, 16), np.uint8)
+    assert scene.place(1) == f"{film}, frame 3"
+    means = scene.frames([0, 1, 2]).mean((1, 2))
+    assert np.abs(means - [grey_of(40), grey_of(3), grey_of(7)]).max() <= 5
+    first = scene.fingerprint()
+    table.write_text(table.read_text().replace("\n7,", "\n8,"))
+    assert open_recording(film, table=table, crop=[8, 4, 16, 8]).fingerprint() != first
+    table.write_text("frame,label,note\n40,b,x\n3,a,y\n")  # labels alone
+    scene = open_recording(film, table=table)
+    assert (scene.names, scene.values, scene.value_names) == (["b", "a"], None, ())
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("frame,force\n", r"t\.csv: expected at least one row, found none"),
+        ("frame,note\n1,x\n", r"t\.csv: expected columns of numbers, found none"),
+        ("frame,label\n1,a\n2,a\n", r"t\.csv: .* two classes or more, found only 'a'"),
+        ("frame,x,order\n1,2,z\n", r"t\.csv: expected 1 numbers in the column order"),
+        ("frame,x\n5,2\n60,1\n", r"t\.csv: .* the 60 frames of x\.\w+, .* found 60"),
+        ("frame,x\n-1,2\n", r"t\.csv, line 2: expected a number of a frame .*'-1'"),
+    ],
+)
+def test_a_table_of_frames_that_does_not_fit_is_named(film, tmp_path, rows, message):
+    (tmp_path / "t.csv").write_text(rows)
+    with pytest.raises(ValueError, match=message):
+        open_recording(film, table=tmp_path / "t.csv")
