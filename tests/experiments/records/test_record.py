@@ -117,3 +117,26 @@ def test_the_name_of_a_run_depends_on_every_value_of_its_config():
     for other in ({"a": {"b": 2}, "c": [1, 2]}, {"a": {"b": 1}, "c": [2, 1]}):
         assert record.run_id("touch", "hdc", other, "f") != name
     assert record.run_id("touch", "hdc", config, "g") != name
+
+
+def test_the_name_of_a_run_is_that_of_older_versions():
+    """Under another name, every run would be carried out again."""
+    name = record.run_id("touch", "hdc", {"b": 1, "a": [1, None]}, "f")
+    assert name == "touch-hdc-a379c5298fb1"
+
+
+def test_decoded_lines_are_written_as_they_were_read(tmp_path, write_run):
+    """A reference is taken over line by line, and each call of it leaves the same bytes."""
+    for seed in (0, 1):
+        write_run("hdc", seed=seed)
+    first, second = lines(tmp_path)
+    entries = [dict(reversed(json.loads(line).items())) for line in (second, first)]
+    own = tmp_path / "own"
+    for entry in entries:
+        own.mkdir(exist_ok=True)
+        record.append_decoded(own, entry)
+    assert lines(own) == [second, first]
+    record.write_all(own, reversed(entries))
+    assert lines(own) == [first, second]
+    record.write_all(own, [])
+    assert lines(own) == []

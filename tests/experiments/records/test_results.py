@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from experiments.records import configs
 from experiments.records.results import Results
 from experiments.reporting.rows import runs_table
 from hdc.io import write_atomically
@@ -130,3 +131,35 @@ def test_what_is_no_record_costs_itself_only(tmp_path, write_run):
     assert results.measurements == []
     for name in ("runs.jsonl, line 2", "runs.jsonl, line 3", "measured/x/record.json"):
         assert sum(name in problem for problem in results.problems) == 1, name
+
+
+def test_what_was_changed_is_named_frames_first(tmp_path, write_run):
+    keys = {"stop.budget_s": 7, "model.lr": 0.5, "split.kind": "ordered",
+            "scene.samples_per_class": 20}  # fmt: skip
+    curve = [{"training_s": 1.0, "loss": 1.0}]
+    write_run("softmax", change=keys, curve=curve)
+    (run,) = Results(tmp_path).runs
+    assert list(run.overrides) == [
+        "scene.samples_per_class",
+        "split.kind",
+        "model.lr",
+        "stop.budget_s",
+    ]
+    assert run.scene == 'touch (samples_per_class=20, kind="ordered")'
+    assert run.model == "softmax (lr=0.5, budget_s=7)"
+
+
+def test_a_model_and_a_scene_of_no_file_are_shown_as_their_records_say(
+    tmp_path, write_run, monkeypatch
+):
+    monkeypatch.setattr(configs, "_own_displays", {})
+    shown = {"display": {"name": "Mine"}, "scene_display": {"name": "My sensor"}}
+    write_run("hdc", **shown)
+    write_run("hdc", **shown, choices={"model": "own", "scene": "mine"})
+    write_run("hdc", choices={"model": "other", "scene": "others"})
+    Results(tmp_path)
+    names = [configs.display(model)["name"] for model in ("hdc", "own", "other")]
+    assert names == ["HDC", "Mine", "other"]
+    scenes = [configs.scene_display(scene)["name"] for scene in ("mine", "others")]
+    assert scenes == ["My sensor", "others"]
+    assert configs.scene_display("touch")["name"] != "My sensor"
