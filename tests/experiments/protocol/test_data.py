@@ -116,6 +116,25 @@ def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch):
     assert {f.suffix for f in tmp_path.iterdir()} == {".npy", ".lock"}
 
 
+def test_frames_that_cannot_be_written_name_their_file(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(data, "_make", full)
+    with pytest.raises(OSError, match="No space left on device") as raised:
+        data.cached(make_scene(), tmp_path, QUIET)
+    (lock,) = tmp_path.iterdir()
+    assert raised.value.errno == 28
+    assert raised.value.filename == str(lock.with_suffix(".npy"))
+
+
+def test_no_more_frames_fit_than_the_memory_that_they_may_take(monkeypatch):
+    frames = torch.zeros(9, 5, 8, dtype=torch.uint8)
+    for limit, fit in ((3 * 40, 3), (4 * 40 - 1, 3), (40, 1), (39, 1), (0, 1)):
+        monkeypatch.setattr(data, "IN_MEMORY_BYTES", limit)
+        assert data.fitting(frames) == fit
+
+
 class Counted(Frames):
     """Frames that take a while; each request leaves a mark."""
 

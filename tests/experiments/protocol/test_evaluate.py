@@ -1,6 +1,7 @@
 """Every study asks the model that it is given, whatever kind it is."""
 
 import copy
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -8,7 +9,7 @@ import pytest
 import torch
 
 from baselines.softmax import SoftmaxRegression
-from experiments.protocol.evaluate import bank_of, evaluate
+from experiments.protocol.evaluate import bank_of, evaluate, train_until
 from experiments.protocol.experiment import Run
 from experiments.protocol.stop import StopRule
 from experiments.reporting.measured import with_right
@@ -123,3 +124,54 @@ def test_a_model_that_learns_by_steps_is_ended_by_the_rule(scene):
         scene.images[train], scene.labels[train]
     )
     assert (predicted == alone.predict(scene.images[40:60])).all()
+
+
+class ThreeReports:
+    """Loses less each time; from its second report on it has all but one of four frames right."""
+
+    def __init__(self, learns_by_steps):
+        self.learns_by_steps, self.reports = learns_by_steps, 0
+
+    def train(self, frames, labels):
+        for loss in (1.0, 0.5, 0.1):
+            self.reports += 1
+            of_steps = {"steps": 10 * self.reports, "loss": loss}
+            yield {"samples_seen": 4} | (of_steps if self.learns_by_steps else {})
+
+    def predict(self, frames):
+        assert self.learns_by_steps
+        return np.array([0, 1, 1, 1]) if self.reports > 1 else np.array([1, 0, 1, 1])
+
+
+@pytest.mark.parametrize(
+    ("rule", "reason", "reports"),
+    [
+        ({}, "finished", 3),
+        ({"target": 0.7}, "finished", 3),  # that it is reached ends nothing by default
+        ({"target": 0.7, "reached_after_s": 0}, "reached", 2),
+        ({"target": 0.75, "reached_after_s": 0}, "finished", 3),  # not above it
+        ({"target": 0.7, "reached_after_s": 1e6}, "finished", 3),
+        ({"loss": 0.5, "least_steps": 15}, "trained", 2),
+        ({"loss": 0.5, "least_steps": 25}, "trained", 3),
+        ({"least_steps": 0, "most_steps": 10}, "steps", 1),
+        ({"budget_s": 1e-12}, "budget", 1),
+    ],
+)
+def test_a_training_ends_by_what_the_training_frames_say(rule, reason, reports):
+    frames, labels = torch.zeros(4, 2, 2, dtype=torch.uint8), np.array([0, 1, 1, 0])
+    model = ThreeReports(learns_by_steps=True)
+    assert train_until(model, StopRule(**rule), frames, labels) == reason
+    assert model.reports == reports
+    # What learns in one pass ends by itself, or when its time is used up.
+    model = ThreeReports(learns_by_steps=False)
+    ended = "budget" if reason == "budget" else "finished"
+    assert train_until(model, StopRule(**rule), frames, labels) == ended
+
+
+def test_steps_that_a_model_does_not_report_are_none(scene):
+    def train(frames, labels):
+        yield {"samples_seen": len(frames), "loss": 0.0}
+
+    model = SimpleNamespace(train=train)
+    rule = StopRule(least_steps=1, most_steps=1)
+    assert train_until(model, rule, scene.images, scene.labels) == "finished"

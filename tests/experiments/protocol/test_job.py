@@ -1,13 +1,18 @@
 """One config, one record: named after what determines it, not repeated, kept when it breaks off."""
 
+import io
+
 import msgspec
 import numpy as np
 import pytest
 import torch
+from omegaconf import OmegaConf
+from rich.console import Console
 
 import hdc
 from experiments.protocol import job
-from experiments.records import locks, record
+from experiments.records import configs, locks, record
+from experiments.records.environment import environment
 from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
 
@@ -121,9 +126,18 @@ def breaks(*_):
     raise RuntimeError("not that way")
 
 
-def test_a_model_whose_size_is_not_known_is_finished_without_it(carry_out, fake):
+def test_a_model_whose_size_is_not_known_is_finished_without_it(
+    composed_run, results, one_thread, fake
+):
     fake({"samples_seen": 1}, state_tensors=lambda self: {"w": [1]})
-    assert carry_out().model_bytes is None
+    console = Console(record=True, width=300, file=io.StringIO())
+    choices = {"scene": "recorded", "model": "hdc", "stop": "paper"}
+    entry, _ = job.run(composed_run("exclusive=false"), choices, [], console)
+    assert entry.model_bytes is None
+    assert (
+        "model_bytes: not known, 'list' object has no attribute"
+        in console.export_text()
+    )
 
 
 def test_a_model_that_cannot_predict_in_the_end_leaves_its_times_and_curve(
@@ -196,3 +210,131 @@ def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(
 def test_a_wrong_value_is_named_by_its_key(carry_out, results, overrides, message):
     with pytest.raises(ValueError, match=message):
         carry_out(*overrides)
+
+
+# What a record says was changed -------------------------------------------------------------------
+
+FILES = {
+    ("scene", "touch"): {
+        "scene": {"n": 100, "seed": 0, "sensor": {"sampling_seed": 0, "noise": 0.1}},
+        "split": {"kind": "random", "n_train": None},
+    },
+    ("model", "softmax"): {"model": {"lr": 0.1, "seed": 0, "device": "cpu"}},
+    ("stop", "paper"): {"stop": {"target": 0.9, "budget_s": 1800}},
+}
+CHOICES = {"scene": "touch", "model": "softmax", "stop": "paper"}
+# As it is run: four values of files are others, and seeds and devices besides.
+CONFIG = {
+    "scene": {"n": 100, "seed": 3, "sensor": {"sampling_seed": 3, "noise": 0.2}},
+    "split": {"kind": "ordered", "n_train": None},
+    "model": {"lr": 0.05, "seed": 3, "device": "cuda"},
+    "stop": {"target": 0.9, "budget_s": 60},
+    "data": {"pixels": 100},
+    "seed": {"run": 3},
+    "device": "cpu",
+}
+ALL = {
+    "scene.sensor.noise": "0.2",
+    "split.kind": '"ordered"',
+    "model.lr": "0.05",
+    "stop.budget_s": "60",
+}
+OF_SCENE = {key: ALL[key] for key in ("scene.sensor.noise", "split.kind")}
+WHICH = ["scene=touch", "+model=softmax", "stop=paper", "+experiment=table1", "seed.run=3",
+         "split.n_train=5", "data.pixels=100", "scene.path=x.npz", "device=cuda", "threads=1",
+         "exclusive=false", "cache=false", "force=true", "hydra/launcher=joblib",
+         "hydra.sweeper.n=1"]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("choices", "words", "expected"),
+    [
+        # Which run of a config it is, and how it is carried out, is no change of it.
+        ({}, [], {}),
+        ({}, WHICH, {}),
+        ({}, [*WHICH, "model.lr=0.05"], ALL),
+        ({}, ["++model.lr=0.05"], ALL),
+        ({}, ["~model.momentum"], ALL),
+        ({"experiment": "table1_few"}, WHICH, ALL),
+        # Of what is in no file, what was typed.
+        (
+            {"model": None},
+            ["+model.lr=0.05", "model=x", "stop.budget_s=60", "+model.a.b={c: 1=2}"],
+            {**OF_SCENE, "model.lr": "0.05", "model.a.b": "{c: 1=2}"}
+            | {"stop.budget_s": "60"},
+        ),
+        (
+            {"scene": "mine"},
+            ["scene.noise=3", "split.kind=grouped", "sensor.a=1"],
+            {"scene.noise": "3", "split.kind": "grouped", "model.lr": "0.05"}
+            | {"stop.budget_s": "60"},
+        ),
+    ],
+)
+def test_values_that_are_not_those_of_the_files_are_in_the_record(
+    monkeypatch, choices, words, expected
+):
+    monkeypatch.setattr(configs, "part", lambda *names: FILES.get(names))
+    given = {**CHOICES, **choices}
+    assert job.changed_keys(CONFIG, given, words) == expected
+    on_gpu = job.changed_keys({**CONFIG, "device": "cuda:1"}, given, words)
+    assert on_gpu == {**expected, "model.device": "cuda:1"}  # its times do not compare
+
+
+OF_CALL = ("schema", "id", "status", "command", "choices", "experiment", "overrides", "display",
+         "scene_display", "config", "changed", "data", "scene")  # fmt: skip
+
+
+def test_a_line_says_which_run_it_was_and_how_it_was_called(
+    composed_run, results, one_thread, monkeypatch
+):
+    monkeypatch.setattr("sys.argv", ["run.py", "model=hdc", "a=[1, 2]"])
+    seen = []
+    monkeypatch.setattr(
+        job, "changed_keys", lambda *given: seen.append(given) or {"a": "1"}
+    )
+    cfg = composed_run("exclusive=false", "seed.run=2")
+    choices = {
+        "scene": "recorded",
+        "model": "hdc",
+        "stop": None,
+        "experiment": "table1",
+    }
+    words = ["seed.run=2", "exclusive=false"]
+    entry, repeated = job.run(cfg, choices, words, Console(quiet=True))
+    assert not repeated
+    held = msgspec.json.decode((results / record.RUNS).read_bytes())
+    asked = {key: value for key, value in held.items() if key in OF_CALL}
+    config = OmegaConf.to_container(cfg, resolve=True)
+    display, scene_display = config["display"], config["scene_display"]
+    assert display["name"] == "HDC"
+    assert scene_display["name"] == "Own recording"
+    carried = ("force", "cache", "exclusive", "task", "display", "scene_display")
+    config = {key: value for key, value in config.items() if key not in carried}
+    assert asked == {
+        "schema": 4,
+        "id": entry.id,
+        "status": "finished",
+        "command": "python -m experiments.run model=hdc 'a=[1, 2]'",
+        "choices": {"scene": "recorded", "model": "hdc", "stop": "custom"},
+        "experiment": "table1",
+        "overrides": words,
+        "display": display,
+        "scene_display": scene_display,
+        "config": config,
+        "changed": {"a": "1"},
+        "data": asked["data"],
+        "scene": {
+            "name": "recorded",
+            "origin": "recorded",
+            "classes": asked["scene"]["classes"],
+            "shape": [16, 16],
+            "n": 50,
+            "saturated": "",
+        },
+    }
+    assert seen == [(config, choices, words)]
+    assert len(asked["scene"]["classes"]) == 5
+    assert entry.id == record.run_id("recorded", "hdc", config, asked["data"])
+    known = environment("cpu", 1)
+    assert held["environment"] == {**known, "exclusive": False, "libraries": []}

@@ -68,3 +68,8 @@ def test_without_a_batch_accuracy_every_look_is_at_all_frames(more, expected):
         seen = [k for k in seen if k <= 8]
     assert seen == expected
     assert Look.TEST not in found
+
+
+def test_a_model_that_does_not_say_how_many_samples_it_saw_is_looked_at_each_time():
+    for report in ({}, {"loss": 1.0}, {"loss": 1.0, "batch_accuracy": 1.0}):
+        assert asked([report] * 4) == [Look.ALL] * 4

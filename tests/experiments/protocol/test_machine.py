@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import platform
+import resource
 import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -68,7 +72,22 @@ def test_runs_that_fit_run_side_by_side_and_others_wait(four_cores):
 def test_a_worker_has_its_share_of_the_cores(monkeypatch, launcher, threads):
     monkeypatch.setattr(machine, "available", lambda: list(range(8)))
     assert machine.threads(None, launcher) == threads
-    assert machine.threads(5, launcher) == 5
+    assert [machine.threads(n, launcher) for n in (1, 5, 8)] == [1, 5, 8]
+
+
+def test_no_worker_has_more_threads_than_cores_or_none(four_cores):
+    launchers = [{"n_jobs": 9}, {"n_jobs": 3}, {"cpus_per_task": 7}, {"n_jobs": None}]
+    assert [machine.threads(None, launcher) for launcher in launchers] == [1, 1, 4, 4]
+
+
+def test_cores_are_those_that_the_process_may_use(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {5, 2}, raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 3)
+    assert machine.available() == [2, 5]
+    monkeypatch.delattr(os, "sched_getaffinity")  # not on every system
+    assert machine.available() == [0, 1, 2]
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
+    assert machine.available() == [0]
 
 
 @pytest.mark.parametrize("wanted", [0, 5, 10**20, True, "two"])
@@ -84,7 +103,9 @@ KEEP = """
 import ctypes, resource
 from experiments.protocol import machine
 import torch
+assert not machine.keeps_memory()
 kept = machine.keep_memory()
+assert machine.keeps_memory() is kept
 for k in range(20):
     torch.ones(4_000_000)
 before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
@@ -100,9 +121,36 @@ def test_kept_memory_is_not_cleared_again():
         [sys.executable, "-c", KEEP], capture_output=True, text=True, check=True
     )
     kept, faults = run.stdout.split()
+    assert kept == str(platform.libc_ver()[0] == "glibc")
     if kept == "False":
         pytest.skip("the C library is not glibc")
     assert int(faults) < 10_000  # 20 × 16 MB are 78,000 pages
+
+
+STATUS = "Name:\tpython\nVmPeak:\t  900 kB\nVmHWM:\t  300 kB\nVmRSS:\t  200 kB\n"
+
+
+@pytest.mark.parametrize(
+    ("status", "system", "expected"),
+    [
+        (STATUS, "linux", 300 * 1024),
+        ("Name:\tpython\n", "linux", 7 * 1024),  # getrusage counts in kilobytes there
+        (None, "linux", 7 * 1024),
+        (None, "darwin", 7),
+    ],
+)
+def test_the_peak_of_memory_is_the_processs_own_where_the_system_says_it(
+    tmp_path, monkeypatch, status, system, expected
+):
+    file = tmp_path / "status"
+    if status is not None:
+        file.write_text(status)
+    places = {"/proc/self/status": file}
+    usage = {resource.RUSAGE_SELF: SimpleNamespace(ru_maxrss=7)}
+    monkeypatch.setattr(machine, "Path", places.__getitem__)
+    monkeypatch.setattr(resource, "getrusage", usage.__getitem__)
+    monkeypatch.setattr(sys, "platform", system)
+    assert machine.peak_bytes() == expected
 
 
 def test_scikit_learn_gets_the_threads_of_the_run_and_others_need_not():

@@ -30,10 +30,12 @@ def test_what_is_left_is_the_mean_of_what_was_carried_out_times_the_others():
 
 
 def test_spans_are_said_as_one_would():
-    assert [span(s) for s in (3.2, 89, 90, 5000, 6000)] == [
+    assert [span(s) for s in (3.2, 89, 90, 5000, 5399, 5400, 6000)] == [
         "3 s",
         "89 s",
         "2 min",
         "83 min",
+        "90 min",
+        "1.5 h",
         "1.7 h",
     ]

@@ -2,10 +2,12 @@
 
 import json
 import os
+import platform
 import subprocess
 
 import numpy as np
 import pytest
+import torch
 
 from experiments.records import environment as module
 from experiments.records import files
@@ -95,3 +97,31 @@ def test_other_versions_of_what_computes_are_named():
     assert Environment("A CPU", 1, packages=here).other_versions == []
     other = Environment("A CPU", 1, packages={**here, "numpy": "1.0", "numba": "0"})
     assert other.other_versions == [f"numpy 1.0 (here {np.__version__})"]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (
+            "processor : 0\nmodel name\t: A CPU: 2 GHz\nmodel name\t: B\n",
+            "A CPU: 2 GHz",
+        ),
+        ("processor : 0\n", "generic"),
+        (None, "generic"),
+    ],
+)
+def test_the_processor_is_named_as_the_system_does(
+    tmp_path, monkeypatch, text, expected
+):
+    if text is not None:
+        (tmp_path / "cpuinfo").write_text(text)
+    monkeypatch.setattr(module, "Path", {"/proc/cpuinfo": tmp_path / "cpuinfo"}.get)
+    monkeypatch.setattr(platform, "processor", lambda: "")
+    monkeypatch.setattr(platform, "machine", lambda: "generic")
+    assert module.cpu_model.__wrapped__() == expected
+
+
+def test_a_gpu_is_named_with_its_model(monkeypatch):
+    names = {"cuda:1": "A GPU"}
+    monkeypatch.setattr(torch.cuda, "get_device_name", names.__getitem__)
+    assert environment("cuda:1", 1)["device"] == "cuda:1: A GPU"
