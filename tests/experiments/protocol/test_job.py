@@ -80,6 +80,35 @@ def test_a_finished_run_is_not_repeated_unless_forced(carry_out, results, monkey
     assert the_record(results) == first  # the failed repetition leaves it
 
 
+def test_a_run_that_other_code_finished_is_run_again_and_why_is_said(
+    composed_run, results, one_thread
+):
+    cfg = composed_run("exclusive=false")
+    choices = {"scene": "recorded", "model": "hdc", "stop": "paper"}
+
+    def run():
+        console = Console(record=True, width=300, file=io.StringIO())
+        entry, repeated = job.run(cfg, choices, [], console)
+        return entry, repeated, console.export_text()
+
+    first, *_ = run()
+    assert run() == (first, True, "")
+    (line,) = (results / record.RUNS).read_bytes().splitlines()
+    held = msgspec.json.decode(line)
+    held["revisions"] |= {"experiments": 0, "hdc.HDCClassifier": 0}
+    record.write_all(results, [held])
+    again, repeated, said = run()
+    assert not repeated
+    assert again.id == first.id
+    assert again.revisions == first.revisions
+    reasons = [
+        f"{name} (revision 0, now 1)" for name in ("experiments", "hdc.HDCClassifier")
+    ]
+    start = f"{first.id}: run again, finished by other code: "
+    assert said in [f"{start}{', '.join(some)}\n" for some in (reasons, reasons[::-1])]
+    assert run() == (again, True, "")
+
+
 @pytest.mark.parametrize(
     ("error", "status"),
     [
