@@ -114,6 +114,11 @@ def test_without_a_file_an_experiment_is_named_after_its_rows_and_nothing_change
         (counting, {}, "task: expected the keys scene, most, model, found .*'scene'"),
         (counting, {"scene": {}, "mots": 3}, "keys scene, most, model, found .*'mots'"),
         (alone, {"seeds": 3}, "task: expected no keys, found .*'seeds'"),
+        (
+            counting,
+            {"scene": {}, "model": {"_target_": "scenes.recorded.open_recording"}},
+            "^model: .*'path'",
+        ),
     ],
 )
 def test_arguments_that_the_rows_do_not_have_or_lack_are_named(
@@ -133,6 +138,7 @@ def test_frames_that_no_config_determines_are_known_by_their_content(
         scene = {"_target_": "scenes.recorded.open_recording", "path": str(path)}
         both = measurement.read(counting(scene=scene, model=scene)).record.data
         one = measurement.read(counting(scene=scene, model=SENSOR)).record.data
+        assert RUNS[-1][0].data == one  # names of parts depend on it
         other = {"_target_": "hdc.HDCClassifier"}
         assert measurement.read(counting(scene=scene, model=other)).record.data == one
         assert both == f"{one} {one}"

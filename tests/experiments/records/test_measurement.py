@@ -3,6 +3,7 @@
 import io
 import json
 import re
+import sys
 import time
 
 import numpy as np
@@ -181,6 +182,13 @@ def test_a_record_says_what_was_measured_how_and_on_what(results, monkeypatch):
         "_target_": "experiments.protocol.trial",
         "n": 3,
     }
+
+
+def test_what_computes_without_torch_has_one_thread(results, monkeypatch):
+    monkeypatch.setattr(torch, "get_num_threads", lambda: 7)
+    assert read(sums()[0]).record.environment.threads == 7
+    monkeypatch.setitem(sys.modules, "torch", None)
+    assert read(sums(force=True)[0]).record.environment.threads == 1
 
 
 def test_places_of_measurements_are_those_of_older_versions(results):
