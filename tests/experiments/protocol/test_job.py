@@ -11,7 +11,7 @@ from rich.console import Console
 
 import hdc
 from experiments.protocol import job
-from experiments.records import configs, locks, record
+from experiments.records import configs, locks, record, steps
 from experiments.records.environment import environment
 from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
@@ -81,8 +81,10 @@ def test_a_finished_run_is_not_repeated_unless_forced(carry_out, results, monkey
 
 
 def test_a_run_that_other_code_finished_is_run_again_and_why_is_said(
-    composed_run, results, one_thread
+    composed_run, results, one_thread, monkeypatch
 ):
+    path = steps.begin(steps.place(results, "full", "a step"))
+    monkeypatch.setenv(steps.VARIABLE, str(path))
     cfg = composed_run("exclusive=false")
     choices = {"scene": "recorded", "model": "hdc", "stop": "paper"}
 
@@ -107,6 +109,7 @@ def test_a_run_that_other_code_finished_is_run_again_and_why_is_said(
     start = f"{first.id}: run again, finished by other code: "
     assert said in [f"{start}{', '.join(some)}\n" for some in (reasons, reasons[::-1])]
     assert run() == (again, True, "")
+    assert path.read_text() == f"{first.id}\n" * 4  # made or found
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import torch
 from rich.console import Console
 
 from experiments.protocol.experiment import Run, experiment
-from experiments.records import locks, measurement
+from experiments.records import locks, measurement, steps
 from experiments.records.environment import environment
 
 
@@ -182,6 +182,16 @@ def test_a_record_says_what_was_measured_how_and_on_what(results, monkeypatch):
         "_target_": "experiments.protocol.trial",
         "n": 3,
     }
+
+
+def test_made_or_found_a_measurement_is_in_the_list_of_its_step(results, monkeypatch):
+    path = steps.place(results, "full", "sums")
+    for _ in range(2):
+        monkeypatch.setenv(steps.VARIABLE, str(steps.begin(path)))
+        folder, _ = sums()
+        (listed,) = steps.read(results)
+        assert listed.names == {folder.name}
+    assert CALLS == ["sums"]
 
 
 def test_what_computes_without_torch_has_one_thread(results, monkeypatch):
