@@ -147,7 +147,7 @@ def test_a_run_that_another_process_is_at_is_left_to_it(carry_out, results):
     entry = carry_out()
     with locks.held(results / "cache" / "locks" / entry.id):
         assert carry_out() == entry  # a finished run can be shown
-        with pytest.raises(locks.Held):
+        with pytest.raises(locks.Held, match=entry.id):
             carry_out("force=true")
 
 

@@ -178,6 +178,7 @@ def test_a_record_says_what_was_measured_how_and_on_what(results, monkeypatch):
         "seconds": held["seconds"],
     }
     assert said == f"sums: 1 rows in {held['seconds']:.1f} s, {folder}\n"
+    assert read(folder).folder == folder
     assert read(folder).record.full_config == {
         "_target_": "experiments.protocol.trial",
         "n": 3,
@@ -192,6 +193,20 @@ def test_made_or_found_a_measurement_is_in_the_list_of_its_step(results, monkeyp
         (listed,) = steps.read(results)
         assert listed.names == {folder.name}
     assert CALLS == ["sums"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "other"),
+    [
+        ({}, False),
+        ({"scene.n": "3", "models.a": "1"}, True),
+        ({"models.a": "1", "old_split.kind": '"ordered"'}, True),
+        ({"split": "null"}, True),
+        ({"models.scene": "1", "seeds": "[0]", "splits.n": "2"}, False),
+    ],
+)
+def test_other_frames_are_another_scene_or_split(results, changed, other):
+    assert read(sums(changed=changed)[0]).of_other_frames is other
 
 
 def test_what_computes_without_torch_has_one_thread(results, monkeypatch):
@@ -298,5 +313,7 @@ def test_a_damaged_part_and_one_of_other_code_are_computed_again(results, monkey
     assert part() == part() == [{"call": 2}]
     monkeypatch.setattr(measurement, "changes", lambda: "a" * 12)
     assert part() == part() == [{"call": 3}]
-    monkeypatch.setattr(measurement, "revisions", lambda _: {"experiments": 99})
+    monkeypatch.setattr(
+        measurement, "revisions", lambda config: {config["_target_"]: 99}
+    )
     assert part() == part() == [{"call": 4}]
