@@ -4,6 +4,7 @@ import math
 import re
 import subprocess
 
+import msgspec
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,11 +13,20 @@ from omegaconf import OmegaConf
 from experiments.records import configs
 from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
+from experiments.records.rows import pack_labels
 from experiments.reporting import frozen
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.random_effects import Pooled
-from experiments.studies.claims import recalibration, rules, view
-from experiments.studies.claims.piece import CONFIRMATORY, variance_of
+from experiments.studies.claims import (
+    faults,
+    recalibration,
+    recordings,
+    rules,
+    times,
+    verdict,
+    view,
+)
+from experiments.studies.claims.piece import CONFIRMATORY, Piece, variance_of
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
 
 NAN = math.nan
@@ -127,6 +137,8 @@ def test_accuracies_are_judged_by_interval_and_margin(difference, more, at_least
         ("at_least_as_accurate", (-0.05, -0.08, -0.02), UNDECIDED, NO),
         ("at_least_as_accurate", (-0.08, -0.12, -0.04), NO, NO),
         ("at_least_as_accurate", (0.0, -0.02, 0.02), YES, YES),
+        ("more_accurate", (0.06, 0.03, 0.09), UNDECIDED, YES),  # the limit is held
+        ("at_least_as_accurate", (-0.06, -0.09, -0.03), UNDECIDED, NO),
         ("restored", (0.7, 0.4, 1.0), UNDECIDED, UNDECIDED),
         ("restored", (0.7, 0.6, 0.8), YES, YES),
         ("restored", (0.3, 0.2, 0.4), NO, NO),
@@ -188,6 +200,205 @@ def test_more_draws_of_one_recording_do_not_make_its_variance_smaller():
     alike = variance_of([0.1] * 5, 100, seeds=False)
     assert alike == pytest.approx((0.1 * 100 + 1) / 102 / 100)
     assert math.isnan(variance_of([0.1], 100, seeds=False))
+
+
+# Verdicts of pieces -------------------------------------------------------------------------------
+
+
+def piece(value=0.0, deviation=0.01, laboratory="one", **more):
+    """A captured recording of a laboratory, with the number's standard error."""
+    of = {"claim": "accuracy", "rival": RAW, "evidence": f"recording of {laboratory}",
+          "frames": "captured", "quantity": "HDC less softmax"} | more  # fmt: skip
+    return Piece(
+        laboratory=laboratory,
+        estimate=Estimate(value),
+        variance=deviation**2,
+        **of,
+    )
+
+
+def claim_of(rule, decide=("captured", "computed"), **more):
+    return frozen.Claim(experiment="recordings", rule=rule, decide=decide, **more)
+
+
+@pytest.mark.parametrize(
+    ("rule", "laboratories", "value", "deviation", "word", "because"),
+    [
+        ("more_accurate", 1, 0.10, 0.01, YES, "the interval lies above +3 points"),
+        ("more_accurate", 1, -0.10, 0.01, NO, "the interval lies below +3 points"),
+        ("more_accurate", 1, 0.05, 0.02, UNDECIDED, "the interval holds +3 points"),
+        (
+            *("more_accurate", 5, 0.05, 0.02, YES),
+            "the interval holds +3 points and not zero",
+        ),
+        (
+            *("more_accurate", 1, 0.0, 0.6, UNDECIDED),
+            "1 laboratories, no bound: all that is possible is inside",
+        ),
+        # One end of what is possible is no more than a wide interval.
+        ("more_accurate", 1, -0.9, 0.1, NO, "the interval lies below +3 points"),
+        ("more_accurate", 1, 0.9, 0.1, YES, "the interval lies above +3 points"),
+        (
+            *("at_least_as_accurate", 1, 0.0, 0.01, YES),
+            "the interval lies above −3 points",
+        ),
+        (
+            *("at_least_as_accurate", 1, -0.05, 0.02, UNDECIDED),
+            "the interval holds −3 points",
+        ),
+        (
+            *("at_least_as_accurate", 5, -0.05, 0.02, NO),
+            "the interval holds −3 points and not zero",
+        ),
+    ],
+)
+def test_a_verdict_says_which_side_of_the_limit_the_interval_is_on(
+    rule, laboratories, value, deviation, word, because
+):
+    pieces = [piece(value, deviation, name) for name in "abcdefg"[:laboratories]]
+    found = verdict.verdict(claim_of(rule), pieces, RULES)
+    assert (found.word, found.because) == (word, because)
+    assert found.pooled.mean.value == pytest.approx(value)
+    assert (found.frames, found.decided_by) == ("captured", pieces)
+
+
+@pytest.mark.parametrize(
+    ("value", "deviation", "word", "because"),
+    [
+        (0.8, 0.1, YES, "the interval lies above 50 %"),
+        (0.2, 0.1, NO, "the interval lies below 50 %"),
+        (0.5, 2, UNDECIDED, "the interval holds 50 %"),  # a share has no range
+    ],
+)
+def test_a_verdict_on_shares_has_the_limit_of_its_claim(
+    value, deviation, word, because
+):
+    claim = claim_of("restored", share=0.5)
+    found = verdict.verdict(claim, [piece(value, deviation, unit="%")], RULES)
+    assert (found.word, found.because) == (word, because)
+
+
+def test_a_verdict_waits_for_the_laboratories_that_its_claim_needs():
+    pieces = [piece(0.5, evidence="a"), piece(0.5, evidence="b", frames="computed")]
+    found = verdict.verdict(claim_of("more_accurate", least_units=2), pieces, RULES)
+    assert found.word == UNDECIDED
+    assert found.because == "1 of the 2 laboratories needed"
+    assert (found.frames, found.decided_by) == ("captured, computed", pieces)
+    two = [*pieces, piece(0.5, laboratory="another")]
+    found = verdict.verdict(claim_of("more_accurate", least_units=2), two, RULES)
+    assert found.word == YES
+    assert found.frames == "captured, computed"
+
+
+def test_pieces_that_do_not_enter_have_no_part_in_a_verdict():
+    pieces = [piece(0.1), piece(-0.9, laboratory="another", enters=False)]
+    found = verdict.verdict(claim_of("more_accurate"), pieces, RULES)
+    assert (found.word, found.decided_by) == (YES, pieces[:1])
+    assert verdict.verdict(claim_of("more_accurate"), pieces[1:], RULES) is None
+
+
+def test_simulated_frames_alone_refute_without_a_number():
+    pieces = [piece(-0.5, frames="simulated", enters=False, word=NO)] * 2
+    found = verdict.verdict(claim_of("more_accurate"), pieces, RULES)
+    assert found.columns(pieces[0]) == pytest.approx(
+        {
+            "word": NO, "because": "simulated frames alone", "unit": "points",
+            "mean": NAN, "mean_low": NAN, "mean_high": NAN, "predicted_low": NAN,
+            "predicted_high": NAN, "laboratories": None, "frames": "simulated",
+        },
+        nan_ok=True,
+    )  # fmt: skip
+    assert found.decided_by == []
+
+
+def test_one_recording_says_what_its_own_interval_says():
+    one = piece(word=YES, frames="computed")
+    found = verdict.of_one_sensor(one)
+    alone = Pooled(one.estimate, NAN, NAN, 0.0, 1)
+    assert found == (YES, "of this sensor", alone, "computed", [one])
+
+
+def test_a_verdict_on_times_names_every_way_and_has_the_least_ratio():
+    claim = claim_of("much_slower", decide=("times",))
+    of = {"frames": "simulated", "unit": "×"}
+    pieces = [
+        piece(ratio, evidence=way, word=word, **of)
+        for way, ratio, word in zip(
+            RULES.ways, (30, 9, 50), (YES, NO, YES), strict=True
+        )
+    ]
+    assert verdict.verdict(claim, pieces[:2], RULES) is None
+    found = verdict.verdict(claim, pieces, RULES)
+    columns = found.columns(pieces[0])
+    assert columns["because"] == "libraries: yes, default: no, tuned: yes"
+    assert (columns["word"], columns["mean"], columns["unit"]) == (PARTLY, 9, "×")
+    assert (columns["laboratories"], columns["frames"]) == (None, "simulated")
+    assert found.decided_by == pieces
+
+
+def test_a_verdict_on_scenes_names_each_of_them_and_takes_no_mean():
+    pieces = [
+        piece(evidence="touch", word=YES, frames="simulated", unit="1"),
+        piece(evidence="tactip", word=NO, unit="1"),
+        piece(evidence="gelsight", word=YES, unit="1"),
+    ]
+    found = verdict.verdict(claim_of("sharper"), pieces, RULES)
+    assert found.because == "touch: yes, tactip: no, gelsight: yes"
+    assert (found.word, found.frames) == (PARTLY, "simulated, captured")
+    assert math.isnan(found.columns(pieces[0])["mean"])
+    assert found.decided_by == pieces
+    assert verdict.verdict(claim_of("sharper"), [], RULES) is None
+
+
+def test_bounds_of_points_end_where_differences_do_and_those_of_shares_do_not():
+    pooled = Pooled(Estimate(-0.5, -1.5, 0.5), -2.0, 1.0, 0.1, 3)
+    one = piece(possible=(-1.0, 0.25))
+    assert verdict.columns_of(pooled, one) == {
+        "unit": "points", "mean": -50, "mean_low": -100, "mean_high": 25,
+        "predicted_low": -100, "predicted_high": 25,
+    }  # fmt: skip
+    assert verdict.columns_of(pooled, piece(unit="%")) == {
+        "unit": "%", "mean": -50, "mean_low": -150, "mean_high": 50,
+        "predicted_low": -200, "predicted_high": 100,
+    }  # fmt: skip
+    assert verdict.columns_of(pooled, piece(unit="×"))["mean_low"] == -1.5
+
+
+def test_what_cannot_decide_does_not_enter_and_says_why():
+    unknown = {"deviation": NAN, "remark": "seen once"}
+    accuracy, sharper = claim_of("more_accurate"), claim_of("sharper", ("simulated",))
+    ranks = "simulated frames cannot rank models"
+    spread = "of one draw or seed, or all agree, so its variance is unknown"
+    for one, claim, enters, remark in (
+        (piece(), accuracy, True, ""),
+        (piece(frames="simulated"), accuracy, False, ranks),
+        (piece(**unknown), accuracy, False, f"seen once; {spread}"),
+        (piece(frames="simulated", **unknown), accuracy, False,
+         f"seen once; {ranks}; {spread}"),
+        (piece(enters=False, **unknown), accuracy, False, "seen once"),
+        # Words are joined, no numbers: a variance is not needed.
+        (piece(frames="simulated", **unknown), sharper, True, "seen once"),
+        (piece(frames="simulated", **unknown), claim_of("much_slower", ("times",)),
+         True, "seen once"),
+    ):  # fmt: skip
+        found = verdict.settled(one, claim)
+        assert (found.enters, found.remark) == (enters, remark)
+        assert found.estimate == one.estimate
+
+
+def test_recordings_of_a_laboratory_are_one_unit_or_each_their_own():
+    pieces = [
+        piece(0.1, 0.01, "one", evidence="a"),
+        piece(0.3, 0.01, "one", evidence="b"),
+        piece(0.4, 0.1, "another", evidence="c"),
+    ]
+    by_laboratory = verdict.pooled_over(pieces)
+    # 0.2 and 0.4, with variances (0.1)² of two that differ by 0.2, and (0.1)².
+    assert by_laboratory.units == 2
+    assert by_laboratory.mean.value == pytest.approx(0.3)
+    each = verdict.pooled_over(pieces, by_laboratory=False)
+    assert each.units == 3
+    assert 0.1 < each.mean.value < 0.3
 
 
 # Of records ---------------------------------------------------------------------------------------
@@ -479,6 +690,411 @@ def test_a_claim_on_times_waits_for_every_way(tmp_path, write_measurement, judge
     evidence = view.evidence(Results(tmp_path))
     assert evidence.word.tolist() == [UNDECIDED, YES, YES]
     assert evidence.remark.str.startswith("too few runs").all()
+
+
+# Complete rows ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def row_of(tmp_path):
+    """row_of(claim, rival, evidence) → the row of the table of evidence."""
+
+    def find(claim, rival, evidence):
+        rows = view.evidence(Results(tmp_path)).set_index(
+            ["claim", "rival", "evidence"], drop=False
+        )
+        return rows.loc[[(claim, rival, evidence)]].to_dict("records")[0]
+
+    return find
+
+
+def equals(**row):
+    """A row with these texts and, nearly, these numbers; nothing else is in it."""
+    return {
+        key: pytest.approx(value, rel=1e-4, nan_ok=True)
+        if isinstance(value, int | float)
+        else value
+        for key, value in row.items()
+    }
+
+
+def least_error(difference, n):
+    """Points that a difference of shares of n test frames varies at least, with one more frame on
+    which they disagree."""
+    return 100 * math.sqrt((n * abs(difference) + 1) / (n + 2) / n)
+
+
+def write_contrasts(write_measurement, gains):
+    """Two classes whose correlations with each other are 0.2 less than `gains` by kind and seed."""
+    rows = [
+        {"origin": "simulated", "seed": seed, "kind": kind, "samples": samples,
+         "class_i": i, "class_j": j, "n": 80,
+         "value": 0.2 + (gain if samples == "held-out" else 0.0) * (i == j)}
+        for kind, of_seeds in gains.items() for seed, gain in enumerate(of_seeds)
+        for samples in ("training", "held-out") for i in "AB" for j in "AB"
+    ]  # fmt: skip
+    return write_measurement("correlation", rows, scene="touch")
+
+
+def test_the_whole_row_of_a_contrast(tmp_path, write_measurement, row_of, judged):
+    gains = {"speckle": (0.1, 0.1), "prototype": (0.3, 0.32)}
+    entry = write_contrasts(write_measurement, gains)
+    half = 12.7062 * 0.01  # t(0.975, 1), and the standard error of 0.2 and 0.22
+    where = {"record": f"measured/{entry['id']}"}
+    assert row_of("contrast", "speckle", "touch") == equals(
+        claim="contrast", rival="speckle", evidence="touch", status="exploratory",
+        laboratory="simulated touch sensor", frames="simulated",
+        quantity="contrast of prototypes less that of speckle, 0.100 to 0.310",
+        value=0.21, value_low=0.21 - half, value_high=0.21 + half, standard_error=NAN,
+        unit="1", n="2 seeds", word=YES, enters="yes", remark="",
+        command="python -m experiments.run experiment=correlation", **where,
+    )  # fmt: skip
+    assert judged("contrast", "speckle") == equals(
+        claim="contrast", says=RULES.claims["contrast"].paper, by="the paper",
+        rival="speckle", word=YES, because="touch: yes", unit="1", mean=NAN,
+        mean_low=NAN, mean_high=NAN, predicted_low=NAN, predicted_high=NAN,
+        laboratories=None, frames="simulated", by_scene="Touch: 0.21 [0.083, 0.34]",
+        status="exploratory", earlier=PARTLY, rules=RULES.version,
+        frozen=frozen.commit(), digest=frozen.digest(),
+        command="python -m experiments.reproduce --full --claim contrast", **where,
+    )  # fmt: skip
+    # Hypervectors were not measured.
+    assert set(view.evidence(Results(tmp_path)).rival) == {"speckle"}
+
+
+def test_the_whole_row_of_flipped_bits_and_of_what_stands_beside(
+    write_measurement, row_of
+):
+    of = {"origin": "computed", "n_test": 1000, "n_classes": 5, "model_bytes": 1}
+    clean = ("none", 0.0)
+    rows = [
+        of | {"model": model, "seed": seed, "disturbance": kind, "level": level,
+              "draw": draw, "right": right - 20 * draw}
+        for model, (kind, level), by_seed in (
+            ("hdc", clean, (910, 810)),
+            ("hdc", ("bit_flips", 0.01), (890, 770)),
+            ("hdc", ("bit_flips", 0.2), (100, 100)),
+            ("hdc", ("noise", 0.01), (100, 100)),
+            (RAW, clean, (700, 700)),
+            (RAW, ("bit_flips", 0.01), (500, 520)),
+            (RAW, ("bit_flips_int8", 0.01), (600, 620)),
+        )
+        for seed, right in enumerate(by_seed) for draw in (0, 1)
+    ]  # fmt: skip
+    # A seed without flips has no part, and flips without a seed that is as it was have none.
+    rows.append({**rows[0], "seed": 9})
+    scene = configs.part("scene", "fibre")["scene"]
+    entry = write_measurement(
+        "robustness", rows, config={"scene": scene}, scene="fibre"
+    )
+    same = {
+        "claim": "faults", "evidence": "fibre", "laboratory": "wavefrontshaping",
+        "frames": "computed", "status": "exploratory", "unit": "points", "n": "2 seeds",
+        "command": "python -m experiments.run experiment=robustness",
+        "record": f"measured/{entry['id']}",
+    }  # fmt: skip
+    half = 12.7062  # of two seeds 2 points apart, whose standard error is 1
+    assert row_of("faults", "unflipped at 1 %", "fibre") == equals(
+        **same, rival="unflipped at 1 %", quantity="HDC: change by 1 % flipped bits",
+        value=-3, value_low=-3 - half, value_high=-3 + half, standard_error=1,
+        word=UNDECIDED, enters="yes", remark="",
+    )  # fmt: skip
+    beside = {"word": "", "enters": "no", "remark": "beside, without a word"}
+    assert row_of("faults", f"{RAW} at 1 %", "fibre") == equals(
+        **same, **beside, rival=f"{RAW} at 1 %",
+        quantity="Softmax at its optimum: change by 1 % flipped bits",
+        value=-19, value_low=-19 - half, value_high=-19 + half, standard_error=1,
+    )  # fmt: skip
+    assert row_of("faults", f"{RAW}_int8 at 1 %", "fibre") == equals(
+        **same, **beside, rival=f"{RAW}_int8 at 1 %",
+        quantity="Softmax at its optimum, weights of 8 bits: change by 1 % flipped bits",
+        value=-9, value_low=-9 - half, value_high=-9 + half, standard_error=1,
+    )  # fmt: skip
+    assert faults.lost(pd.DataFrame(rows), "hdc", 0.1) == []
+
+
+def test_the_whole_rows_of_a_recalibration(tmp_path, write_measurement):
+    """HDC falls from 90 to 40 and 30 %, and the rule's update wins half and three quarters of that
+    back; others do not count."""
+    of = {"origin": "computed", "n_test_new": 100, "n_test_old": 100, "n_old": 400,
+          "draw": 0, "p": None, "right_old": 90}  # fmt: skip
+    rule = ("time", "replace", 0.75, 50)
+    ways = (
+        ("hdc", ("time", "stored", None, 0), (40, 30)),
+        ("hdc", rule, (65, 75)),
+        ("hdc", ("time", "replace", 0.5, 50), (10, 10)),
+        ("hdc", ("time", "replace", 0.75, 5), (11, 11)),
+        ("hdc", ("time", "pooled", None, 50), (71, 73)),
+        ("hdc", ("time", "pooled", None, 90), (99, 99)),
+        ("hdc", ("random", "replace", 0.75, 50), (98, 98)),
+        ("correlation", ("time", "stored", None, 0), (20, 20)),
+        ("correlation", ("time", "new", None, 50), (99, 90)),
+    )
+    rows = [
+        of | {"model": model, "order": order, "method": method, "p": p, "n_new": n,
+              "seed": seed, "right_new": right}
+        for model, (order, method, p, n), by_seed in ways
+        for seed, right in enumerate(by_seed)
+    ]  # fmt: skip
+    scene = "fibres_exchanged"
+    config = {"scene": configs.part("scene", scene)["scene"]}
+    entry = write_measurement("drift", rows, config=config, scene=scene)
+    found = view.evidence(Results(tmp_path)).to_dict("records")
+    same = {
+        "claim": "recalibration", "laboratory": "wavefrontshaping",
+        "frames": "computed", "status": "exploratory", "unit": "%", "n": "2 seeds",
+        "command": "python -m experiments.run experiment=drift",
+        "record": f"measured/{entry['id']}",
+    }  # fmt: skip
+    half = 12.7062 * 12.5
+    share, *best = found
+    assert share == equals(
+        **same, rival="its own loss", evidence=scene,
+        quantity="share of the loss regained by bits replaced with p = 0.75, 50 new frames",
+        value=62.5, value_low=62.5 - half, value_high=62.5 + half, standard_error=12.5,
+        word=UNDECIDED, enters="yes", remark="drift cost 55.0 points",
+    )  # fmt: skip
+    # Of each model the best with as many new frames, in the order of the rows.
+    beside = same | {
+        "enters": "no", "word": "", "standard_error": NAN,
+        "remark": "beside: the best on the test frames",
+    }  # fmt: skip
+    assert best[0] == equals(
+        **beside, rival="hdc", evidence=f"{scene}, HDC", value=72,
+        quantity="accuracy after its best update: old and new together",
+        value_low=72 - 12.7062, value_high=72 + 12.7062,
+    )  # fmt: skip
+    assert best[1] == equals(
+        **beside, rival="correlation", evidence=f"{scene}, Image correlation", value=94.5,
+        quantity="accuracy after its best update: new samples alone",
+        value_low=94.5 - 12.7062 * 4.5, value_high=100,
+    )  # fmt: skip
+    assert len(best) == 2
+
+
+def test_the_whole_row_of_a_recording(record, row_of, judged):
+    record("gelsight", 80, 60)
+    same = {
+        "evidence": "gelsight", "laboratory": "Yc1007942", "frames": "captured",
+        "status": "exploratory", "unit": "points", "enters": "yes", "remark": "",
+        "command": "python -m experiments.run experiment=recordings scene=gelsight",
+        "record": judged("objects", "published")["record"],
+    }  # fmt: skip
+    assert same["record"].startswith("measured/recordings")
+    # Equal draws vary as their test frames let them.
+    assert row_of("accuracy", RAW, "gelsight") == equals(
+        **same, claim="accuracy", rival=RAW, quantity="HDC less Softmax at its optimum",
+        value=20, value_low=20, value_high=20, n="20 draws, 5 frames per class",
+        standard_error=least_error(0.2, 10_000), word=YES,
+    )  # fmt: skip
+    assert row_of("few_samples", RAW, "gelsight")["n"] == (
+        "20 draws, 1 and 5 frames per class"
+    )
+    assert row_of("objects", "published", "gelsight") == equals(
+        **same, claim="objects", rival="published",
+        quantity="HDC less the paper's 100 %", value=-20.005, value_low=-20.01,
+        value_high=-20, n="20 draws, 5 frames per class",
+        standard_error=least_error(0.20005, 10_000), word=NO,
+    )  # fmt: skip
+
+
+def test_a_recording_that_is_not_listed_has_the_laboratory_of_its_file(record, row_of):
+    scene = "fibre_4_fields"
+    record(scene, 80, 60, n_fields=4)
+    row = row_of("accuracy", RAW, scene)
+    assert (row["laboratory"], row["frames"]) == ("wavefrontshaping", "computed")
+    assert (row["status"], row["enters"]) == ("exploratory", "no")
+    assert row["remark"] == "seen through 4 input fields"
+    assert row["word"] == YES
+
+
+def test_recordings_that_were_unseen_are_of_their_status(record, row_of):
+    record("rgb_fibres", 80, 60)
+    row = row_of("accuracy", RAW, "rgb_fibres")
+    assert (row["laboratory"], row["status"]) == ("baimukashev", CONFIRMATORY)
+
+
+def test_the_largest_size_that_is_open_counts():
+    """At 50 frames of each class both models are saturated."""
+    of = {("hdc", 5): 0.6, ("hdc", 20): 0.9, ("hdc", 50): 0.995,
+          (RAW, 5): 0.5, (RAW, 20): 1.0, (RAW, 50): 1.0}  # fmt: skip
+    units = pd.DataFrame([of, of])
+    models = ["hdc", RAW]
+    limit = RULES.saturated
+    assert recordings._largest_open(units, models, [5, 20, 50], limit) == [20]
+    assert recordings._largest_open(units, models, [5], limit) == [5]
+    assert recordings._largest_open(units, models, [50], limit) == []
+
+
+def test_what_was_predicted_is_held_against_the_classes_of_its_draw(
+    tmp_path, write_measurement, row_of
+):
+    """The row with the classes may be of a model that is not compared."""
+    truth = np.arange(10)
+    rows = []
+    for draw in (0, 1):
+        of = {"split": "counts", "seed": 0, "n_test": 10, "draw": draw, "n": [5]}
+        for model, wrong in (("ridge", 0), ("hdc", 3), (RAW, 5)):
+            said = np.where(np.arange(10) < wrong, 9 - truth, truth)
+            row = of | {"model": model, "predicted": [pack_labels(said)]}
+            if model == "ridge":
+                row["labels"] = pack_labels(truth)
+            rows.append(row)
+    part = configs.part("scene", "gelsight")
+    config = {"scene": part["scene"], "splits": {"counts": part["split"]}}
+    write_measurement("recordings", rows, config=config, scene="gelsight")
+    row = row_of("accuracy", RAW, "gelsight")
+    assert (row["value"], row["n"]) == (
+        pytest.approx(20),
+        "2 draws, 5 frames per class",
+    )
+    assert math.isnan(row["value_low"])  # of fewer than ten draws
+
+
+@pytest.mark.parametrize(
+    ("scene", "classes", "wrong", "remark"),
+    [
+        ("touch", 5, (5, 30), ""),
+        ("touch", 5, (0, 0), "saturated"),
+        ("finger", 7, (5, 30), "fitted to HDC's own accuracy"),
+    ],
+)
+def test_the_whole_row_of_a_simulated_scene(
+    write_run, row_of, scene, classes, wrong, remark
+):
+    names = [str(k) for k in range(classes)]
+    for seed in range(2):
+        for model, of_model in zip(("hdc", RAW), wrong, strict=True):
+            at = range(of_model)
+            write_run(model, scene=scene, classes=names, seed=seed, wrong=at)
+    row = row_of("accuracy", RAW, scene)
+    low, high = row.pop("value_low"), row.pop("value_high")
+    less = wrong[1] - wrong[0]
+    assert low < less < high or less == 0
+    ranks = "simulated frames cannot rank models"
+    shown = configs.scene_display(scene)
+    assert row == equals(
+        claim="accuracy", rival=RAW, evidence=scene, laboratory=shown["family"],
+        frames="simulated", status="exploratory", value=less,
+        quantity="HDC less Softmax at its optimum", unit="points", n="2 seeds",
+        standard_error=least_error(less / 100, 2 * 100), enters="no",
+        remark=remark or ranks, word="" if remark else row["word"],
+        command=f"python -m experiments.run experiment=all_scenes scene={scene}",
+        record="runs.jsonl",
+    )  # fmt: skip
+    assert remark or row["word"]
+
+
+def test_the_whole_row_of_a_way_of_timing(write_measurement, row_of):
+    rows = [
+        {"origin": "simulated", "seed": 0, "way": "default", "route": "torch",
+         "turn": turn, "model": model, "seconds": seconds, "hdc_seconds": 0.5,
+         "status": "ok", "train_accuracy": 1.0, "test_accuracy": 1.0}
+        for turn in range(3)
+        for model, seconds in (("hdc", 0.5), ("cnn1", 25 + turn))
+    ]  # fmt: skip
+    entry = write_measurement("times_grid", rows, scene="touch")
+    assert row_of("networks_one_layer", "cnn1", "default") == equals(
+        claim="networks_one_layer", rival="cnn1", evidence="default", laboratory="",
+        frames="simulated", status="exploratory", unit="×", value=52, value_low=50,
+        quantity="training time of CNN, 1 layer over that of HDC of the same way",
+        value_high=54, standard_error=NAN, n="3 runs", word=YES, enters="yes",
+        remark="too few runs for an interval: lowest and highest",
+        command="python -m experiments.run experiment=times_grid",
+        record=f"measured/{entry['id']}",
+    )  # fmt: skip
+
+
+def test_evidence_is_judged_by_the_rules_that_are_given(
+    tmp_path, record, write_measurement
+):
+    record("gelsight", 80, 60)
+    rows = [
+        {"origin": "simulated", "seed": 0, "way": "default", "route": "torch",
+         "turn": 0, "model": model, "seconds": seconds, "hdc_seconds": 0.5,
+         "status": "ok", "train_accuracy": 1.0, "test_accuracy": 1.0}
+        for model, seconds in (("hdc", 0.5), ("cnn1", 50))
+    ]  # fmt: skip
+    write_measurement("times_grid", rows, scene="touch")
+    results = Results(tmp_path)
+    for given, word in (
+        (RULES, YES),
+        (msgspec.structs.replace(RULES, margin=0.5, times=1000), NO),
+    ):
+        for module, name in ((recordings, "accuracy"), (times, "networks_one_layer")):
+            (found,) = module.pieces(name, given.claims[name], given, results)
+            assert found.word == word
+        judged = verdict.verdict(claim_of("more_accurate"), [piece(0.2)], given)
+        assert judged.word == word
+
+
+# Cells --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rival", "shown"),
+    [
+        ("published", "the paper's accuracy"),
+        ("unflipped at 10 %", "itself without flips at 10 %"),
+        ("hypervector", "hypervectors"),
+        ("speckle", "the speckle"),
+        ("softmax_dual", "Softmax at its optimum"),
+        ("softmax_dual at 1 %", "Softmax at its optimum at 1 %"),
+        (
+            "softmax_dual_int8 at 1 %",
+            "Softmax at its optimum, weights of 8 bits at 1 %",
+        ),
+    ],
+)
+def test_rivals_in_words(rival, shown):
+    assert view.rival_name(rival) == shown
+
+
+@pytest.mark.parametrize(
+    ("unit", "numbers", "mean", "predicted"),
+    [
+        ("points", (-5.0, -12.34, 2.26), "−5.0 points [−12, +2.3]", "−12 to +2.3 points"),
+        ("%", (62.5, 10.0, 100.0), "62 % [10, 100]", "10 to 100 %"),
+        ("×", (12.3, 11.0, 14.0), "×12 [11, 14]", "11 to 14 ×"),
+        ("1", (0.21, 0.083, 0.34), "0.21 [0.083, 0.34]", "0.083 to 0.34 1"),
+        ("points", (0.0, -1.0, 1.0), "0 points [−1.0, +1.0]", "−1.0 to +1.0 points"),
+        ("points", (5.0, NAN, NAN), "+5.0 points", "–"),
+        ("points", (5.0, -1.0, NAN), "+5.0 points", "–"),
+        ("%", (NAN, NAN, NAN), "–", "–"),
+    ],
+)  # fmt: skip
+def test_numbers_are_shown_in_their_unit_with_their_interval(
+    unit, numbers, mean, predicted
+):
+    value, low, high = numbers
+    row = {"unit": unit, "mean": value, "mean_low": low, "mean_high": high,
+           "predicted_low": low, "predicted_high": high}  # fmt: skip
+    assert view._number(row) == mean
+    assert view._range(row) == predicted
+
+
+@pytest.mark.parametrize("commit", ["0123456789ab", ""])
+def test_the_note_names_the_rules_and_the_commit_that_froze_them(
+    record, tmp_path, monkeypatch, commit
+):
+    monkeypatch.setattr(view, "commit", lambda: commit)
+    record("gelsight_billets", 80, 60)
+    of_commit = f", frozen by commit {commit}" if commit else ""
+    for table in (view.claims, view.confirmatory):
+        note = table(Results(tmp_path)).attrs["note"]
+        assert note.endswith(
+            f"Rules: docs/claims.md, version {RULES.version} of {RULES.dated}, "
+            f"digest {frozen.digest()}{of_commit}."
+        )
+
+
+def test_a_claim_of_ours_is_said_to_be_ours(record, judged):
+    record("gelsight", 80, 60, (RULES.forms["mended"], RAW))
+    row = judged("accuracy_mended")
+    assert (row["by"], row["says"]) == (
+        "this repository",
+        RULES.claims["accuracy_mended"].ours,
+    )
 
 
 # Of the reference ---------------------------------------------------------------------------------
