@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from experiments.protocol.correlations import (
     CorrelationSums,
+    contrast,
     mean_pair_correlations,
     pair_correlations_double_sum,
     standardise,
@@ -56,6 +57,77 @@ def test_samples_without_variance_are_counted_and_leave_other_classes_alone():
     assert np.isnan(standardise(np.full((1, 4), 1e6 + 0.1))).all()
     with pytest.raises(ValueError, match=r"samples\[1\]: expected finite values"):
         standardise([[1, 2], [3, np.inf]])
+
+
+def sums_of(classes, dtype=np.float64):
+    """Sums of classes [L, N_s, D]."""
+    sums = CorrelationSums(len(classes), classes.shape[2], dtype)
+    for one_of_each in classes.swapaxes(0, 1):
+        sums.add(one_of_each)
+    return sums
+
+
+def test_means_are_those_of_numpys_coefficients():
+    """Of pairs k ≠ k′, of two parts that were counted apart, and with other frames."""
+    classes = np.stack([samples(5, 30, seed) for seed in range(3)])
+    sums = sums_of(classes[:, :2]) + sums_of(classes[:, 2:])
+    assert sums.n == 5
+    others = ~np.eye(5, dtype=bool)
+    pairs = np.array(
+        [[np.corrcoef(a, b)[:5, 5:][others].mean() for b in classes] for a in classes]
+    )
+    assert sums.pair_means() == pytest.approx(pairs, abs=1e-12)
+    prototypes = samples(2, 30, 7)
+    with_samples = np.array(
+        [[np.corrcoef(one, a)[0, 1:].mean() for a in classes] for one in prototypes]
+    )
+    assert sums.means_with(prototypes) == pytest.approx(with_samples, abs=1e-12)
+
+
+def test_float32_rounds_each_standardised_sample_once():
+    classes = samples(2, 30)[:, None]
+    rounded = standardise(classes[:, 0], np.float32)
+    assert rounded.dtype == np.float32
+    exact = standardise(classes[:, 0])
+    assert exact.dtype == np.float64
+    assert (rounded == exact.astype(np.float32)).all()
+    sums = sums_of(classes, np.float32)
+    assert sums.sums.dtype == np.float64
+    assert (sums.sums == rounded).all()
+    assert ((sums + sums).means_with(classes[:, 0]).dtype) == np.float64
+    assert (sums.sums != sums_of(classes).sums).any()
+
+
+def test_correlations_need_samples():
+    sums = CorrelationSums(2, 30)
+    with pytest.raises(ValueError, match=r"samples: .*one of each class, found 0"):
+        sums.means_with(samples(1, 30))
+    sums.add(samples(2, 30))
+    assert np.isfinite(sums.means_with(samples(1, 30))).all()
+    with pytest.raises(ValueError, match=r"samples: .*two of each class, found 1"):
+        sums.pair_means()
+    sums.add(samples(2, 30))
+    assert np.isfinite(sums.pair_means()).all()
+
+
+@pytest.mark.parametrize(
+    ("scale", "offset"), [(1.0, 2.0**51), (2.0**600, 0.0), (2.0**-600, 0.0)]
+)
+def test_the_mean_and_the_size_of_a_sample_leave_nothing_behind(scale, offset):
+    """Factors are powers of two and sums are exact, so that nothing but the method differs."""
+    values = samples(2, 100, dtype=np.float64)
+    with np.errstate(all="raise"):
+        found = standardise(scale * values + offset)
+    assert found == pytest.approx(standardise(values), abs=1e-15)
+    assert found @ found.T == pytest.approx(np.corrcoef(values), abs=1e-14)
+    assert found.sum(1) == pytest.approx([0, 0], abs=1e-14)
+
+
+def test_the_contrast_is_the_largest_distance_from_a_classs_own_correlation():
+    matrix = np.array([[0.5, 0.3, 0.2], [0.3, 0.4, 0.6], [0.2, 0.9, 0.7]])
+    assert contrast(matrix) == pytest.approx(0.5)  # of the third class, 0.7 and 0.2
+    assert contrast(-matrix) == pytest.approx(0.5)
+    assert contrast(np.array([[0.1, 0.4], [0.4, 0.3]])) == pytest.approx(0.3)
 
 
 def a_scene(per_class=(12, 12, 12)):

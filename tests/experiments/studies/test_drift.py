@@ -13,19 +13,35 @@ import torch
 from baselines.correlation import CorrelationClassifier
 from baselines.ridge import RidgeReadout
 from baselines.softmax_dual import DualSoftmaxRegression
-from experiments.protocol.evaluate import bank_of
+from experiments.protocol.evaluate import bank_of, evaluate
 from experiments.protocol.experiment import Run
 from experiments.protocol.model import models_of
 from experiments.records import configs
+from experiments.records.rows import pack_labels, unpack_labels
 from experiments.reporting.sessions import update_name, with_right
-from experiments.studies.drift import view
-from experiments.studies.drift.measure import choose, drift, subsets, updates
+from experiments.studies.drift import measure, view
+from experiments.studies.drift.measure import (
+    Answers,
+    Choice,
+    choose,
+    drift,
+    subsets,
+    updates,
+    ways,
+    zeroings,
+)
 from experiments.studies.drift.numbers import (
     best_updates,
     ratio,
     regained,
 )
-from experiments.studies.drift.zeroing import Unlabelled, rezeroed, untouched, zeroed
+from experiments.studies.drift.zeroing import (
+    Unlabelled,
+    first_of_each,
+    rezeroed,
+    untouched,
+    zeroed,
+)
 from hdc import HDCClassifier
 from hdc.encoders import Reference
 from hdc.encoders.reference import FRACTION, standardised
@@ -99,6 +115,135 @@ def test_every_update_of_prototypes_is_a_classifier_of_those_samples(scene):
             assert right[key][room] == expected
     assert right["stored", None][0] < right["new", None][0] == 30
     assert right["balanced", None] == (30, 12)
+
+
+@pytest.fixture
+def asked_what(monkeypatch):
+    """Models say which samples they were trained on, instead of classes."""
+    monkeypatch.setattr(measure, "evaluate", lambda model, bank, train, asked: train)
+
+
+def test_each_update_is_trained_on_what_it_is_called(scene, asked_what):
+    """Of another model than HDC, in the order of time: 48 samples of the old session, and the first
+    3 and 9 of the new one, which count as much as the old in ``balanced``."""
+    choice = choose(scene, SPLIT, 30, "time", seed=0)
+    bank = bank_of(scene)
+    made = updates(bank, choice, object(), [3, 9], (0.5,), "time", draws=4, seed=0)
+    found = [(about, sorted(train.tolist())) for about, train in made]
+    old = sorted(choice.old.tolist())
+    expected = [({"method": "stored", "n_new": 0}, old)]
+    for n, times in ((3, 16), (9, 5)):  # 48/3, and 48/9 rounded
+        about = {"p": None, "n_new": n, "draw": 0}
+        new = list(range(60, 60 + n))
+        expected += [
+            ({"method": "new", **about}, new),
+            ({"method": "balanced", **about}, sorted(old + times * new)),
+            ({"method": "pooled", **about}, old + new),
+        ]
+    assert found == expected
+
+
+def test_each_draw_has_new_samples_of_its_own(scene, asked_what):
+    choice = choose(scene, SPLIT, 30, "random", seed=0)
+    bank = bank_of(scene)
+
+    def drawn(seed):
+        made = updates(bank, choice, object(), [3, 9], (), "random", 2, seed)
+        return {
+            (about["draw"], about["n_new"]): train.tolist()
+            for about, train in made
+            if about["method"] == "new"
+        }
+
+    found = drawn(0)
+    assert list(found) == [(0, 3), (0, 9), (1, 3), (1, 9)]
+    for draw in (0, 1):
+        assert set(found[draw, 3]) < set(found[draw, 9]) <= set(choice.pool.tolist())
+        assert [len(found[draw, n]) for n in (3, 9)] == [3, 9]
+    assert found[0, 9] != found[1, 9]
+    assert drawn(0) == found
+    assert drawn(1) != found
+
+
+def test_more_new_samples_than_there_are_is_an_error_that_names_the_key(scene):
+    choice = choose(scene, SPLIT, 30, "time", seed=0)
+    with pytest.raises(ValueError, match=r"task\.n_new: expected 1 to 30, found 31"):
+        subsets(choice, scene.labels, [3, 31], "time", seed=0)
+    assert list(subsets(choice, scene.labels, [30], "time", seed=0)) == [30]
+    assert subsets(choice, scene.labels, [], "time", seed=0) == {}
+
+
+def test_one_session_alone_has_no_drift(scene):
+    samples = {"order": scene.samples["order"]}
+    with pytest.raises(ValueError, match=r"split\.test: .*sessions \[0\]"):
+        choose(replace(scene, samples=samples), SPLIT, 30, "time", seed=0)
+
+
+def test_updates_of_hdc_are_its_own_recalibrations(scene):
+    """Which bits are replaced depends on the seed."""
+    bank, labels = bank_of(scene), scene.labels
+    old, new, asked = np.arange(40), np.arange(60, 72), np.arange(72, 120)
+    found = {
+        (name, p): predicted
+        for name, p, predicted in ways(
+            HDCClassifier(), bank, old, new, asked, (0.3, 1.0), seed=7
+        )
+    }
+    assert list(found) == [
+        ("new", None),
+        ("replace", 0.3),
+        ("replace", 1.0),
+        ("balanced", None),
+        ("pooled", None),
+    ]
+    for key, options in (
+        (("replace", 0.3), {"p": 0.3, "method": "replace"}),
+        (("replace", 1.0), {"p": 1.0, "method": "replace"}),
+        (("balanced", None), {"p": 0.5, "method": "merge"}),  # half of all votes
+    ):
+        model = HDCClassifier().fit(scene.images[old], labels[old])
+        model.recalibrate(scene.images[new], labels[new], seed=7, **options)
+        assert (found[key] == model.predict(scene.images[asked])).all()
+    made = ways(HDCClassifier(), bank, old, new, asked, (2.0,), seed=7)
+    with pytest.raises(ValueError, match="p: "):
+        list(made)
+
+
+@pytest.mark.parametrize("name", ["hdc_lda", "hdc_integer"])
+def test_a_read_out_that_refuses_an_update_has_no_row_of_it(scene, name):
+    old, new, asked = np.arange(40), np.arange(60, 72), np.arange(72, 120)
+    made = ways(built(name), bank_of(scene), old, new, asked, (0.5,), seed=0)
+    assert [way for way, *_ in made] == ["new", "balanced", "pooled"]
+
+
+def test_the_whole_row_of_an_answer():
+    """Two old samples, three test samples of the new session and one of the old; the first row has
+    their classes."""
+    scene = Frames(
+        torch.zeros(6, 2, 2, dtype=torch.uint8),
+        np.array([0, 1, 2, 0, 1, 2]),
+        ("A", "B", "C"),
+    )
+    tests = {"new": np.array([5, 4, 3]), "old": np.array([2])}
+    answers = Answers(bank_of(scene), Choice(np.array([0, 1]), np.array([]), tests))
+    said = np.array([2, 2, 0, 1])
+    same = {
+        "n_old": 2,
+        "n_test_new": 3,
+        "n_test_old": 1,
+        "predicted": pack_labels(said),
+    }
+    assert answers.row({"method": "stored", "n_new": 0}, said) == {
+        "method": "stored",
+        "n_new": 0,
+        "p": None,
+        "share": None,
+        "draw": 0,
+        **same,
+        "labels": pack_labels([2, 1, 0, 2]),
+    }
+    about = {"method": "replace", "p": 0.5, "share": 0.25, "draw": 3, "n_new": 2}
+    assert answers.row(about, said) == {**about, **same}
 
 
 @pytest.mark.parametrize(
@@ -273,6 +418,129 @@ def test_unlabelled_frames_have_the_share_that_is_asked_for(scene):
     assert [row["method"] for row in rows] == ["stored"] + 4 * ["zeroed"]
     rows = [about for about, _ in untouched(model, bank, old, pool, pool, frames, 1)]
     assert rows == [{"method": "untouched", "n_new": 1}]
+
+
+def test_the_first_of_each_class_need_as_many_as_there_are():
+    labels, pool = np.array([0, 1, 0, 1, 0]), np.array([4, 3, 2, 1])
+    assert first_of_each(pool, labels, np.array([2, 2])).tolist() == [4, 2, 3, 1]
+    assert first_of_each(pool, labels, np.array([1, 0])).tolist() == [4]
+    assert first_of_each(pool, labels, np.array([3, 1])) is None
+
+
+@pytest.mark.parametrize("name", ["ridge_standardised", "hdc_reference"])
+def test_the_rows_of_a_zeroing(scene, name):
+    """The stored model; it re-zeroed by six frames of all classes, by ten with six of class 1; one
+    trained on the first three new samples; and one that has a reference of class 2 alone."""
+    model, bank = built(name), bank_of(scene)
+    choice = choose(scene, SPLIT, 30, "time", seed=0)
+    old, asked, labels = choice.old, choice.asked, scene.labels
+    frames = Unlabelled([6], [0.6], [10], [4], favoured=1)
+    found = list(zeroings(bank, choice, model, [3], 0, frames, no_touch=2))
+    abouts = [about for about, _ in found]
+    assert abouts == [
+        {"method": "stored", "n_new": 0},
+        {"method": "zeroed", "n_new": 6, "share": None},
+        {"method": "zeroed", "n_new": 10, "share": 0.6},
+        {"method": "new", "n_new": 3},
+        {"method": "untouched", "n_new": 4},
+    ]
+    # Classes follow each other in time from sample 60 on.
+    six = np.arange(60, 66)
+    ten = np.array([60, 63, 61, 64, 67, 70, 73, 76, 62, 65])
+    stored, by_six, by_ten = rezeroed(model, bank, old, asked, old, [None, six, ten])
+    new = evaluate(model, bank, np.arange(60, 63), asked)
+    before, after = old[labels[old] == 2], np.array([62, 65, 68, 71])
+    (without,) = rezeroed(model, bank, old, asked, before, [after])
+    expected = [stored, by_six, by_ten, new, without]
+    for (about, predicted), answer in zip(found, expected, strict=True):
+        assert (predicted == answer).all(), about
+    made = zeroings(bank, choice, model, [], 0, frames, no_touch=None)
+    assert [about["method"] for about, _ in made] == ["stored", "zeroed", "zeroed"]
+
+
+def test_rows_of_a_small_experiment_without_labels(scene, monkeypatch):
+    """Of the seeds and the order that are asked for; the class without touch by its name."""
+    two = replace(scene, classes=("A", "B", "None"))
+    monkeypatch.setattr(
+        Run, "scenes", lambda run, scene, seeds: ((seed, two) for seed in seeds)
+    )
+    options = {
+        "zeroing": {"ridge": configs.part("model", "ridge_standardised")},
+        "zeroing_seeds": [1], "n_alone": [3], "n_zero": [6], "shares": [0.6],
+        "n_shares": [10], "n_untouched": [4],
+    }  # fmt: skip
+    common = {
+        "scene": {}, "old_split": SPLIT, "models": {"hdc": MODELS["hdc"]},
+        "seeds": [0, 1], "n_test": 30, "n_new": [3], "p": [], "draws": 1,
+    }  # fmt: skip
+    rows = pd.DataFrame(drift.rows(Run(), **common, **options, no_touch="None"))
+    of_zeroing = rows[rows.model == "ridge"]
+    assert set(of_zeroing.seed) == {1}
+    assert set(of_zeroing.order) == {"time"}
+    methods = ["stored", "zeroed", "zeroed", "new", "untouched"]
+    assert of_zeroing.method.tolist() == methods
+    assert of_zeroing.n_new.tolist() == [0, 6, 10, 3, 4]
+    assert of_zeroing.share.dropna().tolist() == [0.6]
+    of_hdc = rows[rows.model == "hdc"]
+    assert of_hdc.method.tolist() == 4 * ["stored", "new", "balanced", "pooled"]
+    places = [(0, "time"), (0, "random"), (1, "time"), (1, "random")]
+    assert list(of_hdc.groupby(["seed", "order"], sort=False).groups) == places
+    truth = unpack_labels(rows.labels.iloc[0])
+    choice = choose(two, SPLIT, 30, "time", seed=0)
+    assert (truth == two.labels[choice.asked]).all()
+    # The share of ten frames is of class 1, the seed: 60, 63, six of class 1, 62, 65.
+    choice = choose(two, SPLIT, 30, "time", seed=1)
+    ten = np.array([60, 63, 61, 64, 67, 70, 73, 76, 62, 65])
+    (expected,) = rezeroed(
+        built("ridge_standardised"),
+        bank_of(two),
+        choice.old,
+        choice.asked,
+        choice.old,
+        [ten],
+    )
+    assert (unpack_labels(of_zeroing.predicted.iloc[2]) == expected).all()
+    rows = pd.DataFrame(drift.rows(Run(), **common, **options, no_touch="air"))
+    assert rows[rows.model == "ridge"].method.tolist() == methods[:-1]
+
+
+def test_the_whole_row_of_what_an_update_regains():
+    """Accuracies in two seeds as in the next test; t(0.975, 1) = 12.7062."""
+    rows = []
+    for seed, old, stored, updated in ((0, 90, 40, 80), (1, 80, 50, 65)):
+        for method, n, share, right in (
+            ("stored", 0, None, stored),
+            ("zeroed", 10, 0.6, updated),
+            ("zeroed", 10, None, stored),
+        ):
+            rows.append(
+                {"order": "time", "model": "hdc", "p": None, "draw": 0, "seed": seed,
+                 "method": method, "n_new": n, "share": share, "right_new": right * 100,
+                 "right_old": old * 10, "n_test_new": 10_000, "n_test_old": 1000}
+            )  # fmt: skip
+    found = regained(pd.DataFrame(rows)).to_dict("records")
+    assert len(found) == 2
+    half = 12.7062 * 0.05  # of two shares 10 points apart
+    shares = {
+        "before": (0.85, 0.85 - half, 1.0),
+        "stored": (0.45, 0.0, 1.0),
+        "updated": (0.725, 0.0, 1.0),
+        "lost": (0.4, 0.4 - 2 * half, 0.4 + 2 * half),
+        # Of gains 0.4 and 0.15: 0.6875 + (gain − 0.6875·lost)/0.4 is 0.828 and 0.547.
+        "regained": (0.6875, 0.6875 - 12.7062 * 0.140625, 0.6875 + 12.7062 * 0.140625),
+    }
+    expected = {"order": "time", "model": "hdc", "method": "zeroed", "share": 0.6,
+                "update": "re-zeroed, 60 % of one class", "n_new": 10, "labels": False}  # fmt: skip
+    for name, numbers in shares.items():
+        keys = (name, f"{name}_low", f"{name}_high")
+        expected |= dict(zip(keys, map(close, numbers), strict=True))
+    assert found[0] == expected
+    assert found[1]["update"] == "re-zeroed, all classes alike"
+    assert found[1]["regained"] == 0
+
+
+def close(number):
+    return pytest.approx(number, rel=1e-4, abs=1e-9)
 
 
 def test_the_share_regained_is_a_ratio_of_means():

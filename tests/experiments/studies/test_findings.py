@@ -81,3 +81,23 @@ def test_unseen_recordings_have_both_forms_against_the_stronger_rival(judged):
     )
     text, _ = judged(unseen=unseen)
     assert "GelSight, billets −21.7 as published, +1.4 mended." in text
+
+
+def test_unseen_recordings_are_in_the_order_of_their_table(judged):
+    """One without both forms has no part."""
+    lines = [
+        {"rival": module.STRONGER, "recording": recording, "claim": claim, "mean": mean}
+        for recording, by_claim in (
+            ("rgb_fibres", {"accuracy": -150.0, "accuracy_mended": 2.0}),
+            ("tactip", {"accuracy": 1.0}),
+            ("gelsight_billets", {"accuracy": 3.0, "accuracy_mended": 4.0}),
+        )
+        for claim, mean in by_claim.items()
+    ]
+    text, _ = judged(unseen=pd.DataFrame(lines))
+    # No difference of accuracies is larger than 100 points.
+    assert text.endswith(
+        "Plastic fibres −100.0 as published, +2.0 mended; "
+        "GelSight, billets +3.0 as published, +4.0 mended."
+    )
+    assert judged(unseen=pd.DataFrame(lines[2:3])) == []
