@@ -1017,15 +1017,62 @@ def test_evidence_is_judged_by_the_rules_that_are_given(
     ]  # fmt: skip
     write_measurement("times_grid", rows, scene="touch")
     results = Results(tmp_path)
-    for given, word in (
-        (RULES, YES),
-        (msgspec.structs.replace(RULES, margin=0.5, times=1000), NO),
-    ):
+    listed = msgspec.structs.replace(
+        RULES.recordings["gelsight"], laboratory="another", frames="computed"
+    )
+    others = msgspec.structs.replace(
+        RULES, margin=0.5, times=1000, recordings={"gelsight": listed}
+    )
+    (found,) = recordings.pieces("accuracy", others.claims["accuracy"], others, results)
+    assert (found.laboratory, found.frames) == ("another", "computed")
+    for given, word in ((RULES, YES), (others, NO)):
         for module, name in ((recordings, "accuracy"), (times, "networks_one_layer")):
             (found,) = module.pieces(name, given.claims[name], given, results)
             assert found.word == word
         judged = verdict.verdict(claim_of("more_accurate"), [piece(0.2)], given)
         assert judged.word == word
+
+
+def test_the_whole_row_of_a_recording_that_was_unseen(tmp_path, record):
+    """By its own interval; of one alone nothing is joined."""
+    record("gelsight_billets", 80, 50)
+    table = view.confirmatory(Results(tmp_path))
+    table = table[table.claim == "accuracy"]
+    (row,) = table.to_dict("records")
+    assert row == equals(
+        recording="gelsight_billets", claim="accuracy", rival=RAW, by="the paper",
+        says=RULES.claims["accuracy"].paper, word=YES, because="of this sensor",
+        unit="points", mean=30, mean_low=30, mean_high=30, predicted_low=NAN,
+        predicted_high=NAN, laboratories=1, frames="captured", by_scene="",
+        status=CONFIRMATORY, earlier=NO, rules=RULES.version, record=row["record"],
+        frozen=frozen.commit(), digest=frozen.digest(),
+        command="python -m experiments.reproduce --full --claim accuracy",
+    )  # fmt: skip
+    assert row["record"].startswith("measured/recordings")
+
+
+def test_the_same_numbers_are_joined_over_recordings_and_of_captured_frames(
+    tmp_path, record
+):
+    record("tactip", 80, 50)
+    assert view.otherwise(Results(tmp_path)) is None  # nothing to join
+    record("tactip_edge", 70, 50)
+    record("fibre_grouped", 60, 50)
+    table = view.otherwise(Results(tmp_path))
+    rows = table[table.claim == "accuracy"].set_index("over").to_dict("index")
+    assert {over: row["units"] for over, row in rows.items()} == {
+        "laboratories": 2,
+        "recordings": 3,
+        "laboratories, captured frames": 1,
+    }
+    least = least_error(0.3, 10_000)
+    assert rows["recordings"]["mean"] == pytest.approx(20, abs=least)
+    half = 1.95996 * 5  # of 30 and 20 points, the standard error of whose mean is 5
+    assert rows["laboratories, captured frames"] == equals(
+        claim="accuracy", rival=RAW, units=1, unit="points", mean=25,
+        mean_low=25 - half, mean_high=25 + half, predicted_low=NAN, predicted_high=NAN,
+    )  # fmt: skip
+    assert 10 < rows["laboratories"]["mean"] < 25
 
 
 # Cells --------------------------------------------------------------------------------------------

@@ -125,14 +125,14 @@ def asked_what(monkeypatch):
 
 def test_each_update_is_trained_on_what_it_is_called(scene, asked_what):
     """Of another model than HDC, in the order of time: 48 samples of the old session, and the first
-    3 and 9 of the new one, which count as much as the old in ``balanced``."""
+    3 and 18 of the new one, which count as much as the old in ``balanced``."""
     choice = choose(scene, SPLIT, 30, "time", seed=0)
     bank = bank_of(scene)
-    made = updates(bank, choice, object(), [3, 9], (0.5,), "time", draws=4, seed=0)
+    made = updates(bank, choice, object(), [3, 18], (0.5,), "time", draws=4, seed=0)
     found = [(about, sorted(train.tolist())) for about, train in made]
     old = sorted(choice.old.tolist())
     expected = [({"method": "stored", "n_new": 0}, old)]
-    for n, times in ((3, 16), (9, 5)):  # 48/3, and 48/9 rounded
+    for n, times in ((3, 16), (18, 3)):  # 48/3, and 48/18 rounded
         about = {"p": None, "n_new": n, "draw": 0}
         new = list(range(60, 60 + n))
         expected += [
