@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hdc.accuracy import wilson
+from hdc.command.work import printable
 
 RESAMPLES = 2000
 """Of the test frames, for the interval of a difference of errors."""
@@ -110,7 +111,7 @@ def of_values(result: Mapping[str, Any]) -> list[str]:
     for name, gain in test["gain"].items():
         unit = f" {result['units'][name]}" if result["units"].get(name) else ""
         mine = test["methods"][chosen]["errors"][name]
-        own = f"{name}: mean absolute error {mine:.4g}{unit} {where}"
+        own = f"{printable(name)}: mean absolute error {mine:.4g}{unit} {where}"
         if chosen == published:
             lines.append(f"{own}; no combination was better by {result['chosen_by']}.")
         else:

@@ -38,7 +38,7 @@ def text(result: Mapping[str, Any]) -> str:
 
 def _head(result: Mapping[str, Any]) -> str:
     if "values" in result:
-        learnt = f"values of {', '.join(result['values'])}"
+        learnt = f"values of {', '.join(map(printable, result['values']))}"
     else:
         learnt = f"{len(result['classes'])} classes"
     lines = [f"{result['frames']} frames, {learnt}, {size(result['shape'])}"]

@@ -1,22 +1,26 @@
 """``hdc compare`` and ``hdc train --choose``: their numbers are those of the plain computation."""
 
 import json
+import math
 import shlex
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from sklearn.linear_model import LogisticRegression, RidgeClassifierCV
+from sklearn.linear_model import LogisticRegression, RidgeClassifierCV, RidgeCV
 from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor, NearestCentroid
-from sklearn.svm import SVC
+from sklearn.svm import SVC, SVR
 
 from hdc import HDCClassifier, HDCRegressor, selection
 from hdc.accuracy import wilson
 from hdc.command import main
 from hdc.command.compare import advice, judge, rivals
+from hdc.command.compare.choose import choose
+from hdc.command.compare.curve import learning_curve
 from hdc.command.compare.frames import FrameBank, Frames, part, read_frames
 from hdc.encoders import Median, make_encoder
 from hdc.readers import open_recording
-from hdc.readouts import Majority, make_readout
+from hdc.readouts import Majority, NeighbourValues, ValueReadout, make_readout
 
 SIDE = 16
 NAMES = ("left", "<b>middle</b>", "right $x$")
@@ -31,6 +35,25 @@ class Backwards(Majority):
 
     def scores(self, words):
         return -super().scores(words)
+
+
+class NearestValue(NeighbourValues):
+    """A read-out of values that has no intervals."""
+
+    without = ValueReadout.without
+
+
+@dataclass(eq=False)
+class Said:
+    """A model that gives the answers it was told, and keeps what it learnt from."""
+
+    name: str
+    told: np.ndarray
+    learnt: list[np.ndarray] = field(default_factory=list)
+
+    def answers(self, frames, train, test):
+        self.learnt.append(train)
+        return self.told[test]
 
 
 def frames_of(classes, n, seed=0, noise=90, dtype=np.uint8):
@@ -111,6 +134,128 @@ def test_tables_and_json_have_every_model(hdc, archive, tmp_path):
         assert [point["frames"] for point in curve] == [1, 2, 5, 12]
         last = {"frames": 12, "accuracy": 1, "low": wilson(15, 15)[0], "high": 1}
         assert curve[-1] == pytest.approx(last)
+
+
+@pytest.mark.filterwarnings("ignore:lda:UserWarning")  # one frame of each class
+def test_a_test_of_classes_is_the_plain_computation(tmp_path):
+    """Every number of it, where the choice, the published form and a rival differ."""
+    rng, labels = np.random.default_rng(1), np.repeat(NAMES, 10)
+    patterns = np.random.default_rng(0).integers(0, 15, (3, 1, SIDE, SIDE))
+    frames = patterns + rng.integers(0, 100, (3, 10, SIDE, SIDE))
+    frames = frames.astype(np.uint8).reshape(30, SIDE, SIDE)
+    np.savez(tmp_path / "r.npz", frames=frames, labels=labels)
+    recording = open_recording(tmp_path / "r.npz")
+    result = judge.compare(recording, None, 0.4, 1, ["levels"], ["lda"])
+    parts = part(recording, None, 0.4)
+    assert result["frames"] == 30
+    assert result["shape"] == [16, 16]
+    assert result["chosen_by"] == (
+        f"cross-validation on {len(parts.chosen_on)} training frames, 4 folds at random"
+    )
+    assert list(result["expected"]) == [6, 12, 60]
+    read = read_frames(recording)
+    every = {
+        method.name: method
+        for method in (*selection.combinations([], [], False), *rivals.rivals(False))
+    }
+    names = [test["name"] for test in result["tests"]]
+    assert names == ["at random", "the last frames"]
+    for test, learnt, tested in zip(
+        result["tests"],
+        (parts.chosen_on, parts.earlier),
+        (parts.random, parts.later),
+        strict=True,
+    ):
+        assert (test["learnt"], test["tested"]) == (len(learnt), len(tested))
+        assert next(iter(test["methods"])) == "median, majority"
+        right = {
+            name: every[name].answers(read, learnt, tested) == read.labels[tested]
+            for name in test["methods"]
+        }
+        for name, own in right.items():
+            low, high = wilson(own.sum(), len(tested))
+            assert test["methods"][name] == {
+                "accuracy": pytest.approx(own.mean()),
+                "low": pytest.approx(low),
+                "high": pytest.approx(high),
+            }
+        mine = right[result["chosen"]]
+        gain = advice.paired_accuracies(mine, right["median, majority"])
+        assert test["gain"] == pytest.approx(gain.as_json())
+        over = advice.paired_accuracies(right[result["rival"]], mine)
+        assert test["rival_gain"] == pytest.approx(over.as_json())
+    accuracies = {name: own.mean() for name, own in right.items()}
+    followed = ["median, majority", result["chosen"], result["rival"]]
+    assert len({accuracies[name] for name in followed}) == 3
+    assert list(result["curve"]) == followed
+
+
+def test_a_test_of_values_is_the_plain_computation(of_values, tmp_path):
+    """Of two values, from a read-out without intervals, which is chosen, and the default."""
+    with np.load(of_values) as arrays:
+        frames, depth = arrays["frames"], arrays["values"]
+    path = tmp_path / "two.npz"
+    values = np.stack([depth, (depth - 8) ** 2], axis=1)
+    names, units = ["depth", "force"], ["mm", "N"]
+    np.savez(path, frames=frames, values=values, value_names=names, value_units=units)
+    recording = open_recording(path)
+    own = f"{__name__}.NearestValue"
+    result = judge.compare(recording, None, 0.3, 1, ["median"], [own])
+    assert (result["published"], result["chosen"]) == (
+        "median, ridge",
+        f"median, {own}",
+    )
+    assert result["values"] == names
+    assert result["units"] == {"depth": "mm", "force": "N"}
+    read, parts = read_frames(recording), part(recording, None, 0.3)
+    rival = next(r for r in rivals.rivals(True) if r.name == result["rival"])
+    for test, learnt, tested in zip(
+        result["tests"],
+        (parts.chosen_on, parts.earlier),
+        (parts.random, parts.later),
+        strict=True,
+    ):
+        assert (test["learnt"], test["tested"]) == (len(learnt), len(tested))
+        default = HDCRegressor().fit(frames[learnt], values[learnt])
+        found, low, high = default.predict(frames[tested], return_interval=True)
+        nearest = HDCRegressor("median", NearestValue())
+        nearest.fit(frames[learnt], values[learnt])
+        truth = values[tested]
+        theirs = np.abs(found - truth)
+        mine = np.abs(nearest.predict(frames[tested]) - truth)
+        others = np.abs(rival.answers(read, learnt, tested) - truth)
+        inside = (low <= truth) & (truth <= high)
+        kept = test["methods"]["median, ridge"]
+        for column, name in enumerate(names):
+            assert kept["errors"][name] == pytest.approx(theirs[:, column].mean())
+            ends = wilson(inside[:, column].sum(), len(tested))
+            share = inside[:, column].mean()
+            covered = {"share": share, "low": ends[0], "high": ends[1]}
+            assert kept["coverage"][name] == pytest.approx(covered)
+            width = (high - low)[:, column].mean()
+            assert kept["width"][name] == pytest.approx(width)
+            gain = advice.paired_errors(mine[:, column], theirs[:, column])
+            assert test["gain"][name] == pytest.approx(gain.as_json())
+            over = advice.paired_errors(others[:, column], mine[:, column])
+            assert test["rival_gain"][name] == pytest.approx(over.as_json())
+        errors = dict(zip(names, mine.mean(axis=0), strict=True))
+        assert test["methods"][result["chosen"]] == {"errors": pytest.approx(errors)}
+
+
+def test_too_few_frames_are_compared_without_a_choice(tmp_path):
+    path = tmp_path / "few.npz"
+    np.savez(path, frames=frames_of(3, 3), labels=np.repeat(NAMES, 3))
+    result = judge.compare(open_recording(path), None, 0.2, 1)
+    assert result["chosen_by"] == "no folds: too few training frames of a class"
+    assert result["chosen"] == result["published"] == "median, majority"
+    assert (result["rival"], result["cross_validation"]) == ("", {})
+    assert result["expected"] == {}
+    test = result["tests"][-1]
+    assert (test["learnt"], test["tested"]) == (6, 3)
+    assert "rival_gain" not in test
+    same = test["gain"]
+    assert same["gain"] == 0
+    assert list(result["curve"]) == ["median, majority"]
 
 
 def test_the_line_to_type_trains_the_chosen_model(hdc, archive, tmp_path, monkeypatch):
@@ -208,16 +353,16 @@ def test_train_takes_the_best_combination(hdc, tmp_path):
     assert (model.predict(frames) == plain.predict(frames)).all()
     in_mind = in_memory(frames, labels)
     made, _ = selection.folds(in_mind, np.arange(60))
-    right = np.concatenate(
-        [
-            HDCClassifier(model.encoder, model.readout)
-            .fit(frames[train], labels[train])
-            .predict(frames[test])
-            == labels[test]
-            for train, test in made
-        ]
-    )
-    assert f"(accuracy {right.mean():.1%}, " in line
+
+    def share(*parts):
+        right = 0
+        for learnt, tested in made:
+            own = HDCClassifier(*parts).fit(frames[learnt], labels[learnt])
+            right += (own.predict(frames[tested]) == labels[tested]).sum()
+        return f"{right / 60:.1%}"
+
+    mine = share(model.encoder, model.readout)
+    assert line.endswith(f" (accuracy {mine}, the published form {share()})")
     assert hdc(*words, "--readout", "lda")[0] == 2
 
 
@@ -229,6 +374,44 @@ def test_train_chooses_for_numbers(hdc, of_values, tmp_path):
     assert "chosen: " in out
     assert "by 2 folds by session" in out
     assert HDCRegressor.load(path).frame_shape_ == (SIDE, SIDE)
+
+
+def test_what_is_chosen_for_numbers_is_held_against_the_default():
+    rng = np.random.default_rng(0)
+    depth = rng.uniform(2, 14, (25, 1))
+    bump = 150 * np.exp(-((np.arange(SIDE) - depth) ** 2) / 8)
+    noise = rng.integers(0, 20, (25, SIDE, SIDE))
+    frames = (bump[:, None, :] + noise).astype(np.uint8)
+    data = in_memory(frames, np.zeros(25, np.int64), values=depth)
+    made, _ = selection.folds(data, np.arange(25))
+    guess = np.abs(depth - np.median(depth)).mean()
+
+    def error(*parts):
+        off = 0.0
+        for train, test in made:
+            model = HDCRegressor(*parts).fit(frames[train], depth[train])
+            off += np.abs(model.predict(frames[test]) - depth[test]).sum()
+        return f"{off / 25 / guess:.3g}"
+
+    chosen, line = choose(data)
+    pairs = selection.combinations((), (), True)
+    mine = error(chosen.encoder, chosen.readout)
+    like_it = [pair for pair in pairs if pair.encoder == chosen.encoder]
+    least = min((error(p.encoder, p.readout) for p in like_it), key=float)
+    assert mine == least
+    assert line == (
+        f"chosen: {chosen.name} among {len(pairs)} by 5 folds at random "
+        f"({mine} of a guess's error, median, ridge {error()})"
+    )
+
+
+@pytest.mark.parametrize("learns_values", [False, True])
+def test_nothing_is_chosen_by_too_few_frames(learns_values):
+    labels = np.zeros(3, np.int64) if learns_values else np.arange(3)
+    values = np.arange(3.0)[:, None] if learns_values else None
+    chosen, line = choose(in_memory(frames_of(3, 1), labels, values=values))
+    assert chosen == selection.published(learns_values)
+    assert line == f"chosen: {chosen.name}, for there are too few frames of a class"
 
 
 # Its parts ---------------------------------------------------------------------------------------
@@ -261,6 +444,202 @@ def test_rivals_are_those_of_plain_scikit_learn():
         ):
             expected = model.fit(unit[train], labels[train]).predict(unit[test])
             assert (found[f"{name}, {pixels} greys"] == expected).mean() >= 0.97, name
+
+
+def test_rivals_of_values_are_those_of_plain_scikit_learn():
+    """Of two values, one of them constant, from frames of which some pixels are constant."""
+    rng = np.random.default_rng(0)
+    depth = rng.uniform(2, 14, 40)
+    frames = rng.integers(0, 60, (40, SIDE, SIDE)).astype(np.uint8)
+    frames[:, :4] = (60 + 10 * depth + rng.normal(0, 4, 40))[:, None, None]
+    frames[:, 8:] = 17
+    values = np.stack([depth, np.full(40, 1.5)], axis=1)
+    data = in_memory(frames, np.zeros(40, np.int64), values=values)
+    train, test = np.arange(0, 40, 2), np.arange(1, 40, 2)
+    middle, deviation = depth[train].mean(), depth[train].std()
+    raw = frames.reshape(40, -1).astype(float)
+    standard = (raw - raw.mean(1, keepdims=True)) / raw.std(1, keepdims=True)
+    expected = {"mean, raw greys": np.full(20, middle)}
+    for pixels, flat in (("raw", raw), ("standardised", standard)):
+        centred = flat - flat[train].mean(0)
+        unit = centred / np.sqrt((centred[train] ** 2).sum() / len(train))
+        models = {
+            "ridge": RidgeCV(rivals.RIDGE_PENALTIES),
+            "1-NN": KNeighborsRegressor(1),
+            "3-NN": KNeighborsRegressor(3),
+        }
+        for c in (1, 10, 100):
+            models[f"SVR (C = {c})"] = SVR(gamma=1.0, C=c, epsilon=0.01)
+        for name, model in models.items():
+            model.fit(unit[train], (depth[train] - middle) / deviation)
+            found = middle + deviation * model.predict(unit[test])
+            expected[f"{name}, {pixels} greys"] = found
+    every = rivals.rivals(True)
+    assert [rival.name for rival in every] == list(expected)
+    for rival in every:
+        answers = rival.answers(data, train, test)
+        assert answers[:, 0] == pytest.approx(expected[rival.name], abs=0.02), rival
+        assert answers[:, 1] == pytest.approx(1.5), rival
+
+
+def test_rivals_of_classes_are_seven_with_three_penalties_on_two_kinds_of_greys():
+    plain = ["mean image", "ridge", "1-NN", "3-NN"]
+    tuned = [
+        f"{name} (C = {c})"
+        for c in (1, 10, 100)
+        for name in ("softmax", "linear SVM", "rbf SVM")
+    ]
+    assert [rival.name for rival in rivals.rivals(False)] == [
+        f"{name}, {pixels} greys"
+        for pixels in ("raw", "standardised")
+        for name in plain + tuned
+    ]
+
+
+@pytest.mark.parametrize("n_pixels", [5, 2**13 + 3])  # fewer than frames; two blocks
+def test_what_rivals_learn_from_keeps_all_products_and_distances(n_pixels):
+    rng = np.random.default_rng(0)
+    frames = rng.integers(0, 255, (12, n_pixels)).astype(np.uint8)
+    frames[:, 1] = 9
+    frames[3] = 40  # a frame without contrast
+    bank = FrameBank(frames, np.zeros(12, np.int64), 1)
+    raw = frames.astype(float)
+    deviations = raw.std(1, keepdims=True)
+    deviations[3] = 1
+    standard = (raw - raw.mean(1, keepdims=True)) / deviations
+    train, test = np.arange(8), np.arange(8, 12)
+    for pixels, flat in (("raw", raw), ("standardised", standard)):
+        assert bank.products(pixels) == pytest.approx(
+            (flat - flat.mean(0)) @ (flat - flat.mean(0)).T
+        )
+        centred = flat - flat[train].mean(0)
+        unit = (centred[train] ** 2).sum(1).mean()
+        near, far = centred[train] @ centred[train].T, centred[test] @ centred[train].T
+        inside, across = rivals.linear_kernel(bank, pixels, train, test)
+        assert inside == pytest.approx(near / unit)
+        assert across == pytest.approx(far / unit)
+        distances = ((flat[:, None] - flat[train]) ** 2).sum(2) / unit
+        inside, across = rivals.rbf_kernel(bank, pixels, train, test)
+        assert inside == pytest.approx(np.exp(-distances[train]))
+        assert across == pytest.approx(np.exp(-distances[test]))
+        trained, queries = rivals.coordinates(bank, pixels, train, test)
+        assert trained.shape == (8, np.linalg.matrix_rank(centred[train]))
+        assert queries.shape == (4, trained.shape[1])
+
+
+def test_coordinates_are_made_once_for_the_rivals_that_follow(monkeypatch):
+    made = []
+    plain = rivals.coordinates
+
+    def counted(bank, pixels, train, test):
+        made.append((pixels, len(train), len(test)))
+        return plain(bank, pixels, train, test)
+
+    monkeypatch.setattr(rivals, "coordinates", counted)
+    data = in_memory(frames_of(2, 6), np.repeat([0, 1], 6))
+    rows = np.arange(12)
+    for train, test in ((rows[::2], rows[1::2]), (rows[::2], rows[1::4])):
+        for rival in rivals.rivals(False):
+            assert len(rival.answers(data, train, test)) == len(test)
+    assert made == [
+        ("raw", 6, 6),
+        ("standardised", 6, 6),
+        ("raw", 6, 3),
+        ("standardised", 6, 3),
+    ]
+
+
+def test_the_best_setting_of_a_rival_was_tried_to_the_end():
+    few, some, many, other = (
+        rivals.Rival(model, "raw", setting, None)
+        for model, setting in (
+            ("SVR", " (C = 1)"),
+            ("SVR", " (C = 10)"),
+            ("SVR", " (C = 100)"),
+            ("ridge", ""),
+        )
+    )
+    elsewhere = rivals.Rival("SVR", "standardised", " (C = 1)", None)
+    first, second = selection.combinations(["median"], ["majority", "lda"], False)
+    losses = {few: 0.1, many: 0.3, other: 0.2, first: 0.5, second: 0.4}
+    scores = selection.Scores(losses, {some.name: "why"}, given_up=[few.name])
+    every = [few, some, many, other, elsewhere]
+    judged = judge.Judged.of(first, every, scores)
+    assert judged.rivals == [many, other, elsewhere]
+    assert (judged.published, judged.chosen, judged.rival) == (first, second, other)
+    assert judged.all() == [first, second, many, other, elsewhere]
+    assert judged.followed() == [first, second, other]
+    nothing = judge.Judged.of(first, every, selection.Scores())
+    assert (nothing.chosen, nothing.rival) == (first, None)
+    assert nothing.followed() == [first]
+
+
+def test_a_learning_curve_of_classes_is_the_mean_over_draws():
+    """Of classes with 25 and 30 training frames: 20 a class say little beside all."""
+    labels = np.repeat([0, 1], [29, 36])
+    data = in_memory(np.zeros((65, 4, 4), np.uint8), labels)
+    test = np.array([0, 1, 2, 3, *range(29, 35)])
+    train = np.setdiff1d(np.arange(65), test)
+    right = Said("right", labels)
+    ones = Said("ones", np.ones(65, np.int64))
+    found = learning_curve(data, train, test, [right, ones], 3)
+    assert list(found) == ["right", "ones"]
+    for points, share in ((found["right"], 1.0), (found["ones"], 0.6)):
+        assert [point["frames"] for point in points] == [1, 2, 5, 10, 27.5]
+        for point in points:
+            low, high = wilson(10 * share, 10)
+            values = (point["accuracy"], point["low"], point["high"])
+            assert values == pytest.approx((share, low, high))
+    assert all(map(np.array_equal, right.learnt, ones.learnt))
+    assert len(right.learnt) == 4 * 3 + 1
+    for number, rows in enumerate(right.learnt[:-1]):
+        size = (1, 2, 5, 10)[number // 3]
+        assert np.bincount(labels[rows]).tolist() == [size, size]
+        assert (np.diff(rows) > 0).all()
+        assert not set(rows) - set(train)
+    assert len({rows.tobytes() for rows in right.learnt}) == 13
+    assert (right.learnt[-1] == train).all()
+    again = Said("again", labels)
+    learning_curve(data, train, test, [again], 3)
+    assert all(map(np.array_equal, right.learnt, again.learnt))
+
+
+def test_a_point_of_a_learning_curve_counts_a_test_frame_once():
+    """Half of the draws are right: half of the frames, and the interval is of all frames once."""
+    labels = np.repeat([0, 1], 10)
+    data = in_memory(np.zeros((20, 4, 4), np.uint8), labels)
+
+    @dataclass(eq=False)
+    class Turning(Said):
+        def answers(self, frames, train, test):
+            super().answers(frames, train, test)
+            return self.told[test] if len(self.learnt) % 2 else 1 - self.told[test]
+
+    test = np.array([0, 1, 10, 11])
+    train = np.setdiff1d(np.arange(20), test)
+    points = learning_curve(data, train, test, [Turning("turning", labels)], 2)
+    *halves, last = points["turning"]
+    low, high = wilson(2, 4)
+    for half, size in zip(halves, (1, 2, 5), strict=True):
+        point = {"frames": size, "accuracy": 0.5, "low": low, "high": high}
+        assert half == pytest.approx(point)
+    assert last["accuracy"] == 1
+
+
+def test_a_learning_curve_of_values_starts_at_five_frames_in_all():
+    values = np.array([[0.0, 10.0], [1.0, 30.0]])[np.arange(40) % 2]
+    data = in_memory(
+        np.zeros((40, 4, 4), np.uint8), np.zeros(40, np.int64), None, values
+    )
+    off = Said("off", values + np.array([0.25, 20.0]))
+    train, test = np.arange(30), np.arange(30, 40)
+    found = learning_curve(data, train, test, [off], 2)
+    # Off by 0.25 of a mean distance of 0.5 from the middle, and by 20 of 10.
+    error = pytest.approx((0.5 + 2.0) / 2)
+    assert found == {
+        "off": [{"error": error, "frames": size} for size in (5, 10, 20, 30)]
+    }
+    assert [len(rows) for rows in off.learnt] == [5, 5, 10, 10, 20, 20, 30]
 
 
 def test_combinations_are_the_models_themselves():
@@ -345,6 +724,60 @@ def test_nothing_that_is_tested_was_chosen_by(tmp_path):
     assert parts.later.tolist() == [*range(60, 120)]
 
 
+def test_the_last_frames_of_each_class_in_time_are_later(tmp_path):
+    labels, order = np.tile([0, 1], 10), np.arange(20)[::-1]
+    frames = np.zeros((20, 5, 5), np.uint8)
+    np.savez(tmp_path / "r.npz", frames=frames, labels=labels, order=order)
+    parts = part(open_recording(tmp_path / "r.npz"), None, 0.2)
+    assert parts.later_name == "the last frames"
+    assert parts.later.tolist() == [0, 1, 2, 3]
+    assert parts.earlier.tolist() == [*range(4, 20)]
+    assert np.bincount(labels[parts.random]).tolist() == [2, 2]
+    tests = [(name, len(learnt), len(tested)) for name, learnt, tested in parts.tests()]
+    assert tests == [("at random", 12, 4), ("the last frames", 16, 4)]
+    np.savez(tmp_path / "v.npz", frames=frames, values=labels * 1.0, order=order)
+    parts = part(open_recording(tmp_path / "v.npz"), None, 0.2)
+    assert parts.later.tolist() == [0, 1, 2, 3]
+
+
+def test_two_recordings_are_read_one_after_the_other(tmp_path):
+    frames, session = frames_of(3, 4), np.arange(12) // 6
+    names = np.repeat(["b", "a", "c"], 4)
+    kept = {"frames": frames, "session": session}
+    np.savez(tmp_path / "first.npz", labels=names, **kept)
+    np.savez(tmp_path / "second.npz", labels=names[:8], frames=frames[:8] + 1)
+    first, second = (
+        open_recording(tmp_path / f"{name}.npz") for name in ("first", "second")
+    )
+    both = read_frames(first, second)
+    assert both.names == ("a", "b", "c")
+    assert both.labels.tolist() == [1] * 4 + [0] * 4 + [2] * 4 + [1] * 4 + [0] * 4
+    assert both.bank.n_classes == 3
+    assert (both.bank.frames.numpy() == [*frames, *(frames[:8] + 1)]).all()
+    assert (both.units, both.session, both.values) == ((), None, None)
+    some = read_frames(first, rows=np.array([1, 2, 9]))
+    assert some.names == ("b", "c")
+    assert some.labels.tolist() == [0, 0, 1]
+    assert some.session.tolist() == [0, 0, 1]
+    assert (some.bank.frames.numpy() == frames[[1, 2, 9]]).all()
+
+
+def test_values_of_two_recordings_are_read_one_after_the_other(tmp_path):
+    recordings = []
+    for name, values in (("first", [[1.5, 10], [2.5, 20]]), ("second", [[3.5, 30]])):
+        path = tmp_path / f"{name}.npz"
+        frames = np.zeros((len(values), 4, 4), np.uint8)
+        names, units = ["depth", "force"], ["mm", "N"]
+        np.savez(
+            path, frames=frames, values=values, value_names=names, value_units=units
+        )
+        recordings.append(open_recording(path))
+    both = read_frames(*recordings)
+    assert (both.names, both.units) == (("depth", "force"), ("mm", "N"))
+    assert both.values.tolist() == [[1.5, 10], [2.5, 20], [3.5, 30]]
+    assert both.labels.tolist() == [0, 0, 0]
+
+
 def test_what_is_far_behind_is_given_up_and_not_chosen():
     right, wrong = np.zeros(40), np.ones(40)
     some = np.arange(40) % 20 == 0
@@ -368,6 +801,45 @@ def test_an_interval_of_paired_accuracies_is_newcombes():
     assert (turned.low, turned.high) == pytest.approx((-found.high, -found.low))
     same = advice.paired_accuracies(mine, mine)
     assert same.low < 0 < same.high
+
+
+@pytest.mark.parametrize(
+    ("counts", "correlation"),
+    [
+        ((1, 1, 0, 1), 0),  # 1·1 − 1·0 is less than half of the frames
+        ((4, 4, 4, 4), 0),
+        ((5, 10, 10, 5), -75 / 225),  # no correction where they disagree
+        ((0, 1, 1, 0), -1),
+        ((0, 5, 0, 0), 0),  # one is always right, the other never
+        ((9, 0, 0, 1), (9 - 5) / 9),  # with the correction for continuity, n/2
+    ],
+)
+def test_newcombes_interval_joins_wilsons_by_the_correlation(counts, correlation):
+    """Both right, only mine, only theirs, neither; the correlation is worked out by hand."""
+    both, mine, theirs, _ = counts
+    n = sum(counts)
+    found = advice.paired_accuracies(
+        np.repeat([True, True, False, False], counts),
+        np.repeat([True, False, True, False], counts),
+    )
+    p, q = (both + mine) / n, (both + theirs) / n
+    (p_low, p_high), (q_low, q_high) = wilson(both + mine, n), wilson(both + theirs, n)
+
+    def joined(a, b):
+        return math.sqrt(a * a - 2 * correlation * a * b + b * b)
+
+    low = p - q - joined(p - p_low, q_high - q)
+    high = p - q + joined(p_high - p, q - q_low)
+    assert found.as_json() == pytest.approx({"gain": p - q, "low": low, "high": high})
+
+
+def test_an_interval_of_paired_errors_is_that_of_a_mean():
+    theirs = np.random.default_rng(0).normal(1.0, 0.5, 400)
+    found = advice.paired_errors(np.zeros(400), theirs)
+    half = 1.96 * theirs.std() / math.sqrt(400)
+    assert theirs.mean() - found.low == pytest.approx(half, rel=0.07)
+    assert found.high - theirs.mean() == pytest.approx(half, rel=0.07)
+    assert found == advice.paired_errors(np.zeros(400), theirs)
 
 
 def test_an_interval_of_paired_errors_holds_the_difference():
@@ -429,6 +901,8 @@ def test_advice_follows_the_numbers():
 def test_errors_are_one_line(hdc, archive, of_values, tmp_path):
     np.savez(tmp_path / "others.npz", frames=frames_of(2, 3), labels=[0, 1] * 3)
     np.savez(tmp_path / "small.npz", frames=np.zeros((6, 3, 3)), labels=[0, 1] * 3)
+    named = {"values": np.zeros((6, 2)), "value_names": ["x", "y"]}
+    np.savez(tmp_path / "place.npz", frames=frames_of(2, 3), **named)
     for words, message in (
         ((archive, "--crop", 0, 0, 999, 9), "a window inside frames 16 px wide"),
         ((tmp_path / "nothing",), "found nothing"),
@@ -440,7 +914,15 @@ def test_errors_are_one_line(hdc, archive, of_values, tmp_path):
             (archive, "--test", tmp_path / "small.npz"),
             "--test: expected frames (16, 16)",
         ),
-        ((of_values, "--test", archive), "--test: expected "),
+        ((of_values, "--test", archive), "--test: expected values value, found none"),
+        (
+            (of_values, "--test", tmp_path / "place.npz"),
+            "--test: expected values value, found x, y",
+        ),
+        (
+            (tmp_path / "place.npz", "--test", of_values),
+            "--test: expected values x, y, found value",
+        ),
         ((archive, "--encoder", "mean"), "encoder: expected one of "),
         ((archive, "--readout", "nowhere.Part"), "readout: expected a class "),
         ((of_values, "--readout", "lda"), "readout: expected one of "),
@@ -464,6 +946,7 @@ def test_theory_expects_about_what_more_frames_give():
     right = model.score(frames[~learnt], labels[~learnt])
     assert 0.4 < expected[10] < expected[20] < expected[100] < 1
     assert expected[20] == pytest.approx(right, abs=0.1)
+    assert list(judge.expected(data, np.arange(0, 240, 20))) == [3, 6, 30]
     assert judge.expected(data, np.arange(0, 240, 30)) == {}  # two a class
     alike = in_memory(np.repeat(frames[::60], 5, 0), np.repeat(np.arange(4), 5))
     assert judge.expected(alike, np.arange(20)) == {}

@@ -1,0 +1,360 @@
+"""What ``hdc compare`` prints, advises and draws, of results made by hand."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+
+from hdc.command.compare import advice, curve, show
+
+
+def printed(name):
+    """What is to be printed, from a file: its lines are as long as a terminal is wide."""
+    path = Path(__file__).parent / "printed" / f"{name}.txt"
+    return path.read_text("utf-8").removesuffix("\n")
+
+
+def gain(middle, low, high):
+    return {"gain": middle, "low": low, "high": high}
+
+
+def share(accuracy, low, high):
+    return {"accuracy": accuracy, "low": low, "high": high}
+
+
+def of_classes():
+    """Two tests of four classes, in which the choice wins and a rival is not clearly better."""
+    methods = {
+        "median, majority": share(0.5, 0.25, 0.75),
+        "levels, lda": share(0.8125, 0.625, 0.9375),
+        "1-NN, raw greys": share(0.75, 0.5, 0.875),
+        "ridge, raw greys": share(0.25, 0.125, 0.375),
+    }
+    later = copy.deepcopy(methods)
+    later["median, majority"] = share(0.4, 0.3, 0.5)
+    later["levels, lda"] = share(0.6, 0.5, 0.7)
+    later["1-NN, raw greys"] = share(0.65, 0.55, 0.75)
+    return {
+        "frames": 120,
+        "shape": [16, 20],
+        "classes": ["a", "b", "c", "d"],
+        "chosen_by": "cross-validation on 64 training frames, 5 folds at random",
+        "published": "median, majority",
+        "chosen": "levels, lda",
+        "rival": "1-NN, raw greys",
+        "command": "hdc train own --encoder levels --readout lda -o model.safetensors",
+        "cross_validation": {
+            "median, majority": 0.5,
+            "levels, majority": 0.125,
+            "levels, lda": 0.875,
+            "1-NN, raw greys": 0.8,
+            "ridge, raw greys": 0.3,
+        },
+        "given_up": ["levels, majority", "ridge, raw greys"],
+        "left_out": {"median, lda": "too few frames", "softmax": "no span"},
+        "tests": [
+            {
+                "name": "at random",
+                "learnt": 64,
+                "tested": 16,
+                "methods": methods,
+                "gain": gain(0.3125, 0.1, 0.5),
+                "rival_gain": gain(-0.0625, -0.2, -0.01),
+            },
+            {
+                "name": "the last sessions",
+                "learnt": 80,
+                "tested": 40,
+                "methods": later,
+                "gain": gain(0.2, 0.05, 0.35),
+                "rival_gain": gain(0.05, -0.1, 0.2),
+            },
+        ],
+        "expected": {20: 0.5, 40: 0.64, 200: 0.996},
+        "curve": {
+            "median, majority": [
+                {"frames": 1, **share(0.3, 0.2, 0.4)},
+                {"frames": 12.5, **share(0.4, 0.3, 0.5)},
+            ],
+            "levels, lda": [
+                {"frames": 1, **share(0.25, 0.15, 0.35)},
+                {"frames": 12.5, **share(0.6, 0.5, 0.7)},
+            ],
+            "1-NN, raw greys": [
+                {"frames": 1, **share(0.35, 0.25, 0.45)},
+                {"frames": 12.5, **share(0.65, 0.55, 0.75)},
+            ],
+        },
+    }
+
+
+def errors(depth, force):
+    return {"errors": {"depth": depth, "tab\there": force}}
+
+
+def of_values():
+    """Two tests of two values, one without a unit; the chosen read-out has no intervals."""
+    intervals = {
+        "coverage": {
+            "depth": {"share": 0.85, "low": 0.7, "high": 0.95},
+            "tab\there": {"share": 0.9, "low": 0.8, "high": 0.97},
+        },
+        "width": {"depth": 3.25, "tab\there": 0.0625},
+    }
+    gains = {"depth": gain(0.75, 0.5, 1.0), "tab\there": gain(0.0, -0.125, 0.25)}
+    over = {"depth": gain(-0.25, -0.5, -0.125), "tab\there": gain(0.25, 0.125, 0.5)}
+    none = {"depth": gain(0.0, 0.0, 0.0), "tab\there": gain(0.0, 0.0, 0.0)}
+    return {
+        "frames": 60,
+        "shape": [256],
+        "values": ["depth", "tab\there"],
+        "units": {"depth": "mm", "tab\there": ""},
+        "chosen_by": "cross-validation on 32 training frames, 2 folds by session",
+        "published": "median, ridge",
+        "chosen": "levels, neighbours",
+        "rival": "SVR (C = 10), raw greys",
+        "command": "hdc train moves.npz --encoder levels --readout neighbours",
+        "cross_validation": {
+            "median, ridge": 0.25,
+            "levels, neighbours": 0.1234,
+            "SVR (C = 10), raw greys": 0.2,
+        },
+        "given_up": [],
+        "left_out": {},
+        "tests": [
+            {
+                "name": "at random",
+                "learnt": 32,
+                "tested": 8,
+                "methods": {
+                    "median, ridge": errors(1.0, 2.0) | intervals,
+                    "levels, neighbours": errors(3.0, 4.0),
+                    "SVR (C = 10), raw greys": errors(5.0, 6.0),
+                },
+                "gain": none,
+                "rival_gain": none,
+            },
+            {
+                "name": "the last frames",
+                "learnt": 40,
+                "tested": 20,
+                "methods": {
+                    "median, ridge": errors(1.25, 0.5) | intervals,
+                    "levels, neighbours": errors(0.5, 0.5),
+                    "SVR (C = 10), raw greys": errors(0.75, 0.25),
+                },
+                "gain": gains,
+                "rival_gain": over,
+            },
+        ],
+        "curve": {
+            "median, ridge": [
+                {"frames": 5, "error": 0.75},
+                {"frames": 40, "error": 0.3456},
+            ],
+            "levels, neighbours": [
+                {"frames": 5, "error": 1.25},
+                {"frames": 40, "error": 0.125},
+            ],
+            "SVR (C = 10), raw greys": [
+                {"frames": 5, "error": 0.5},
+                {"frames": 40, "error": 0.25},
+            ],
+        },
+    }
+
+
+# Text --------------------------------------------------------------------------------------------
+
+
+def test_all_that_is_printed_of_classes():
+    assert show.text(of_classes()) == printed("classes")
+
+
+def test_all_that_is_printed_of_values():
+    assert show.text(of_values()) == printed("values")
+
+
+@pytest.mark.parametrize(
+    ("of_either", "name"), [(of_classes, "classes"), (of_values, "values")]
+)
+def test_all_that_is_printed_where_nothing_could_be_chosen_by(of_either, name):
+    result = of_either() | {
+        "chosen_by": "no folds: too few training frames of a class",
+        "rival": "",
+        "cross_validation": {},
+        "given_up": [],
+        "left_out": {},
+        "expected": {},
+    }
+    result["chosen"] = result["published"]
+    for test in result["tests"]:
+        for other in list(test["methods"])[1:]:
+            del test["methods"][other]
+    for other in list(result["curve"])[1:]:
+        del result["curve"][other]
+    assert show.text(result) == printed(f"{name}_without_folds")
+
+
+def test_advice_where_an_interval_ends_at_zero_is_of_no_clear_difference():
+    for low, high in ((0.0, 0.3), (-0.3, 0.0)):
+        result = of_classes()
+        edge = {"gain": gain(0.0, low, high), "rival_gain": gain(0.0, low, high)}
+        result["tests"][-1] |= edge
+        clear, rival = advice.of_classes(result)[2:]
+        assert clear == "That is no clear gain: the interval holds zero."
+        assert "is not clearly better or worse: 1-NN, raw greys has 65.0%" in rival
+
+
+def test_advice_says_what_is_a_loss():
+    result = of_classes()
+    result["tests"][-1] |= {
+        "gain": gain(-0.1, -0.2, -0.01),
+        "rival_gain": gain(0.1, 0.01, 0.2),
+    }
+    assert advice.of_classes(result)[2:] == [
+        "That is a loss: the choice does not carry over to these frames.",
+        "A rival outside the library is better: 1-NN, raw greys has 65.0%, "
+        "+10.0 points (95 % interval +1.0 to +20.0).",
+    ]
+
+
+# Figure ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def drawn(monkeypatch, tmp_path):
+    """The figure of a result, as it is when saved."""
+
+    def draw(result):
+        kept = []
+        monkeypatch.setattr(Figure, "savefig", lambda self, *_, **__: kept.append(self))
+        curve.draw(result, tmp_path / "curve.svg")
+        (figure,) = kept
+        figure.draw_without_rendering()
+        return figure
+
+    return draw
+
+
+def check_layout(figure):
+    """The width of a column, and the legend in one column below the axes."""
+    assert figure.get_size_inches().tolist() == [3.4, 3.0]
+    (axes,), (legend,) = figure.axes, figure.legends
+    assert legend.get_window_extent().y1 <= axes.get_tightbbox().y0
+    starts = [text.get_window_extent().p0 for text in legend.get_texts()]
+    assert len({x for x, _ in starts}) == 1
+    assert not legend.get_frame_on()
+    assert axes.get_xscale() == "log"
+    assert len(axes.get_xticks(minor=True)) == 0
+    for side in ("top", "right"):
+        assert not axes.spines[side].get_visible()
+    texts = [*legend.get_texts(), *axes.get_xticklabels(), axes.title]
+    assert {text.get_fontsize() for text in texts} == {8}
+    looks = [(line.get_marker(), line.get_color()) for line in axes.lines[:-1]]
+    assert all(len(set(look)) == 3 for look in zip(*looks, strict=True))
+    assert "None" not in {marker for marker, _ in looks}
+
+
+def points(line):
+    return np.column_stack(line.get_data()).tolist()
+
+
+def test_the_figure_of_classes_has_every_curve_with_its_interval(drawn):
+    figure = drawn(of_classes())
+    check_layout(figure)
+    (axes,), (legend,) = figure.axes, figure.legends
+    assert axes.get_title() == "Tested on the last sessions"
+    assert axes.get_xlabel() == "training frames per class"
+    assert axes.get_ylabel() == "accuracy (%)"
+    assert axes.get_ylim() == (0, 102)
+    assert axes.get_xticks().tolist() == [1, 12.5]
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["1", "12.5"]
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "median, majority (published)",
+        "levels, lda (chosen)",
+        "1-NN, raw greys",
+        "guess",
+    ]
+    *curves, guess = axes.lines
+    assert [points(line) for line in curves] == [
+        [[1, 30], [12.5, 40]],
+        [[1, 25], [12.5, 60]],
+        [[1, 35], [12.5, 65]],
+    ]
+    assert guess.get_ydata() == [25, 25]
+    assert guess.get_linestyle() == ":"
+    bands = [
+        {tuple(corner) for corner in band.get_paths()[0].vertices.round(9).tolist()}
+        for band in axes.collections
+    ]
+    assert bands == [
+        {(1, 20), (1, 40), (12.5, 30), (12.5, 50)},
+        {(1, 15), (1, 35), (12.5, 50), (12.5, 70)},
+        {(1, 25), (1, 45), (12.5, 55), (12.5, 75)},
+    ]
+    shades = [band.get_facecolor()[0] for band in axes.collections]
+    for shade, line in zip(shades, curves, strict=True):
+        assert shade[:3] == pytest.approx(to_rgb(line.get_color()))
+        assert 0 < shade[3] < 0.5  # the curves below are seen through it
+
+
+def test_the_figure_of_values_has_errors_as_shares_of_a_guess(drawn):
+    result = of_values()
+    result["curve"]["median, ridge"].insert(1, {"frames": 1234, "error": 0.5})
+    figure = drawn(result)
+    check_layout(figure)
+    (axes,), (legend,) = figure.axes, figure.legends
+    assert axes.get_title() == "Tested on the last frames"
+    assert axes.get_xlabel() == "training frames"
+    assert axes.get_ylabel() == "mean error / that of a guess"
+    assert axes.get_ylim()[0] == 0
+    assert axes.get_ylim()[1] > 1.25
+    assert axes.get_xticks().tolist() == [5, 40, 1234]
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "median, ridge (default)",
+        "levels, neighbours (chosen)",
+        "SVR (C = 10), raw greys",
+        "guess of the middle value",
+    ]
+    *curves, guess = axes.lines
+    assert points(curves[1]) == [[5, 1.25], [40, 0.125]]
+    assert guess.get_ydata() == [1, 1]
+    assert len(axes.collections) == 0
+
+
+def test_a_default_that_is_chosen_is_labelled_once(drawn):
+    for of_either, label in (
+        (of_classes, "median, majority (published)"),
+        (of_values, "median, ridge (default)"),
+    ):
+        result = of_either()
+        result["chosen"] = result["published"]
+        (legend,) = drawn(result).legends
+        assert legend.get_texts()[0].get_text() == label
+
+
+def test_figures_are_the_same_from_day_to_day_and_sharp_in_print(tmp_path):
+    vector, pixels = tmp_path / "curve.SVG", tmp_path / "curve.png"
+    curve.draw(of_classes(), vector)
+    assert "<dc:date>" not in vector.read_text()
+    assert "<text" not in vector.read_text()  # outlines: no font is needed to read it
+    curve.draw(of_classes(), pixels)
+    width, height = np.frombuffer(pixels.read_bytes()[16:24], ">u4")
+    assert (width, height) == (680, 600)  # 200 to the inch
+
+
+def test_a_figure_is_a_file_in_a_folder(tmp_path):
+    curve.check_figure(tmp_path / "curve.PDF")
+    (tmp_path / "kept.png").write_bytes(b"an older figure")
+    curve.check_figure(tmp_path / "kept.png")
+    (tmp_path / "folder.svg").mkdir()
+    with pytest.raises(ValueError, match=r"-o: expected a regular file .*folder\.svg"):
+        curve.check_figure(tmp_path / "folder.svg")
+    with pytest.raises(ValueError, match=r"\.svg, \.pdf, \.png, found .*curve\.gif"):
+        curve.check_figure(tmp_path / "curve.gif")
+    with pytest.raises(FileNotFoundError, match=r"a folder to save curve\.svg in"):
+        curve.check_figure(tmp_path / "no" / "curve.svg")
