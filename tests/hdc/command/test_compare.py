@@ -776,6 +776,7 @@ def test_values_of_two_recordings_are_read_one_after_the_other(tmp_path):
     assert (both.names, both.units) == (("depth", "force"), ("mm", "N"))
     assert both.values.tolist() == [[1.5, 10], [2.5, 20], [3.5, 30]]
     assert both.labels.tolist() == [0, 0, 0]
+    assert both.bank.n_classes == 1
 
 
 def test_what_is_far_behind_is_given_up_and_not_chosen():
