@@ -290,7 +290,10 @@ def test_a_step_by_a_launcher_leaves_its_records_and_is_found_finished(
 
 def test_every_claim_has_steps_and_every_step_serves_claims_that_there_are():
     assert set(claims()) == set(frozen.rules().claims)
-    for name in set(claims()) - {"networks_one_layer", "networks_three_layers"}:  # too long
+    for name in set(claims()) - {
+        "networks_one_layer",
+        "networks_three_layers",
+    }:  # too long
         assert steps("quick", name), name
         assert cost(steps("quick", name)) < reproduce.ASKS
 

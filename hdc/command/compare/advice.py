@@ -14,6 +14,7 @@ from hdc.command.work import printable
 
 RESAMPLES = 2000
 """Of the test frames, for the interval of a difference of errors."""
+UNCHOSEN = "nothing was chosen: too few training frames of a class"
 
 
 @dataclass(frozen=True)
@@ -83,10 +84,10 @@ def of_classes(result: Mapping[str, Any]) -> list[str]:
     mine = test["methods"][chosen]["accuracy"]
     lines = [f"Use: {result['command']}"]
     if chosen == published:
-        lines.append(
-            f"No combination was better than the published form by {result['chosen_by']}: "
-            f"{mine:.1%} {where}."
-        )
+        why = f"No combination was better than the published form by {result['chosen_by']}"
+        if not result["chosen_by"]:
+            why = UNCHOSEN.capitalize()
+        lines.append(f"{why}; the published form has {mine:.1%} {where}.")
     else:
         gain = test["gain"]
         lines.append(
@@ -113,7 +114,8 @@ def of_values(result: Mapping[str, Any]) -> list[str]:
         mine = test["methods"][chosen]["errors"][name]
         own = f"{printable(name)}: mean absolute error {mine:.4g}{unit} {where}"
         if chosen == published:
-            lines.append(f"{own}; no combination was better by {result['chosen_by']}.")
+            why = f"no combination was better by {result['chosen_by']}"
+            lines.append(f"{own}; {why if result['chosen_by'] else UNCHOSEN}.")
         else:
             theirs = test["methods"][published]["errors"][name]
             less = f"{_interval(gain)}{unit} less"

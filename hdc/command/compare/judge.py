@@ -136,8 +136,9 @@ def _rank(method: Method, scores: Scores) -> tuple[bool, float]:
 
 
 def _how_chosen(count: int, how: str, n: int) -> str:
+    """How encoder and read-out were chosen, in words; nothing where there were no folds."""
     if count == 0:
-        return "no folds: too few training frames of a class"
+        return ""
     return f"cross-validation on {n} training frames, {count} folds {how}"
 
 

@@ -42,7 +42,8 @@ def _head(result: Mapping[str, Any]) -> str:
     else:
         learnt = f"{len(result['classes'])} classes"
     lines = [f"{result['frames']} frames, {learnt}, {size(result['shape'])}"]
-    lines.append(f"chosen by {result['chosen_by']}")
+    chosen_by = result["chosen_by"]
+    lines.append(f"chosen by {chosen_by}" if chosen_by else advice.UNCHOSEN)
     for test in result["tests"]:
         counts = f"{test['tested']} frames, learnt from {test['learnt']}"
         lines.append(f"tested {_on(test['name'])}: {counts}")
