@@ -115,7 +115,9 @@ def of_values(result: Mapping[str, Any]) -> list[str]:
         own = f"{printable(name)}: mean absolute error {mine:.4g}{unit} {where}"
         if chosen == published:
             why = f"no combination was better by {result['chosen_by']}"
-            lines.append(f"{own}; {why if result['chosen_by'] else UNCHOSEN}.")
+            if not result["chosen_by"]:
+                why = UNCHOSEN
+            lines.append(f"{own}; {why}.")
         else:
             theirs = test["methods"][published]["errors"][name]
             less = f"{_interval(gain)}{unit} less"
