@@ -149,6 +149,7 @@ class Counted(Frames):
 
 def test_frames_wanted_by_several_processes_are_made_by_one(tmp_path):
     scene = Counted(*vars(make_scene()).values())
+    scene.made.value = 0
     fork = multiprocessing.get_context("fork")
     processes = [
         fork.Process(target=data.cached, args=(scene, tmp_path, QUIET))
