@@ -289,10 +289,7 @@ class Learner(Rejecting):
             own = without_prefix(prefix, tensors)
             part.restore(own, len(classes), self.dimension_)
         self._recalibrated = bool(header["recalibrated"])
-        found = header.get("sharpness")
-        if found is not None and (not is_number(found) or found <= 0):
-            raise ValueError(f"sharpness {found!r}")
-        self._calibration = Calibration(sharpness=found)
+        self._calibration = Calibration(sharpness=_sharpness_of(header))
 
     def _restore_sample(self, seen: Any, words: Tensor) -> None:
         """Keep the hypervectors of a file, of so many that each class has seen."""
@@ -306,3 +303,11 @@ class Learner(Rejecting):
         for label, part, n_seen in zip(self._index, parts, seen, strict=True):
             if n_seen:
                 self._sample.put(label, part, n_seen)
+
+
+def _sharpness_of(header: Mapping[str, Any]) -> float | None:
+    """The sharpness that a file has, if it has one."""
+    found = header.get("sharpness")
+    if found is not None and (not is_number(found) or found <= 0):
+        raise ValueError(f"sharpness {found!r}")
+    return found

@@ -214,6 +214,10 @@ class Scores:
     reasons: dict[str, str] = field(default_factory=dict)
     given_up: list[str] = field(default_factory=list)
 
+    def tries(self, method: Method) -> bool:
+        """Whether a method is tried further: it refused no frames, and was not given up."""
+        return method.name not in self.reasons and method.name not in self.given_up
+
     def best(self, kind: type) -> Method | None:
         """The method of a kind with the least loss, the first of equal ones."""
         tried = [
@@ -239,23 +243,36 @@ def cross_validate(
     """
     losses: dict[Method, list[np.ndarray]] = {method: [] for method in methods}
     scores = Scores()
-    for number, (train, test) in enumerate(made):
+    for number, fold in enumerate(made):
         for method in methods:
             step()
-            if method.name in scores.reasons or method.name in scores.given_up:
+            if not scores.tries(method):
                 continue
-            try:
-                found = method.answers(frames, train, test)
-            except ValueError as error:
-                scores.reasons[method.name] = str(error)
-                continue
-            losses[method].append(frames.losses(found, test))
+            found = _losses_of(method, frames, fold, scores)
+            if found is not None:
+                losses[method].append(found)
         if number == 0:
             scores.given_up = _given_up(losses, methods[0])
     for method, parts in losses.items():
         if parts and method.name not in scores.reasons:
             scores.losses[method] = float(np.concatenate(parts).mean())
     return scores
+
+
+def _losses_of(
+    method: Method, frames: Frames, fold: Fold, scores: Scores
+) -> np.ndarray | None:
+    """What each answer of a fold costs [Q]; None where the method refuses the frames.
+
+    Its reason is noted among the scores.
+    """
+    train, test = fold
+    try:
+        answers = method.answers(frames, train, test)
+    except ValueError as error:
+        scores.reasons[method.name] = str(error)
+        return None
+    return frames.losses(answers, test)
 
 
 def _given_up(losses: Mapping[Method, Sequence[np.ndarray]], kept: Method) -> list[str]:
