@@ -165,6 +165,25 @@ def test_five_folds_never_score_a_frame_that_they_learnt() -> None:
     assert sum(18 - n for n in learnt) == 18
 
 
+def test_each_fold_is_scored_by_what_the_four_others_teach() -> None:
+    """The k-th frame of a class is in fold k mod 5; the only one of a class is in none."""
+    words, rows = drawn([8, 1, 3])
+    fold, seen = [], [0, 0, 0]
+    for c in rows.tolist():
+        fold.append(seen[c] % 5 if c != 1 else None)
+        seen[c] += 1
+    expected, classes = [], []
+    for i, own in enumerate(fold):
+        if own is not None:
+            others = [k for k, other in enumerate(fold) if other != own]
+            trained = Nearest().fit(words[others], rows[others], L, D)
+            expected.append(trained.scores(words[i : i + 1])[0])
+            classes.append(int(rows[i]))
+    found = cross_validated(Nearest(), words, rows, L, D)
+    torch.testing.assert_close(found.scores, torch.stack(expected))
+    assert found.rows.tolist() == classes
+
+
 def test_the_likelihood_is_greatest_at_the_sharpness() -> None:
     """Of the aims that are said: (m + 1)/(m + 2) for the right class."""
     rng = np.random.default_rng(0)
@@ -195,6 +214,47 @@ def test_all_right_is_not_certain_and_all_wrong_is_no_guess_upside_down() -> Non
     assert wrong.max() < 0.5001
     constant = HeldOut(torch.ones(20, 2).double(), rows)
     assert sharpness(constant) > 0
+
+
+@pytest.mark.parametrize("better", [-3.0, 0.0, 0.5, 8.0])
+def test_what_all_scores_of_a_frame_have_in_common_changes_no_sharpness(
+    better: float,
+) -> None:
+    """Shares of exp(β·s) are those of exp(β·(s + a)), right or wrong as the frames may be."""
+    rng = np.random.default_rng(2)
+    scores = torch.from_numpy(rng.normal(size=(30, 3)))
+    rows = torch.arange(30) % 3
+    scores[torch.arange(30), rows] += better
+    common = torch.from_numpy(rng.normal(0, 100, (30, 1)))
+    expected = sharpness(HeldOut(scores, rows))
+    found = sharpness(HeldOut(scores + common, rows))
+    assert found == pytest.approx(expected, rel=1e-6)
+    if better < 0:  # equal probabilities, nearly: 1e-6 of one over a frame's own spread
+        assert found == pytest.approx(1e-6 / scores.numpy().std(axis=1).mean())
+
+
+def test_scores_that_tell_no_class_from_another_have_the_sharpness_one() -> None:
+    """Equal within each frame, or of one class; whatever they are from frame to frame."""
+    rows = torch.arange(20) % 2
+    level = torch.arange(20.0).double()[:, None]
+    assert sharpness(HeldOut(level.expand(20, 2), rows)) == 1.0
+    assert sharpness(HeldOut(level, torch.zeros(20, dtype=torch.int64))) == 1.0
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e12])
+@pytest.mark.parametrize(("right", "wrong"), [(20, 0), (17, 3), (600, 300)])
+def test_the_sharpness_of_two_classes_is_a_logarithm_of_odds(
+    right: int, wrong: int, unit: float
+) -> None:
+    """By hand: the better class is aimed at by (m + 1)/(m + 2) where it is right, by the rest
+    where it is wrong, and its probability is 1/(1 + exp(−β·unit))."""
+    m = right + wrong
+    rows = torch.arange(m) % 2
+    better = torch.where(torch.arange(m) < right, rows, 1 - rows)
+    scores = unit * torch.nn.functional.one_hot(better, 2).double()
+    aim = (right * (m + 1) + wrong) / (m * (m + 2))
+    found = sharpness(HeldOut(scores, rows))
+    assert found * unit == pytest.approx(np.log(aim / (1 - aim)), rel=1e-9)
 
 
 def noisy(n: int, seed: int, flips: float = 0.44) -> tuple[np.ndarray, np.ndarray]:

@@ -76,6 +76,73 @@ def test_equal_votes_are_those_of_exact_fractions() -> None:
     assert torch.equal(bits.unpack(votes.majority(), 500), expected)
 
 
+def test_votes_are_the_least_whole_numbers_of_their_shares() -> None:
+    """By hand, p = 3/4: 4 old and 6 new frames count (1·6 : 3·4) = 1 and 2; 1 and 1 count 1 and 3;
+    where one side has none, frames count 1; a class without any has no votes."""
+    n_old, n_new = torch.tensor([4, 1, 3, 0, 0]), torch.tensor([6, 1, 0, 2, 0])
+    c_old = torch.tensor([[4, 1, 0], [1, 0, 0], [3, 2, 1], [0, 0, 0], [0, 0, 0]])
+    c_new = torch.tensor([[6, 2, 1], [0, 1, 0], [0, 0, 0], [2, 1, 0], [0, 0, 0]])
+    old, new = counters_of(c_old, n_old), counters_of(c_new, n_new)
+    votes, weights = merged(old, new, 0.75)
+    assert weights == [2, 3, 1, 1, 1]
+    assert votes.n.tolist() == [16, 4, 3, 2, 0]
+    expected = [[16, 5, 2], [1, 3, 0], [3, 2, 1], [2, 1, 0], [0, 0, 0]]
+    assert votes.counts().tolist() == expected
+    assert votes.planes.shape[1] == 5  # 16 needs five bits
+    votes, weights = merged(old, new, 0)
+    assert votes.counts().tolist() == [*c_old[:3].tolist(), [2, 1, 0], [0, 0, 0]]
+    assert weights == [0, 0, 1, 1, 1]
+    votes, weights = merged(old, new, 1 / 3)  # 2·6 : 1·4 and 2 : 1
+    assert weights[:2] == [1, 1]
+    assert votes.n.tolist()[:2] == [18, 3]
+    assert votes.counts().tolist()[0] == [18, 5, 1]
+
+
+def test_votes_above_their_bits_are_halved_and_so_are_those_of_a_new_frame() -> None:
+    """Against Python integers, rounded down."""
+    old, new = Counters(1, 2), Counters(1, 2)
+    old.n[0] = 2**23 + 1
+    old.reserve(2**23 + 1)
+    old.planes[0, 23] = 3  # 2²³ of one bit, 2²³ + 1 of the other
+    old.planes[0, 0] = 2
+    new.add(torch.full((3, 1), 1), torch.zeros(3, dtype=torch.int64))
+    votes, weights = merged(old, new, 0.5)  # 3 = 2²³ + 1 (mod 3): old by 1, new by n/3
+    assert (2**23 + 1) % 3 == 0
+    total = [2**23 + (2**23 + 1), 2**23 + 1]
+    assert votes.n.tolist() == [(2**24 + 2) >> 1]
+    assert votes.counts().tolist() == [[count >> 1 for count in total]]
+    assert weights == [(2**23 + 1) // 3 >> 1]
+    assert votes.planes.shape[1] == 24
+
+
+@pytest.mark.parametrize("ties", bits.TIES)
+def test_votes_of_unequal_classes_are_of_as_many_as_the_smallest(ties: str) -> None:
+    """Old ones are drawn by the seed of the read-out, new ones by that of the recalibration."""
+    rng = np.random.default_rng(0)
+    d = 700
+
+    def drawn(numbers: list[int]) -> tuple[torch.Tensor, torch.Tensor, Counters]:
+        rows = torch.from_numpy(np.repeat(np.arange(3), numbers))
+        words = bits.pack(torch.from_numpy(rng.random((len(rows), d)) < 0.5))
+        counters = Counters(3, d)
+        counters.add(words, rows)
+        return words, rows, counters
+
+    words, rows, old = drawn([9, 4, 6])
+    new_words, new_rows, new = drawn([7, 5, 3])
+    readout = Majority(ties, seed=11).fit(words, rows, 3, d)
+    readout.adapt(new_words, new_rows, 0.6, 5, "merge")
+    votes, _ = merged(old.thinned(4, seed=11), new.thinned(3, seed=5), 0.6)
+    assert torch.equal(readout.counters_.n, votes.n)
+    assert torch.equal(readout.counters_.counts(), votes.counts())
+    assert torch.equal(readout.prototypes_, votes.prototypes(ties, 11))
+    published = Majority(ties, balance=False, seed=11).fit(words, rows, 3, d)
+    published.adapt(new_words, new_rows, 0.6, 5, "merge")
+    votes, _ = merged(old, new, 0.6)
+    assert torch.equal(published.counters_.counts(), votes.counts())
+    assert torch.equal(published.prototypes_, votes.prototypes(ties, 11))
+
+
 def test_votes_do_not_outgrow_their_bits() -> None:
     rng = np.random.default_rng(0)
     n_old = torch.tensor([101, 101])

@@ -95,6 +95,42 @@ def test_ends_of_intervals_are_those_of_the_jackknife_plus(
     assert _ends(*too_few, 0.1)[1].isinf().all()  # 0.1 of 9 is no frame
 
 
+@pytest.mark.parametrize(("alpha", "k"), [(0.1, 100), (0.25, 250), (0.75, 750)])
+def test_ends_of_several_numbers_and_queries_are_each_found_among_all_frames(
+    alpha: float, k: int
+) -> None:
+    """Of 999 frames the k-th smallest, and the k-th from above, of sorted Python floats."""
+    rng = np.random.default_rng(1)
+    without, residuals = rng.normal(size=(3, 999, 2)), rng.normal(size=(999, 2))
+    low, high = _ends(torch.tensor(without), torch.tensor(residuals), alpha)
+    assert low.shape == high.shape == (3, 2)
+    for q in range(3):
+        for t in range(2):
+            pairs = list(
+                zip(without[q, :, t].tolist(), residuals[:, t].tolist(), strict=True)
+            )
+            assert low[q, t].item() == sorted(f - abs(r) for f, r in pairs)[k - 1]
+            assert high[q, t].item() == sorted(f + abs(r) for f, r in pairs)[999 - k]
+
+
+@pytest.mark.parametrize("n", [2, 9, 48, 97])
+def test_ends_are_the_outermost_at_just_enough_frames_and_infinite_below(
+    n: int,
+) -> None:
+    """Enough are 1/alpha − 1. Of 1/49 a float is a little less: then they may be infinite, too."""
+    rng = np.random.default_rng(n)
+    without, residuals = rng.normal(size=n), rng.normal(size=n)
+    asked = torch.tensor(without)[None, :, None], torch.tensor(residuals)[:, None]
+    outermost = min(without - abs(residuals)), max(without + abs(residuals))
+    for alpha in (1 / (n + 1), 1.001 / (n + 1)):
+        low, high = (end.item() for end in _ends(*asked, alpha))
+        assert (low, high) in (outermost, (-np.inf, np.inf))
+    assert (low, high) == outermost
+    low, high = _ends(*asked, 0.999 / (n + 1))
+    assert (low.item(), high.item()) == (-np.inf, np.inf)
+    assert low.shape == high.shape == (1, 1)
+
+
 def test_targets_that_cannot_be_learnt_are_named() -> None:
     frames, z = presses(6, 0)
     model = HDCRegressor().fit(frames, z)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdc import HDCClassifier, bits
 from hdc.encoders import Median
+from hdc.prototypes import Counters
 from hdc.readouts import Counts
+from hdc.readouts.counts import cosines
 
 
 @given(st.integers(1, 12), st.integers(2, 40), st.integers(0, 99))
@@ -42,3 +47,33 @@ def test_a_larger_class_is_compared_as_its_subsets_are_on_average() -> None:
     sums = np.stack([x[:5].sum(0), x[5:].sum(0)])
     lengths = np.linalg.norm(sums, axis=1)
     np.testing.assert_allclose(plain, x @ sums.T / lengths / 300**0.5)
+
+
+@pytest.mark.parametrize("d", [1, 64, 1000])
+def test_the_largest_counts_are_exact_and_larger_ones_refused(d: int) -> None:
+    """2⁶⁰ samples times pixels, less one sample, against Python integers."""
+    least = 2**60 // d  # that are refused
+    n = least - 1
+    rng = np.random.default_rng(d)
+    ones = [int(rng.integers(0, n + 1)) for _ in range(d)]
+    ones[0] = n
+    counters = Counters(1, d)
+    counters.reserve(n)
+    counters.n[0] = n
+    for p in range(n.bit_length()):
+        plane = torch.tensor([count >> p & 1 == 1 for count in ones])
+        counters.planes[0, p] = bits.pack(plane)
+    signs = np.where(rng.random((5, d)) < 0.5, 1, -1)
+    signs[:2] = [[1], [-1]]
+    words = bits.pack(torch.from_numpy(signs > 0))
+    sums = [2 * count - n for count in ones]
+    length = math.sqrt(sum(s * s for s in sums))
+    expected = []
+    for query in signs.tolist():
+        product = sum(a * b for a, b in zip(query, sums, strict=True))
+        expected.append(product / length)
+    found = cosines(counters, words)[:, 0]
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
+    counters.n[0] = least
+    with pytest.raises(ValueError, match=f"counters: expected .* found {least}$"):
+        cosines(counters, words)

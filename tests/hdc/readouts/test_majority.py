@@ -99,3 +99,48 @@ def test_parameters_that_do_not_fit_are_named() -> None:
     model = HDCClassifier(readout=Majority("random", seed=np.int64(3)))
     expected = HDCClassifier(readout=Majority("random", seed=3)).fit(frames, labels)
     assert torch.equal(model.fit(frames, labels).prototypes_, expected.prototypes_)
+
+
+@pytest.mark.parametrize("readout", [Majority, Counts])
+def test_what_is_added_merged_and_arranged_before_settling_is_all_learnt(
+    readout: type,
+) -> None:
+    """Samples of class 0 added, of class 2 merged, and class 1 put between; as all at once."""
+    rng = np.random.default_rng(0)
+    words = bits.pack(torch.from_numpy(rng.random((24, 130)) < 0.5))
+    rows = torch.arange(24) % 3
+    whole = readout("random", seed=4).fit(words, rows, 3, 130)
+    first, last = rows == 0, rows == 2
+    model = readout("random", seed=4).start(1, 130, "cpu")
+    model.add(words[first][:2], rows[first][:2])
+    model.settle()
+    model.arrange([0], 2)
+    other = readout("random", seed=4).fit(words[last], rows[last] - 2, 1, 130)
+    model.add(words[first][2:5], rows[first][2:5])
+    model.merge(other, [1])
+    model.settle()
+    model.add(words[first][5:], rows[first][5:])
+    model.merge(readout("random").start(1, 130, "cpu"), [1])  # of no samples
+    model.settle()
+    model.arrange([0, 2], 3)
+    model.add(words[rows == 1], rows[rows == 1])
+    model.settle()
+    assert torch.equal(model.counters_.counts(), whole.counters_.counts())
+    assert torch.equal(model.prototypes_, whole.prototypes_)
+    assert torch.equal(model.scores(words), whole.scores(words))
+
+
+def test_settling_makes_the_prototypes_of_all_that_was_added_and_merged() -> None:
+    """Two classes that have changed, one by each way, with sizes that stay as they were."""
+    rng = np.random.default_rng(1)
+    words = bits.pack(torch.from_numpy(rng.random((18, 130)) < 0.5))
+    rows = torch.arange(18) % 2
+    whole = Majority(balance=False).fit(words, rows, 2, 130)
+    model = Majority(balance=False).fit(words[:6], rows[:6], 2, 130)
+    zeros = rows[6:] == 0
+    model.add(words[6:][zeros], rows[6:][zeros])
+    ones = words[6:][~zeros]
+    alone = torch.zeros(len(ones), dtype=torch.int64)
+    model.merge(Majority(balance=False).fit(ones, alone, 1, 130), [1])
+    model.settle()
+    assert torch.equal(model.prototypes_, whole.prototypes_)

@@ -94,3 +94,42 @@ def test_numbers_of_neighbours_that_are_none_are_named(k, hard) -> None:
     with pytest.raises(ValueError, match=message):
         HDCClassifier(readout=Neighbours(k)).fit(*hard(8, 0))
     HDCClassifier(readout=Neighbours(np.int64(3))).fit(*hard(8, 0))
+
+
+@pytest.mark.parametrize("k", [1, 3])
+def test_classes_that_come_later_between_the_others_are_as_if_known_at_once(
+    k: int, hard
+) -> None:
+    """By labels of words, whose order is that of rows: d first, then a and c, then b by merging."""
+    (frames, labels), (queries, _) = hard(40, 0), hard(60, 1)
+    names = np.array(["a", "b", "c", "d"])[labels]
+    whole = HDCClassifier(readout=Neighbours(k)).fit(frames, names)
+    parts = HDCClassifier(readout=Neighbours(k))
+    for some in (["d"], ["a", "c"]):
+        chosen = np.isin(names, some)
+        parts.partial_fit(frames[chosen], names[chosen])
+    is_b = names == "b"
+    other = HDCClassifier(readout=Neighbours(k))
+    parts.merge(other.partial_fit(frames[is_b], names[is_b]))
+    assert parts.classes_.tolist() == ["a", "b", "c", "d"]
+    np.testing.assert_array_equal(parts.predict(queries), whole.predict(queries))
+    np.testing.assert_array_equal(
+        parts.decision_function(queries), whole.decision_function(queries)
+    )
+
+
+def test_rows_follow_their_classes_of_which_there_may_be_none() -> None:
+    none = torch.empty(0, 1, dtype=torch.int64), torch.empty(0, dtype=torch.int64)
+    model = Neighbours().fit(*none, 0, 7)
+    model.arrange([], 2)
+    model.merge(Neighbours().fit(*none, 0, 7), [])
+    model.add(torch.tensor([[1], [127]]), torch.tensor([1, 0]))
+    model.arrange([2, 0], 3)
+    model.merge(Neighbours().fit(torch.tensor([[6]]), torch.tensor([0]), 1, 7), [1])
+    assert model.rows_.tolist() == [0, 2, 1]
+    assert model.frames_.tolist() == [[1], [127], [6]]
+    # Of 3 bits and 7 bits: distances to 1, to 6 and to 127.
+    assert model.scores(torch.tensor([[7], [0]])).tolist() == [
+        [-2, -1, -4],
+        [-1, -2, -7],
+    ]

@@ -13,7 +13,7 @@ from sklearn.linear_model import Ridge as PlainRidge
 from sklearn.model_selection import GridSearchCV
 
 from hdc import HDCClassifier, bits
-from hdc.readouts import Ridge
+from hdc.readouts import Ridge, RidgeValues
 from hdc.readouts import ridge as ridges
 from hdc.readouts.arithmetic import gram
 from hdc.readouts.ridge import PENALTIES, Dual, Linear, solve
@@ -122,6 +122,53 @@ def test_recalibration_stays_near_the_old_weights() -> None:
     expected = old.values(words).numpy() + plain(new_x, left, old.penalty).predict(x)
     np.testing.assert_allclose(adapted.values(words), expected, atol=0.05)
     assert adapted.penalty == old.penalty
+
+
+def adapted_without(
+    old: Linear, x: np.ndarray, words: torch.Tensor, y: np.ndarray, left_out: int
+) -> np.ndarray:
+    """What the old weights give [N, T] and scikit-learn's fit, without a frame, of what they
+    leave."""
+    rest = np.arange(len(x)) != left_out
+    before = old.values(words).numpy()
+    change = plain(x[rest], (y - before)[rest], old.penalty)
+    return before + change.predict(x).reshape(y.shape)
+
+
+def test_recalibrated_numbers_are_held_out_as_by_retraining() -> None:
+    """Residuals, predictions without each frame, and the numbers themselves."""
+    _, words, y = problem(30, 200, 2, 0)
+    x, new, new_y = problem(7, 200, 2, 1)
+    readout = RidgeValues(0.1).fit(words, y, 200)
+    old = readout.linear_
+    readout.adapt(new, new_y)
+    centre, without = readout.without(new)
+    assert torch.equal(centre, readout.values(new))
+    assert readout.linear_.penalty == old.penalty
+    assert without.shape == (7, 7, 2)
+    whole = adapted_without(old, x, new, new_y.numpy(), -1)
+    np.testing.assert_allclose(centre, whole, atol=0.05)  # weights have 8 bits
+    for i in range(7):
+        expected = adapted_without(old, x, new, new_y.numpy(), i)
+        error = new_y.numpy()[i] - expected[i]
+        np.testing.assert_allclose(readout.residuals_[i], error, atol=1e-6)
+        change = (centre[:, None] - without)[:, i]
+        np.testing.assert_allclose(change, whole - expected, atol=1e-6)
+
+
+def test_recalibrated_classes_are_held_out_as_by_retraining() -> None:
+    """Targets are 1 for the class of a frame and −1 for the others, of one without frames, too."""
+    _, words, _ = problem(30, 200, 1, 0)
+    x, new, _ = problem(8, 200, 1, 1)
+    readout = Ridge(0.1).fit(words, torch.arange(30) % 3, 3, 200)
+    old = readout.linear_
+    rows = torch.tensor([0, 2, 2, 0, 2, 0, 0, 2])
+    readout.adapt(new, rows, 0.5, 0, "replace")
+    found, of = readout.held_out(words, torch.arange(30) % 3)
+    assert torch.equal(of, rows)
+    targets = np.where(rows.numpy()[:, None] == np.arange(3), 1.0, -1.0)
+    expected = [adapted_without(old, x, new, targets, i)[i] for i in range(8)]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
 # Classifier ---------------------------------------------------------------------------------------
