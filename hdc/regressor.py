@@ -131,7 +131,7 @@ class HDCRegressor(Estimator):
 
     def _pairs(self, frames: Any, y: Any) -> tuple[Tensor, Tensor]:
         """Hypervectors [N, W], and numbers float64 [N, T] like those of training."""
-        frames = self._checked_frames(frames, training=True)
+        frames = self._checked_frames(frames)
         values = inputs.targets(y, len(frames))
         table = _table(values)
         as_many = table.shape[1] == self._values.shape[1]
