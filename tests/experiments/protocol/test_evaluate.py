@@ -59,6 +59,15 @@ def scene(monkeypatch):
     return scene
 
 
+def test_a_bank_knows_what_frames_belong_together(scene):
+    chosen = np.array([70, 3, 110])
+    bank = bank_of(scene, chosen, group="session")
+    assert bank.groups.tolist() == [1, 0, 1]
+    assert bank.labels.tolist() == scene.labels[chosen].tolist()
+    assert torch.equal(bank.frames, scene.frames(chosen))
+    assert bank_of(scene, chosen).groups is None
+
+
 def plain(model, scene, train, test):
     """Right answers of a new model trained on the frames themselves."""
     for _ in model.train(scene.frames(train), scene.labels[train]):

@@ -35,6 +35,7 @@ def test_a_run_says_what_it_was_and_what_came_out(
     # Every figure again, from the predictions in the record.
     held = msgspec.json.decode((results / record.RUNS).read_bytes())
     assert entry.test_accuracy_final == entry.right.mean()
+    assert entry.train_accuracy_final == entry.train_accuracy_max > 0.5
     frames, labels = frames_and_labels()
     tested = unpack_labels(held["test_indices"])
     np.testing.assert_array_equal(entry.test_labels, labels[tested])

@@ -160,6 +160,8 @@ def test_few_laboratories_need_the_whole_interval_on_one_side(rule, mean, few, m
         ((20, 15, 30), 5, UNDECIDED),  # too few for an interval, and not far beyond ten
         ((100, NAN, NAN), 1, YES),
         ((100, 31, 200), 3, YES),
+        ((100, 29, 200), 3, UNDECIDED),  # the lowest of few runs counts
+        ((2, 1, 3.4), 3, UNDECIDED),
         ((2, NAN, NAN), 1, NO),
         ((math.inf, math.inf, math.inf), 7, YES),  # a rival that never got there
     ],

@@ -15,6 +15,7 @@ import pytest
 from hdc import HDCClassifier, HDCRegressor, command
 from hdc.accuracy import wilson
 from hdc.command import main
+from hdc.command.work import split
 
 SIDE = 24
 
@@ -249,6 +250,22 @@ def test_models_made_in_python_are_taken_as_well(hdc, frames, tmp_path):
     )
 
 
+def test_an_encoder_that_learns_sees_no_frame_that_is_held_out(
+    hdc, folder, frames, tmp_path
+):
+    path = tmp_path / "m.safetensors"
+    words = ("--encoder", "reference", "--test-fraction", 0.25)
+    assert hdc("train", folder, "-o", path, *words)[0] == 0
+    labels = np.repeat([0, 1, 2], 12)
+    train, held_out = split(labels, 0.25, 0)
+    assert len(held_out) == 9
+    images = frames.reshape(-1, SIDE, SIDE)
+    expected = HDCClassifier("reference").fit(images[train], labels[train])
+    found = HDCClassifier.load(path)
+    assert (found.encoder_.reference_ == expected.encoder_.reference_).all()
+    assert (found.prototypes_ == expected.prototypes_).all()
+
+
 def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     path = tmp_path / "m.safetensors"
     hdc("train", folder, "-o", path, "--crop", 0, 0, 24, 12)
@@ -259,7 +276,9 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     assert found["trained"].startswith("20")
     assert found["frames"] == "24 × 12 pixels"
     assert found["classes"] == {"a": 12, "b": 12, "c": 12}
+    assert found["kind"] == "HDCClassifier"
     assert found["encoder"] == "Median(ties='spread')"
+    assert found["readout"] == "Majority(ties='zero', balance=True, seed=0)"
     assert found["encoder in words"].endswith(".")
     assert found["bits a pixel and class"] == pytest.approx(1, abs=0.2)
     words = ("--encoder", "levels", "--readout", "lda")

@@ -109,6 +109,11 @@ def test_a_table_gives_values(folder, pixels):
     every = open_recording(folder, table=folder / "t.csv", template="{label}/*.png")
     assert (every.names, every.value_names) == (["b", "a"], ("x", "z"))
     assert every.fingerprint() != recording.fingerprint()
+    text = (folder / "t.csv").read_text()
+    (folder / "t.csv").write_text(text.replace("0.5", "0.6"))
+    other = open_recording(folder, table="t.csv", value_columns=["z"])
+    assert other.fingerprint() != recording.fingerprint()
+    (folder / "t.csv").write_text(text)
     with pytest.raises(ValueError, match="expected a recording with labels"):
         _ = recording.names
     with pytest.raises(
