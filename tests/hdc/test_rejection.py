@@ -12,7 +12,7 @@ from hdc import HDCClassifier, bits
 from hdc.encoders import Median
 from hdc.prototypes import Counters
 from hdc.readouts.majority import EXTRAS, deciding_prototypes
-from hdc.rejection import FEWEST, KEPT, Peers, Sample, p_values
+from hdc.rejection import FEWEST, KEPT, Peers, Sample, _random_place, p_values
 
 D = 4096
 
@@ -285,6 +285,12 @@ def test_what_is_kept_does_not_depend_on_batches_and_has_a_share_of_each_time() 
     assert len(samples[0]) == len(set(samples[0].flatten().tolist())) == 2 * KEPT
     thirds = np.bincount(samples[0].flatten() // 1000, minlength=3)
     assert thirds.min() >= 5  # of 38
+
+
+def test_each_place_of_a_sample_is_as_likely_as_any_other() -> None:
+    shares = [_random_place(k) / (k + 1) for k in range(KEPT, 20_000)]
+    counts, _ = np.histogram(shares, bins=20, range=(0, 1))
+    assert np.abs(counts / len(shares) - 1 / 20).max() < 0.002
 
 
 def test_decisions_are_shares_of_pixels() -> None:

@@ -134,6 +134,22 @@ def test_closed_forms_are_those_of_scikit_learn(
     assert 0 < alpha < 1
 
 
+@pytest.mark.parametrize(("n", "d"), [(12, 30), (30, 200)])
+def test_ledoit_and_wolf_of_few_frames_by_their_definition(n: int, d: int) -> None:
+    """Share of the squared distance from the mean variance that is chance, among the D pixels."""
+    x, words, rows = problem(n, d, 5, 8)
+    _, alpha, _ = dual(words, rows, d, "ledoit_wolf")
+    means = np.stack([x[rows.numpy() == c].mean(0) for c in range(5)])
+    within = x - means[rows.numpy()]
+    degrees = n - 5
+    covariance = within.T @ within / degrees
+    fourth = (within**2).sum(1) ** 2
+    chance = (fourth.sum() / degrees - (covariance**2).sum()) / degrees
+    spread = (covariance**2).sum() - np.trace(covariance) ** 2 / d
+    assert alpha == pytest.approx(min(1.0, max(0.0, chance / spread)))
+    assert 0 < alpha < 1
+
+
 def test_the_shrinkage_is_kept_and_set() -> None:
     _, words, rows = problem(60, 130, 4, 6)
     for given in (0, 0.25, 1, np.float32(0.5)):
