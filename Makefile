@@ -52,7 +52,7 @@ slow: $(VENV)  ## the tests that are marked slow
 	$(BIN)/pytest -m slow
 
 # One of ten: those with a number that ends in 0. One thread, for a process that was forked has no others.
-mutants: $(VENV)  ## weigh the tests: change the code line by line, count what they notice (half an hour)
+mutants: $(VENV)  ## weigh the tests: change the code line by line, count what they notice (40 minutes)
 	$(INSTALL) '.[mutation]'
 	OMP_NUM_THREADS=1 OMP_THREAD_LIMIT=1 $(BIN)/mutmut run --max-children 2 '*0'
 	$(BIN)/mutmut results
