@@ -137,6 +137,14 @@ def test_tables_and_json_have_every_model(hdc, archive, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:lda:UserWarning")  # one frame of each class
+def with_frames(result, parts):
+    """Each test of a comparison, with the frames that were learnt and those that were tested."""
+    rows = (parts.chosen_on, parts.random), (parts.earlier, parts.later)
+    for test, (learnt, tested) in zip(result["tests"], rows, strict=True):
+        assert (test["learnt"], test["tested"]) == (len(learnt), len(tested))
+        yield test, learnt, tested
+
+
 def test_a_test_of_classes_is_the_plain_computation(tmp_path):
     """Every number of it, where the choice, the published form and a rival differ."""
     rng, labels = np.random.default_rng(1), np.repeat(NAMES, 10)
@@ -160,13 +168,7 @@ def test_a_test_of_classes_is_the_plain_computation(tmp_path):
     }
     names = [test["name"] for test in result["tests"]]
     assert names == ["at random", "the last frames"]
-    for test, learnt, tested in zip(
-        result["tests"],
-        (parts.chosen_on, parts.earlier),
-        (parts.random, parts.later),
-        strict=True,
-    ):
-        assert (test["learnt"], test["tested"]) == (len(learnt), len(tested))
+    for test, learnt, tested in with_frames(result, parts):
         assert next(iter(test["methods"])) == "median, majority"
         right = {
             name: every[name].answers(read, learnt, tested) == read.labels[tested]
@@ -209,13 +211,7 @@ def test_a_test_of_values_is_the_plain_computation(of_values, tmp_path):
     assert result["units"] == {"depth": "mm", "force": "N"}
     read, parts = read_frames(recording), part(recording, None, 0.3)
     rival = next(r for r in rivals.rivals(True) if r.name == result["rival"])
-    for test, learnt, tested in zip(
-        result["tests"],
-        (parts.chosen_on, parts.earlier),
-        (parts.random, parts.later),
-        strict=True,
-    ):
-        assert (test["learnt"], test["tested"]) == (len(learnt), len(tested))
+    for test, learnt, tested in with_frames(result, parts):
         default = HDCRegressor().fit(frames[learnt], values[learnt])
         found, low, high = default.predict(frames[tested], return_interval=True)
         nearest = HDCRegressor("median", NearestValue())
