@@ -56,6 +56,7 @@ def check(cfg: DictConfig) -> None:
 def _check_device(key: str, name: Any) -> None:
     try:
         torch.empty(0, device=torch.device(name)).cpu()
+    # Torch raises each of these: of no name, an unknown device, one that is lacking, "meta".
     except (RuntimeError, AssertionError, NotImplementedError, TypeError) as error:
         gpus = [f"cuda:{k}" for k in range(torch.cuda.device_count())]
         there = ", ".join(["cpu", *gpus])

@@ -74,15 +74,15 @@ def _of_recordings(results: Results) -> Iterator[Dot]:
                 yield Dot(scene, of_kind, gap.form, n < most, gap.difference)
 
 
+def _is_simulated(scene: str) -> bool:
+    """Whether a scene of ``configs/`` is simulated."""
+    known = configs.is_known("scene", scene)
+    return known and configs.scene_display(scene)["kind"] == SIMULATED
+
+
 def _of_scenes(results: Results) -> Iterator[Dot]:
     """Of simulated scenes after all training frames, where not every model is right."""
-    simulated = [
-        name
-        for name in sorted({run.scene for run in results.runs})
-        if configs.is_known("scene", name)
-        and configs.scene_display(name)["kind"] == SIMULATED
-    ]
-    for scene in simulated:
+    for scene in filter(_is_simulated, sorted({run.scene for run in results.runs})):
         rivals = [results.group(scene, rival) for rival in RIVALS]
         known = [group for group in rivals if group.runs]
         if not known:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -182,15 +183,13 @@ def forms(results: Results) -> pd.DataFrame | None:
     table, shown = [], dict[str, None]()
     for scene, every in accuracies_of(found).items():
         known = forms_of(every.models)
-        for n in every.ends():
-            if n < FEW:
-                continue
-            for rival in (*RIVALS, *TUNED):
-                line: dict[str, Any] = {"recording": scene, "n": n, "rival": rival}
-                for gap in gaps(every, n, known, [rival]):
-                    line |= gap.difference.columns(gap.form)
-                if len(line) > 3:
-                    table.append(line)
+        sizes = [n for n in every.ends() if n >= FEW]
+        for n, rival in itertools.product(sizes, (*RIVALS, *TUNED)):
+            line: dict[str, Any] = {"recording": scene, "n": n, "rival": rival}
+            for gap in gaps(every, n, known, [rival]):
+                line |= gap.difference.columns(gap.form)
+            if len(line) > 3:
+                table.append(line)
         shown |= dict.fromkeys(known)
     if not table:
         return None

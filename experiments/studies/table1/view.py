@@ -104,19 +104,18 @@ def rows_of_table(
     if n_train is None:
         names += results.extra_models(place)
     groups = [results.group(place, name, n_train) for name in names]
-    times = grid.default_times(results, groups[0])
-    hdc_s = None
-    lines = []
-    for group in groups:
-        line = row(group, groups[0], paper=paper)
-        line |= _times_of(group, groups[0], times)
-        if group.model == "hdc":
-            hdc_s = line.get("training_time_s")
-        if group.runs and hdc_s:
-            line["total_time_over_hdc"] = line["total_time_s"] / hdc_s
-        lines.append(line)
-    if not any(line["seeds"] for line in lines):
+    hdc = groups[0]
+    times = grid.default_times(results, hdc)
+    lines = [
+        row(group, hdc, paper=paper) | _times_of(group, hdc, times) for group in groups
+    ]
+    measured = [line for line in lines if line["seeds"]]
+    if not measured:
         return None
+    hdc_s = lines[0].get("training_time_s")
+    if hdc_s:
+        for line in measured:
+            line["total_time_over_hdc"] = line["total_time_s"] / hdc_s
     shown = [line for line in lines if line["seeds"] or line["model"] in PAPER]
     data = frame(shown)
     data.attrs["columns"] = COLUMNS | {"test_accuracy_at_target": _reached(shown)}

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
@@ -75,15 +76,9 @@ def draw(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     ways = list(dict.fromkeys(line["way"] for line in lines))
     models = [m for m in dict.fromkeys(line["model"] for line in lines) if m != "hdc"]
     for line in lines:
-        model, ratio = line["model"], line["ratio"]
-        if model == "hdc" or not np.isfinite(ratio):
-            continue
-        place = ways.index(line["way"]) + (models.index(model) - len(models) / 2) / 8
-        ends = (line["ratio_low"], line["ratio_high"])
-        low, high = (ratio if end is None else end for end in ends)
-        bars = np.array([[ratio - low], [high - ratio]])
-        look: Any = {**look_of(model), "ls": "", "ms": 4.5, "elinewidth": 1}
-        axes.errorbar([place], [ratio], yerr=bars, **look)
+        if line["model"] != "hdc" and np.isfinite(line["ratio"]):
+            aside = (models.index(line["model"]) - len(models) / 2) / 8
+            _draw_ratio(axes, ways.index(line["way"]) + aside, line)
     axes.axhline(1, color=style_of("hdc")[0], lw=0.8)
     axes.text(-0.57, 1.12, "HDC", color=style_of("hdc")[0], fontsize=6)
     axes.set_yscale("log")
@@ -95,3 +90,13 @@ def draw(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
     head(figure, "Training time over that of HDC by the same way", [])
     handles = [handle(model) for model in models]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
+
+
+def _draw_ratio(axes: Axes, place: float, line: Mapping[str, Any]) -> None:
+    """A point with its interval, if it has one."""
+    ratio = line["ratio"]
+    ends = (line["ratio_low"], line["ratio_high"])
+    low, high = (ratio if end is None else end for end in ends)
+    bars = np.array([[ratio - low], [high - ratio]])
+    look: Any = {**look_of(line["model"]), "ls": "", "ms": 4.5, "elinewidth": 1}
+    axes.errorbar([place], [ratio], yerr=bars, **look)
