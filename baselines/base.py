@@ -15,9 +15,8 @@ from hdc import inputs
 from hdc.inputs import FrameSource
 
 FRAME_TYPES = {torch.uint8: 255, torch.uint16: 65535}  # and their largest value
-ROUNDING = (
-    2e-6  # of sums of 10⁵ products in float32, in units of the size of their parts
-)
+# Of sums of 10⁵ products in float32, in units of the size of their parts.
+ROUNDING = 2e-6
 
 
 @dataclass(kw_only=True, eq=False)

@@ -118,6 +118,7 @@ def docs_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
     return {
         "gallery": partial(documents.gallery, answers.questions, answers.tables, plots),
         "scenes": partial(documents.scene_list, answers.results),
+        "benchmark_goals": partial(_rows, "benchmark_goals"),
     }
 
 

@@ -27,9 +27,8 @@ _PACKAGES = (
     "numkong",
     "numba",
 )
-COMMAND = (
-    "EXPERIMENTS_COMMAND"  # variable with the command line, for workers of a launcher
-)
+# The variable with the command line, for workers of a launcher.
+COMMAND = "EXPERIMENTS_COMMAND"
 _COMPUTING = ("torch", "numpy")  # whose versions may move a number
 
 

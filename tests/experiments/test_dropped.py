@@ -16,9 +16,8 @@ from experiments.records.files import REFERENCE
 from experiments.records.results import Results
 from experiments.reporting.study import studies as studies_of
 
-FEW = (
-    3  # draws that are kept of each measurement: enough to be shown, quick to be summed
-)
+# Draws that are kept of each measurement: enough to be shown, quick to be summed.
+FEW = 3
 RESULTS = Results(REFERENCE)
 
 

@@ -243,6 +243,13 @@ def test_every_part_that_fills_the_readme_stands_there_and_says_what_is_missing(
     assert all(blocks[name].startswith("*missing: ") for name in parts)
 
 
+def test_every_part_that_fills_the_docs_stands_in_one_of_them(target):
+    pages = [path.read_text("utf-8") for path in (ROOT / "docs").glob("*.md")]
+    answers = report.Answers("reference", Results(target), [])
+    for name in reference.docs_parts(answers):
+        assert sum(f"<!-- begin {name} -->" in page for page in pages) == 1, name
+
+
 def test_parts_of_the_docs_are_filled_too(target, write_run, tmp_path):
     reference.README.write_text("")
     reference.DOCS.mkdir()

@@ -26,9 +26,8 @@ from experiments.studies.benchmark.names import NO_RESULT, OURS, OURS_COMPILED
 from experiments.studies.benchmark.routes import OPERATIONS, Route, common_form
 
 SIZE = ("operation", "n", "d", "l")
-_SAMPLE_S = (
-    20e-3  # shorter calls are repeated, so that each finds its own data in the caches
-)
+# Shorter calls are repeated, so that each finds its own data in the caches.
+_SAMPLE_S = 20e-3
 
 
 @experiment(revision=2, uses=("hdc.HDCClassifier",), timed=True)

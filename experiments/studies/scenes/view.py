@@ -32,9 +32,8 @@ EXPERIMENT = "all_scenes"
 SPATIAL_CORRELATION = (
     f"{RUN}correlation scene=spatial 'task.kinds=[prototype]' 'task.samples=[held-out]'"
 )
-_ACCURACY = (
-    "/test_accuracy"  # how the paper's accuracies on a scene end in published.csv
-)
+# How the paper's accuracies on a scene end in published.csv.
+_ACCURACY = "/test_accuracy"
 STUDY = Study(
     "scenes",
     "Models by scene",

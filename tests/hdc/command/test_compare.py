@@ -136,7 +136,6 @@ def test_tables_and_json_have_every_model(hdc, archive, tmp_path):
         assert curve[-1] == pytest.approx(last)
 
 
-@pytest.mark.filterwarnings("ignore:lda:UserWarning")  # one frame of each class
 def with_frames(result, parts):
     """Each test of a comparison, with the frames that were learnt and those that were tested."""
     rows = (parts.chosen_on, parts.random), (parts.earlier, parts.later)
