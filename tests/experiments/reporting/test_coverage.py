@@ -13,7 +13,6 @@ from experiments.reporting.estimates import (
     median_interval,
 )
 from experiments.reporting.random_effects import random_effects
-from experiments.reporting.text import number
 
 REPEATS = 3000
 PAGE = (ROOT / "docs" / "intervals.md").read_text(encoding="utf-8")
@@ -115,22 +114,12 @@ def test_an_interval_holds_as_often_as_the_page_says(of, once):
     assert 100 * np.mean(held) == pytest.approx(stated, abs=1.5)
 
 
-def test_speeds_of_the_page_on_times_are_those_of_the_benchmark():
-    page = " ".join((ROOT / "docs" / "times.md").read_text(encoding="utf-8").split())
-    goals = (
-        pd.read_csv(REFERENCE / "tables" / "benchmark_goals.csv")
-        .set_index("Goal")
-        .Measured
-    )
-    said = [goal for goal in goals.index if goal.startswith("train: ")]
-    assert len(said) == 3
-    for goal in said:
-        assert f"{number(goals[goal])} times" in page, goal
-    routes = pd.read_csv(REFERENCE / "tables" / "benchmark.csv")
-    ms = 1e3 * routes.set_index(["operation", "route"]).median_s
-    bundle, torchhd = ms["bundle", "hdc, compiled"], ms["bundle", "torchhd.multiset"]
-    for time in (bundle, ms["train", "one read of the bytes"] / 8, torchhd / 200):
-        assert f"{number(time)} ms" in page
+def test_the_goals_on_the_page_on_times_are_those_of_the_benchmark():
+    page = (ROOT / "docs" / "times.md").read_text(encoding="utf-8")
+    table = (REFERENCE / "tables" / "benchmark_goals.md").read_text(encoding="utf-8")
+    rows = [line for line in table.splitlines() if line.startswith("|")]
+    assert len(rows) > 2
+    assert "\n".join(rows) in page
 
 
 def test_the_page_on_tests_counts_the_changes_that_its_list_has():
