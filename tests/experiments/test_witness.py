@@ -1,0 +1,61 @@
+"""The witness: each cell of the tables as they were is a cell of the tables as they are."""
+
+import io
+import subprocess
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+
+from experiments.records.files import REFERENCE, ROOT
+
+MAP = yaml.safe_load((Path(__file__).parent / "witness" / "map.yaml").read_text())
+TABLES = "results/reference/tables"
+
+
+def git(*words):
+    done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True)
+    return done.stdout if done.returncode == 0 else ""
+
+
+OLD = sorted(
+    Path(line).stem
+    for line in git("ls-tree", "--name-only", MAP["commit"], f"{TABLES}/").split()
+    if line.endswith(".csv")
+)
+
+
+def cells(text):
+    return pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
+
+
+def as_it_became(name, old):
+    """The old table with the columns and terms of today."""
+    for column, values in MAP["rows_left"].get(name, {}).items():
+        old = old[~old[column].isin(values)]
+    renamed = MAP["columns"].get(name, {})
+    left = [column for column, new in renamed.items() if new is None]
+    kept = {column: new for column, new in renamed.items() if new is not None}
+    return old.drop(columns=left).rename(columns=kept).replace(MAP["terms"])
+
+
+@pytest.mark.skipif(not OLD, reason="this clone has not the commit of the witness")
+@pytest.mark.parametrize("name", OLD)
+def test_every_cell_is_where_the_map_says(name):
+    if name in MAP["left"]:
+        return
+    became = MAP["became"].get(name, {"table": name})
+    new = cells((REFERENCE / "tables" / f"{became['table']}.csv").read_text())
+    for column, value in became.get("where", {}).items():
+        new = new[new[column] == value]
+    old = as_it_became(name, cells(git("show", f"{MAP['commit']}:{TABLES}/{name}.csv")))
+    assert set(old.columns) <= set(new.columns)
+    new = new[old.columns].reset_index(drop=True)
+    pd.testing.assert_frame_equal(old.reset_index(drop=True), new)
+
+
+@pytest.mark.skipif(not OLD, reason="this clone has not the commit of the witness")
+def test_the_map_names_tables_that_were_there():
+    for part in ("left", "became", "columns", "rows_left"):
+        assert set(MAP[part]) <= set(OLD)
