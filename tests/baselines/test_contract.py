@@ -32,12 +32,9 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 ALL = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
 # Variants of a recipe that differ in a number only.
 VARIANTS = {
-    "softmax_sgd",
     "softmax_zero",
-    "cnn1_fast",
     "cnn1_centred",
     "cnn3",
-    "cnn3_centred",
 }
 NAMES = [name for name in ALL if not name.startswith("hdc") and name not in VARIANTS]
 
@@ -246,8 +243,7 @@ TIED = [
         "hdc",
         "hdc_integer",
         "nearest_neighbour",
-        "knn_bits_3",
-        "knn_greys_standardised",
+        "knn_greys",
     ),
     *("correlation", "mean_image", "ridge", "ridge_standardised", "linear_bits"),
     *("softmax_dual", "softmax_dual_standardised"),

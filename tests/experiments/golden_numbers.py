@@ -50,9 +50,6 @@ OF_BITS = (
     "hdc_below",
     "hdc_integer",
     "hdc_levels",
-    "hdc_quantile",
-    "hdc_random_ties",
-    "hdc_raster_ties",
     "hdc_reference",
     "hdc_trained",
 )  # models without a floating-point number that a processor may round otherwise
@@ -67,23 +64,12 @@ SMALL_SENSOR = (
 )
 # Experiments in small: words of the command line beside `experiment=`.
 EXPERIMENTS = {
-    "correlation": ("task.seeds=[0]", *SMALL_SENSOR),
-    "crossing": ("task.seeds=[0]", "task.draws=2", "task.n_train=[5,9]", "task.n_test=20",
-                 *SMALL_SENSOR),
-    "crossing_theory": ("task.seeds=[0]", "task.n_train=[5,9]", *SMALL_SENSOR),
+    "correlation": ("task.seeds=[0]", "task.crop=null", *SMALL_SENSOR),
     "drift": ("task.seeds=[0]", "task.n_test=20", "task.n_new=[5]", "task.p=[0.5]",
               "task.n_alone=[5]", "task.n_zero=[10]", "task.n_shares=[5]", *SMALL_SENSOR),
-    "unequal": ("task.seeds=[0]", "task.n_per_class=[2]", "task.extra=[0,1]", "task.draws=2",
-                *SMALL_SENSOR),
     "coverage": ("scene=touch", "task.n_per_class=[2,5]", "task.draws=1", *SMALL_SENSOR),
-    "library": ("task.n_per_class=3", "task.repeats=1", "scene=touch", *SMALL_SENSOR),
     "recordings": ("scene=touch", "task.n_per_class=[1,3]", "task.draws=1", "task.steps_draws=0",
                    *SMALL_SENSOR),
-    "quantiles": ("scene=touch", "task.n_per_class=[1,3]", "task.seeds=[0]", "task.sample=3",
-                  *SMALL_SENSOR),
-    "recording_distances": ("scene=touch", *SMALL_SENSOR),
-    "recording_theory": ("scene=touch", "task.n_per_class=[1,2]", "task.draws=2", "task.sample=4",
-                         *SMALL_SENSOR),
     "stiffness": ("task.steps=5", "task.epochs=1", "task.exponents=[-1,0]", *SMALL_SENSOR),
     "stability": (),
 }  # fmt: skip

@@ -218,7 +218,7 @@ def of_contrasts(
     for _, rows in folder.measured("correlation"):
         sums: dict[tuple[str, int], dict[tuple[str, str], float]] = {}
         for row in rows:
-            if row["samples"] == samples:
+            if row.get("samples") == samples:  # rows of pictures have none
                 place = sums.setdefault((row["kind"], row["seed"]), {})
                 place[row["class_i"], row["class_j"]] = row["value"]
         kinds = {kind for kind, _ in sums}

@@ -174,7 +174,7 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
     def before():  # in the process of the command line alone
         locks.held = taken
 
-    code, lines = said("experiment=correlation_images", before=before)
+    code, lines = said("experiment=correlation", before=before)
     assert code == locks.LEFT
     assert lines == ["it: being run by another process"]
 

@@ -35,8 +35,6 @@ SHOWN = (
     "model_bytes",
 )
 KEY = ("scene", "model", "n_train", "pixels")
-# Experiments that make the runs of a sweep, where it is not the one of its name alone.
-EXPERIMENTS = {"accuracy_vs_n": ("accuracy_vs_n", "accuracy_vs_n_cnn")}
 
 STUDY = Study(
     "accuracy",
@@ -49,7 +47,7 @@ STUDY = Study(
 
 def rows(results: Results, name: str) -> list[Row]:
     """Rows of a sweep, of N with one's own models too; none where there is one place only."""
-    lines = swept(results, EXPERIMENTS.get(name, (name,)))
+    lines = swept(results, (name,))
     if name == "accuracy_vs_n":
         scene = configs.sweep(name)["scene"][0]
         extra = results.extra_models(scene)
@@ -64,14 +62,11 @@ def rows(results: Results, name: str) -> list[Row]:
 
 
 def _register(name: str, what: str) -> None:
-    experiments = EXPERIMENTS.get(name, (name,))
-    commands = [f"{RUN}{experiment}" for experiment in experiments]
-
     @STUDY.table(
         name,
         title=what,
         shown=SHOWN,
-        commands=commands,
+        commands=[f"{RUN}{name}"],
         key=KEY,
     )
     def table(results: Results) -> pd.DataFrame:
@@ -160,7 +155,7 @@ def _chart(results: Results) -> dict[str, Any]:
     "dotted: chance.",
     size=(3.4, 5.6),
     needs=lambda results: bool(rows(results, "accuracy_vs_n")),
-    commands=(f"{RUN}accuracy_vs_n", f"{RUN}accuracy_vs_n_cnn"),
+    commands=(f"{RUN}accuracy_vs_n",),
     over=True,
     chart=_chart,
 )

@@ -116,12 +116,11 @@ def of_one_sensor(piece: Piece) -> Verdict:
     return Verdict(piece.word, "of this sensor", alone, piece.frames, [piece])
 
 
-def pooled_over(pieces: Sequence[Piece], by_laboratory: bool = True) -> Pooled:
-    """The number across sensors; the unit is a laboratory, or each recording."""
+def pooled_over(pieces: Sequence[Piece]) -> Pooled:
+    """The number across sensors; the unit is a laboratory."""
     units: dict[str, list[Piece]] = {}
     for piece in pieces:
-        name = piece.laboratory if by_laboratory else piece.evidence
-        units.setdefault(name, []).append(piece)
+        units.setdefault(piece.laboratory, []).append(piece)
     values, variances = [], []
     for of_unit in units.values():
         value, variance = of_laboratory(

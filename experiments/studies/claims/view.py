@@ -40,11 +40,8 @@ from experiments.studies.claims.piece import (
     Piece,
 )
 from experiments.studies.claims.verdict import (
-    BY_WORDS,
     Verdict,
-    columns_of,
     of_one_sensor,
-    pooled_over,
     settled,
     verdict,
 )
@@ -294,50 +291,3 @@ def evidence(results: Results) -> pd.DataFrame | None:
     """One row a claim, rival and recording, scene or way."""
     pieces = every_piece(results)
     return frame(piece.row() for piece in pieces) if pieces else None
-
-
-@STUDY.table(
-    "claims_otherwise",
-    key=("claim", "rival", "over"),
-    title="The same numbers joined otherwise: described, without a word",
-    columns={
-        "rival": COLUMNS["rival"],
-        "over": Column("Over"),
-        "units": Column("Units"),
-        "mean": COLUMNS["mean"],
-        "predicted": COLUMNS["predicted"],
-    },
-    shown=("claim", "rival", "over", "units", "mean", "predicted"),
-    folded=True,
-)
-def otherwise(results: Results) -> pd.DataFrame | None:
-    """Every recording a unit; captured frames alone."""
-    rows = []
-    for (name, rival), pieces in by_rival(every_piece(results)).items():
-        claim = rules().claims[name]
-        entering = [piece for piece in pieces if piece.enters]
-        if claim.experiment != "recordings" or claim.rule in BY_WORDS:
-            continue
-        captured = [piece for piece in entering if piece.frames == "captured"]
-        for over, chosen, by_laboratory in (
-            ("laboratories", entering, True),
-            ("recordings", entering, False),
-            ("laboratories, captured frames", captured, True),
-        ):
-            if len(chosen) > 1:
-                rows.append(_joined(name, rival, over, chosen, by_laboratory))
-    return frame(rows) if rows else None
-
-
-def _joined(
-    name: str, rival: str, over: str, pieces: list[Piece], by_laboratory: bool
-) -> dict[str, Any]:
-    """A row of the numbers joined otherwise."""
-    pooled = pooled_over(pieces, by_laboratory)
-    return {
-        "claim": name,
-        "rival": rival,
-        "over": over,
-        "units": pooled.units,
-        **columns_of(pooled, pieces[0]),
-    }

@@ -39,11 +39,13 @@ def correlation(
     seeds: Sequence[int],
     kinds: Sequence[str] = KINDS,
     samples: Sequence[str] = SAMPLES,
+    crop: Sequence[int] | None = None,
 ) -> Iterator[Row]:
     """One row: mean correlation of two classes, C_ij of Eq. 4, 5 or 6, on one sensor.
 
     ``class_i`` is that of the prototype in Eq. 6; ``n`` counts the samples of a class,
-    ``undefined`` the constant ones among those of both.
+    ``undefined`` the constant ones among those of both. With a ``crop`` (top, left, edge, in
+    pixels) there follow rows of pictures of the first sensor: see :func:`pictures`.
     Arguments: configs/experiment/correlation.yaml.
     """
     if set(kinds) - set(KINDS):
@@ -54,40 +56,33 @@ def correlation(
         for row in correlations(sensor, split, seed, kinds, samples):
             yield {"origin": sensor.origin, "seed": seed, **row}
         run.note(f"seed {seed}")
+    if crop is not None:
+        yield from pictures(run.scene(scene, seeds[0]), split, seeds[0], crop)
 
 
-@experiment(revision=1, uses=("hdc.HDCClassifier",))
-def correlation_images(
-    run: Run,
-    scene: Mapping[str, Any],
-    split: Mapping[str, Any],
-    seed: int,
-    crop: Sequence[int],
+def pictures(
+    sensor: Scene, split: Mapping[str, Any], seed: int, crop: Sequence[int]
 ) -> Iterator[Row]:
-    """One row: a square of a class, a PNG in base64 (``png``).
-
-    ``picture`` is ``speckle`` or ``hypervector`` of a sample, or the ``prototype``.
-    Arguments: configs/experiment/correlation_images.yaml.
-    """
-    sensor = run.scene(scene, seed)
+    """One row: the square ``crop`` (top, left, edge, in pixels) of a class, a PNG in base64
+    (``png``). ``picture`` is the ``speckle`` or ``hypervector`` of its first training sample, or
+    its ``prototype``."""
     top, left, edge = crop
     members = members_of(sensor, split, seed)
     _, prototypes = add_up(sensor, members, (), ())
     frames = sensor.frames(members["training"][:, 0]).cpu()
     ones = bits.unpack(Median().encode(frames), math.prod(sensor.shape))
     white = [255 * bit.byte() for bit in (ones, prototypes)]
-    pictures = dict(zip(KINDS, [frames, *white], strict=True))
+    shown = dict(zip(KINDS, [frames, *white], strict=True))
     for k, name in enumerate(sensor.classes):
-        for picture, images in pictures.items():
+        for picture, images in shown.items():
             square = (slice(top, top + edge), slice(left, left + edge))
             image = images.view(frames.shape)[k][square]
             _, png = cv2.imencode(".png", np.ascontiguousarray(image.numpy()))
-            text = base64.b64encode(png.tobytes()).decode()
             yield {
                 "origin": sensor.origin,
                 "class": name,
                 "picture": picture,
-                "png": text,
+                "png": base64.b64encode(png.tobytes()).decode(),
             }
 
 

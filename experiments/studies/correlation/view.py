@@ -79,7 +79,8 @@ def quantities(
 
 @STUDY.figure(
     "fig4_images",
-    of="correlation_images",
+    of="correlation",
+    needs=lambda rows, config: "png" in rows,
     size=(3.4, 2.5),
     kind="webp",
     caption="Speckle, hypervector and prototype of each class, on {frames} (Fig. 4(a)): the same "
@@ -91,6 +92,7 @@ def images(
     config: Mapping[str, Any],
 ) -> None:
     """The same part of a frame, its hypervector and the prototype, a column a class."""
+    rows = rows.dropna(subset="png")
     pictures = list(rows.picture.unique())
     classes = list(rows["class"].unique())
     figure.set_layout_engine(
@@ -112,7 +114,8 @@ def images(
 
 @STUDY.figure(
     "method",
-    of="correlation_images",
+    of="correlation",
+    needs=lambda rows, config: "png" in rows,
     size=(7.0, 1.75),
     kind="webp",
     caption="The method in four pictures, on {frames}, a part of a frame: a touch makes a speckle; "
@@ -126,6 +129,7 @@ def method(
 ) -> None:
     """Speckle, hypervector and prototype of the first class, and how far that hypervector is from
     the prototype of each class."""
+    rows = rows.dropna(subset="png")
     seen = {(row["class"], row["picture"]): _image(row) for row in _lines(rows)}
     classes = list(rows["class"].unique())
     first = classes[0]
@@ -173,7 +177,7 @@ def _show(axes: Axes, image: NDArray[np.float64], picture: str) -> None:
     size=(3.4, 3.9),
     caption="Correlations within and between classes, on {frames}, mean over seeds (Fig. 4(b) to "
     "(e)); (d) prototypes (rows) with held-out samples (columns); (e) 95 % intervals over seeds.",
-    needs=lambda rows, config: set(SYMBOLS) == set(rows.kind),
+    needs=lambda rows, config: set(SYMBOLS) == set(rows.kind.dropna()),
 )
 def fig4(
     figure: Figure,

@@ -31,7 +31,6 @@ from experiments.protocol.model import Model, models_of
 from experiments.protocol.stop import StopRule
 from experiments.protocol.trial import stop_rule
 from experiments.records.rows import pack_labels
-from hdc import bits, theory
 from hdc.bank import Bank
 from hdc.chosen import Chosen
 
@@ -244,76 +243,3 @@ def recording_costs(
             "predict_frame_s": min(predicting),
         }
         run.note(name)
-
-
-@experiment(revision=1, uses=("hdc.HDCClassifier",))
-def recording_distances(
-    run: Run,
-    scene: Mapping[str, Any],
-    seeds: Sequence[int] = (0,),
-    bins: int = 100,
-    most: int = 1000,
-) -> Iterator[Row]:
-    """One row: pairs of frames of one class (``intra``) or of two (``inter``) whose hypervectors
-    differ in a share of bits between ``low`` and ``high``; with their mean and variance.
-
-    Arguments: configs/experiment/recording_distances.yaml.
-    """
-    for seed, recording in run.scenes(scene, seeds):
-        chosen = np.arange(len(recording.labels))
-        if len(chosen) > most:
-            chosen = np.sort(np.random.default_rng(seed).permutation(chosen)[:most])
-        bank = bank_of(recording, chosen)
-        distances = bits.hamming(bank.words(), bank.words()).numpy() / bank.dimension
-        upper = np.triu_indices(len(chosen), 1)
-        same = np.equal.outer(bank.labels, bank.labels)[upper]
-        pairs = distances[upper]
-        for kind, values in (("intra", pairs[same]), ("inter", pairs[~same])):
-            counts, edges = np.histogram(values, bins, (0.0, 0.6))
-            moments = {"mean": float(values.mean()), "variance": float(values.var())}
-            for count, low, high in zip(counts, edges, edges[1:], strict=False):
-                yield {
-                    "origin": recording.origin,
-                    "seed": seed,
-                    "kind": kind,
-                    "pairs": len(values),
-                    "low": float(low),
-                    "high": float(high),
-                    "count": int(count),
-                    **moments,
-                }
-
-
-@experiment(revision=1, uses=("hdc.HDCClassifier",))
-def recording_theory(
-    run: Run,
-    scene: Mapping[str, Any],
-    n_per_class: Sequence[int],
-    seeds: Sequence[int] = (0,),
-    draws: int = 20,
-    sample: int = 10,
-) -> Iterator[Row]:
-    """One row: accuracies that theory expects of ``hdc`` and of the mean image (``mean_image``)
-    after ``n`` frames of every class, from the pairs of only ``sample`` frames of every class.
-
-    No frame is classified. See :mod:`hdc.theory`.
-    Arguments: configs/experiment/recording_theory.yaml.
-    """
-    for seed, recording in run.scenes(scene, seeds):
-        bank = bank_of(recording)
-        every = np.arange(len(bank))
-        for k in range(draws):
-            order, _ = nested(every, bank.labels, (), (seed, k))
-            few = np.concatenate([of_class[:sample] for of_class in order])
-            of_bits, of_greys = theory.correlations_of(bank, few)
-            for n in n_per_class:
-                total = n * bank.n_classes
-                yield {
-                    "origin": recording.origin,
-                    "seed": seed,
-                    "draw": k,
-                    "n": n,
-                    "hdc": theory.hdc_accuracy(of_bits, total, bank.dimension),
-                    "mean_image": theory.mean_image_accuracy(of_greys, total),
-                }
-        run.note(f"seed {seed}")

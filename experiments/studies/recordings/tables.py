@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -21,7 +20,6 @@ from experiments.reporting.columns import (
 from experiments.reporting.measured import (
     ENDS,
     by_scene,
-    fields_of,
     models_of,
     saturated,
 )
@@ -128,47 +126,6 @@ def _wide(
 
 
 @STUDY.table(
-    "recordings_fields",
-    key=("recording", "n"),
-    title="One fibre seen through more input fields",
-    note=f"{NOTE} More fields are more pixels of the same modes.",
-    folded=True,
-)
-def fields(results: Results) -> pd.DataFrame | None:
-    """Each fibre that was seen through several numbers of input fields, by that number."""
-    found = by_scene(results, "recordings")
-    several = [_fibre(one) for one in found.values() if fields_of(one) > 1]
-    chosen = {name: one for name, one in found.items() if _fibre(one) in several}
-    table = []
-    for scene in sorted(chosen, key=lambda name: fields_of(chosen[name])):
-        count = fields_of(chosen[scene])
-        side = chosen[scene].record.config["scene"]["side"]
-        about = {
-            "recording": scene,
-            "fields": count,
-            "pixels": 2 * side**2 * count,
-        }
-        lines = _by_size(Accuracies(chosen[scene]))
-        table += [{**about, **line} for line in lines]
-    if not table:
-        return None
-    columns = {
-        "recording": COLUMNS["recording"],
-        "fields": Column("Input fields"),
-        "pixels": Column("Pixels"),
-        "n": COLUMNS["n"],
-    }
-    commands = [f"{RUN}recordings scene={scene}" for scene in chosen]
-    return _wide(table, columns, chosen.values(), commands)
-
-
-def _fibre(measured: Measured) -> dict[str, Any]:
-    """What the scene of a measurement is, whatever the number of input fields."""
-    scene = measured.record.config.get("scene") or {}
-    return {key: scene[key] for key in scene if key != "n_fields"}
-
-
-@STUDY.table(
     "forms",
     title="Forms of HDC less softmax regression at its optimum, points",
     note=f"{NOTE} Above zero, the form of HDC is more accurate on the same test frames. "
@@ -211,39 +168,3 @@ def forms(results: Results) -> pd.DataFrame | None:
 def _form_head(form: str) -> str:
     status = "fixed in advance" if form in CONFIRMATORY else "exploratory"
     return f"{display_name(form)} ({status})"
-
-
-@STUDY.table(
-    "chosen_forms",
-    title="Which form of HDC cross-validation chose",
-    columns={
-        "recording": COLUMNS["recording"],
-        "n": COLUMNS["n"],
-        "form": Column("Encoder, read-out"),
-        "times": Column("Chosen"),
-        "of": Column("Of draws"),
-    },
-    note="By folds of the training frames alone, by session or group where frames have some. With "
-    "one frame per class nothing can be chosen.",
-    key=("recording", "n", "form"),
-    folded=True,
-)
-def chosen(results: Results) -> pd.DataFrame | None:
-    """A row for each recording, number of frames per class, and form that was chosen there."""
-    table = []
-    found = by_scene(results, "recordings")
-    for scene, measured in found.items():
-        if "chose" not in measured.frame:
-            continue
-        rows = measured.frame.dropna(subset="chose").explode(["n", "chose"])
-        for n, part in rows.groupby("n"):
-            for form, times in Counter(part.chose).most_common():
-                line = {"recording": scene, "n": int(n), "form": form, "times": times}
-                table.append({**line, "of": len(part)})
-    if not table:
-        return None
-    data = pd.DataFrame(table)
-    data.attrs["commands"] = [
-        f"{RUN}recordings scene={scene}" for scene in data.recording.unique()
-    ]
-    return data

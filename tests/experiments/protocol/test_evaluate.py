@@ -13,10 +13,8 @@ from experiments.protocol.evaluate import bank_of, evaluate, train_until
 from experiments.protocol.experiment import Run
 from experiments.protocol.stop import StopRule
 from experiments.reporting.measured import with_right
-from experiments.studies.crossing.measure import crossing
 from experiments.studies.drift.measure import drift
 from experiments.studies.recordings.measure import recordings
-from experiments.studies.unequal.measure import unequal
 from scenes.frames import Frames
 
 RANDOM = {"kind": "random", "test_fraction": 0.3, "group": None, "n_train": None}
@@ -88,25 +86,18 @@ def test_a_study_says_of_a_model_what_the_model_says_itself(kind, scene, monkeyp
         return protocol.evaluate(model, bank, train, test, stop)
 
     models = {"model": {"model": KINDS[kind]}}
-    studies = {
-        "recordings": (
-            recordings,
-            {"splits": {"random": RANDOM}, "n_per_class": [1, 4]},
-        ),
-        "unequal": (unequal, {"split": RANDOM, "seeds": [0], "n_per_class": [2, 4]}),
-        "crossing": (crossing, {"seeds": [0], "n_train": [5, 9], "n_test": 30}),
-    }
-    for name, (study, arguments) in studies.items():
-        monkeypatch.setattr(f"experiments.studies.{name}.measure.evaluate", watched)
-        expected.clear()
-        run = Run(force=True)
-        rows = pd.DataFrame(
-            study.rows(run, scene={}, models=models, draws=2, **arguments)
-        )
-        if name == "recordings":
-            rows = with_right(rows, ("seed", "split", "draw"))
-        assert rows.right.explode().tolist() == expected, name
-        assert len(set(expected)) > 1 or kind == "own"
+    monkeypatch.setattr("experiments.studies.recordings.measure.evaluate", watched)
+    made = recordings.rows(
+        Run(force=True),
+        scene={},
+        splits={"random": RANDOM},
+        models=models,
+        n_per_class=[1, 4],
+        draws=2,
+    )
+    rows = with_right(pd.DataFrame(made), ("seed", "split", "draw"))
+    assert rows.right.explode().tolist() == expected
+    assert len(set(expected)) > 1 or kind == "own"
 
 
 def test_updates_that_a_read_out_refuses_have_no_row(scene):

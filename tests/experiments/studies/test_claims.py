@@ -479,16 +479,13 @@ def test_each_rival_and_each_form_has_a_word_of_its_own(record, judged):
         assert "1 of the 2 laboratories" in judged(claim, STANDARDISED)["because"]
 
 
-def test_recordings_of_one_laboratory_count_as_one(tmp_path, record, judged):
+def test_recordings_of_one_laboratory_count_as_one(record, judged):
     record("tactip", 80, 50)
     record("tactip_edge", 70, 50)
     record("gelsight", 80, 50)
     row = judged("accuracy")
     assert row["laboratories"] == 2
     assert 25 < row["mean"] < 30  # of 30 and 20 in one laboratory, 30 in the other
-    every = view.otherwise(Results(tmp_path))
-    units = every[every.over == "recordings"].units
-    assert set(units) == {3}
 
 
 def test_what_was_unseen_is_judged_alone_too(tmp_path, record, judged):
@@ -1051,30 +1048,6 @@ def test_the_whole_row_of_a_recording_that_was_unseen(tmp_path, record):
         command="python -m experiments.reproduce --full --claim accuracy",
     )  # fmt: skip
     assert row["record"].startswith("measured/recordings")
-
-
-def test_the_same_numbers_are_joined_over_recordings_and_of_captured_frames(
-    tmp_path, record
-):
-    record("tactip", 80, 50)
-    assert view.otherwise(Results(tmp_path)) is None  # nothing to join
-    record("tactip_edge", 70, 50)
-    record("fibre_grouped", 60, 50)
-    table = view.otherwise(Results(tmp_path))
-    rows = table[table.claim == "accuracy"].set_index("over").to_dict("index")
-    assert {over: row["units"] for over, row in rows.items()} == {
-        "laboratories": 2,
-        "recordings": 3,
-        "laboratories, captured frames": 1,
-    }
-    least = least_error(0.3, 10_000)
-    assert rows["recordings"]["mean"] == pytest.approx(20, abs=least)
-    half = 1.95996 * 5  # of 30 and 20 points, the standard error of whose mean is 5
-    assert rows["laboratories, captured frames"] == equals(
-        claim="accuracy", rival=RAW, units=1, unit="points", mean=25,
-        mean_low=25 - half, mean_high=25 + half, predicted_low=NAN, predicted_high=NAN,
-    )  # fmt: skip
-    assert 10 < rows["laboratories"]["mean"] < 25
 
 
 # Cells --------------------------------------------------------------------------------------------

@@ -314,8 +314,6 @@ def test_accuracies_are_means_over_seeds_and_draws():
 RIVALS = (
     "ridge_standardised",
     "softmax_dual_standardised",
-    "knn_greys_standardised",
-    "thumbnail_standardised",
 )
 
 

@@ -36,18 +36,18 @@ def labels():
 def test_peers_stand_beside_hdc_with_the_range_of_draws(tmp_path, write_measurement):
     rows = [
         row("hdc", 0, [5, 6], **labels()),
-        row("torchhd_quanthd", 0, [4, 8]),
+        row("torchhd_onlinehd", 0, [4, 8]),
         row("hdc", 1, [7, 6], **labels()),
-        row("torchhd_quanthd", 1, [6, 10]),
+        row("torchhd_onlinehd", 1, [6, 10]),
     ]
-    part = configs.part("model", "torchhd_quanthd")
-    config = {"models": {"torchhd_quanthd": {"model": dict(part["model"])}}}
+    part = configs.part("model", "torchhd_onlinehd")
+    config = {"models": {"torchhd_onlinehd": {"model": dict(part["model"])}}}
     write_measurement("recordings_peers", rows, scene="gelsight", config=config)
     table = view.peers(Results(tmp_path))
     few, many = table.to_dict("records")
-    assert (few["n"], few["hdc"], few["torchhd_quanthd"]) == (5, 0.6, 0.5)
-    assert many["torchhd_quanthd"] == 0.9
-    assert (many["torchhd_quanthd_low"], many["torchhd_quanthd_high"]) == (0.8, 1.0)
+    assert (few["n"], few["hdc"], few["torchhd_onlinehd"]) == (5, 0.6, 0.5)
+    assert many["torchhd_onlinehd"] == 0.9
+    assert (many["torchhd_onlinehd_low"], many["torchhd_onlinehd_high"]) == (0.8, 1.0)
     assert f"for {part['model']['epochs']} epochs" in table.attrs["note"]
     assert "unfinished" not in table
 

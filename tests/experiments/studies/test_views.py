@@ -10,8 +10,8 @@ from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
 
 STUDIES = (
-    "stability", "benchmark", "robustness", "correlation", "crossing", "drift", "stiffness",
-    "conditions", "numerics", "footprint",
+    "stability", "benchmark", "robustness", "correlation", "drift", "stiffness", "numerics",
+    "footprint",
 )  # fmt: skip
 
 
@@ -40,7 +40,7 @@ def test_committed_tables_and_figures_follow_from_the_committed_rows(study, resu
 
 
 def test_no_view_lists_a_model_or_a_recording_and_only_claims_look_at_other_studies():
-    names = {"ridge", "hdc_balanced", "linear_bits", "nearest_neighbour", "thumbnail"}
+    names = {"ridge", "linear_bits", "nearest_neighbour", "thumbnail"}
     names |= {"diffuser", "fibre_grouped", "gelsight", "tactip", "spr"}
     for path in (ROOT / "experiments" / "studies").glob("*/view.py"):
         tree, study = ast.parse(path.read_text(encoding="utf-8")), path.parent.name
