@@ -15,11 +15,10 @@ from rich.text import Text
 
 from experiments.records.files import REFERENCE
 from experiments.records.results import Results
-from experiments.reporting import frozen
 from experiments.reporting.measured import ENDS
 from experiments.reporting.table import Table, records
 from experiments.reporting.text import printable
-from experiments.studies.claims import rules, view
+from experiments.studies.claims import frozen, rules, view
 
 WORDS = (
     "word",

@@ -11,8 +11,7 @@ from experiments.records import configs
 from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
 from experiments.records.rows import pack_labels
-from experiments.reporting import frozen
-from experiments.studies.claims import view
+from experiments.studies.claims import frozen, view
 
 RULES = frozen.rules()
 

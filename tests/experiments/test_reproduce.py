@@ -18,11 +18,11 @@ from experiments.records import steps as records_of
 from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
 from experiments.records.results import Results
-from experiments.reporting import frozen
 from experiments.reporting.table import Table
 from experiments.reproduction import calls, claim, took
 from experiments.reproduction import steps as steps_of
 from experiments.reproduction.steps import WHAT, Step, claims, cost, plain, steps
+from experiments.studies.claims import frozen
 
 NOTHING, FAILING = ("json.tool", "--help"), ("json.tool", "/nowhere")
 

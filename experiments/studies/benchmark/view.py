@@ -9,10 +9,10 @@ from typing import Any
 import pandas as pd
 
 from experiments.reporting.columns import Column, milliseconds
-from experiments.reporting.routes import HEADLINE, of_route
 from experiments.reporting.study import Study
 from experiments.studies.benchmark import names
 from experiments.studies.benchmark.names import OPERATIONS, OURS_COMPILED
+from experiments.studies.benchmark.table import HEADLINE, of_route
 
 NOTE = (
     "The routes of a size ran in turns in one process; × hdc is the median over the turns. "

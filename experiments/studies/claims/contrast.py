@@ -11,9 +11,9 @@ from experiments.records import configs
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.estimates import mean_interval
-from experiments.reporting.frozen import Claim, Rules
 from experiments.reporting.measured import matrices
 from experiments.reporting.text import number
+from experiments.studies.claims.frozen import Claim, Rules
 from experiments.studies.claims.piece import Piece, measured_by_scene, place_of
 from experiments.studies.claims.rules import rule_of
 

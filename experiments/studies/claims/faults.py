@@ -11,7 +11,7 @@ from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import mean_difference
-from experiments.reporting.frozen import Claim, Rules
+from experiments.studies.claims.frozen import Claim, Rules
 from experiments.studies.claims.piece import (
     Piece,
     measured_by_scene,

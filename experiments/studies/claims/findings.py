@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name, scene_name
-from experiments.reporting.frozen import rules
 from experiments.reporting.text import number
+from experiments.studies.claims.frozen import rules
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
 from experiments.studies.claims.verdict import Verdict
 from experiments.studies.claims.view import JOINED, confirmatory, judged

@@ -13,10 +13,10 @@ from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import mean_interval
-from experiments.reporting.frozen import Claim, Rules, Update
-from experiments.reporting.sessions import accuracies
+from experiments.studies.claims.frozen import Claim, Rules, Update
 from experiments.studies.claims.piece import Piece, measured_by_scene, place_of
 from experiments.studies.claims.rules import rule_of
+from experiments.studies.drift.sessions import accuracies
 
 STORED = "stored"
 OWN_LOSS = "its own loss"  # what the update is held against

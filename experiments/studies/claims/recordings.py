@@ -14,10 +14,10 @@ from experiments.records.results import Group, Results
 from experiments.reporting import published
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import difference
-from experiments.reporting.frozen import Claim, Recording, Rules
 from experiments.reporting.measured import accuracies, fields_of, over_units
 from experiments.reporting.study import RUN
 from experiments.reporting.text import SIMULATED
+from experiments.studies.claims.frozen import Claim, Recording, Rules
 from experiments.studies.claims.piece import (
     Piece,
     least_variance,

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.frozen import Rules, rules
-from experiments.reporting.random_effects import Pooled
+from experiments.studies.claims.frozen import Rules, rules
+from experiments.studies.claims.random_effects import Pooled
 
 YES, NO, PARTLY, UNDECIDED = "yes", "no", "partly", "undecided"
 

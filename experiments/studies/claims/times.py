@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.frozen import Claim, Rules
-from experiments.reporting.grid import grid
 from experiments.reporting.text import SIMULATED
+from experiments.studies.claims.frozen import Claim, Rules
 from experiments.studies.claims.piece import Piece, place_of
 from experiments.studies.claims.rules import much_slower
+from experiments.studies.table1.times.grid import grid
 
 
 def pieces(name: str, claim: Claim, frozen: Rules, results: Results) -> Iterator[Piece]:

@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.frozen import Claim, Rules
-from experiments.reporting.random_effects import (
+from experiments.reporting.text import SIMULATED
+from experiments.studies.claims.frozen import Claim, Rules
+from experiments.studies.claims.piece import FACTORS, Piece
+from experiments.studies.claims.random_effects import (
     Pooled,
     of_laboratory,
     random_effects,
 )
-from experiments.reporting.text import SIMULATED
-from experiments.studies.claims.piece import FACTORS, Piece
 from experiments.studies.claims.rules import (
     UNDECIDED,
     by_all_ways,

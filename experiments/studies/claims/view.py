@@ -15,15 +15,6 @@ import pandas as pd
 
 from experiments.records.results import Results
 from experiments.reporting.columns import Column, display_name, scene_name
-from experiments.reporting.frozen import (
-    Claim,
-    Rules,
-    commit,
-    digest,
-    earlier,
-    earlier_word,
-    rules,
-)
 from experiments.reporting.study import Study
 from experiments.reporting.table import frame
 from experiments.reporting.text import number
@@ -33,6 +24,15 @@ from experiments.studies.claims import (
     recalibration,
     recordings,
     times,
+)
+from experiments.studies.claims.frozen import (
+    Claim,
+    Rules,
+    commit,
+    digest,
+    earlier,
+    earlier_word,
+    rules,
 )
 from experiments.studies.claims.piece import (
     CONFIRMATORY,

@@ -9,7 +9,7 @@ import pandas as pd
 
 from experiments.reporting import estimates
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.sessions import SESSIONS, accuracies
+from experiments.studies.drift.sessions import SESSIONS, accuracies
 
 N_NEW = 50  # at which the paper reports the recovered accuracy
 UNLABELLED = ("zeroed", "untouched")

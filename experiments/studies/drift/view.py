@@ -15,7 +15,6 @@ from experiments.reporting.columns import Column, display_name
 from experiments.reporting.curves import errors, line_plot
 from experiments.reporting.measured import ENDS
 from experiments.reporting.plot import PAPER, literal, panel, star, style_of, wrapped
-from experiments.reporting.sessions import SESSIONS, accuracies
 from experiments.reporting.study import Quantity, Study
 from experiments.reporting.text import percent, points
 from experiments.studies.drift.numbers import (
@@ -24,6 +23,7 @@ from experiments.studies.drift.numbers import (
     best_updates,
     regained,
 )
+from experiments.studies.drift.sessions import SESSIONS, accuracies
 
 STUDY = Study(
     "drift",

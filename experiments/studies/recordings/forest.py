@@ -16,7 +16,6 @@ from experiments.records import configs
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name, scene_name
 from experiments.reporting.estimates import Estimate, difference
-from experiments.reporting.frozen import rules
 from experiments.reporting.measured import RIVAL, by_scene, commands_of, place_of
 from experiments.reporting.plot import literal, panel
 from experiments.reporting.study import RUN
@@ -33,7 +32,8 @@ from experiments.studies.recordings.values import (
 )
 
 WIDTH = 5.4  # in; narrow, so that its letters can be read on a phone
-MARGIN = 100 * rules().margin  # points, within which two models count as equally good
+MARGIN = 3  # points, within which two models count as equally good
+SATURATED = 0.995  # accuracy of both models from which frames cannot tell them apart
 HEADINGS = {
     CAPTURED: "captured",
     COMPUTED: "computed",
@@ -93,7 +93,7 @@ def _of_scenes(results: Results) -> Iterator[Dot]:
             paired = difference(group.runs, rival.runs)
             if paired is None:
                 continue
-            if min(group.right.mean(), rival.right.mean()) < rules().saturated:
+            if min(group.right.mean(), rival.right.mean()) < SATURATED:
                 yield Dot(scene, SIMULATED, form, False, paired)
 
 

@@ -14,7 +14,6 @@ from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.frozen import rules
 from experiments.reporting.measured import (
     RIVAL,
     accuracies,
@@ -25,11 +24,11 @@ from experiments.reporting.measured import (
 )
 from experiments.reporting.text import kind_of
 
-RIVALS = rules().rivals
+RIVALS = (RIVAL, "softmax_dual_standardised")
 """Softmax regression at its optimum, of grey values and of standardised frames."""
 TUNED = ("softmax_chosen", "softmax_chosen_standardised")
 """The same with a penalty chosen by the folds that choose HDC's form."""
-CONFIRMATORY = tuple(rules().forms.values())
+CONFIRMATORY = ("hdc", "hdc_levels_lda")
 """The forms of HDC that the frozen rules name; every other is exploratory."""
 FEW = 5  # frames a class
 NOTE = (

@@ -9,31 +9,25 @@ import numpy as np
 import pandas as pd
 
 from experiments.records.results import Group, Results
-from experiments.reporting import estimates, grid
+from experiments.reporting import estimates
 from experiments.reporting import rows as rows_of
 from experiments.reporting.columns import Column, scene_name
 from experiments.reporting.estimates import ONE_SENSOR, median_range
 from experiments.reporting.measured import ENDS
 from experiments.reporting.rows import row
-from experiments.reporting.study import RUN, Quantity, Study
+from experiments.reporting.study import RUN, Quantity
 from experiments.reporting.table import frame, records
 from experiments.reporting.text import counted, number, percent
 from experiments.studies.table1 import equal, figure, models
 from experiments.studies.table1.models import LINES, PAPER
+from experiments.studies.table1.study import STUDY
+from experiments.studies.table1.times import grid
+from experiments.studies.table1.times import view as _times  # noqa: F401
 
 # Training samples on a scene, five of each class: no model is near 100 %.
 FEW = {"touch": 25, "finger": 35}
 # The rules that end a training before its loss has converged.
 NOT_FINISHED = ("budget", "steps", "diverged")
-
-STUDY = Study(
-    "table1",
-    "Table I",
-    "Does HDC recognise touches better than softmax regression and convolutional networks, and "
-    "train in a hundredth of their time? Five labels, N = 400.",
-    1,
-    front=True,
-)
 
 
 def _trained(cells: Mapping[str, Any]) -> str:

@@ -12,7 +12,7 @@ from experiments.reporting.estimates import (
     mean_share,
     median_interval,
 )
-from experiments.reporting.random_effects import random_effects
+from experiments.studies.claims.random_effects import random_effects
 
 REPEATS = 3000
 PAGE = (ROOT / "docs" / "intervals.md").read_text(encoding="utf-8")

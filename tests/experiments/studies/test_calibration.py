@@ -10,8 +10,8 @@ import torch
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.records.rows import pack_labels, unpack_labels
-from experiments.studies.calibration import view
-from experiments.studies.calibration.measure import STEPS, calibration
+from experiments.studies.promises.calibration import view
+from experiments.studies.promises.calibration.measure import STEPS, calibration
 from scenes.frames import Frames
 
 MODELS = {name: configs.part("model", name) for name in ("hdc", "hdc_lda")}

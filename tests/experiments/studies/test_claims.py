@@ -14,11 +14,10 @@ from experiments.records import configs
 from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
 from experiments.records.rows import pack_labels
-from experiments.reporting import frozen
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.random_effects import Pooled
 from experiments.studies.claims import (
     faults,
+    frozen,
     recalibration,
     recordings,
     rules,
@@ -27,7 +26,9 @@ from experiments.studies.claims import (
     view,
 )
 from experiments.studies.claims.piece import CONFIRMATORY, Piece, variance_of
+from experiments.studies.claims.random_effects import Pooled
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
+from experiments.studies.recordings import forest, values
 
 NAN = math.nan
 RULES = frozen.rules()
@@ -388,19 +389,22 @@ def test_what_cannot_decide_does_not_enter_and_says_why():
         assert found.estimate == one.estimate
 
 
-def test_recordings_of_a_laboratory_are_one_unit_or_each_their_own():
+def test_recordings_of_a_laboratory_are_one_unit():
     pieces = [
         piece(0.1, 0.01, "one", evidence="a"),
         piece(0.3, 0.01, "one", evidence="b"),
         piece(0.4, 0.1, "another", evidence="c"),
     ]
-    by_laboratory = verdict.pooled_over(pieces)
+    found = verdict.pooled_over(pieces)
     # 0.2 and 0.4, with variances (0.1)² of two that differ by 0.2, and (0.1)².
-    assert by_laboratory.units == 2
-    assert by_laboratory.mean.value == pytest.approx(0.3)
-    each = verdict.pooled_over(pieces, by_laboratory=False)
-    assert each.units == 3
-    assert 0.1 < each.mean.value < 0.3
+    assert found.units == 2
+    assert found.mean.value == pytest.approx(0.3)
+
+
+def test_what_the_recordings_show_is_what_the_rules_name():
+    assert RULES.rivals == values.RIVALS
+    assert tuple(RULES.forms.values()) == values.CONFIRMATORY
+    assert (100 * RULES.margin, RULES.saturated) == (forest.MARGIN, forest.SATURATED)
 
 
 # Of records ---------------------------------------------------------------------------------------

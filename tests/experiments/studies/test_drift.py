@@ -18,7 +18,6 @@ from experiments.protocol.experiment import Run
 from experiments.protocol.model import models_of
 from experiments.records import configs
 from experiments.records.rows import pack_labels, unpack_labels
-from experiments.reporting.sessions import update_name, with_right
 from experiments.studies.drift import measure, view
 from experiments.studies.drift.measure import (
     Answers,
@@ -35,6 +34,7 @@ from experiments.studies.drift.numbers import (
     ratio,
     regained,
 )
+from experiments.studies.drift.sessions import update_name, with_right
 from experiments.studies.drift.zeroing import (
     Unlabelled,
     first_of_each,

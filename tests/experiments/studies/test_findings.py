@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.random_effects import Pooled
 from experiments.studies.claims import findings as module
+from experiments.studies.claims.random_effects import Pooled
 from experiments.studies.claims.verdict import Verdict
 
 

@@ -13,12 +13,12 @@ from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.studies.footprint import measure as footprint
-from experiments.studies.numerics import measure as numerics
-from experiments.studies.stability.measure import CASES
-from experiments.studies.stiffness import measure as stiffness
-from experiments.studies.stiffness import softmax
-from experiments.studies.stiffness import view as stiffness_view
-from experiments.studies.stiffness.view import verdict
+from experiments.studies.limits.numerics import measure as numerics
+from experiments.studies.limits.stability.measure import CASES
+from experiments.studies.limits.stiffness import measure as stiffness
+from experiments.studies.limits.stiffness import softmax
+from experiments.studies.limits.stiffness import view as stiffness_view
+from experiments.studies.limits.stiffness.view import verdict
 from hdc import bits
 from hdc.encoders import Median
 from hdc.prototypes import Counters

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.protocol.experiment import Run
-from experiments.studies.numerics import measure
+from experiments.studies.limits.numerics import measure
 
 
 def test_the_exact_mean_is_that_of_rational_correlations():

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from experiments.studies.stability.case import Case, largest
-from experiments.studies.stability.measure import CASES
+from experiments.studies.limits.stability.case import Case, largest
+from experiments.studies.limits.stability.measure import CASES
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

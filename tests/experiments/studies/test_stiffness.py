@@ -14,8 +14,8 @@ from baselines.softmax import SoftmaxRegression
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.records.results import Results
-from experiments.studies.stiffness import measure, softmax
-from experiments.studies.stiffness.view import STUDY, crossing
+from experiments.studies.limits.stiffness import measure, softmax
+from experiments.studies.limits.stiffness.view import STUDY, crossing
 from scenes.frames import Frames
 
 pytestmark = pytest.mark.usefixtures("one_thread")

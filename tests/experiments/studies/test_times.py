@@ -17,12 +17,11 @@ from experiments.protocol.experiment import Run
 from experiments.protocol.stop import StopRule
 from experiments.records import configs
 from experiments.records.results import Results
-from experiments.reporting import grid
 from experiments.reporting.table import records
-from experiments.studies.times import libraries, measure
-from experiments.studies.times.libraries import MAJORITIES, MEDIANS, LibraryHDC
-from experiments.studies.times.measure import Samples, Training, in_turns
-from experiments.studies.times.view import STUDY
+from experiments.studies.table1.times import grid, libraries, measure
+from experiments.studies.table1.times.libraries import MAJORITIES, MEDIANS, LibraryHDC
+from experiments.studies.table1.times.measure import Samples, Training, in_turns
+from experiments.studies.table1.times.view import STUDY
 from hdc import HDCClassifier, bits
 
 MODELS = ("hdc", "softmax", "softmax_dual", "ridge", "cnn1", "cnn3")

@@ -7,8 +7,8 @@ from sklearn.linear_model import RidgeCV
 
 from experiments.protocol.experiment import Run
 from experiments.records.results import Results
-from experiments.studies.values import view
-from experiments.studies.values.measure import coverage, ridge_values, values
+from experiments.studies.promises.values import view
+from experiments.studies.promises.values.measure import coverage, ridge_values, values
 from scenes.frames import Frames
 
 SPLITS = {"random": {"kind": "random", "test_fraction": 0.4, "group": None}}

@@ -10,8 +10,7 @@ from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
 
 STUDIES = (
-    "stability", "benchmark", "robustness", "correlation", "drift", "stiffness", "numerics",
-    "footprint",
+    "limits", "benchmark", "robustness", "correlation", "drift", "footprint",
 )  # fmt: skip
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.studies.stability.case import CASES
-from experiments.studies.stability.cases import (  # noqa: F401  (their cases register themselves)
+from experiments.studies.limits.stability.case import CASES
+from experiments.studies.limits.stability.cases import (  # noqa: F401  (their cases register themselves)
     correlations,
     hypervectors,
     sensor,

@@ -10,16 +10,10 @@ import pandas as pd
 from experiments.records.results import Results
 from experiments.reporting.columns import Column, scene_name
 from experiments.reporting.measured import ENDS, over_units, place_of, saturated
-from experiments.reporting.study import RUN, Study
+from experiments.reporting.study import RUN
 from experiments.reporting.text import number, percent
+from experiments.studies.promises.study import STUDY
 
-STUDY = Study(
-    "values",
-    "Values and guarantees",
-    "How near do the same hypervectors come in mm, µm or refractive index, and how often do the "
-    "library's intervals, label sets and rejection hold what they promise?",
-    2.8,
-)
 COLUMNS = {
     "recording": Column("Frames", scene_name),
     "answer": Column("Answer"),

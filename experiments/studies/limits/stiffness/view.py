@@ -9,15 +9,9 @@ import pandas as pd
 
 from experiments.reporting import published
 from experiments.reporting.columns import Column
-from experiments.reporting.study import Study
 from experiments.reporting.text import number
+from experiments.studies.limits.study import STUDY
 
-STUDY = Study(
-    "stiffness",
-    "Stiffness of training",
-    "Which learning rates are stable, as gradient descent is the explicit Euler method?",
-    11,
-)
 SHARP = 1.2  # factor between the measured and the predicted limit, beyond which theory fails
 GROUP = ["pixels", "method", "start"]
 SCALINGS = {"raw": "0…255", "unit": "0…1", "standard": "standardised"}

@@ -7,8 +7,8 @@ from typing import Any
 
 import torch
 
-from experiments.studies.numerics.intensity import camera_of, exact_intensity
-from experiments.studies.stability.case import case
+from experiments.studies.limits.numerics.intensity import camera_of, exact_intensity
+from experiments.studies.limits.stability.case import case
 from scenes.sensor.camera import Camera
 from scenes.sensor.seeds import stream
 

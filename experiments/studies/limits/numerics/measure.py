@@ -21,7 +21,7 @@ from experiments.protocol.correlations import (
     pair_correlations_double_sum,
 )
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.studies.numerics.intensity import camera_of, exact_intensity
+from experiments.studies.limits.numerics.intensity import camera_of, exact_intensity
 from scenes.sensor.camera import Camera, MountedCamera
 from scenes.sensor.seeds import stream
 

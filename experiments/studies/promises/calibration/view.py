@@ -24,19 +24,13 @@ from experiments.reporting.measured import (
     over_units,
 )
 from experiments.reporting.plot import LETTERS, literal, panel, style_of, wrapped
-from experiments.reporting.study import RUN, Study
+from experiments.reporting.study import RUN
 from experiments.reporting.text import percent, points
-from experiments.studies.calibration.measure import STEPS
+from experiments.studies.promises.calibration.measure import STEPS
+from experiments.studies.promises.study import STUDY
 
 Shares = NDArray[np.float64]
 
-STUDY = Study(
-    "calibration",
-    "Probabilities",
-    "Of the answers with a probability of 0.8, are 80 % right, on frames like those of training "
-    "and on later ones?",
-    2.85,
-)
 BINS = 10
 FEWEST = 20
 """Answers of a bin that the figure shows."""

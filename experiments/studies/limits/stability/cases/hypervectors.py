@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from experiments.studies.stability.case import case, differing
+from experiments.studies.limits.stability.case import case, differing
 from hdc import HDCClassifier, bits
 from hdc.encoders import Median
 from hdc.prototypes import Counters

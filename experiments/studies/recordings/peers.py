@@ -12,16 +12,10 @@ from experiments.records.results import Results
 from experiments.reporting.columns import Column, model_columns, scene_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.measured import ENDS, by_scene, models_of, with_right
-from experiments.reporting.study import RUN, Study
+from experiments.reporting.study import RUN
 from experiments.reporting.text import number, percent
+from experiments.studies.recordings.study import STUDY
 
-STUDY = Study(
-    "peers",
-    "Other hypervectors, and networks",
-    "Was the weakest way to learn from hypervectors tested? Classifiers of another library on the "
-    "very same bits, and a network on the same frames of cameras.",
-    2.6,
-)
 PLACE = {
     "recording": Column("Recording", scene_name),
     "n": Column("Frames per class"),

@@ -11,15 +11,8 @@ from matplotlib.figure import Figure
 
 from experiments.reporting.columns import Column
 from experiments.reporting.plot import head
-from experiments.reporting.study import Study
 from experiments.reporting.text import number
-
-STUDY = Study(
-    "stability",
-    "Numbers at their limits",
-    "Where do the obvious formulas lose their digits, and do ours keep them?",
-    order=9,
-)
+from experiments.studies.limits.study import STUDY
 
 
 def error(value: float) -> str:

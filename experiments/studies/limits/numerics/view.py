@@ -13,14 +13,8 @@ from matplotlib.ticker import LogLocator, NullLocator
 from experiments.reporting.columns import Column, milliseconds
 from experiments.reporting.curves import plain_decades
 from experiments.reporting.plot import panel
-from experiments.reporting.study import Study
+from experiments.studies.limits.study import STUDY
 
-STUDY = Study(
-    "numerics",
-    "Error against run time of the numerics",
-    "How exact are phases of many turns and mean correlations, and what would another digit cost?",
-    10,
-)
 # Half a unit in the last place of a correlation near one: smaller is drawn there.
 FLOOR = 2.0**-54
 # Okabe and Ito's.

@@ -19,7 +19,7 @@ import torch
 from baselines.descent import Descent
 from experiments.protocol import data
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.studies.stiffness import softmax
+from experiments.studies.limits.stiffness import softmax
 
 _ROUNDING = 1e-13  # of a loss in float64, relative
 _PERTURBATION = 1e-3  # relative, of every coefficient of the optimum

@@ -17,7 +17,7 @@ from baselines.nearest_neighbour import NearestNeighbour
 from baselines.ridge import RidgeReadout
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
-from experiments.studies.stability.case import case, relative
+from experiments.studies.limits.stability.case import case, relative
 from hdc import HDCClassifier
 from hdc.products import integer_product
 

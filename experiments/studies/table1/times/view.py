@@ -11,20 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from experiments.reporting import grid
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.plot import handle, head, look_of, style_of
-from experiments.reporting.study import Study
 from experiments.reporting.table import records
 from experiments.reporting.text import number, percent
+from experiments.studies.table1.study import STUDY
+from experiments.studies.table1.times import grid
 
-STUDY = Study(
-    "times",
-    "The grid of times",
-    "How much longer than HDC does each model train, when both are computed the same way: by "
-    "standard libraries, by default, tuned?",
-    order=1.5,
-)
 NOTE = (
     "Until training accuracy exceeds 90 %; ridge regression and softmax at its optimum until they "
     "are solved. Within a way the models trained in turns in one process, HDC before and after "

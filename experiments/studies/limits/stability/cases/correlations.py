@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.protocol.correlations import mean_pair_correlations
-from experiments.studies.numerics.measure import exact_mean
-from experiments.studies.stability.case import case
+from experiments.studies.limits.numerics.measure import exact_mean
+from experiments.studies.limits.stability.case import case
 
 D = 250_000
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from statsmodels.stats.meta_analysis import combine_effects
 
-from experiments.reporting.random_effects import of_laboratory, random_effects
+from experiments.studies.claims.random_effects import of_laboratory, random_effects
 
 
 def log_odds_ratios():
