@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from experiments.records import configs, measurement
 from experiments.records import record as records
@@ -28,6 +29,22 @@ _COORDINATES = ("split.n_train", "data.pixels", "scene.path")
 # Of what was changed.
 _FRAMES_FIRST = {"scene": 0, "split": 1, "model": 2, "stop": 3}
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
+
+RUNS = "runs"  # the name of single trainings among those of experiments
+META = (
+    *("experiment", "scene", "record", "command", "config", "elsewhere"),
+    *("device", "cpu", "threads"),
+)
+"""Columns of :meth:`Results.frame` that a line has of its record. ``elsewhere``: whether it was
+measured on other frames than those of the experiment's config."""
+METRICS = (
+    *("stop", "training_s", "time_to_target_train_s", "time_to_target_test_s"),
+    *("train_accuracy_at_target", "test_accuracy_at_target"),
+    *("train_accuracy_max", "train_accuracy_final", "test_accuracy_max"),
+    *("test_accuracy_final", "model_bytes", "predict_single_s"),
+    "predict_batch_s_per_frame",
+)
+"""Columns of a run, as :class:`Finished` has them."""
 
 Row = tuple[str, str, int | None, int | None]
 """Scene, model, number of training samples, number of pixels; None for all of them."""
@@ -174,19 +191,15 @@ class Group:
         return total
 
 
-class Results:
-    """A results folder: its finished `runs`, records of the `unfinished`, `problems` of files."""
+class Groups:
+    """Runs by the rows that they may stand in.
 
-    def __init__(self, folder: Path):
-        self.folder = folder
-        self.problems: list[str] = []
-        self.runs: list[Run] = []
-        self.unfinished: list[Record] = []
-        for entry in records.read(folder):
-            if isinstance(entry, ValueError):
-                self.problems.append(str(entry))
-            else:
-                self._take(entry)
+    Args:
+        runs: finished ones.
+    """
+
+    def __init__(self, runs: Iterable[Run]):
+        self.runs = list(runs)
         rows = defaultdict[Row, list[Run]](list)
         for run in self.runs:
             config = run.record.config
@@ -195,8 +208,19 @@ class Results:
         ordered = sorted(rows, key=_whole_first)
         self._groups = {row: _group(row, rows[row]) for row in ordered}
 
+    @classmethod
+    def of(cls, frame: pd.DataFrame) -> Groups:
+        """Those of the runs among the lines of :meth:`Results.frame`."""
+        if "run" not in frame:
+            return cls([])
+        return cls(frame.run.dropna())
+
     def __bool__(self) -> bool:
-        return bool(self.runs or self.unfinished or self.measurements)
+        return bool(self.runs)
+
+    def __iter__(self) -> Iterator[Group]:
+        """Every row there is, by scene, model, number of samples and pixels."""
+        return iter(self._groups.values())
 
     def group(
         self,
@@ -208,10 +232,6 @@ class Results:
         """The runs of one row, named as in :class:`Group`; none where there are none."""
         row = scene, model, n_train, pixels
         return self._groups.get(row, Group(*row))
-
-    def groups(self) -> list[Group]:
-        """Every row there is, by scene, model, number of samples and pixels."""
-        return list(self._groups.values())
 
     def models(self, scene: str) -> set[str]:
         """Models that were run on a scene with all of its training samples and pixels."""
@@ -226,6 +246,75 @@ class Results:
         of which something was changed."""
         found = {run.model for run in self.runs if run.scene == scene}
         return sorted(found.difference(configs.swept_models()))
+
+
+class Results:
+    """A results folder: its finished `runs`, records of the `unfinished`, `problems` of files."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.problems: list[str] = []
+        self.runs: list[Run] = []
+        self.unfinished: list[Record] = []
+        for entry in records.read(folder):
+            if isinstance(entry, ValueError):
+                self.problems.append(str(entry))
+            else:
+                self._take(entry)
+
+    def __bool__(self) -> bool:
+        return bool(self.runs or self.unfinished or self.measurements)
+
+    def frame(self, *experiments: str) -> pd.DataFrame:
+        """The rows of records as one table, a line a row; without lines where there are none.
+
+        A line has the columns of its row, and those of its record: :data:`META`. ``runs`` stands
+        for the single trainings: a line a run, with its metrics. There is one measurement of an
+        experiment and scene, the one whose config was changed least; scenes are in the order of
+        their places.
+        """
+        parts = []
+        for name in experiments:
+            if name == RUNS:
+                parts += [_frame_of_runs(self.runs)] if self.runs else []
+            else:
+                parts += [_frame_of(one) for one in self._by_scene(name)]
+        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+    def _by_scene(self, name: str) -> list[Measured]:
+        found: dict[str, Measured] = {}
+        for measured in self.measurements:  # those changed least come first
+            if measured.record.name == name:
+                found.setdefault(measured.record.scene, measured)
+        places = {scene: configs.scene_display(scene)["place"] for scene in found}
+        ordered = sorted(found, key=lambda scene: (places[scene], scene))
+        return [found[scene] for scene in ordered]
+
+    @cached_property
+    def _rows(self) -> Groups:
+        return Groups(self.runs)
+
+    def group(
+        self,
+        scene: str,
+        model: str,
+        n_train: int | None = None,
+        pixels: int | None = None,
+    ) -> Group:
+        """The runs of one row, as :meth:`Groups.group`."""
+        return self._rows.group(scene, model, n_train, pixels)
+
+    def groups(self) -> list[Group]:
+        """Every row there is."""
+        return list(self._rows)
+
+    def models(self, scene: str) -> set[str]:
+        """As :meth:`Groups.models`."""
+        return self._rows.models(scene)
+
+    def extra_models(self, scene: str) -> list[str]:
+        """As :meth:`Groups.extra_models`."""
+        return self._rows.extra_models(scene)
 
     @cached_property
     def measurements(self) -> list[Measured]:
@@ -261,6 +350,54 @@ class Results:
             self.runs.append(run)
         else:
             self.unfinished.append(entry)
+
+
+def _frame_of(measured: Measured) -> pd.DataFrame:
+    """A line a row of a measurement; a column of the row keeps its name before that of a record."""
+    environment = measured.record.environment
+    frame = measured.frame.copy()
+    of_record = {
+        "experiment": measured.record.name,
+        "scene": measured.record.scene,
+        "record": measured.folder.name,
+        "command": measured.record.command,
+        "config": measured.record.config,
+        "elsewhere": measured.of_other_frames,
+        "device": environment.device,
+        "cpu": environment.cpu,
+        "threads": environment.threads,
+    }
+    for name, value in of_record.items():
+        if name not in frame:
+            frame[name] = [value] * len(frame)
+    return frame
+
+
+def _frame_of_runs(runs: Iterable[Run]) -> pd.DataFrame:
+    """A line a run: its place, its metrics and the run itself, with its curve."""
+    lines = []
+    for run in runs:
+        record, environment = run.record, run.record.environment
+        line: dict[str, Any] = {
+            "experiment": RUNS,
+            "scene": run.scene,
+            "model": run.model,
+            "n_train": record.config["split"]["n_train"],
+            "pixels": record.config["data"]["pixels"],
+            "seed": record.seed,
+            "origin": record.scene.origin,
+            "record": record.id,
+            "command": record.command,
+            "config": record.config,
+            "elsewhere": False,
+            "device": environment.device,
+            "cpu": environment.cpu,
+            "threads": environment.threads,
+            "run": run,
+        }
+        line |= {name: getattr(record, name) for name in METRICS}
+        lines.append(line)
+    return pd.DataFrame(lines)
 
 
 def _whole_first(row: Row) -> list[tuple[bool, Any]]:

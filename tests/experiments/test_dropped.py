@@ -43,11 +43,7 @@ def reduced(runs, measurements):
     """The committed results with these runs and measurements alone."""
     results = copy.copy(RESULTS)
     results.__dict__ |= {"runs": runs, "measurements": measurements}
-    kept = {id(run) for run in runs}
-    results._groups = {}
-    for row, group in RESULTS._groups.items():
-        if left := [run for run in group.runs if id(run) in kept]:
-            results._groups[row] = replace(group, runs=left)
+    results.__dict__.pop("_rows", None)
     return results
 
 
