@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from experiments.records import configs
-from experiments.records.results import Group, Results
+from experiments.records.results import Group, Groups, Results
 from experiments.reporting.columns import COLUMNS, Column
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.table import Table, frame
@@ -48,7 +48,7 @@ def row(
     return values
 
 
-def swept(results: Results, experiments: Sequence[str]) -> list[Row]:
+def swept(runs: Groups, experiments: Sequence[str]) -> list[Row]:
     """A row for each scene, model, N and D that the experiments sweep over, measured or not."""
     rows: dict[tuple[Any, ...], Row] = {}
     for experiment in experiments:
@@ -61,8 +61,8 @@ def swept(results: Results, experiments: Sequence[str]) -> list[Row]:
             params["scene"], params["model"], *sizes
         )
         for scene, model, *place in every:
-            hdc = results.group(scene, "hdc", *place)
-            rows[scene, model, *place] = row(results.group(scene, model, *place), hdc)
+            hdc = runs.group(scene, "hdc", *place)
+            rows[scene, model, *place] = row(runs.group(scene, model, *place), hdc)
     return list(rows.values())
 
 

@@ -23,8 +23,8 @@ import importlib
 import math
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from types import MappingProxyType, ModuleType
+from dataclasses import dataclass, field, replace
+from types import ModuleType
 from typing import Any
 
 import pandas as pd
@@ -63,7 +63,7 @@ class TableOf:
     of: Of
     title: Text
     note: Text = ""
-    columns: Columns = MappingProxyType({})
+    columns: Columns = field(default_factory=dict)
     shown: Sequence[str] | Callable[[pd.DataFrame], Sequence[str]] = ()
     folded: bool = False
     key: Sequence[str] = ()

@@ -50,7 +50,8 @@ class Picture:
     @cached_property
     def chart(self) -> dict[str, Any] | None:
         """Its interactive form as Vega-Lite, if it has one; built when it is first asked for."""
-        return self.plot.chart() if self.plot.chart is not None else None
+        chart = getattr(self.plot, "chart", None)
+        return chart() if chart is not None else None
 
     @property
     def source(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import pandas as pd
@@ -13,14 +13,20 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from experiments.records import configs
 from experiments.records.record import Finished
-from experiments.records.results import Group, Results
+from experiments.records.results import RUNS, Group, Groups
 from experiments.reporting import estimates, published
-from experiments.reporting import rows as rows_of
 from experiments.reporting.columns import display_name
 from experiments.reporting.curves import accuracy_curves, published_point
 from experiments.reporting.plot import handle, literal, star, title
-from experiments.reporting.rows import Row, row, swept
-from experiments.reporting.study import RUN, Quantity, Study
+from experiments.reporting.rows import Row, caption, row, swept
+from experiments.reporting.study_new import (
+    RUN,
+    FigureOf,
+    NumbersOf,
+    Quantity,
+    Study,
+    TableOf,
+)
 from experiments.reporting.table import frame
 
 N_PUBLISHED = 400  # of all the published accuracies; equal ones are drawn side by side
@@ -36,57 +42,40 @@ SHOWN = (
 )
 KEY = ("scene", "model", "n_train", "pixels")
 
-STUDY = Study(
-    "accuracy",
-    "Few samples, few pixels",
-    "How many training samples are enough, and how many pixels? The paper exceeds 90 % for N > 20.",
-    2,
-    front=True,
-)
 
-
-def rows(results: Results, name: str) -> list[Row]:
+def rows(runs: Groups, name: str) -> list[Row]:
     """Rows of a sweep, of N with one's own models too; none where there is one place only."""
-    lines = swept(results, (name,))
+    lines = swept(runs, (name,))
     if name == "accuracy_vs_n":
         scene = configs.sweep(name)["scene"][0]
-        extra = results.extra_models(scene)
-        for group in results.groups():
+        extra = runs.extra_models(scene)
+        for group in runs:
             of_extra = group.scene == scene and group.model in extra
             if of_extra and group.pixels is None:
-                hdc = results.group(scene, "hdc", group.n_train)
+                hdc = runs.group(scene, "hdc", group.n_train)
                 lines.append(row(group, hdc))
     measured = [line for line in lines if line["seeds"]]
     places = {(line["n_train"], line["pixels"]) for line in measured}
     return lines if len(places) > 1 else []
 
 
-def _register(name: str, what: str) -> None:
-    @STUDY.table(
-        name,
-        title=what,
-        shown=SHOWN,
-        commands=[f"{RUN}{name}"],
-        key=KEY,
-    )
-    def table(results: Results) -> pd.DataFrame:
-        lines = rows(results, name)
-        data = frame(lines)
-        data.attrs["title"] = rows_of.caption(lines, what)
-        return data
+def accuracy_vs_n(lines: pd.DataFrame) -> pd.DataFrame:
+    """Accuracies against the number N of training samples."""
+    return frame(rows(Groups.of(lines), "accuracy_vs_n"))
 
 
-_register("accuracy_vs_n", "Accuracy against the number N of training samples")
-_register("accuracy_vs_d", "Accuracy against the number D of pixels seen")
+def accuracy_vs_d(lines: pd.DataFrame) -> pd.DataFrame:
+    """Accuracies against the number D of pixels."""
+    return frame(rows(Groups.of(lines), "accuracy_vs_d"))
 
 
-@STUDY.quantities()
-def quantities(results: Results) -> Iterator[Quantity]:
+def quantities(lines: pd.DataFrame) -> Iterator[Quantity]:
     """Fig. 5(b): the number of training samples at which HDC exceeds 90 %, on a line between two
     N: of each seed that was run with every N, and has a curve of its own."""
+    runs = Groups.of(lines)
     params = configs.sweep("accuracy_vs_n")
     sizes = configs.numbers(params["split.n_train"])
-    groups = [results.group(params["scene"][0], "hdc", n) for n in sizes]
+    groups = [runs.group(params["scene"][0], "hdc", n) for n in sizes]
     measured = [group for group in groups if group.runs]
     crossed = _crossings(measured)
     if not crossed or math.isnan(sum(crossed)):
@@ -120,51 +109,22 @@ def _crossing(of_seed: Sequence[Finished]) -> float:
     return estimates.crossing(sizes, accuracies)
 
 
-def _chance(results: Results) -> float:
+def _chance(runs: Groups) -> float:
     """Accuracy of guessing in the sweep over N, in percent; NaN without a run."""
     scene = configs.sweep("accuracy_vs_n")["scene"][0]
-    for run in results.runs:
+    for run in runs.runs:
         if run.scene == scene:
             return 100 / len(run.record.scene.classes)
     return math.nan
 
 
-def _chart(results: Results) -> dict[str, Any]:
-    """The interactive form of accuracy against N."""
-    from experiments.reporting.page.charts import accuracy_chart  # slow to load
-
-    lines = [
-        {
-            "scene": line["scene"],
-            "model": line["model"],
-            "n_train": line["n_train"],
-            "accuracy": 100 * line["test_accuracy_final"],
-            "accuracy_low": 100 * line["test_accuracy_final_low"],
-            "accuracy_high": 100 * line["test_accuracy_final_high"],
-            "command": f"{RUN}accuracy_vs_n",
-        }
-        for line in rows(results, "accuracy_vs_n")
-        if line["seeds"]
-    ]
-    return accuracy_chart(pd.DataFrame(lines), "n_train", "training samples N")
-
-
-@STUDY.figure(
-    "accuracy_vs_n",
-    caption="Test accuracy against the number of training samples (Fig. 5(b)); "
-    "dotted: chance.",
-    size=(3.4, 5.6),
-    needs=lambda results: bool(rows(results, "accuracy_vs_n")),
-    commands=(f"{RUN}accuracy_vs_n",),
-    over=True,
-    chart=_chart,
-)
-def accuracy_vs_n(
-    figure: Figure, results: Results, behind: Results | None = None
+def draw_accuracies(
+    figure: Figure, of: pd.DataFrame, behind: pd.DataFrame | None = None
 ) -> None:
     """Test accuracy against the number of training samples (Fig. 5(b) of the paper)."""
-    lines = rows(results, "accuracy_vs_n")
-    pale = rows(behind, "accuracy_vs_n") if behind is not None else []
+    runs = Groups.of(of)
+    lines = rows(runs, "accuracy_vs_n")
+    pale = [] if behind is None else rows(Groups.of(behind), "accuracy_vs_n")
     with_runs = [line for line in lines if line["seeds"]]
     measured = list(dict.fromkeys(line["model"] for line in with_runs))
     known_models = configs.models("paper", "fast")
@@ -178,7 +138,7 @@ def accuracy_vs_n(
         if models is above:
             handles.append(star("paper, Table I"))
         axes.legend(handles=handles, loc="lower right")
-        chance = _chance(results)
+        chance = _chance(runs)
         axes.axhline(
             chance,
             color="0.5",
@@ -233,3 +193,54 @@ def _draw_published(panels: Sequence[Axes], shown: Sequence[str]) -> None:
         color="0.3",
         fontsize=6,
     )
+
+
+def _title(name: str, what: str) -> Callable[[pd.DataFrame], str]:
+    """A title with the frames and the machine of what a table shows."""
+    return lambda lines: caption(rows(Groups.of(lines), name), what)
+
+
+STUDY = Study(
+    "accuracy",
+    "Few samples, few pixels",
+    "How many training samples are enough, and how many pixels? The paper exceeds 90 % for N > 20.",
+    order=2,
+    front=True,
+    tables=[
+        TableOf(
+            name,
+            make,
+            of=RUNS,
+            title=_title(name, what),
+            shown=SHOWN,
+            key=KEY,
+            commands=[f"{RUN}{name}"],
+        )
+        for name, make, what in (
+            (
+                "accuracy_vs_n",
+                accuracy_vs_n,
+                "Accuracy against the number N of training samples",
+            ),
+            (
+                "accuracy_vs_d",
+                accuracy_vs_d,
+                "Accuracy against the number D of pixels seen",
+            ),
+        )
+    ],
+    figures=[
+        FigureOf(
+            "accuracy_vs_n",
+            draw_accuracies,
+            of=RUNS,
+            caption="Test accuracy against the number of training samples (Fig. 5(b)); "
+            "dotted: chance.",
+            size=(3.4, 5.6),
+            needs=lambda lines: bool(rows(Groups.of(lines), "accuracy_vs_n")),
+            over=True,
+            commands=[f"{RUN}accuracy_vs_n"],
+        )
+    ],
+    numbers=[NumbersOf(quantities, of=RUNS)],
+)

@@ -15,16 +15,23 @@ from matplotlib.figure import Figure
 
 from experiments.records import configs
 from experiments.records.record import Finished
-from experiments.records.results import Group, Results
+from experiments.records.results import RUNS, Group, Groups
 from experiments.reporting import estimates, published
-from experiments.reporting import rows as rows_of
 from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import ONE_SENSOR
 from experiments.reporting.matrices import CONFUSION_MAP, PRINTED, matrix
 from experiments.reporting.measured import matrices
 from experiments.reporting.plot import LETTERS, head, panel, wrapped
 from experiments.reporting.rows import row
-from experiments.reporting.study import RUN, WIDTH, Quantity, Study, with_places
+from experiments.reporting.study_new import (
+    RUN,
+    WIDTH,
+    FigureOf,
+    NumbersOf,
+    Quantity,
+    Study,
+    TableOf,
+)
 from experiments.reporting.table import frame
 from experiments.reporting.text import SIMULATED, frames_of
 
@@ -34,20 +41,13 @@ SPATIAL_CORRELATION = (
 )
 # How the paper's accuracies on a scene end in published.csv.
 _ACCURACY = "/test_accuracy"
-STUDY = Study(
-    "scenes",
-    "Models by scene",
-    "Is HDC the most accurate model where not every model is right, and how do the models do on "
-    "every scene that was run, own recordings included?",
-    2.2,
-)
 
 
-def groups(results: Results) -> list[Group]:
+def groups(runs: Groups) -> list[Group]:
     """The runs of each scene and model on all pixels with the most training samples, simulated
     scenes last, HDC first in each."""
     whole: dict[tuple[str, str], Group] = {}
-    for group in results.groups():
+    for group in runs:
         key = group.scene, group.model
         if group.pixels is None and group.runs:
             before = whole.get(key, group)
@@ -65,51 +65,22 @@ def groups(results: Results) -> list[Group]:
     return sorted(whole.values(), key=place)
 
 
-@STUDY.table(
-    EXPERIMENT,
-    title="Every model on every scene",
-    key=("scene", "model", "n_train", "pixels"),
-    note="Fitted: parameters of the scene were chosen by the accuracy of HDC on it. Each model "
-    "on all pixels of a scene and the most training samples that it was given.",
-    shown=(
-        "scene",
-        "origin",
-        "model",
-        "seeds",
-        "test_accuracy_final",
-        "over_hdc",
-        "training_time_s",
-        "training_time_over_hdc",
-        "predict_single_s",
-        "model_bytes",
-        "status",
-    ),
-)
-def all_scenes(results: Results) -> pd.DataFrame:
+def all_scenes(lines: pd.DataFrame) -> pd.DataFrame:
     """One row per scene and model."""
-    every = groups(results)
+    runs = Groups.of(lines)
     rows = []
-    for group in every:
-        hdc = results.group(group.scene, "hdc", group.n_train)
+    for group in groups(runs):
+        hdc = runs.group(group.scene, "hdc", group.n_train)
         rows.append(row(group, hdc))
-    data = frame(rows)
-    data.attrs["commands"] = rows_of.commands(every)
-    return data
+    return frame(rows)
 
 
-@STUDY.figure(
-    "confusions",
-    caption="Confusion of the classes by HDC, in percent of the true label (rows), test samples of "
-    "all seeds together (Figs. 5(a), 6(b) and 9(d)); less than 0.5 % is left blank.",
-    needs=lambda results: bool(confused(results)),
-    commands=(f"{RUN}{EXPERIMENT}",),
-)
-def confusions(figure: Figure, results: Results) -> None:
+def confusions(figure: Figure, lines: pd.DataFrame) -> None:
     """A panel a scene."""
-    chosen = confused(results)
-    lines = -(-len(chosen) // 2)
-    figure.set_size_inches(WIDTH, 1.4 + 1.55 * lines)
-    panels = [figure.add_subplot(lines, 2, k + 1) for k in range(len(chosen))]
+    chosen = confused(Groups.of(lines))
+    down = -(-len(chosen) // 2)
+    figure.set_size_inches(WIDTH, 1.4 + 1.55 * down)
+    panels = [figure.add_subplot(down, 2, k + 1) for k in range(len(chosen))]
     for axes, letter, group in zip(panels, LETTERS, chosen, strict=False):
         confusion(axes, group)
         axes.set(xlabel="predicted", ylabel="true")
@@ -124,9 +95,9 @@ def confusions(figure: Figure, results: Results) -> None:
     head(figure, "Confusion by HDC, % of the true label", [frames])
 
 
-def confused(results: Results) -> list[Group]:
+def confused(runs: Groups) -> list[Group]:
     """HDC's runs on each scene of few classes."""
-    of_hdc = [group for group in groups(results) if group.model == "hdc"]
+    of_hdc = [group for group in groups(runs) if group.model == "hdc"]
     return [group for group in of_hdc if len(group.classes) <= PRINTED]
 
 
@@ -157,25 +128,17 @@ def positions(record: Finished) -> np.ndarray:
     return np.linspace(0.0, 1e3 * length, line["number"])
 
 
-@STUDY.figure(
-    "fig7_spatial",
-    caption="51 positions: correlations, confusion and error in millimetres (Fig. 7).",
-    size=(WIDTH, 3.9),
-    needs=lambda results: bool(results.group("spatial", "hdc").runs),
-    commands=(f"{RUN}{EXPERIMENT}", SPATIAL_CORRELATION),
-)
-def spatial(figure: Figure, results: Results) -> None:
+def spatial(figure: Figure, lines: pd.DataFrame) -> None:
     """Fig. 7 and the error in millimetres."""
-    group = results.group("spatial", "hdc")
-    measured = dict(with_places(results, "correlation"))
+    group = Groups.of(lines).group("spatial", "hdc")
+    is_spatial = (lines.experiment == "correlation") & (lines.scene == "spatial")
+    correlations = lines[is_spatial]
     grid = figure.add_gridspec(2, 2, height_ratios=(1.4, 1))
     left = figure.add_subplot(grid[0, 0])
     right = figure.add_subplot(grid[0, 1])
     below = figure.add_subplot(grid[1, :])
-    if "_spatial" in measured:
-        classes, values, _ = matrices(
-            measured["_spatial"].frame, "prototype", "held-out"
-        )
+    if len(correlations):
+        classes, values, _ = matrices(correlations, "prototype", "held-out")
         matrix(left, values.mean(0), classes)
         left.set(
             xlabel="hypervectors of position (mm)", ylabel="prototype of position (mm)"
@@ -211,12 +174,12 @@ def spatial(figure: Figure, results: Results) -> None:
     head(figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", details)
 
 
-@STUDY.quantities()
-def quantities(results: Results) -> Iterator[Quantity]:
+def quantities(lines: pd.DataFrame) -> Iterator[Quantity]:
     """Accuracies of HDC on the scenes of which the paper gives one."""
+    runs = Groups.of(lines)
     names = (name for name in published.numbers() if name.endswith(_ACCURACY))
     for scene in (name.removesuffix(_ACCURACY) for name in names):
-        group = results.group(scene, "hdc")
+        group = runs.group(scene, "hdc")
         if group.runs:
             share, n = estimates.share_of_one_sensor(group), len(group.right)
             rest = {
@@ -225,3 +188,62 @@ def quantities(results: Results) -> Iterator[Quantity]:
                 "made_by": f"{RUN}{EXPERIMENT}",
             }
             yield Quantity.of(f"{scene}{_ACCURACY}", share, ONE_SENSOR, 100, **rest)
+
+
+def _has_spatial(lines: pd.DataFrame) -> bool:
+    return bool(Groups.of(lines).group("spatial", "hdc").runs)
+
+
+STUDY = Study(
+    "scenes",
+    "Models by scene",
+    "Is HDC the most accurate model where not every model is right, and how do the models do on "
+    "every scene that was run, own recordings included?",
+    order=2.2,
+    tables=[
+        TableOf(
+            EXPERIMENT,
+            all_scenes,
+            of=RUNS,
+            title="Every model on every scene",
+            key=("scene", "model", "n_train", "pixels"),
+            note="Fitted: parameters of the scene were chosen by the accuracy of HDC on it. Each "
+            "model on all pixels of a scene and the most training samples that it was given.",
+            shown=(
+                *(
+                    "scene",
+                    "origin",
+                    "model",
+                    "seeds",
+                    "test_accuracy_final",
+                    "over_hdc",
+                ),
+                *("training_time_s", "training_time_over_hdc", "predict_single_s"),
+                *("model_bytes", "status"),
+            ),
+            commands=[f"{RUN}{EXPERIMENT}"],
+        )
+    ],
+    figures=[
+        FigureOf(
+            "confusions",
+            confusions,
+            of=RUNS,
+            caption="Confusion of the classes by HDC, in percent of the true label (rows), test "
+            "samples of all seeds together (Figs. 5(a), 6(b) and 9(d)); less than 0.5 % is left "
+            "blank.",
+            needs=lambda lines: bool(confused(Groups.of(lines))),
+            commands=[f"{RUN}{EXPERIMENT}"],
+        ),
+        FigureOf(
+            "fig7_spatial",
+            spatial,
+            of=(RUNS, "correlation"),
+            caption="51 positions: correlations, confusion and error in millimetres (Fig. 7).",
+            size=(WIDTH, 3.9),
+            needs=_has_spatial,
+            commands=[f"{RUN}{EXPERIMENT}", SPATIAL_CORRELATION],
+        ),
+    ],
+    numbers=[NumbersOf(quantities, of=RUNS)],
+)

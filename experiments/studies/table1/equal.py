@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.results import Group, Results, Run
+from experiments.records.results import Group, Groups, Run
 from experiments.reporting import estimates
 from experiments.reporting.table import frame
 from experiments.reporting.text import number
@@ -46,17 +46,18 @@ def or_never(value: float) -> str:
     return number(value) if math.isfinite(value) else "never"
 
 
-def equal_accuracy(results: Results) -> pd.DataFrame | None:
+def equal_accuracy(lines: pd.DataFrame) -> pd.DataFrame | None:
     """A row for each model of Table I and its extension, and one for the fewest pixels it needs."""
-    hdc = results.group(models.scene(), "hdc")
+    runs = Groups.of(lines)
+    hdc = runs.group(models.scene(), "hdc")
     names = [
         *configs.sweep("table1")["model"],
         *configs.sweep("table1_extended")["model"],
-        *results.extra_models(models.scene()),
+        *runs.extra_models(models.scene()),
     ]
     rows = []
     for model in dict.fromkeys(names):
-        for group in _by_pixels(results, model):
+        for group in _by_pixels(runs, model):
             line = _as_accurate(group, hdc)
             if line is None:
                 continue
@@ -66,10 +67,10 @@ def equal_accuracy(results: Results) -> pd.DataFrame | None:
     return frame(rows)
 
 
-def _by_pixels(results: Results, model: str) -> list[Group]:
+def _by_pixels(runs: Groups, model: str) -> list[Group]:
     """Groups of a model on the scene of Table I: all pixels first, then from the fewest up."""
     place = (models.scene(), model)
-    groups = [g for g in results.groups() if (g.scene, g.model) == place]
+    groups = [g for g in runs if (g.scene, g.model) == place]
     of_all_samples = [group for group in groups if group.n_train is None]
     return sorted(of_all_samples, key=lambda group: group.pixels or 0)
 

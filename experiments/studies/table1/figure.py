@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,9 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.records import configs
-from experiments.records.results import Group, Results, Run
+from experiments.records.results import Group, Groups, Run
 from experiments.reporting import estimates
-from experiments.reporting import rows as rows_of
 from experiments.reporting.curves import (
     error_axis,
     error_bars,
@@ -26,25 +24,26 @@ from experiments.studies.table1 import models
 
 
 def error_vs_time(
-    figure: Figure, results: Results, behind: Results | None = None
+    figure: Figure, lines: pd.DataFrame, behind: pd.DataFrame | None = None
 ) -> None:
     """Test error against training time over HDC's, a curve for each model and seed; the paper's
     points."""
-    groups = _curves_of(results)
+    runs = Groups.of(lines)
+    groups = _curves_of(runs)
     rows = [row(group, groups[0]) for group in groups]
     axes = figure.subplots()
     floor = error_axis(axes, rows)
     axes.set_xscale("log")
     if behind is not None:
-        _draw_curves(axes, behind, floor, alpha=0.2)
-    _draw_curves(axes, results, floor)
-    hdc_s = _hdc_s(results)
+        _draw_curves(axes, Groups.of(behind), floor, alpha=0.2)
+    _draw_curves(axes, runs, floor)
+    hdc_s = _hdc_s(runs)
     for line in rows:
         if not isinstance(line["training_time_s"], str):
             at = [line["total_time_s"] / hdc_s]
             error_bars(axes, line["model"], at, [line], floor, marker=False)
     for model in models.PAPER:
-        known = row(results.group(models.scene(), model), groups[0], paper=True)
+        known = row(runs.group(models.scene(), model), groups[0], paper=True)
         error = max(1 - known["published_test_accuracy"], floor)
         ratio = known["published_training_time_over_hdc"]
         published_point(axes, model, ratio, error, 9)
@@ -57,50 +56,35 @@ def error_vs_time(
     title(figure, axes, text, rows, shown, shown, handles)
 
 
-def chart(results: Results) -> dict[str, Any]:
-    """The interactive form of :func:`error_vs_time`."""
-    from experiments.reporting.page.charts import time_chart  # slow to load
-
-    hdc_s = _hdc_s(results)
-    lines = []
-    for group in _curves_of(results):
-        command = rows_of.commands([group])[0]
-        for run in group.runs:
-            of_run = {"model": run.model, "run": run.seeds, "command": command}
-            for seconds, error in _tested(run):
-                lines.append(of_run | {"ratio": seconds / hdc_s, "error": 100 * error})
-    return time_chart(pd.DataFrame(lines))
-
-
 def _tested(run: Run) -> list[tuple[float, float]]:
     """Seconds of training and test error wherever a run was tested."""
     reports = [report for report in run.curve if "test_accuracy" in report]
     return [(report["training_s"], 1 - report["test_accuracy"]) for report in reports]
 
 
-def _curves_of(results: Results) -> list[Group]:
+def _curves_of(runs: Groups) -> list[Group]:
     """The groups of Table I that have runs, HDC first: the paper's models, fast ones, one's own."""
-    every = [*configs.models("paper", "fast"), *results.extra_models(models.scene())]
-    groups = [results.group(models.scene(), model) for model in every]
+    every = [*configs.models("paper", "fast"), *runs.extra_models(models.scene())]
+    groups = [runs.group(models.scene(), model) for model in every]
     return [group for group in groups if group.runs]
 
 
 def _draw_curves(
     axes: Axes,
-    results: Results,
+    runs: Groups,
     floor: float,
     alpha: float = 0.75,
 ) -> None:
-    hdc_s = _hdc_s(results)
-    for group in _curves_of(results):
+    hdc_s = _hdc_s(runs)
+    for group in _curves_of(runs):
         for run in group.runs:
             _curve(axes, run, floor, hdc_s, alpha)
 
 
-def _hdc_s(results: Results) -> float:
+def _hdc_s(runs: Groups) -> float:
     """Training time of HDC in Table I, median over runs."""
-    runs = results.group(models.scene(), "hdc").runs
-    times = [estimates.training_time(run) for run in runs]
+    of_hdc = runs.group(models.scene(), "hdc").runs
+    times = [estimates.training_time(run) for run in of_hdc]
     return float(np.median(times)) if times else math.nan
 
 

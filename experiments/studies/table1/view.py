@@ -8,21 +8,27 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.records.results import Group, Results
+from experiments.records.results import RUNS, Group, Groups
 from experiments.reporting import estimates
 from experiments.reporting import rows as rows_of
 from experiments.reporting.columns import Column, scene_name
 from experiments.reporting.estimates import ONE_SENSOR, median_range
 from experiments.reporting.measured import ENDS
 from experiments.reporting.rows import row
-from experiments.reporting.study import RUN, Quantity
+from experiments.reporting.study_new import (
+    RUN,
+    FigureOf,
+    NumbersOf,
+    Quantity,
+    Study,
+    TableOf,
+)
 from experiments.reporting.table import frame, records
 from experiments.reporting.text import counted, number, percent
 from experiments.studies.table1 import equal, figure, models
 from experiments.studies.table1.models import LINES, PAPER
-from experiments.studies.table1.study import STUDY
 from experiments.studies.table1.times import grid
-from experiments.studies.table1.times import view as _times  # noqa: F401
+from experiments.studies.table1.times import view as times_view
 
 # Training samples on a scene, five of each class: no model is near 100 %.
 FEW = {"touch": 25, "finger": 35}
@@ -88,18 +94,19 @@ KEY = ("scene", "model", "n_train", "pixels")
 
 
 def rows_of_table(
-    results: Results,
+    of: pd.DataFrame,
     place: str,
     n_train: int | None = None,
     paper: bool = True,
 ) -> pd.DataFrame | None:
     """A row for each model of Table I on a scene; None where none was run."""
+    runs = Groups.of(of)
     names = [*LINES]
     if n_train is None:
-        names += results.extra_models(place)
-    groups = [results.group(place, name, n_train) for name in names]
+        names += runs.extra_models(place)
+    groups = [runs.group(place, name, n_train) for name in names]
     hdc = groups[0]
-    times = grid.default_times(results, hdc)
+    times = grid.default_times(of, hdc)
     lines = [
         row(group, hdc, paper=paper) | _times_of(group, hdc, times) for group in groups
     ]
@@ -111,10 +118,11 @@ def rows_of_table(
         for line in measured:
             line["total_time_over_hdc"] = line["total_time_s"] / hdc_s
     shown = [line for line in lines if line["seeds"] or line["model"] in PAPER]
-    data = frame(shown)
-    data.attrs["columns"] = COLUMNS | {"test_accuracy_at_target": _reached(shown)}
-    data.attrs["commands"] = rows_of.commands(groups)
-    return data
+    return frame(shown)
+
+
+def _columns(data: pd.DataFrame) -> dict[str, Column]:
+    return {**COLUMNS, "test_accuracy_at_target": _reached(records(data))}
 
 
 def _reached(lines: Sequence[Mapping[str, Any]]) -> Column:
@@ -169,83 +177,37 @@ def _ratios_of_seeds(group: Group, hdc: Group) -> list[float]:
     ]
 
 
-@STUDY.table(
-    "table1",
-    title="Table I, published and measured",
-    key=KEY,
-    shown=(*SHOWN, *OF_PAPER, "seeds"),
-)
-def table1(results: Results) -> pd.DataFrame | None:
+def table1(lines: pd.DataFrame) -> pd.DataFrame | None:
     """Table I, and below it the same softmax regression solved directly and one's own models."""
-    data = rows_of_table(results, models.scene())
-    if data is None:
-        return None
-    lines = records(data)
-    data.attrs["title"] = rows_of.caption(lines, "Table I, published and measured")
-    data.attrs["commands"] = data.attrs["commands"] or [f"{RUN}table1"]
-    return data
+    return rows_of_table(lines, models.scene())
 
 
-@STUDY.table(
-    "table1_few",
-    title="Table I where no model is near 100 %: five training samples of each class",
-    key=KEY,
-    shown=("scene", *SHOWN, "over_hdc", "seeds"),
-    commands=[f"{RUN}table1_few"],
-)
-def table1_few(results: Results) -> pd.DataFrame | None:
+def _title(lines: pd.DataFrame) -> str:
+    """What Table I shows, on which frames, on which machine."""
+    data = table1(lines)
+    rows = [] if data is None else records(data)
+    return rows_of.caption(rows, "Table I, published and measured")
+
+
+def table1_few(lines: pd.DataFrame) -> pd.DataFrame | None:
     """The same rows from few samples, on two scenes; only models that were run, and only where the
     published rival was."""
-    parts = []
+    runs, parts = Groups.of(lines), []
     for place, n_train in FEW.items():
-        data = rows_of_table(results, place, n_train, paper=False)
-        if data is not None and results.group(place, "softmax", n_train).runs:
+        data = rows_of_table(lines, place, n_train, paper=False)
+        if data is not None and runs.group(place, "softmax", n_train).runs:
             parts.append(data[data.seeds > 0])
-    if not parts:
-        return None
-    together = pd.concat(parts, ignore_index=True)
-    lines = records(together)
-    together.attrs["commands"] = [c for part in parts for c in part.attrs["commands"]]
-    together.attrs["columns"] = {
-        **COLUMNS,
-        "scene": Column("Scene", scene_name),
-        "test_accuracy_at_target": _reached(lines),
-    }
-    return together
+    return pd.concat(parts, ignore_index=True) if parts else None
 
 
-STUDY.table(
-    "equal_accuracy",
-    key=("model", "pixels"),
-    title="Time to reach the test accuracy of HDC",
-    columns={
-        "time": Column("Time to the test accuracy of HDC, s", equal.or_never),
-        "ratio": Column("× HDC", equal.or_never),
-    },
-    note="Rule: a model is as accurate as HDC at its first report of at least the test accuracy "
-    "that HDC of the same seed ends with; never, if it stops before. One-pass models report when "
-    "they are fitted. × HDC: over the time of HDC of the same seed, on the same machine. Median "
-    "[lowest, highest] over seeds. Fewer pixels: the fewest with which every seed gets there.",
-    commands=[f"{RUN}table1", f"{RUN}table1_extended", f"{RUN}accuracy_vs_d"],
-)(equal.equal_accuracy)
-
-STUDY.figure(
-    "error_vs_time",
-    caption="Test error against training time over that of HDC (Table I): one curve per model and "
-    "seed, with its marker where training accuracy passed 90 %. Bars: 95 %, after full training. "
-    "Stars: the paper's, over the time of its HDC.",
-    size=(3.4, 3.9),
-    needs=lambda results: bool(results.group(models.scene(), "hdc").runs),
-    commands=(f"{RUN}table1", f"{RUN}table1_extended"),
-    over=True,
-    chart=figure.chart,
-)(figure.error_vs_time)
+def _columns_of_few(data: pd.DataFrame) -> dict[str, Column]:
+    return {**_columns(data), "scene": Column("Scene", scene_name)}
 
 
-@STUDY.quantities()
-def quantities(results: Results) -> Iterator[Quantity]:
+def quantities(lines: pd.DataFrame) -> Iterator[Quantity]:
     """Times and accuracies of Table I, in seconds and percent, and the learning rate."""
-    groups = {model: results.group(models.scene(), model) for model in PAPER}
+    runs = Groups.of(lines)
+    groups = {model: runs.group(models.scene(), model) for model in PAPER}
     for model, group in groups.items():
         if not group.runs:
             continue
@@ -269,7 +231,7 @@ def quantities(results: Results) -> Iterator[Quantity]:
             )
             yield Quantity("touch/labels", len(group.classes), made_by=f"{RUN}table1")
             continue
-        yield from _ratios(results, group)
+        yield from _ratios(lines, group)
         for kind, called, n in (
             ("train", "training", line["n_train"] * n_runs),
             ("test", "test", line["n_test"]),
@@ -303,20 +265,21 @@ def _learning_rate(groups: Mapping[str, Group]) -> Iterator[Quantity]:
         )
 
 
-def _ratios(results: Results, group: Group) -> Iterator[Quantity]:
+def _ratios(lines: pd.DataFrame, group: Group) -> Iterator[Quantity]:
     """Training time over HDC's by each way of computing both; of one's own first look, by that of
     the runs."""
     name = f"table1/{group.model}_time_over_hdc"
     note = "" if group.model == "softmax" else "the network's sizes are ours"
-    measured = grid.measured_beside(results, group)
-    if measured is None:
-        ratios = _ratios_of_seeds(group, results.group(group.scene, "hdc"))
+    measured = grid.beside(lines, group)
+    if not len(measured):
+        hdc = Groups.of(lines).group(group.scene, "hdc")
+        ratios = _ratios_of_seeds(group, hdc)
         finite = bool(ratios) and bool(np.isfinite(ratios).all())
         values = median_range(ratios)[0] if finite else (None, None, None)
         how, way = "median over seeds", grid.WAYS[grid.DEFAULT]
         yield _ratio(name, values, how, way, len(ratios), "table1", note)
         return
-    for line in records(grid.grid(measured.frame)):
+    for line in records(measured):
         if line["model"] == group.model:
             values = (line["ratio"], line["ratio_low"], line["ratio_high"])
             how, way = "median over turns", grid.WAYS.get(line["way"], line["way"])
@@ -347,3 +310,72 @@ def _ratio(
         made_by=f"{RUN}{experiment}",
         note=note,
     )
+
+
+OF = (RUNS, grid.NAME)  # the runs of Table I, and the grid of times beside them
+STUDY = Study(
+    "table1",
+    "Table I",
+    "Does HDC recognise touches better than softmax regression and convolutional networks, and "
+    "train in a hundredth of their time? Five labels, N = 400.",
+    order=1,
+    front=True,
+    tables=[
+        *times_view.TABLES,
+        TableOf(
+            "table1",
+            table1,
+            of=OF,
+            title=_title,
+            key=KEY,
+            shown=(*SHOWN, *OF_PAPER, "seeds"),
+            columns=_columns,
+            commands=[f"{RUN}table1"],
+        ),
+        TableOf(
+            "table1_few",
+            table1_few,
+            of=OF,
+            title="Table I where no model is near 100 %: five training samples of each class",
+            key=KEY,
+            shown=("scene", *SHOWN, "over_hdc", "seeds"),
+            columns=_columns_of_few,
+            commands=[f"{RUN}table1_few"],
+        ),
+        TableOf(
+            "equal_accuracy",
+            equal.equal_accuracy,
+            of=RUNS,
+            title="Time to reach the test accuracy of HDC",
+            key=("model", "pixels"),
+            columns={
+                "time": Column("Time to the test accuracy of HDC, s", equal.or_never),
+                "ratio": Column("× HDC", equal.or_never),
+            },
+            note="Rule: a model is as accurate as HDC at its first report of at least the test "
+            "accuracy that HDC of the same seed ends with; never, if it stops before. One-pass "
+            "models report when they are fitted. × HDC: over the time of HDC of the same seed, on "
+            "the same machine. Median [lowest, highest] over seeds. Fewer pixels: the fewest with "
+            "which every seed gets there.",
+            commands=[f"{RUN}table1", f"{RUN}table1_extended", f"{RUN}accuracy_vs_d"],
+        ),
+    ],
+    figures=[
+        *times_view.FIGURES,
+        FigureOf(
+            "error_vs_time",
+            figure.error_vs_time,
+            of=RUNS,
+            caption="Test error against training time over that of HDC (Table I): one curve per "
+            "model and seed, with its marker where training accuracy passed 90 %. Bars: 95 %, "
+            "after full training. Stars: the paper's, over the time of its HDC.",
+            size=(3.4, 3.9),
+            needs=lambda lines: bool(
+                Groups.of(lines).group(models.scene(), "hdc").runs
+            ),
+            over=True,
+            commands=[f"{RUN}table1", f"{RUN}table1_extended"],
+        ),
+    ],
+    numbers=[NumbersOf(quantities, of=OF)],
+)

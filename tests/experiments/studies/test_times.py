@@ -21,7 +21,7 @@ from experiments.reporting.table import records
 from experiments.studies.table1.times import grid, libraries, measure
 from experiments.studies.table1.times.libraries import MAJORITIES, MEDIANS, LibraryHDC
 from experiments.studies.table1.times.measure import Samples, Training, in_turns
-from experiments.studies.table1.times.view import STUDY
+from experiments.studies.table1.view import STUDY
 from hdc import HDCClassifier, bits
 
 MODELS = ("hdc", "softmax", "softmax_dual", "ridge", "cnn1", "cnn3")

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.records.measurement import Measured
-from experiments.records.results import Group, Results
+from experiments.records.results import Group
 from experiments.reporting.estimates import median_range
 from experiments.reporting.table import frame, records
 
@@ -51,22 +50,20 @@ def grid(rows: pd.DataFrame) -> pd.DataFrame:
     return frame(lines, COLUMNS)
 
 
-def measured_beside(results: Results, group: Group) -> Measured | None:
-    """The grid of these results on the scene of a group, its samples, processor and threads."""
-    measured = results.measured(NAME)
-    if measured is None or group.n_train is not None or group.pixels is not None:
-        return None
-    environment = measured.record.environment
-    if group.runs and group.machines != {(environment.cpu, environment.threads)}:
-        return None
-    return measured if measured.record.scene == group.scene else None
+def beside(lines: pd.DataFrame, group: Group) -> pd.DataFrame:
+    """Rows of :func:`grid` on the scene of a group, its samples, processor and threads; none where
+    it was not measured beside the group."""
+    is_beside = (lines.experiment == NAME) & (lines.scene == group.scene)
+    measured = lines[is_beside & ~lines.elsewhere.astype(bool)]
+    if not len(measured) or group.n_train is not None or group.pixels is not None:
+        return frame([], COLUMNS)
+    machine = measured.iloc[0]
+    if group.runs and group.machines != {(machine.cpu, machine.threads)}:
+        return frame([], COLUMNS)
+    return grid(measured)
 
 
-def default_times(results: Results, group: Group) -> dict[str, dict[str, Any]]:
-    """Rows of :func:`grid` of the default way by model; none where it was not measured beside a
-    group."""
-    measured = measured_beside(results, group)
-    if measured is None:
-        return {}
-    lines = records(grid(measured.frame))
-    return {line["model"]: line for line in lines if line["way"] == DEFAULT}
+def default_times(lines: pd.DataFrame, group: Group) -> dict[str, dict[str, Any]]:
+    """Rows of the default way by model, of :func:`beside`."""
+    rows = records(beside(lines, group))
+    return {row["model"]: row for row in rows if row["way"] == DEFAULT}

@@ -13,9 +13,9 @@ from matplotlib.ticker import FuncFormatter
 
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.plot import handle, head, look_of, style_of
+from experiments.reporting.study_new import FigureOf, TableOf
 from experiments.reporting.table import records
 from experiments.reporting.text import number, percent
-from experiments.studies.table1.study import STUDY
 from experiments.studies.table1.times import grid
 
 NOTE = (
@@ -32,40 +32,15 @@ def _seconds(value: float) -> str:
     return number(value) if np.isfinite(value) else "not reached"
 
 
-@STUDY.table(
-    grid.NAME,
-    of=grid.NAME,
-    title="Training times over that of HDC by the same way, {frames}. {machine}",
-    note=NOTE,
-    key=("way", "model"),
-    columns={
-        "way": Column("Way", lambda way: grid.WAYS.get(way, way)),
-        "model": Column("Model", display_name),
-        "seconds": Column("Time, s", _seconds),
-        "ratio": Column("× HDC [interval]"),
-        "turns": Column("Turns"),
-        "coverage": Column("Coverage, %", percent),
-        "train_accuracy": Column("Training accuracy reached, %", percent),
-        "test_accuracy": Column("Test, %, there", percent),
-        "route": Column("Route"),
-    },
-)
-def times_grid(rows: pd.DataFrame, config: Mapping[str, Any]) -> pd.DataFrame:
+def times_grid(frame: pd.DataFrame) -> pd.DataFrame:
     """One row a way and model."""
-    return grid.grid(rows)
+    return grid.grid(frame)
 
 
-@STUDY.figure(
-    grid.NAME,
-    of=grid.NAME,
-    caption="Training time over that of HDC by the same way, {frames}: median over turns and its "
-    "interval; the line marks HDC.",
-    size=(3.4, 2.6),
-)
-def draw(figure: Figure, rows: pd.DataFrame, config: Mapping[str, Any]) -> None:
+def draw(figure: Figure, frame: pd.DataFrame) -> None:
     """A group of points a way, a point a model."""
     axes = figure.subplots()
-    lines = records(grid.grid(rows))
+    lines = records(grid.grid(frame))
     ways = list(dict.fromkeys(line["way"] for line in lines))
     models = [m for m in dict.fromkeys(line["model"] for line in lines) if m != "hdc"]
     for line in lines:
@@ -93,3 +68,36 @@ def _draw_ratio(axes: Axes, place: float, line: Mapping[str, Any]) -> None:
     bars = np.array([[ratio - low], [high - ratio]])
     look: Any = {**look_of(line["model"]), "ls": "", "ms": 4.5, "elinewidth": 1}
     axes.errorbar([place], [ratio], yerr=bars, **look)
+
+
+TABLES = [
+    TableOf(
+        grid.NAME,
+        times_grid,
+        of=grid.NAME,
+        title="Training times over that of HDC by the same way, {frames}. {machine}",
+        note=NOTE,
+        key=("way", "model"),
+        columns={
+            "way": Column("Way", lambda way: grid.WAYS.get(way, way)),
+            "model": Column("Model", display_name),
+            "seconds": Column("Time, s", _seconds),
+            "ratio": Column("× HDC [interval]"),
+            "turns": Column("Turns"),
+            "coverage": Column("Coverage, %", percent),
+            "train_accuracy": Column("Training accuracy reached, %", percent),
+            "test_accuracy": Column("Test, %, there", percent),
+            "route": Column("Route"),
+        },
+    )
+]
+FIGURES = [
+    FigureOf(
+        grid.NAME,
+        draw,
+        of=grid.NAME,
+        caption="Training time over that of HDC by the same way, {frames}: median over turns and "
+        "its interval; the line marks HDC.",
+        size=(3.4, 2.6),
+    )
+]
