@@ -33,10 +33,11 @@ _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a
 RUNS = "runs"  # the name of single trainings among those of experiments
 META = (
     *("experiment", "scene", "record", "command", "config", "elsewhere"),
-    *("device", "cpu", "threads"),
+    *("device", "cpu", "threads", "of_row"),
 )
 """Columns of :meth:`Results.frame` that a line has of its record. ``elsewhere``: whether it was
-measured on other frames than those of the experiment's config."""
+measured on other frames than those of the experiment's config; ``of_row``: names of the columns
+that are its row's own."""
 METRICS = (
     *("stop", "training_s", "time_to_target_train_s", "time_to_target_test_s"),
     *("train_accuracy_at_target", "test_accuracy_at_target"),
@@ -352,6 +353,11 @@ class Results:
             self.unfinished.append(entry)
 
 
+def own_columns(frame: pd.DataFrame) -> pd.DataFrame:
+    """The lines of one experiment with the columns of its rows alone."""
+    return frame[list(frame.of_row.iloc[0])]
+
+
 def _frame_of(measured: Measured) -> pd.DataFrame:
     """A line a row of a measurement; a column of the row keeps its name before that of a record."""
     environment = measured.record.environment
@@ -366,6 +372,7 @@ def _frame_of(measured: Measured) -> pd.DataFrame:
         "device": environment.device,
         "cpu": environment.cpu,
         "threads": environment.threads,
+        "of_row": tuple(frame.columns),
     }
     for name, value in of_record.items():
         if name not in frame:

@@ -8,8 +8,9 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.records.results import own_columns
 from experiments.reporting.columns import Column, milliseconds
-from experiments.reporting.study import Study
+from experiments.reporting.study_new import Study, TableOf
 from experiments.studies.benchmark import names
 from experiments.studies.benchmark.names import OPERATIONS, OURS_COMPILED
 from experiments.studies.benchmark.table import HEADLINE, of_route
@@ -29,14 +30,6 @@ GOALS: tuple[tuple[str, tuple[str, str], str, float], ...] = (
     ("train", (OURS_COMPILED, names.COPY), "≤", 1),
     ("hamming", (OURS_COMPILED, names.NUMKONG), "≤", 1.1),
     ("folder", (names.DECODE_IMAGES, OURS_COMPILED), "≥", 0.9),
-)
-
-STUDY = Study(
-    "benchmark",
-    "Speed",
-    "How fast is each step of the classifier, beside other libraries that do the same on the same "
-    "bytes?",
-    order=12,
 )
 
 
@@ -59,15 +52,8 @@ COLUMNS = {
 }
 
 
-@STUDY.table(
-    "benchmark_goals",
-    of="benchmark",
-    title="Goals of the classifier, N = 400, D = 250,000. {machine}",
-    note=NOTE,
-)
 def goals(
     rows: pd.DataFrame,
-    config: Mapping[str, Any],
 ) -> pd.DataFrame:
     """What was to be reached, as far as it was measured."""
     single = of_route(rows, "predict", OURS_COMPILED)
@@ -98,19 +84,11 @@ def _goal(
     }
 
 
-@STUDY.table(
-    "benchmark",
-    of="benchmark",
-    title="Routes beside their peers: N = 400 frames, D = 250,000 pixels, L = 5. {machine}",
-    shown=tuple(COLUMNS),
-    columns=COLUMNS,
-    note=NOTE,
-)
 def headline(
     rows: pd.DataFrame,
-    config: Mapping[str, Any],
 ) -> pd.DataFrame:
     """The rows of the headline size; of operations on other numbers of frames, theirs."""
+    rows = own_columns(rows)
     rows = rows[rows["operation"].isin(OPERATIONS)]
     rows = rows[(rows["d"] == HEADLINE["d"]) & (rows["l"] == HEADLINE["l"])]
     other_n = ~rows["operation"].isin(["encode", "bundle", "train"])
@@ -118,3 +96,30 @@ def headline(
     return rows.sort_values(
         "operation", key=lambda x: x.map(OPERATIONS.index), kind="stable"
     )
+
+
+STUDY = Study(
+    "benchmark",
+    "Speed",
+    "How fast is each step of the classifier, beside other libraries that do the same on the same "
+    "bytes?",
+    order=12,
+    tables=[
+        TableOf(
+            "benchmark_goals",
+            goals,
+            of="benchmark",
+            title="Goals of the classifier, N = 400, D = 250,000. {machine}",
+            note=NOTE,
+        ),
+        TableOf(
+            "benchmark",
+            headline,
+            of="benchmark",
+            title="Routes beside their peers: N = 400 frames, D = 250,000 pixels, L = 5. {machine}",
+            shown=tuple(COLUMNS),
+            columns=COLUMNS,
+            note=NOTE,
+        ),
+    ],
+)

@@ -9,17 +9,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
+from experiments.records.results import own_columns
 from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.study import Study
+from experiments.reporting.study_new import FigureOf, Study, TableOf
 from experiments.reporting.text import size
 from experiments.studies.footprint.probe import WATCHED
 
-STUDY = Study(
-    "footprint",
-    "Footprint",
-    "How much memory does each scene and model take, and is what it does not need left out?",
-    order=13,
-)
 COLUMNS = {
     "first_prediction_s": Column("First prediction, s"),
     "torch_s": Column("of it importing torch, s"),
@@ -28,21 +23,11 @@ COLUMNS = {
 }
 
 
-@STUDY.table(
-    "footprint",
-    of="footprint",
-    title="Footprint of each scene and model. {machine}",
-    shown=("scene", "model", *COLUMNS, "status"),
-    columns=COLUMNS,
-    note="Every row is a process of its own: scene and model built, ten frames made and learnt, "
-    "one predicted. The sensor is simulated, the matrices of the fibre are measured.",
-)
 def footprint(
     rows: pd.DataFrame,
-    config: Mapping[str, Any],
 ) -> pd.DataFrame:
     """A row a process."""
-    return rows
+    return own_columns(rows)
 
 
 LOADED, LEFT_OUT, TOO_MUCH = "loaded", "left out", "not needed"
@@ -67,18 +52,8 @@ def matrix(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-@STUDY.table(
-    "footprint_left_out",
-    of="footprint",
-    key=("scene", "model"),
-    title="What each scene and model leaves out",
-    columns={module: Column(module, lambda found: _SIGNS[found]) for module in WATCHED},
-    note="A dot: the module is left out. Every row is a process of its own. A module that is "
-    "loaded and that neither the scene nor the model needs is a failure.",
-)
 def left_out(
     rows: pd.DataFrame,
-    config: Mapping[str, Any],
 ) -> pd.DataFrame:
     """A row a process."""
     return matrix(rows)
@@ -87,20 +62,9 @@ def left_out(
 _COLOURS = {LEFT_OUT: "#EEEEEE", LOADED: "#0072B2", TOO_MUCH: "#D55E00"}
 
 
-@STUDY.figure(
-    "footprint",
-    of="footprint",
-    size=(3.4, 3.2),
-    caption="Modules that one process loads to learn a scene and predict with HDC. "
-    "A column is a module that some part of the project needs. Right: peak memory.",
-    needs=lambda rows, config: bool(
-        ((rows.model == "hdc") & rows.loaded.notna()).any()
-    ),
-)
 def picture(
     figure: Figure,
     rows: pd.DataFrame,
-    config: Mapping[str, Any],
 ) -> None:
     """A row a scene, a column a module."""
     of_hdc = rows[(rows.model == "hdc") & rows.loaded.notna()]
@@ -127,3 +91,50 @@ def picture(
         if found in present
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
+
+
+STUDY = Study(
+    "footprint",
+    "Footprint",
+    "How much memory does each scene and model take, and is what it does not need left out?",
+    order=13,
+    tables=[
+        TableOf(
+            "footprint",
+            footprint,
+            of="footprint",
+            title="Footprint of each scene and model. {machine}",
+            shown=("scene", "model", *COLUMNS, "status"),
+            columns=COLUMNS,
+            note="Every row is a process of its own: scene and model built, ten frames made and "
+            "learnt, one predicted. The sensor is simulated, the matrices of the fibre are "
+            "measured.",
+        ),
+        TableOf(
+            "footprint_left_out",
+            left_out,
+            of="footprint",
+            key=("scene", "model"),
+            title="What each scene and model leaves out",
+            columns={
+                module: Column(module, lambda found: _SIGNS[found])
+                for module in WATCHED
+            },
+            note="A dot: the module is left out. Every row is a process of its own. A module "
+            "that is loaded and that neither the scene nor the model needs is a failure.",
+        ),
+    ],
+    figures=[
+        FigureOf(
+            "footprint",
+            picture,
+            of="footprint",
+            size=(3.4, 3.2),
+            caption="Modules that one process loads to learn a scene and predict with HDC. "
+            "A column is a module that some part of the project needs. Right: peak memory.",
+            needs=lambda rows: bool(
+                ((rows.model == "hdc") & rows.loaded.notna()).any()
+            ),
+        )
+    ],
+)

@@ -1,13 +1,16 @@
-"""Extreme inputs, error against run time, stiffness: each module registers its tables and figures,
-shown in this order."""
+"""Numbers at their limits: extreme inputs, error against run time, stiffness."""
 
-from experiments.studies.limits.stability import view as _stability  # noqa: F401
+from experiments.reporting.study_new import Study
+from experiments.studies.limits.numerics import view as numerics
+from experiments.studies.limits.stability import view as stability
+from experiments.studies.limits.stiffness import view as stiffness
 
-# isort: split
-from experiments.studies.limits.numerics import view as _numerics  # noqa: F401
-
-# isort: split
-from experiments.studies.limits.stiffness import view as _stiffness  # noqa: F401
-from experiments.studies.limits.study import STUDY
-
-__all__ = ["STUDY"]
+STUDY = Study(
+    "limits",
+    "Numbers at their limits",
+    "Where do the obvious formulas lose their digits, and do ours keep them? What would another "
+    "digit cost? Which learning rates are stable?",
+    order=9,
+    tables=[*stability.TABLES, *numerics.TABLES, *stiffness.TABLES],
+    figures=[*stability.FIGURES, *numerics.FIGURES],
+)

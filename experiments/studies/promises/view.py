@@ -1,10 +1,15 @@
-"""Values, label sets and probabilities: each module registers its tables and figures, shown in this
-order."""
+"""Values, label sets and probabilities: what is promised, and what holds."""
 
-from experiments.studies.promises.values import view as _values  # noqa: F401
+from experiments.reporting.study_new import Study
+from experiments.studies.promises.calibration import view as calibration
+from experiments.studies.promises.values import view as values
 
-# isort: split
-from experiments.studies.promises.calibration import view as _calibration  # noqa: F401
-from experiments.studies.promises.study import STUDY
-
-__all__ = ["STUDY"]
+STUDY = Study(
+    "promises",
+    "Promises",
+    "How near do the same hypervectors come in mm, µm or refractive index? How often do the "
+    "library's intervals, label sets, rejection and probabilities hold what they promise?",
+    order=2.8,
+    tables=[*values.TABLES, *calibration.TABLES],
+    figures=calibration.FIGURES,
+)

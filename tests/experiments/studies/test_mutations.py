@@ -172,7 +172,7 @@ def limits(monkeypatch):
         task = configs.task("stiffness") | {"seed": 0, "steps": 60, "epochs": 1}
         task |= {"penalty": 0.1, "exponents": [-4, -2, -1, 0, 2, 4]}
         rows = stiffness.stiffness.rows(Run(), **_arguments(task))
-        table = stiffness_view.limits(pd.DataFrame(rows), {})
+        table = stiffness_view.limits(pd.DataFrame(rows))
         return table[table.start == "optimum"].verdict.tolist()
 
     return run

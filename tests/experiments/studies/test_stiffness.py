@@ -15,7 +15,8 @@ from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.records.results import Results
 from experiments.studies.limits.stiffness import measure, softmax
-from experiments.studies.limits.stiffness.view import STUDY, crossing
+from experiments.studies.limits.stiffness.view import crossing
+from experiments.studies.limits.view import STUDY
 from scenes.frames import Frames
 
 pytestmark = pytest.mark.usefixtures("one_thread")

@@ -7,7 +7,7 @@ from sklearn.linear_model import RidgeCV
 
 from experiments.protocol.experiment import Run
 from experiments.records.results import Results
-from experiments.studies.promises.values import view
+from experiments.studies.promises import view
 from experiments.studies.promises.values.measure import coverage, ridge_values, values
 from scenes.frames import Frames
 

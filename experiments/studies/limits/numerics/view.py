@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
+from experiments.records.results import own_columns
 from experiments.reporting.columns import Column, milliseconds
 from experiments.reporting.curves import plain_decades
 from experiments.reporting.plot import panel
-from experiments.studies.limits.study import STUDY
+from experiments.reporting.study_new import FigureOf, TableOf
 
 # Half a unit in the last place of a correlation near one: smaller is drawn there.
 FLOOR = 2.0**-54
@@ -21,29 +21,11 @@ FLOOR = 2.0**-54
 COLOURS = {"float32": "#0072B2", "mixed": "#009E73", "float64": "#D55E00"}
 
 
-@STUDY.table(
-    "numerics",
-    of="numerics",
-    title="Error and time of phases and of mean correlations. {machine}",
-    columns={
-        "input": Column("Input"),
-        "method": Column("Method"),
-        "number": Column("Precision"),
-        "error": Column("Error"),
-        "tolerance": Column("Tolerance"),
-        "time_s": Column("CPU time, ms", milliseconds),
-        "verdict": Column("Verdict"),
-    },
-    note="Phases: the camera's frame of 62,856 paths, error in mean intensities. Precision: of the "
-    "phases; mixed: reduced modulo 2π in float64, the remainder in float32. Verdict: of what this "
-    "project uses; it holds if its error is within the tolerance.",
-)
 def table(
     rows: pd.DataFrame,
-    config: dict[str, Any],
 ) -> pd.DataFrame | None:
     """A row a method; None of records that judge nothing."""
-    return rows if "verdict" in rows else None
+    return own_columns(rows) if "verdict" in rows else None
 
 
 def _decade(text: str) -> str:
@@ -51,19 +33,9 @@ def _decade(text: str) -> str:
     return re.sub(r"1e\+0*(\d+)", r"$10^{\1}$", text)
 
 
-@STUDY.figure(
-    "numerics",
-    of="numerics",
-    caption="Error against CPU time, one thread: a frame by the phases of its paths (float32, "
-    "float64, or mixed: reduced modulo 2π in float64), and the mean correlation of a class (Eq. 4) "
-    "for two kinds of frames. Dashed: the tolerable error, the camera's read noise and half "
-    "of the last digit that the paper prints.",
-    size=(3.4, 5.2),
-)
 def error_against_time(
     figure: Figure,
     rows: pd.DataFrame,
-    config: dict[str, Any],
 ) -> None:
     """A panel an input: a colour a precision, a marker a method."""
     every = figure.subplots(rows["input"].nunique(), 1)
@@ -123,3 +95,37 @@ def error_against_time(
         axes.legend(
             handles=handles, loc="center left", bbox_to_anchor=(1, 0.5), handlelength=1
         )
+
+
+TABLES = [
+    TableOf(
+        "numerics",
+        table,
+        of="numerics",
+        title="Error and time of phases and of mean correlations. {machine}",
+        columns={
+            "input": Column("Input"),
+            "method": Column("Method"),
+            "number": Column("Precision"),
+            "error": Column("Error"),
+            "tolerance": Column("Tolerance"),
+            "time_s": Column("CPU time, ms", milliseconds),
+            "verdict": Column("Verdict"),
+        },
+        note="Phases: the camera's frame of 62,856 paths, error in mean intensities. Precision: "
+        "of the phases; mixed: reduced modulo 2π in float64, the remainder in float32. Verdict: "
+        "of what this project uses; it holds if its error is within the tolerance.",
+    )
+]
+FIGURES = [
+    FigureOf(
+        "numerics",
+        error_against_time,
+        of="numerics",
+        caption="Error against CPU time, one thread: a frame by the phases of its paths "
+        "(float32, float64, or mixed: reduced modulo 2π in float64), and the mean correlation of "
+        "a class (Eq. 4) for two kinds of frames. Dashed: the tolerable error, the camera's read "
+        "noise and half of the last digit that the paper prints.",
+        size=(3.4, 5.2),
+    )
+]

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from experiments.records.results import own_columns
 from experiments.reporting.columns import Column
 from experiments.reporting.plot import head
+from experiments.reporting.study_new import FigureOf, TableOf
 from experiments.reporting.text import number
-from experiments.studies.limits.study import STUDY
 
 
 def error(value: float) -> str:
@@ -33,42 +31,25 @@ COLUMNS = {
 }
 
 
-@STUDY.table(
-    "stability",
-    of="stability",
-    title="Numbers at their limits",
-    columns=COLUMNS,
-    note="The same input, computed the obvious way and ours, against an exact reference. A case "
-    "holds if our error is within the tolerance.",
-)
 def stability(
     rows: pd.DataFrame,
-    config: Mapping[str, Any],
 ) -> pd.DataFrame:
     """One row per case."""
+    return own_columns(rows)
+
+
+def _title(rows: pd.DataFrame) -> str:
     holding = (rows["verdict"] == "holds").sum()
-    rows.attrs["title"] = (
-        f"Numbers at their limits: {holding} of {len(rows)} cases hold"
-    )
-    return rows
+    return f"Numbers at their limits: {holding} of {len(rows)} cases hold"
 
 
 # Ends of the axis, where no error and no number are drawn: errors lie between.
 NONE, LOST = 1e-19, 1e19
 
 
-@STUDY.figure(
-    "stability",
-    of="stability",
-    size=(3.4, 6.0),
-    caption="Extreme input, a row a case: error against an exact reference in multiples of the "
-    "tolerance, computed the obvious way and ours. Left edge: no error; right edge: no number came "
-    "out. Ours holds left of the line.",
-)
 def at_their_limits(
     figure: Figure,
     rows: pd.DataFrame,
-    config: Mapping[str, Any],
 ) -> None:
     """Both errors of each case, on a logarithmic axis."""
     axes = figure.subplots()
@@ -100,3 +81,27 @@ def _of_tolerance(errors: pd.Series, tolerances: pd.Series) -> pd.Series:
     unit = tolerances.where(tolerances > 0, 1.0)
     shares = (errors / unit).clip(NONE, LOST)
     return shares.fillna(LOST)
+
+
+TABLES = [
+    TableOf(
+        "stability",
+        stability,
+        of="stability",
+        title=_title,
+        columns=COLUMNS,
+        note="The same input, computed the obvious way and ours, against an exact reference. A "
+        "case holds if our error is within the tolerance.",
+    )
+]
+FIGURES = [
+    FigureOf(
+        "stability",
+        at_their_limits,
+        of="stability",
+        size=(3.4, 6.0),
+        caption="Extreme input, a row a case: error against an exact reference in multiples of "
+        "the tolerance, computed the obvious way and ours. Left edge: no error; right edge: no "
+        "number came out. Ours holds left of the line.",
+    )
+]

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import pandas as pd
 
 from experiments.reporting import published
 from experiments.reporting.columns import Column
+from experiments.reporting.study_new import TableOf
 from experiments.reporting.text import number
-from experiments.studies.limits.study import STUDY
 
 SHARP = 1.2  # factor between the measured and the predicted limit, beyond which theory fails
 GROUP = ["pixels", "method", "start"]
@@ -30,20 +29,8 @@ COLUMNS = {
 }
 
 
-@STUDY.table(
-    "stiffness",
-    of="stiffness",
-    title="Largest stable learning rates of softmax regression, {frames}",
-    note="Predicted: 2/λ_max of the Hessian at the start, for SGD in batches of 20 of the mean "
-    "over minibatches. Measured: geometric mean of the two swept rates between which it begins. "
-    "Start “optimum”: of the penalised loss, slightly perturbed; there the limit holds if it is "
-    "within a factor of 1.2 of the prediction. From zero weights the prediction is of the first "
-    "steps; where the loss never exceeds its start, the last rate of the sweep is shown.",
-    columns=COLUMNS,
-)
 def limits(
     rows: pd.DataFrame,
-    config: dict[str, Any],
 ) -> pd.DataFrame:
     """One row a sweep: the predicted largest stable rate and the measured ones."""
     lines = []
@@ -81,3 +68,20 @@ def crossing(sweep: pd.DataFrame, name: str) -> float | str:
         return f"> {number(rates[-1])}"
     at = happens.index(True)
     return math.sqrt(rates[at - 1] * rates[at]) if at else f"< {number(rates[0])}"
+
+
+TABLES = [
+    TableOf(
+        "stiffness",
+        limits,
+        of="stiffness",
+        title="Largest stable learning rates of softmax regression, {frames}",
+        note="Predicted: 2/λ_max of the Hessian at the start, for SGD in batches of 20 of the "
+        "mean over minibatches. Measured: geometric mean of the two swept rates between which it "
+        "begins. Start “optimum”: of the penalised loss, slightly perturbed; there the limit "
+        "holds if it is within a factor of 1.2 of the prediction. From zero weights the "
+        "prediction is of the first steps; where the loss never exceeds its start, the last rate "
+        "of the sweep is shown.",
+        columns=COLUMNS,
+    )
+]

@@ -12,22 +12,17 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from experiments.records.measurement import Measured
-from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
 from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.measured import (
     ENDS,
-    by_scene,
-    commands_of,
     models_of,
     over_units,
 )
 from experiments.reporting.plot import LETTERS, literal, panel, style_of, wrapped
-from experiments.reporting.study import RUN
+from experiments.reporting.study_new import FigureOf, TableOf
 from experiments.reporting.text import percent, points
 from experiments.studies.promises.calibration.measure import STEPS
-from experiments.studies.promises.study import STUDY
 
 Shares = NDArray[np.float64]
 
@@ -48,11 +43,6 @@ COLUMNS = {
     "error": Column("Calibration error, points", points),
     "perfect": Column("that of perfect probabilities, points", points),
 }
-
-
-def measurements(results: Results) -> dict[str, Measured]:
-    """Finished measurements by the name of their scene."""
-    return by_scene(results, "calibration")
 
 
 def calibration_error(sure: Shares, right: NDArray[np.bool_]) -> float:
@@ -111,55 +101,27 @@ def summary(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
             yield line
 
 
-@STUDY.table(
-    "calibration",
-    title="How far probabilities of classes are from the share of right answers",
-    key=("recording", "split", "n", "model"),
-    note="Calibration error: the expected one, over ten bins of equal width (Guo et al., ICML "
-    "2017). By chance alone it is above zero: the last column has what it would be for perfect "
-    "probabilities of so many test frames. Probabilities are fitted to the training frames, each "
-    "scored as if it had not been learnt. As recorded: split by time, session or position. "
-    "Brackets: Student over sensors or input fields; of one camera or sensor, the central 95 % of "
-    "draws, none of fewer than ten.",
-)
-def table(results: Results) -> pd.DataFrame | None:
+def table(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each scene, split, n and model."""
-    found = measurements(results)
     lines = []
-    for scene, measured in found.items():
-        lines += [{"recording": scene, **line} for line in summary(measured.frame)]
-    if not lines:
-        return None
+    for scene, rows in frame.groupby("scene", sort=False):
+        lines += [{"recording": scene, **line} for line in summary(rows)]
     data = pd.DataFrame(lines)
-    data = data[[name + end for name in COLUMNS for end in ENDS if name + end in data]]
-    data.attrs["columns"] = COLUMNS
-    data.attrs["shown"] = list(COLUMNS)
-    data.attrs["commands"] = [f"{RUN}calibration scene={scene}" for scene in found]
-    return data
+    names = [name + end for name in COLUMNS for end in ENDS]
+    return data[[name for name in names if name in data]]
 
 
-@STUDY.figure(
-    "calibration",
-    caption="Share of right answers against their probability, after most training frames; a row "
-    "of panels a split, a column a recording. On the grey diagonal probabilities are perfect; "
-    "below it they promise too much. Points of fewer than "
-    f"{FEWEST} answers are left out.",
-    size=(7.0, 4.2),
-    needs=lambda results: bool(measurements(results)),
-    commands=lambda results: commands_of(measurements(results).values()),
-)
-def figure(figure: Figure, results: Results) -> None:
+def draw(figure: Figure, frame: pd.DataFrame) -> None:
     """A panel a scene and split, a line a model."""
-    shown = measurements(results)
-    frames = {scene: measured.frame for scene, measured in shown.items()}
-    splits = list(dict.fromkeys(s for rows in frames.values() for s in rows.split))
-    models = list(dict.fromkeys(m for rows in frames.values() for m in models_of(rows)))
+    frames = dict(list(frame.groupby("scene", sort=False)))
+    splits = list(frame.split.unique())
+    models = models_of(frame)
     looks = {model: _look(model, place) for place, model in enumerate(models)}
     panels = figure.subplots(
-        len(splits), len(shown), sharex=True, sharey=True, squeeze=False
+        len(splits), len(frames), sharex=True, sharey=True, squeeze=False
     )
     for axes, letter, scene in zip(panels[0], LETTERS, frames, strict=False):
-        panel(axes, letter, wrapped(scene_name(scene), 20))
+        panel(axes, letter, wrapped(scene_name(str(scene)), 20))
     for line, split in zip(panels, splits, strict=True):
         words = "as recorded" if split == "counts" else split
         line[0].set_ylabel(f"split {words}\nright (%)")
@@ -209,3 +171,34 @@ def _reliability(rows: pd.DataFrame) -> tuple[Shares, Shares]:
     x = np.bincount(place, sure, minlength=BINS)[kept] / counts[kept]
     y = np.bincount(place, right, minlength=BINS)[kept] / counts[kept]
     return 100 * x, 100 * y
+
+
+TABLES = [
+    TableOf(
+        "calibration",
+        table,
+        of="calibration",
+        title="How far probabilities of classes are from the share of right answers",
+        key=("recording", "split", "n", "model"),
+        note="Calibration error: the expected one, over ten bins of equal width (Guo et al., "
+        "ICML 2017). By chance alone it is above zero: the last column has what it would be for "
+        "perfect probabilities of so many test frames. Probabilities are fitted to the training "
+        "frames, each scored as if it had not been learnt. As recorded: split by time, session "
+        "or position. Brackets: Student over sensors or input fields; of one camera or sensor, "
+        "the central 95 % of draws, none of fewer than ten.",
+        columns=COLUMNS,
+        shown=tuple(COLUMNS),
+    )
+]
+FIGURES = [
+    FigureOf(
+        "calibration",
+        draw,
+        of="calibration",
+        caption="Share of right answers against their probability, after most training frames; "
+        "a row of panels a split, a column a recording. On the grey diagonal probabilities are "
+        f"perfect; below it they promise too much. Points of fewer than {FEWEST} answers are "
+        "left out.",
+        size=(7.0, 4.2),
+    )
+]

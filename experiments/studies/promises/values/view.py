@@ -7,12 +7,10 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.records.results import Results
 from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.measured import ENDS, over_units, place_of, saturated
-from experiments.reporting.study import RUN
+from experiments.reporting.measured import ENDS, over_units
+from experiments.reporting.study_new import TableOf
 from experiments.reporting.text import number, percent
-from experiments.studies.promises.study import STUDY
 
 COLUMNS = {
     "recording": Column("Frames", scene_name),
@@ -43,20 +41,17 @@ NOTE = (
 
 
 def measured(
-    results: Results, name: str
+    frame: pd.DataFrame, name: str
 ) -> Iterator[tuple[dict[str, str], pd.DataFrame]]:
     """Scene and answer of each measurement, and its rows."""
-    every = [m for m in results.measurements if m.record.name == name]
-    for measurement in sorted(
-        every, key=lambda m: (place_of(m.record.scene), m.record.scene)
-    ):
-        rows = measurement.frame
-        answer = "labels" if name == "coverage" else f"{rows.value[0]}, {rows.unit[0]}"
-        note = ", saturated" if saturated(measurement) else ""
-        yield (
-            {"recording": f"{measurement.record.scene}{note}", "answer": answer},
-            rows,
+    of_name = frame[frame.experiment == name]
+    for scene, rows in of_name.groupby("scene", sort=False):
+        first = rows.iloc[0]
+        answer = "labels" if name == "coverage" else f"{first.value}, {first.unit}"
+        note = (
+            ", saturated" if (first.config.get("scene") or {}).get("saturated") else ""
         )
+        yield {"recording": f"{scene}{note}", "answer": answer}, rows
 
 
 def means(
@@ -74,60 +69,36 @@ def means(
     return value.columns(name)
 
 
-def shown(lines: list[dict], results: Results, *names: str) -> pd.DataFrame | None:
-    """Rows of a table, and the commands that make them; None without any."""
-    if not lines:
-        return None
-    data = pd.DataFrame(lines)
+def shown(data: pd.DataFrame) -> list[str]:
+    """The columns that a table shows: those known, then models of the user's."""
     plain = [str(name) for name in data if not str(name).endswith(ENDS[1:])]
-    own = [name for name in plain if name not in COLUMNS]  # a model of the user's
-    data.attrs["shown"] = [*(name for name in COLUMNS if name in data), *own]
-    every = [m for m in results.measurements if m.record.name in names]
-    data.attrs["commands"] = sorted(
-        f"{RUN}{m.record.name} scene={m.record.scene}" for m in every
-    )
-    return data
+    own = [name for name in plain if name not in COLUMNS]
+    return [*(name for name in COLUMNS if name in data), *own]
 
 
-@STUDY.table(
-    "values",
-    title="Mean absolute error of predicted values",
-    key=("recording", "answer", "split", "n"),
-    columns=COLUMNS,
-    note="A prototype of a bin stands for the mean of the bin's training frames; ridge regression "
-    f"has the penalty of the least leave-one-out error. {NOTE}",
-)
-def errors(results: Results) -> pd.DataFrame | None:
+def errors(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each scene, split and number of training frames."""
     lines = []
-    for about, rows in measured(results, "values"):
+    for about, rows in measured(frame, "values"):
         for (split, n), part in rows.groupby(["split", "n"], sort=False):
             line = {**about, "split": split, "n": n}
             for model, of in part.groupby("model"):
                 line |= means(of, "error", str(model))
             lines.append(line)
-    return shown(lines, results, "values")
+    return pd.DataFrame(lines)
 
 
-@STUDY.table(
-    "coverage",
-    title="How often intervals, label sets and rejection hold",
-    columns=COLUMNS | {"n": Column("Training frames, of a class for labels")},
-    note="Labels: HDCClassifier.predict_set; a frame whose set is empty is refused. Values: the "
-    "intervals of HDCRegressor, for which 1 − 2·alpha is proven and 1 − alpha stands in the "
-    "column. Both are promised for frames that come as the training frames did, so for the "
-    f"random split. {NOTE}",
-)
-def coverage(results: Results) -> pd.DataFrame | None:
+def coverage(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each scene, answer, split and promise, after the most frames there are."""
     lines = []
-    for about, rows in measured(results, "coverage"):
+    for about, rows in measured(frame, "coverage"):
         lines += [{**about, **line} for line in _promises(_after_most(rows))]
-    for about, rows in measured(results, "values"):
+    for about, rows in measured(frame, "values"):
         rows = _after_most(rows[rows.model == "regressor"])
-        renamed = rows.rename(columns={"width": "size"})
+        renamed = rows.drop(columns="size", errors="ignore")
+        renamed = renamed.rename(columns={"width": "size"})
         lines += [{**about, **line} for line in _promises(renamed)]
-    return shown(lines, results, "coverage", "values")
+    return pd.DataFrame(lines)
 
 
 def _after_most(rows: pd.DataFrame) -> pd.DataFrame:
@@ -139,7 +110,8 @@ def _promises(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     """A row for each split and promise; none where nothing was promised."""
     if not len(rows):
         return
-    columns = [column for column in PROMISED if column in rows]
+    known = rows.dropna(axis=1, how="all")
+    columns = [column for column in PROMISED if column in known]
     every = rows.explode(["alpha", *columns])
     for (split, alpha), part in every.groupby(["split", "alpha"], sort=False):
         line = {
@@ -153,20 +125,10 @@ def _promises(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
         yield line
 
 
-@STUDY.table(
-    "coverage_few",
-    title="Label sets after few frames: how often they hold the right label",
-    key=("recording", "n"),
-    columns=COLUMNS | {"n": Column("Training frames of a class")},
-    note="Random split, for which the promise is made. Asked for 80, 90 and 95 %: the share of "
-    "sets with the right label, and beside it the mean number of labels of a set. By definition "
-    "a class of one to three frames is in every set. Brackets: Student over sensors or input "
-    "fields; of one camera, the central 95 % of draws, none of fewer than ten.",
-)
-def coverage_few(results: Results) -> pd.DataFrame | None:
+def coverage_few(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each scene and number of frames; None of records of one number."""
     lines = []
-    for about, rows in measured(results, "coverage"):
+    for about, rows in measured(frame, "coverage"):
         if rows.n.nunique() < 2:
             continue
         for n, part in rows[rows.split == "random"].groupby("n"):
@@ -177,15 +139,12 @@ def coverage_few(results: Results) -> pd.DataFrame | None:
                     line[f"covered_{asked}{end}"] = promise[f"covered{end}"]
                 line[f"size_{asked}"] = promise["size"]
             lines.append(line)
-    table = shown(lines, results, "coverage")
-    if table is not None:
-        table.attrs["columns"] = COLUMNS | _of_promises(table)
-    return table
+    return pd.DataFrame(lines)
 
 
-def _of_promises(table: pd.DataFrame) -> dict[str, Column]:
+def _of_few(table: pd.DataFrame) -> dict[str, Column]:
     """How the columns of each promise are shown, and of the number of frames."""
-    found = {"n": Column("Training frames of a class")}
+    found = {**COLUMNS, "n": Column("Training frames of a class")}
     for name in map(str, table):
         kind, _, asked = name.partition("_")
         if not asked.isdigit():
@@ -195,3 +154,44 @@ def _of_promises(table: pd.DataFrame) -> dict[str, Column]:
         else:
             found[name] = Column(f"Labels of a set, {asked} %", number)
     return found
+
+
+TABLES = [
+    TableOf(
+        "values",
+        errors,
+        of="values",
+        title="Mean absolute error of predicted values",
+        key=("recording", "answer", "split", "n"),
+        columns=COLUMNS,
+        note="A prototype of a bin stands for the mean of the bin's training frames; ridge "
+        f"regression has the penalty of the least leave-one-out error. {NOTE}",
+        shown=shown,
+    ),
+    TableOf(
+        "coverage",
+        coverage,
+        of=("coverage", "values"),
+        title="How often intervals, label sets and rejection hold",
+        columns=COLUMNS | {"n": Column("Training frames, of a class for labels")},
+        note="Labels: HDCClassifier.predict_set; a frame whose set is empty is refused. Values: "
+        "the intervals of HDCRegressor, for which 1 − 2·alpha is proven and 1 − alpha stands in "
+        "the column. Both are promised for frames that come as the training frames did, so for "
+        f"the random split. {NOTE}",
+        shown=shown,
+    ),
+    TableOf(
+        "coverage_few",
+        coverage_few,
+        of="coverage",
+        title="Label sets after few frames: how often they hold the right label",
+        key=("recording", "n"),
+        columns=_of_few,
+        note="Random split, for which the promise is made. Asked for 80, 90 and 95 %: the share "
+        "of sets with the right label, and beside it the mean number of labels of a set. By "
+        "definition a class of one to three frames is in every set. Brackets: Student over "
+        "sensors or input fields; of one camera, the central 95 % of draws, none of fewer than "
+        "ten.",
+        shown=shown,
+    ),
+]
