@@ -26,17 +26,17 @@ from experiments.reporting.estimates import (
 from experiments.reporting.matrices import matrix
 from experiments.reporting.measured import matrices
 from experiments.reporting.plot import PAPER, panel, star
-from experiments.reporting.study import Quantity, Study
+from experiments.reporting.study_new import FigureOf, NumbersOf, Quantity, Study
 
-STUDY = Study(
-    "correlation",
-    "Correlations",
-    "How much more alike are the speckles, hypervectors and prototypes of one touch than of two? "
-    "Eqs. 4 to 6, Fig. 4.",
-    4,
-)
 PICTURES = ("speckle", "hypervector", "prototype")
+# Pixels of the pictures that are lit evenly: elsewhere the lamp's edge is the clearest pattern.
+EVEN = (slice(30, 90), slice(32, 92))
 SYMBOLS = {"speckle": "$C^s$", "hypervector": "$C^b$", "prototype": "$C^p$"}
+
+
+def own_frames(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows on the experiment's own scene, which is the paper's."""
+    return rows[~rows.elsewhere.astype(bool)]
 
 
 def mean_contrast(
@@ -49,10 +49,8 @@ def mean_contrast(
     return mean_interval([contrast(matrix) for matrix in values])
 
 
-@STUDY.quantities(of="correlation")
 def quantities(
     rows: pd.DataFrame,
-    config: Mapping[str, Any],
 ) -> Iterator[Quantity]:
     """Fig. 4: the largest C^s_ll and the contrasts ΔC, of all samples, as Eq. 4 has them."""
     training, held_out = (
@@ -77,22 +75,12 @@ def quantities(
         )
 
 
-@STUDY.figure(
-    "fig4_images",
-    of="correlation",
-    needs=lambda rows, config: "png" in rows,
-    size=(3.4, 2.5),
-    kind="webp",
-    caption="Speckle, hypervector and prototype of each class, on {frames} (Fig. 4(a)): the same "
-    "part of a frame in each row, white 1, black 0.",
-)
 def images(
     figure: Figure,
     rows: pd.DataFrame,
-    config: Mapping[str, Any],
 ) -> None:
     """The same part of a frame, its hypervector and the prototype, a column a class."""
-    rows = rows.dropna(subset="png")
+    rows = own_frames(rows).dropna(subset="png")
     pictures = list(rows.picture.unique())
     classes = list(rows["class"].unique())
     figure.set_layout_engine(
@@ -112,25 +100,15 @@ def images(
         place.set_ylabel(name, fontsize=6)
 
 
-@STUDY.figure(
-    "method",
-    of="correlation",
-    needs=lambda rows, config: "png" in rows,
-    size=(7.0, 1.75),
-    kind="webp",
-    caption="The method in four pictures, on {frames}, a part of a frame: a touch makes a speckle; "
-    "the pixels above the median of the frame are its hypervector; the majority of a class's "
-    "hypervectors is its prototype; the nearest prototype names the touch.",
-)
 def method(
     figure: Figure,
     rows: pd.DataFrame,
-    config: Mapping[str, Any],
 ) -> None:
     """Speckle, hypervector and prototype of the first class, and how far that hypervector is from
     the prototype of each class."""
-    rows = rows.dropna(subset="png")
-    seen = {(row["class"], row["picture"]): _image(row) for row in _lines(rows)}
+    rows = own_frames(rows).dropna(subset="png")
+    pictures = {(row["class"], row["picture"]): _image(row) for row in _lines(rows)}
+    seen = {key: image[EVEN] for key, image in pictures.items()}
     classes = list(rows["class"].unique())
     first = classes[0]
     panels = figure.subplots(1, 4)
@@ -171,20 +149,12 @@ def _show(axes: Axes, image: NDArray[np.float64], picture: str) -> None:
     axes.spines[:].set_visible(False)
 
 
-@STUDY.figure(
-    "fig4_correlations",
-    of="correlation",
-    size=(3.4, 3.9),
-    caption="Correlations within and between classes, on {frames}, mean over seeds (Fig. 4(b) to "
-    "(e)); (d) prototypes (rows) with held-out samples (columns); (e) 95 % intervals over seeds.",
-    needs=lambda rows, config: set(SYMBOLS) == set(rows.kind.dropna()),
-)
 def fig4(
     figure: Figure,
     rows: pd.DataFrame,
-    config: Mapping[str, Any],
 ) -> None:
     """The three correlation matrices, and their contrasts with the paper's."""
+    rows = own_frames(rows)
     panels = figure.subplots(2, 2).flat
     for axes, letter, kind in zip(panels, "bcd", SYMBOLS, strict=False):
         samples = "held-out" if kind == "prototype" else "all"
@@ -229,3 +199,52 @@ def _contrasts(axes: Axes, rows: pd.DataFrame) -> None:
     axes.set_ylim(0, 1.3 * axes.get_ylim()[1])
     axes.legend(handles=[star("paper")], loc="upper left", handlelength=1)
     panel(axes, "e", "contrast $ΔC$")
+
+
+def _has_pictures(rows: pd.DataFrame) -> bool:
+    own = own_frames(rows)
+    return "png" in own and bool(own.png.notna().any())
+
+
+STUDY = Study(
+    "correlation",
+    "Correlations",
+    "How much more alike are the speckles, hypervectors and prototypes of one touch than of two? "
+    "Eqs. 4 to 6, Fig. 4.",
+    4,
+    figures=[
+        FigureOf(
+            "fig4_images",
+            images,
+            of="correlation",
+            needs=_has_pictures,
+            size=(3.4, 2.5),
+            kind="webp",
+            caption="Speckle, hypervector and prototype of each class, on the scene of the paper "
+            "(Fig. 4(a)): the same part of a frame in each row, white 1, black 0.",
+        ),
+        FigureOf(
+            "method",
+            method,
+            of="correlation",
+            needs=_has_pictures,
+            size=(7.0, 1.75),
+            kind="webp",
+            caption="The method in four pictures, on the scene of the paper, a part of a frame: "
+            "a touch makes a speckle; the pixels above the median of the frame are its "
+            "hypervector; the majority of a class's hypervectors is its prototype; the nearest "
+            "prototype names the touch.",
+        ),
+        FigureOf(
+            "fig4_correlations",
+            fig4,
+            of="correlation",
+            size=(3.4, 3.9),
+            caption="Correlations within and between classes, on the scene of the paper, mean "
+            "over seeds (Fig. 4(b) to (e)); (d) prototypes (rows) with held-out samples "
+            "(columns); (e) 95 % intervals over seeds.",
+            needs=lambda rows: set(SYMBOLS) == set(own_frames(rows).kind.dropna()),
+        ),
+    ],
+    numbers=[NumbersOf(quantities, of="correlation")],
+)

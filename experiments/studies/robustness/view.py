@@ -13,20 +13,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from experiments.records import configs
-from experiments.reporting.columns import Column, display_name
+from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.curves import bars, errors
 from experiments.reporting.estimates import Estimate, mean_share
-from experiments.reporting.plot import handle, panel, style_of
-from experiments.reporting.study import Study
-from experiments.reporting.text import size
+from experiments.reporting.plot import handle, panel, style_of, wrapped
+from experiments.reporting.study_new import FigureOf, Study, TableOf
 
-STUDY = Study(
-    "robustness",
-    "Robustness",
-    "How much accuracy is left when the frames are disturbed after training, or bits of the stored "
-    "model flip? Does hyperdimensional computing tolerate the faults it is said to tolerate?",
-    9.5,
-)
 FLIPS = ("bit_flips", "bit_flips_int8", "query_flips")
 # Name of a disturbance, unit of its level, and the number of units in a level of 1.
 LEVELS = {
@@ -83,34 +75,24 @@ def _level(row: Mapping[str, Any]) -> str:
     )
 
 
-@STUDY.table(
-    "robustness",
-    of="robustness",
-    key=("disturbance", "level"),
-    title="Test accuracy, %, when something goes wrong after training, on {frames}",
-    columns={
-        "disturbance": Column("Disturbance", lambda name: LEVELS[name][0]),
-        "level": Column("Level", cell=_level),
-    },
-)
-def disturbed(
-    rows: pd.DataFrame,
-    config: Mapping[str, Any],
-) -> pd.DataFrame:
-    """Accuracy of each model, a column, under each disturbance."""
-    table = accuracies(rows)
-    models = list(rows.model.unique())
-    sizes = rows.groupby("model", sort=False).model_bytes.first()
-    stored = "; ".join(
-        f"{display_name(str(m))} {size(int(n))}" for m, n in sizes.items()
-    )
-    stops = config.get("stops", {})
-    early = [m for m in models if stops.get(m, {}).get("reached_after_s") is not None]
-    stopped = ", ".join(map(display_name, early)) or "none"
-    table.attrs["note"] = (
-        f"{NOTE} Stored: {stored}. Stopped at 90 % in training: {stopped}."
-    )
-    return table
+def disturbed(rows: pd.DataFrame) -> pd.DataFrame:
+    """Accuracy of each model, a column, under each disturbance on each scene."""
+    parts = []
+    for scene, of_scene in rows.groupby("scene", sort=False):
+        table = accuracies(of_scene)
+        table.insert(0, "scene", scene)
+        parts.append(table)
+    return pd.concat(parts, ignore_index=True)
+
+
+def _note(rows: pd.DataFrame) -> str:
+    """How to read the table, and which models were stopped at 90 % in training."""
+    early: dict[str, None] = {}
+    for config in rows.config.drop_duplicates().map(lambda config: config.get("stops")):
+        for model, stop in (config or {}).items():
+            if stop.get("reached_after_s") is not None:
+                early[display_name(model)] = None
+    return f"{NOTE} Stopped at 90 % in training: {', '.join(early) or 'none'}."
 
 
 # Panels of the figure: its disturbances with the line of each, its axis and its title.
@@ -128,49 +110,55 @@ _SHADES = ("#E8924F", "#7A3600")  # of models whose colour another has
 _LEAST = 0.05  # percent of flipped bits, where none is drawn
 
 
-@STUDY.figure(
-    "robustness",
-    of="robustness",
-    size=(3.4, 6.2),
-    needs=lambda rows, config: bool((rows.disturbance == "query_flips").any()),
-    caption="Accuracy that is left after flips of stored bits (dotted: weights of 32 bits; the "
-    "others of 8 bits or as packed), after flips of the bits that are asked, and after the camera "
-    "has moved, on {frames}. Left: undisturbed. Bars: lowest to highest seed of flips, 95 % "
-    "intervals of shifts.",
-)
-def curves(
-    figure: Figure,
-    rows: pd.DataFrame,
-    config: Mapping[str, Any],
-) -> None:
-    """A panel a fault, a line a model."""
-    table = accuracies(rows)
+def curves(figure: Figure, rows: pd.DataFrame) -> None:
+    """A row a scene, a column a fault, a line a model."""
+    scenes = dict(list(rows[_is_drawn(rows)].groupby("scene", sort=False)))
     models = [
         model
         for model in map(str, rows.model.unique())
         if configs.display(model)["group"] in _GROUPS
     ]
     shades = _shades_of(models)
-    every = figure.subplots(len(_PANELS), 1, sharey=True)
-    for axes, letter, (kinds, label, title) in zip(every, "abc", _PANELS, strict=True):
-        for kind in kinds:
-            for model in models:
-                _curve(axes, table, model, kind, shades[model])
-        if "shift" not in kinds:
-            axes.set_xscale("log")
-            axes.set_xticks([_LEAST, 0.1, 1, 10, 30], ["0", "0.1", "1", "10", "30"])
-            axes.set_xticks([], minor=True)
-            axes.set_xlim(_LEAST / 1.3, 40)
-        else:
-            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.axhline(
-            100 / rows.n_classes.iloc[0], color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0
-        )
-        axes.set(xlabel=label, ylabel="test accuracy (%)", ylim=(0, 103))
+    figure.set_size_inches(7.0, 0.9 + 1.35 * len(scenes))
+    grid = figure.subplots(len(scenes), len(_PANELS), sharey=True, squeeze=False)
+    for line, (scene, of_scene) in zip(grid, scenes.items(), strict=True):
+        table = accuracies(of_scene)
+        chance = 100 / of_scene.n_classes.iloc[0]
+        for axes, (kinds, _, _) in zip(line, _PANELS, strict=True):
+            for kind in kinds:
+                for model in models:
+                    if model in table:
+                        _curve(axes, table, model, kind, shades[model])
+            _axis(axes, "shift" in kinds)
+            axes.axhline(chance, color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0)
+        line[0].set_ylabel(f"{wrapped(scene_name(str(scene)), 22)}\naccuracy (%)")
+    for axes, letter, (_, label, title) in zip(grid[0], "abc", _PANELS, strict=True):
         panel(axes, letter, title)
+        figure.axes[-len(_PANELS) + "abc".index(letter)].set_xlabel(label)
     handles = [_handle(model, shades[model]) for model in models]
+    look: Any = {"color": "0.3", "lw": 0.9, "ls": ":"}
+    handles.append(Line2D([], [], label="dotted: weights of 32 bits", **look))
     handles.append(Line2D([], [], color="0.5", lw=0.8, ls=(0, (4, 3)), label="chance"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=2)
+    where: Any = {"loc": "outside lower center", "ncols": 4}
+    figure.legend(handles=handles, **where)
+
+
+def _is_drawn(rows: pd.DataFrame) -> pd.Series:
+    """Rows of scenes on which bits of the query were flipped."""
+    flipped = rows[rows.disturbance == "query_flips"].scene
+    return rows.scene.isin(flipped.unique())
+
+
+def _axis(axes: Axes, is_shift: bool) -> None:
+    """The axis of levels: pixels of a shift, percent of flipped bits."""
+    axes.set_ylim(0, 103)
+    if is_shift:
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        return
+    axes.set_xscale("log")
+    axes.set_xticks([_LEAST, 0.1, 1, 10, 30], ["0", "0.1", "1", "10", "30"])
+    axes.set_xticks([], minor=True)
+    axes.set_xlim(_LEAST / 1.3, 40)
 
 
 def _curve(
@@ -224,3 +212,39 @@ def _handle(model: str, shade: Mapping[str, Any]) -> Line2D:
 def _kinds_of(table: pd.DataFrame, model: str) -> set[str]:
     """Disturbances that a model was measured under."""
     return set(table[table[model].notna()].disturbance)
+
+
+STUDY = Study(
+    "robustness",
+    "Robustness",
+    "How much accuracy is left when the frames are disturbed after training, or bits of the stored "
+    "model flip? Does hyperdimensional computing tolerate the faults it is said to tolerate?",
+    9.5,
+    tables=[
+        TableOf(
+            "robustness",
+            disturbed,
+            of="robustness",
+            key=("scene", "disturbance", "level"),
+            title="Test accuracy, %, when something goes wrong after training",
+            columns={
+                "scene": Column("Scene", scene_name),
+                "disturbance": Column("Disturbance", lambda name: LEVELS[name][0]),
+                "level": Column("Level", cell=_level),
+            },
+            note=_note,
+        )
+    ],
+    figures=[
+        FigureOf(
+            "robustness",
+            curves,
+            of="robustness",
+            needs=lambda rows: bool(_is_drawn(rows).any()),
+            caption="Accuracy that is left, a row a scene: after flips of stored bits (dotted: "
+            "weights of 32 bits; the others of 8 bits or as packed), after flips of bits of the "
+            "query, and after the camera has moved. Left: undisturbed. Bars: lowest to highest "
+            "seed of flips, 95 % intervals of shifts.",
+        )
+    ],
+)

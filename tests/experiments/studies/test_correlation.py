@@ -203,7 +203,7 @@ def test_contrasts_are_means_over_seeds():
         for seed in (0, 1) for kind in ("speckle", "hypervector", "prototype")
         for part in ("training", "held-out", "all") for a in "AB" for b in "AB"
     ])  # fmt: skip
-    numbers = {quantity.name: quantity for quantity in view.quantities(rows, {})}
+    numbers = {quantity.name: quantity for quantity in view.quantities(rows)}
     assert numbers["correlation/max_same_class_speckle"].value == pytest.approx(0.25)
     contrast = numbers["correlation/contrast_prototype"]
     # ΔC is 0.1 and 0.2; t(0.975, 1)·0.0707·√1.5 = 1.1

@@ -300,11 +300,11 @@ def test_accuracies_are_means_over_seeds_and_draws():
         for method, p, n, right in (("stored", None, 0, (30, 30)), ("new", None, 50, (80, 83)),
                                     ("replace", 0.5, 50, (90, 94)))
     ])  # fmt: skip
-    table = view.recalibration(rows, {}).set_index("update")
+    table = view.recalibration(rows).set_index("update")
     assert table.loc["bits replaced, p = 0.5", "new_50"] == pytest.approx(0.92)
     assert table.loc["new samples alone", "new_50"] == pytest.approx(0.815)
     assert table.loc["not updated", "new_5"] == pytest.approx(0.3)
-    stored, recovered = view.quantities(rows, {})
+    stored, recovered = view.quantities(rows)
     assert (stored.value, stored.n, stored.seeds) == (pytest.approx(30), 20_000, 2)
     assert recovered.value == pytest.approx(92)
 
