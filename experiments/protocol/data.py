@@ -1,4 +1,4 @@
-"""From a config to a scene, and on to the frames of a run: split, memory, disk cache."""
+"""From a config to a scene, and on to the frames of a run: pixels, memory, disk cache."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import hashlib
 import math
 import os
 import platform
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,6 @@ from typing import Any
 import numpy as np
 import torch
 from filelock import FileLock
-from omegaconf import OmegaConf
 from rich.console import Console
 from rich.progress import Progress
 from torch import Tensor
@@ -26,19 +24,10 @@ from experiments.records.configs import SEEDS
 from experiments.records.environment import changes
 from experiments.records.files import results_dir
 from scenes.frames import Scene
-from scenes.split import (
-    KINDS,
-    by_session,
-    learning_curve_subsets,
-    neighbours_leak,
-    split,
-)
 
 # More frames than this are read while the model asks for them.
 IN_MEMORY_BYTES = 512 * 2**20
 _BATCH = 16
-# Share of test frames beside a training frame, above which a user is warned.
-_LEAK = 0.5
 
 
 def at_seed(config: Any, seed: int) -> Any:
@@ -57,7 +46,7 @@ def scene_at(
     console: Console,
 ) -> Scene:
     """The scene of a resolved config at a seed of sensor and samples, cached where asked for."""
-    scene: Scene = instantiate(OmegaConf.create(at_seed(dict(config), seed)), "scene")
+    scene: Scene = instantiate(at_seed(config, seed), "scene")
     if not cache:
         return scene
     return cached(scene, results_dir() / "cache", console)
@@ -223,97 +212,6 @@ class PixelSubset(DerivedScene):
     def frames(self, indices: Any) -> Tensor:
         pixels = self._scene.frames(indices).flatten(1)
         return pixels[:, torch.from_numpy(self._chosen)].unsqueeze(1)
-
-
-def choose(
-    scene: Scene,
-    cfg: Any,
-    seed: int,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Training and test indices as the ``split`` part of the config says.
-
-    Warns:
-        UserWarning: if most test frames of a recording stand next to a training frame of their
-            class, of which they are nearly copies.
-
-    Raises:
-        ValueError: naming the key of a value that does not fit.
-    """
-    kinds, kind = (*KINDS, "grouped", "session"), cfg["kind"]
-    if kind not in kinds:
-        expected = ", ".join(kinds)
-        raise ValueError(f"split.kind: expected one of {expected}, found {kind!r}")
-    if kind == "session":
-        train, test = _across_sessions(scene, cfg, seed)
-    else:
-        train, test = _within_first_session(scene, cfg, seed)
-    if scene.origin == "recorded" and kind == "random":
-        _warn_of_neighbours(scene, train, test)
-    n = cfg["n_train"]
-    if n is None:
-        return train, test
-    try:
-        return learning_curve_subsets(train, scene.labels, [n], seed)[n], test
-    except ValueError as error:
-        text = str(error).replace("split.sizes", "split.n_train")
-        raise ValueError(text) from error
-
-
-def _sessions(scene: Scene) -> np.ndarray:
-    """Session of each sample, int64 [N]."""
-    return scene.samples.get("session", np.zeros(len(scene.labels), np.int64))
-
-
-def _across_sessions(
-    scene: Scene, cfg: Any, seed: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Training samples of the first session, as a random split has them; the last one tests."""
-    sessions = _sessions(scene)
-    first, test = by_session(sessions, *np.unique(sessions)[[0, -1]].tolist())
-    train, _ = split(
-        scene.labels[first],
-        test_fraction=cfg["test_fraction"],
-        seed=seed,
-    )
-    return first[train], test
-
-
-def _within_first_session(
-    scene: Scene, cfg: Any, seed: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """A scene of several sessions trains and tests within the first, unless the split crosses
-    them."""
-    kind, group = cfg["kind"], cfg.get("group")
-    if kind == "grouped" and group not in scene.samples:
-        expected = ", ".join(scene.samples)
-        raise ValueError(f"split.group: expected one of {expected}, found {group!r}")
-    sessions = _sessions(scene)
-    first = np.flatnonzero(sessions == sessions.min())
-    train, test = split(
-        scene.labels[first],
-        test_fraction=cfg["test_fraction"],
-        kind=kind,
-        seed=seed,
-        order=scene.samples["order"][first],
-        groups=scene.samples[group][first] if kind == "grouped" else None,
-    )
-    return first[train], first[test]
-
-
-def _warn_of_neighbours(
-    scene: Scene,
-    train: np.ndarray,
-    test: np.ndarray,
-) -> None:
-    order = scene.samples["order"]
-    leak = neighbours_leak(scene.labels, order, train, test, _sessions(scene))
-    if leak > _LEAK:
-        warnings.warn(
-            f"split.kind=random: {leak:.0%} of the test frames stand next to a training frame "
-            "of their class in time, of which they may be copies; split.kind=ordered tests on "
-            "later ones",
-            stacklevel=3,
-        )
 
 
 def take(

@@ -1,9 +1,8 @@
-"""What a model says after it was trained on a subset of frames: every study asks the model."""
+"""Train a model on part of a bank of frames, and return its predictions for others."""
 
 from __future__ import annotations
 
 import copy
-from typing import Any
 
 import numpy as np
 import torch
@@ -11,7 +10,7 @@ import torch
 from experiments.protocol.clock import Clock
 from experiments.protocol.model import Model
 from experiments.protocol.stop import StopRule
-from experiments.protocol.trial import reports
+from experiments.protocol.trial import Report, train
 from hdc.accuracy import accuracy
 from hdc.bank import Bank
 from hdc.inputs import FrameSource
@@ -84,13 +83,12 @@ def train_until(
 ) -> str:
     """Train a model until the rule ends it, and name the reason, one of
     :data:`experiments.protocol.stop.NAMES`; test samples have no say."""
-    clock = Clock()
-    for row in reports(model, type(model).__name__, frames, labels, clock):
-        loss: Any = row.get("loss")
-        share = 0.0
-        if loss is not None and stop.reached_after_s is not None:
-            share = accuracy(model.predict(frames), labels)
-        reason = stop.check(row["training_s"], row.get("steps", 0), loss, share)
-        if reason is not None:
-            return reason
-    return "finished"
+
+    def test(report: Report, at_end: bool) -> Report | None:
+        if at_end or stop.reached_after_s is None or "loss" not in report:
+            return None
+        return {"train_accuracy": accuracy(model.predict(frames), labels)}
+
+    name = type(model).__name__
+    *_, trial = train(model, name, frames, labels, stop, Clock(), test)
+    return trial.stop or ""

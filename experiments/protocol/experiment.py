@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import functools
 import inspect
+import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from omegaconf import OmegaConf
+import msgspec
 from rich.console import Console
 
 from experiments.protocol import data
 from experiments.protocol.model import instantiate
+from experiments.protocol.settings import checked
 from experiments.records import configs, measurement
 from experiments.records.measurement import measure
 from experiments.records.rows import Row
@@ -95,8 +97,9 @@ def experiment(
     """Make a Hydra task of a generator of rows; its arguments, defaults included, are its identity.
 
     The task takes ``name``, ``scene_name``, ``device``, ``cache`` and ``force`` from the runner,
-    binds the other arguments to those of the generator, and writes the rows (:func:`measure`). The
-    generator itself is its attribute ``rows``.
+    binds the other arguments to those of the generator, and writes the rows (:func:`measure`). Its
+    attribute ``rows`` makes them alone. An argument that is annotated as a typed part of a config
+    (:mod:`experiments.protocol.settings`), or a mapping of such, is checked and handed on as that.
 
     Args:
         rows: the generator; its first argument is the :class:`Run`.
@@ -119,6 +122,9 @@ def experiment(
         )
     signature = inspect.signature(rows)
 
+    def typed_rows(run: Run, **arguments: Any) -> Iterator[Row]:
+        return rows(run, **_typed(rows, arguments))
+
     @functools.wraps(rows)
     def task(
         *,
@@ -136,7 +142,7 @@ def experiment(
         return measure(
             run.name,
             config,
-            functools.partial(rows, run, **arguments),
+            functools.partial(typed_rows, run, **arguments),
             scene=scene_name if "scene" in arguments else "",
             data=data,
             changed=_changed(name, arguments),
@@ -145,7 +151,7 @@ def experiment(
             console=run.console,
         )
 
-    task.rows = rows  # type: ignore[attr-defined]
+    task.rows = typed_rows  # type: ignore[attr-defined]
     task.revision = revision  # type: ignore[attr-defined]
     task.timed = timed  # type: ignore[attr-defined]
     task.own_memory = own_memory  # type: ignore[attr-defined]
@@ -170,6 +176,29 @@ def _bound(
     return without_display
 
 
+def _typed(rows: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of a generator, those annotated as structs made so.
+
+    Raises:
+        ValueError: naming the key of a value that is wrong.
+    """
+    hints = typing.get_type_hints(rows)
+    found = dict(arguments)
+    for name, value in arguments.items():
+        kind = hints.get(name)
+        of_values = (typing.get_args(kind) or (None,))[-1]
+        if _is_struct(kind) and isinstance(value, Mapping):
+            found[name] = checked(value, kind, name)
+        elif _is_struct(of_values) and isinstance(value, Mapping):
+            parts = value.items()
+            found[name] = {k: checked(v, of_values, f"{name}.{k}") for k, v in parts}
+    return found
+
+
+def _is_struct(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
+
+
 def _changed(
     name: str | None,
     arguments: Mapping[str, Any],
@@ -189,7 +218,7 @@ def _data_of(arguments: Mapping[str, Any]) -> str:
             continue
         target = value.get("_target_", "")
         if target.startswith("scenes.") and not target.startswith(_DRAWN):
-            scene = instantiate(OmegaConf.create(dict(value)), key)
+            scene = instantiate(value, key)
             if hasattr(scene, "fingerprint"):
                 digests.append(scene.fingerprint())
     return " ".join(digests)

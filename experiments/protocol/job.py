@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
 import torch
-from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 
 from experiments.protocol import machine
 from experiments.protocol.model import instantiate
-from experiments.protocol.settings import Settings, check_arguments, checked, leaves
-from experiments.protocol.trial import train_and_test
+from experiments.protocol.settings import Settings, settings_of
+from experiments.protocol.train_test import train_and_test
+from experiments.protocol.trial import Trial
 from experiments.records import configs, locks, steps
 from experiments.records import record as records
 from experiments.records.environment import command, environment
@@ -33,51 +33,19 @@ _NO_CHANGE = (
 )
 
 
-def check(cfg: DictConfig) -> None:
-    """Refuse what can be known to be wrong before anything is built.
-
-    Raises:
-        ValueError: naming the key, what was expected and what was found.
-    """
-    missing = ", ".join(sorted(OmegaConf.missing_keys(cfg)))
-    if missing:
-        raise ValueError(f"{missing}: expected a value, found none")
-    config: Any = OmegaConf.to_container(cfg, resolve=True)
-    for key, value in leaves(config):
-        if value != value:  # only nan is unlike itself
-            raise ValueError(f"{key}: expected a number, found nan")
-    checked(config, Settings)
-    for group in ("scene", "model"):
-        check_arguments(config.get(group), group)
-    for key in ("device", "model.device"):
-        _check_device(key, OmegaConf.select(cfg, key, default="cpu"))
-
-
-def _check_device(key: str, name: Any) -> None:
-    try:
-        torch.empty(0, device=torch.device(name)).cpu()
-    # Torch raises each of these: of no name, an unknown device, one that is lacking, "meta".
-    except (RuntimeError, AssertionError, NotImplementedError, TypeError) as error:
-        gpus = [f"cuda:{k}" for k in range(torch.cuda.device_count())]
-        there = ", ".join(["cpu", *gpus])
-        raise ValueError(f"{key}: expected one of {there}, found {name!r}") from error
-
-
 def run(
-    cfg: DictConfig,
+    config: Mapping[str, Any],
     choices: Mapping[str, str | None],
     overrides: Sequence[str],
     console: Console,
-    about: str = "",
 ) -> tuple[Finished, bool]:
     """Carry out one run, or find that it is finished.
 
     Args:
-        cfg: the composed config.
+        config: the whole, resolved.
         choices: which file of each group it was composed from, for names.
         overrides: what was set on the command line, for the record.
         console: shows the progress.
-        about: what stands before it.
 
     Returns:
         tuple: the record, and whether it was there already.
@@ -86,13 +54,11 @@ def run(
         locks.Held: if another process is at it.
         ValueError: if the config is wrong; the key is named.
     """
-    check(cfg)
-    config: Any = OmegaConf.to_container(cfg, resolve=True)
+    settings = settings_of(config)
     displays = {key: config.get(key) or {} for key in ("display", "scene_display")}
-    for key in records.NOT_IDENTITY:
-        config.pop(key, None)
+    config = {k: v for k, v in config.items() if k not in records.NOT_IDENTITY}
     config["threads"] = torch.get_num_threads()
-    scene: Scene = instantiate(cfg.scene, "scene")
+    scene: Scene = instantiate(settings.scene, "scene")
     data = scene.fingerprint()
     names = {key: choices.get(key) or "custom" for key in _OF_FILES}
     identity = records.run_id(names["scene"], names["model"], config, data)
@@ -117,24 +83,26 @@ def run(
         },
     }
     folder = results_dir()
-    known = _finished(folder, identity, cfg.force)
+    known = _finished(folder, identity, settings.force)
     if known is not None:
         return known, True
     with locks.held(folder / "cache" / "locks" / identity, identity):
         # Another process may have finished it since.
-        known = _finished(folder, identity, cfg.force, console)
+        known = _finished(folder, identity, settings.force, console)
         if known is not None:
             return known, True
         entry["revisions"] = revisions(config)
         entry["changed"] = changed_keys(config, choices, overrides)
         libraries_of = machine.libraries(config["model"], config["threads"])
-        with exclusive(cfg, console), libraries_of as libraries:
+        with exclusive(settings, console), libraries_of as libraries:
             entry["environment"] = {
-                **environment(cfg.device, config["threads"]),
-                "exclusive": cfg.exclusive,
+                **environment(settings.device, config["threads"]),
+                "exclusive": settings.exclusive,
                 "libraries": libraries,
             }
-            _carry_out(cfg, scene, entry, folder, console, about)
+            cache = folder / "cache" if settings.cache else None
+            trials = train_and_test(settings, scene, names["model"], cache, console)
+            _carry_out(trials, entry, folder)
     done = records.find(folder, identity)
     assert done is not None
     return done, False
@@ -209,9 +177,9 @@ def _changed_of(
     return configs.differences(ours, configs.without(same, of_files))
 
 
-def exclusive(cfg: DictConfig, console: Console) -> AbstractContextManager[None]:
+def exclusive(settings: Settings, console: Console) -> AbstractContextManager[None]:
     """The machine to oneself, unless the config says otherwise."""
-    if not cfg.exclusive:
+    if not settings.exclusive:
         return nullcontext()
     n = torch.get_num_threads()
 
@@ -219,36 +187,34 @@ def exclusive(cfg: DictConfig, console: Console) -> AbstractContextManager[None]
         text = f"waiting for {n} free cores: another run is timed (exclusive=false runs beside it)"
         console.print(text, style="yellow", soft_wrap=True)
 
-    return machine.held(n, cfg.device, waiting)
+    return machine.held(n, settings.device, waiting)
 
 
 def _carry_out(
-    cfg: DictConfig,
-    scene: Scene,
+    trials: Iterator[Trial],
     entry: dict[str, Any],
     folder: Path,
-    console: Console,
-    about: str,
 ) -> None:
-    """Train and test, and add the record; a run that fails is recorded with its error."""
-    curve: records.Curve = []
+    """Carry out a trial and add its record; one that breaks off is recorded as far as it came."""
+    trial = Trial()
     # A record that cannot be written is found before the training.
-    records.to_line(entry, curve)
+    records.to_line(entry, [])
     try:
-        cache = folder / "cache" if cfg.cache else None
-        choices = entry["choices"]
-        train_and_test(cfg, scene, choices, curve, entry, cache, console, about)
-        entry["status"] = "finished"
-        _check_labels(entry["predicted"], len(scene.classes))
+        for reached in trials:
+            trial = reached
+        _check_labels(trial.results()["predicted"], len(entry["scene"]["classes"]))
     except BaseException as error:
-        entry["status"] = "failed" if isinstance(error, Exception) else "interrupted"
+        status = "failed" if isinstance(error, Exception) else "interrupted"
         text = "".join(traceback.format_exception_only(error)).strip()
-        entry["error"] = text[:_ERROR_CHARACTERS]
+        ended = {"status": status, "error": text[:_ERROR_CHARACTERS]}
         # On a full disk, or with labels that are none, the first error is the one to see.
         with suppress(OSError, TypeError):
-            records.append(folder, entry, curve)
+            records.append(
+                folder, {**entry, **trial.results(), **ended}, list(trial.curve)
+            )
         raise
-    records.append(folder, entry, curve)
+    ended = {"status": "finished"}
+    records.append(folder, {**entry, **trial.results(), **ended}, list(trial.curve))
 
 
 def _check_labels(predicted: Sequence[int], classes: int) -> None:

@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import hydra
 import numpy as np
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import OmegaConf
 from torch import Tensor
 
 from hdc.inputs import FrameSource
@@ -56,10 +56,11 @@ def check_model(model: Any) -> None:
         )
 
 
-def instantiate(node: DictConfig, key: str) -> Any:
-    """Build an object of the config; its own error gets the key in front of its message."""
+def instantiate(config: Mapping[str, Any], key: str) -> Any:
+    """Build the object of a resolved part of a config; its own error gets the key in front."""
+    whole = OmegaConf.create({key: dict(config)})  # Hydra's errors have the whole key
     try:
-        return hydra.utils.instantiate(node, _convert_="all")
+        return hydra.utils.instantiate(whole[key], _convert_="all")
     except hydra.errors.InstantiationException as error:
         cause = error.__cause__
         if not isinstance(cause, ValueError | TypeError | OSError):
@@ -78,7 +79,7 @@ def models_of(configs: Mapping[str, Any]) -> dict[str, Any]:
     """
     models = {}
     for name, part in configs.items():
-        model = instantiate(OmegaConf.create(part["model"]), "model")
+        model = instantiate(part["model"], "model")
         try:
             check_model(model)
         except ValueError as error:

@@ -1,4 +1,4 @@
-"""Types of what a config says beside scene and model; a wrong value is named by its key."""
+"""A config in typed parts: resolved once, at the door; a wrong value is named by its key."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, TypeVar
 
 import msgspec
+import torch
 from msgspec import Meta
+from omegaconf import DictConfig, OmegaConf
 
 from experiments.protocol.stop import StopRule
 
@@ -34,7 +36,7 @@ Seed = Annotated[
 ]
 
 
-class Seeds(msgspec.Struct):
+class Seeds(msgspec.Struct, frozen=True):
     """``seed``: one for each thing that is drawn."""
 
     run: Seed
@@ -45,7 +47,7 @@ class Seeds(msgspec.Struct):
     init: Seed
 
 
-class Split(msgspec.Struct):
+class Split(msgspec.Struct, frozen=True):
     """``split``: which samples train and which test; the scene's labels limit the numbers."""
 
     kind: str
@@ -54,14 +56,14 @@ class Split(msgspec.Struct):
     n_train: int | None = None
 
 
-class Data(msgspec.Struct):
+class Data(msgspec.Struct, frozen=True):
     """``data``: how many pixels are seen."""
 
     pixels: int | None = None
 
 
-class Settings(msgspec.Struct):
-    """Everything of a config that is the same for every scene and model."""
+class Settings(msgspec.Struct, frozen=True):
+    """A config: what is the same for every scene and model is typed, the others are plain."""
 
     seed: Seeds
     split: Split
@@ -70,6 +72,39 @@ class Settings(msgspec.Struct):
     exclusive: bool
     cache: bool
     force: bool
+    scene: dict[str, Any]
+    model: dict[str, Any]
+    device: Any = "cpu"
+    threads: Any = None
+    task: dict[str, Any] | None = None
+
+
+def resolved(cfg: DictConfig) -> dict[str, Any]:
+    """A composed config as plain values.
+
+    Raises:
+        ValueError: naming the keys that have no value.
+    """
+    missing = ", ".join(sorted(OmegaConf.missing_keys(cfg)))
+    if missing:
+        raise ValueError(f"{missing}: expected a value, found none")
+    values: Any = OmegaConf.to_container(cfg, resolve=True)
+    return values
+
+
+def settings_of(config: Mapping[str, Any]) -> Settings:
+    """A resolved config in typed parts, refused where it can be known to be wrong before anything
+    is built.
+
+    Raises:
+        ValueError: naming the key, what was expected and what was found.
+    """
+    settings = checked(config, Settings)
+    for group in ("scene", "model"):
+        _check_arguments(config[group], group)
+    _check_device("device", settings.device)
+    _check_device("model.device", settings.model.get("device", "cpu"))
+    return settings
 
 
 def checked(
@@ -87,9 +122,9 @@ def checked(
     Raises:
         ValueError: naming the key that is wrong, what was expected and what was found.
     """
-    for place, value in leaves(values, key):
+    for name, value in _leaves(values, key):
         if isinstance(value, float) and math.isnan(value):
-            raise ValueError(f"{place}: expected a number, found nan")
+            raise ValueError(f"{name}: expected a number, found nan")
     try:
         return msgspec.convert(values, kind)
     except msgspec.ValidationError as error:
@@ -103,8 +138,8 @@ def _message(
     key: str,
 ) -> str:
     """An error of msgspec, ``Expected `int` >= 0 - at `$.run```, in our words."""
-    problem, _, place = text.partition(" - at `$")
-    for name in place.strip(".`").split("."):
+    problem, _, path = text.partition(" - at `$")
+    for name in path.strip(".`").split("."):
         if not name:
             continue
         key = f"{key}.{name}".lstrip(".")
@@ -133,7 +168,17 @@ def _said(value: Any) -> str:
     return "null" if value is None else repr(value)
 
 
-def check_arguments(config: Any, key: str) -> None:
+def _check_device(key: str, name: Any) -> None:
+    try:
+        torch.empty(0, device=torch.device(name)).cpu()
+    # Torch raises each of these: of no name, an unknown device, one that is lacking, "meta".
+    except (RuntimeError, AssertionError, NotImplementedError, TypeError) as error:
+        gpus = [f"cuda:{k}" for k in range(torch.cuda.device_count())]
+        there = ", ".join(["cpu", *gpus])
+        raise ValueError(f"{key}: expected one of {there}, found {name!r}") from error
+
+
+def _check_arguments(config: Any, key: str) -> None:
     """Refuse a text where what a ``_target_`` names takes a number: models fail of it late, or not.
 
     Raises:
@@ -144,7 +189,7 @@ def check_arguments(config: Any, key: str) -> None:
         for name, value in config.items():
             if isinstance(value, str) and name in kinds:
                 _check_text(value, kinds[name], f"{key}.{name}")
-            check_arguments(value, f"{key}.{name}")
+            _check_arguments(value, f"{key}.{name}")
 
 
 def _argument_types(target: str) -> dict[str, Any]:
@@ -171,7 +216,7 @@ def _check_text(
         return
 
 
-def leaves(
+def _leaves(
     node: Any,
     key: str = "",
 ) -> Iterator[tuple[str, Any]]:
@@ -180,4 +225,4 @@ def leaves(
         yield key, node
         return
     for name, value in node.items():
-        yield from leaves(value, f"{key}.{name}".lstrip("."))
+        yield from _leaves(value, f"{key}.{name}".lstrip("."))

@@ -16,9 +16,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from experiments.protocol import data
 from experiments.protocol.correlations import CorrelationSums
 from experiments.protocol.experiment import Row, Run, experiment
+from experiments.protocol.settings import Split
+from experiments.protocol.splits import choose
 from hdc import bits
 from hdc.encoders import Median
 from hdc.prototypes import Counters
@@ -35,7 +36,7 @@ Sums = dict[str, dict[str, CorrelationSums]]  # by what is correlated and by par
 def correlation(
     run: Run,
     scene: Mapping[str, Any],
-    split: Mapping[str, Any],
+    split: Split,
     seeds: Sequence[int],
     kinds: Sequence[str] = KINDS,
     samples: Sequence[str] = SAMPLES,
@@ -61,7 +62,7 @@ def correlation(
 
 
 def pictures(
-    sensor: Scene, split: Mapping[str, Any], seed: int, crop: Sequence[int]
+    sensor: Scene, split: Split, seed: int, crop: Sequence[int]
 ) -> Iterator[Row]:
     """One row: the square ``crop`` (top, left, edge, in pixels) of a class, a PNG in base64
     (``png``). ``picture`` is the ``speckle`` or ``hypervector`` of its first training sample, or
@@ -88,7 +89,7 @@ def pictures(
 
 def correlations(
     scene: Scene,
-    split: Mapping[str, Any],
+    split: Split,
     seed: int,
     kinds: Sequence[str] = KINDS,
     samples: Sequence[str] = SAMPLES,
@@ -119,16 +120,14 @@ def correlations(
                 }
 
 
-def members_of(
-    scene: Scene, split: Mapping[str, Any], seed: int
-) -> dict[str, np.ndarray]:
+def members_of(scene: Scene, split: Split, seed: int) -> dict[str, np.ndarray]:
     """Sample indices [L, N_s] of the training and of the held-out part.
 
     Raises:
         ValueError: if classes have different numbers of samples, for which Eq. 4 is not defined.
     """
     members = {}
-    of_parts = data.choose(scene, split, seed)
+    of_parts = choose(scene, split, seed)
     for part, chosen in zip(PARTS, of_parts, strict=True):
         labels = scene.labels[chosen]
         by_class = [chosen[labels == c] for c in range(len(scene.classes))]

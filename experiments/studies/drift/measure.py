@@ -29,10 +29,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from baselines.linear import PenalisedClassifier
-from experiments.protocol import data
+from experiments.protocol import splits
 from experiments.protocol.evaluate import bank_of, evaluate
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import models_of
+from experiments.protocol.settings import Split
 from experiments.records.rows import pack_labels
 from experiments.studies.drift.zeroing import Unlabelled, untouched, zeroed
 from hdc import HDCClassifier
@@ -50,7 +51,7 @@ Update = tuple[str, float | None, np.ndarray]  # method, p, predicted labels
 def drift(
     run: Run,
     scene: Mapping[str, Any],
-    old_split: Mapping[str, Any],
+    old_split: Split,
     models: Mapping[str, Any],
     seeds: Sequence[int],
     n_test: int,
@@ -123,7 +124,7 @@ class Choice(NamedTuple):
 
 def choose(
     scene: Scene,
-    old_split: Mapping[str, Any],
+    old_split: Split,
     n_test: int,
     order: str,
     seed: int,
@@ -131,7 +132,7 @@ def choose(
     """The samples of a scene with sessions 0 and 1."""
     only = np.zeros(len(scene.labels), np.int64)
     _, second = by_session(scene.samples.get("session", only))
-    old, test_old = data.choose(scene, old_split, seed)
+    old, test_old = splits.choose(scene, old_split, seed)
     kind = "ordered" if order == "time" else "random"
     in_time = scene.samples["order"][second]
     pool, test = split(

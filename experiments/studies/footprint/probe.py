@@ -40,17 +40,19 @@ def main(
     from hydra import compose, initialize_config_dir
 
     from experiments.protocol.machine import peak_bytes
-    from experiments.protocol.trial import instantiate
+    from experiments.protocol.model import instantiate
+    from experiments.protocol.settings import resolved
     from experiments.records.configs import CONFIGS
 
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         cfg = compose("config", [f"scene={scene_name}", f"model={model_name}"])
     try:
-        scene = instantiate(cfg.scene, "scene")
+        config = resolved(cfg)
+        scene = instantiate(config["scene"], "scene")
     except (ValueError, OSError) as error:
         print(json.dumps({"status": f"skipped: {error}"}))
         return
-    model = instantiate(cfg.model, "model")
+    model = instantiate(config["model"], "model")
     # Spread over all sessions and classes.
     indices = np.linspace(0, len(scene.labels) - 1, int(frames)).astype(int)
     images = scene.frames(indices)

@@ -16,10 +16,8 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from omegaconf import OmegaConf
 
 from experiments.protocol.data import at_seed
-from experiments.protocol.draws import draw_split, nested
 from experiments.protocol.evaluate import (
     bank_of,
     evaluate,
@@ -28,8 +26,9 @@ from experiments.protocol.evaluate import (
 )
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model, models_of
+from experiments.protocol.settings import Split
+from experiments.protocol.splits import draw_split, nested
 from experiments.protocol.stop import StopRule
-from experiments.protocol.trial import stop_rule
 from experiments.records.rows import pack_labels
 from hdc.bank import Bank
 from hdc.chosen import Chosen
@@ -60,7 +59,7 @@ class Asked(NamedTuple):
 def recordings(
     run: Run,
     scene: Mapping[str, Any],
-    splits: Mapping[str, Mapping[str, Any]],
+    splits: Mapping[str, Split],
     models: Mapping[str, Any],
     n_per_class: Sequence[int],
     draws: int = 20,
@@ -69,7 +68,7 @@ def recordings(
     limits: Mapping[str, Mapping[str, Any]] | None = None,
     fewer_draws: Mapping[str, int] | None = None,
     by_steps: Mapping[str, Any] | None = None,
-    stop: Mapping[str, Any] | None = None,
+    stop: StopRule = StopRule(),  # noqa: B008
     steps_draws: int = 3,
     steps_n: Sequence[int] = (),
 ) -> Iterator[Row]:
@@ -87,14 +86,13 @@ def recordings(
         ValueError: naming the key that is wrong.
     """
     asked = _limited(models, draws, limits or {})
-    rule = stop_rule(OmegaConf.create(dict(stop or {})))
     for name, model in models_of(at_seed(by_steps or {}, 0)).items():
         few = min(steps_draws, draws)
-        asked[name] = Asked(model, few, steps_n, ("counts",), rule)
+        asked[name] = Asked(model, few, steps_n, ("counts",), stop)
     for seed, recording in run.scenes(scene, seeds):
         bank = bank_of(recording, group=_group(splits))
-        for split, config in splits.items():
-            pool_of = partial(draw_split, recording, config, most_test=most_test)
+        for split, wanted in splits.items():
+            pool_of = partial(draw_split, recording, wanted, most_test=most_test)
             draw = partial(_draw, bank, pool_of, asked, n_per_class, split)
             for k in range(min(draws, (fewer_draws or {}).get(split, draws))):
                 place = {"seed": seed, "split": split, "draw": k}
@@ -131,11 +129,11 @@ def _limited(
     return asked
 
 
-def _group(splits: Mapping[str, Mapping[str, Any]]) -> str | None:
+def _group(splits: Mapping[str, Split]) -> str | None:
     """What frames share that a split keeps together, if one of them does."""
-    for config in splits.values():
-        if config["kind"] == "grouped":
-            return str(config["group"])
+    for wanted in splits.values():
+        if wanted.kind == "grouped":
+            return wanted.group
     return None
 
 
@@ -200,7 +198,7 @@ def _answer(asked: Asked, bank: Bank, train: np.ndarray, test: np.ndarray) -> An
 def recording_costs(
     run: Run,
     scene: Mapping[str, Any],
-    split: Mapping[str, Any],
+    split: Split,
     models: Mapping[str, Any],
     n_per_class: int = 50,
     queries: int = 100,

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from omegaconf import OmegaConf
 
 from experiments.protocol import data
 from experiments.protocol.clock import Clock
@@ -21,7 +20,9 @@ from experiments.protocol.data import at_seed
 from experiments.protocol.evaluate import train_until
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model, models_of
-from experiments.protocol.trial import stop_rule
+from experiments.protocol.settings import Split
+from experiments.protocol.splits import choose
+from experiments.protocol.stop import StopRule
 from experiments.studies.robustness import disturbances as faults
 from hdc import HDCClassifier
 from scenes.frames import Scene
@@ -31,10 +32,10 @@ from scenes.frames import Scene
 def robustness(
     run: Run,
     scene: Mapping[str, Any],
-    split: Mapping[str, Any],
+    split: Split,
     models: Mapping[str, Mapping[str, Any]],
-    stop: Mapping[str, Any],
-    stops: Mapping[str, Mapping[str, Any]],
+    stop: StopRule,
+    stops: Mapping[str, StopRule],
     seeds: Sequence[int],
     disturbances: Mapping[str, Sequence[float]],
     bit_error_rates: Sequence[float],
@@ -46,14 +47,12 @@ def robustness(
     ``level`` is that of the ``disturbance``, a fraction or pixels. Models are on the CPU.
     Arguments: configs/experiment/robustness.yaml.
     """
-    rules = {}
-    for name in models:
-        rules[name] = stop_rule(OmegaConf.create(dict(stops.get(name, stop))))
     for seed, sensor in run.scenes(scene, seeds):
-        train, test = data.choose(sensor, split, seed)
+        train, test = choose(sensor, split, seed)
         frames = data.take(sensor, train, Clock())
         for name, model in models_of(at_seed(models, seed)).items():
-            train_until(model, rules[name], frames, sensor.labels[train])
+            rule = stops.get(name, stop)
+            train_until(model, rule, frames, sensor.labels[train])
             keep = (spared or {}).get(name, ())
             rates = Rates(bit_error_rates, query_error_rates)
             made = rows_of(model, sensor, test, disturbances, rates, keep, seed)

@@ -17,8 +17,9 @@ import numpy as np
 import torch
 
 from baselines.descent import Descent
-from experiments.protocol import data
 from experiments.protocol.experiment import Row, Run, experiment
+from experiments.protocol.settings import Split
+from experiments.protocol.splits import choose
 from experiments.studies.limits.stiffness import softmax
 
 _ROUNDING = 1e-13  # of a loss in float64, relative
@@ -29,7 +30,7 @@ _PERTURBATION = 1e-3  # relative, of every coefficient of the optimum
 def stiffness(
     run: Run,
     scene: Mapping[str, Any],
-    split: Mapping[str, Any],
+    split: Split,
     seed: int,
     pixels: Sequence[str],
     batch: int,
@@ -44,7 +45,7 @@ def stiffness(
     ``rate`` and those of :func:`verdict`. Arguments: configs/experiment/stiffness.yaml.
     """
     made = run.scene(scene, seed)
-    train, _ = data.choose(made, split, seed)
+    train, _ = choose(made, split, seed)
     frames, labels = made.frames(train), made.labels[train]
     for name in pixels:
         run.note(f"pixels {name}")

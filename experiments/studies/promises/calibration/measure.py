@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from experiments.protocol.data import at_seed
-from experiments.protocol.draws import draw_split, nested
 from experiments.protocol.evaluate import bank_of
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import models_of
+from experiments.protocol.settings import Split
+from experiments.protocol.splits import draw_split, nested
 from experiments.records.rows import pack_labels
 from hdc import HDCClassifier
 from hdc.bank import Bank
@@ -30,7 +31,7 @@ STEPS = 1000
 def calibration(
     run: Run,
     scene: Mapping[str, Any],
-    splits: Mapping[str, Mapping[str, Any]],
+    splits: Mapping[str, Split],
     models: Mapping[str, Any],
     n_per_class: Sequence[int] = (20,),
     draws: int = 3,
@@ -50,9 +51,9 @@ def calibration(
     asked = models_of(at_seed(models, 0))
     for seed, recording in run.scenes(scene, seeds):
         bank = bank_of(recording)
-        for split, config in splits.items():
+        for split, wanted in splits.items():
             for k in range(draws):
-                pool, test = draw_split(recording, config, (seed, k), most_test)
+                pool, test = draw_split(recording, wanted, (seed, k), most_test)
                 order, sizes = nested(pool, bank.labels, n_per_class, (seed, k))
                 place = {
                     "origin": recording.origin,

@@ -18,9 +18,10 @@ from sklearn.linear_model import RidgeCV
 from torch import Tensor
 
 from experiments.protocol.data import scene_at
-from experiments.protocol.draws import draw_split, nested
 from experiments.protocol.evaluate import bank_of
 from experiments.protocol.experiment import Row, Run, experiment
+from experiments.protocol.settings import Split
+from experiments.protocol.splits import draw_split, nested
 from hdc import HDCClassifier, HDCRegressor
 from hdc.bank import Bank
 
@@ -32,7 +33,7 @@ PENALTIES = 10.0 ** np.arange(-4, 5)
 def values(
     run: Run,
     scene: Mapping[str, Any],
-    splits: Mapping[str, Mapping[str, Any]],
+    splits: Mapping[str, Split],
     seeds: Sequence[int] = (0,),
     n_train: Sequence[int] = (50, 200, 1000),
     draws: int = 3,
@@ -83,7 +84,7 @@ def values(
 def coverage(
     run: Run,
     scene: Mapping[str, Any],
-    splits: Mapping[str, Mapping[str, Any]],
+    splits: Mapping[str, Split],
     seeds: Sequence[int] = (0,),
     n_per_class: Sequence[int] = (40,),
     draws: int = 5,
@@ -157,16 +158,16 @@ def empty(sets: Sequence[np.ndarray]) -> float:
 def parts(
     run: Run,
     scene: Any,
-    splits: Any,
+    splits: Mapping[str, Split],
     seeds: Sequence[int],
     draws: int,
     most_test: int,
 ) -> Iterator[tuple[Any, Row, np.ndarray, np.ndarray]]:
     """Every draw of every split: the recording, the row's start, indices to learn and to test."""
     for seed, recording in run.scenes(scene, seeds):
-        for split, key in splits.items():
+        for split, wanted in splits.items():
             for draw in range(draws):
-                pool, test = draw_split(recording, key, (seed, draw), most_test)
+                pool, test = draw_split(recording, wanted, (seed, draw), most_test)
                 row: Row = {"origin": recording.origin, "seed": seed}
                 row |= {"split": split, "draw": draw}
                 yield recording, row, pool, test

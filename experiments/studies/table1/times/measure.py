@@ -9,29 +9,32 @@ interrupted leaves nothing behind: what is timed in turns is timed within one ca
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 import torch
-from omegaconf import OmegaConf
 from torch import Tensor
 
 from experiments.protocol import data, machine
+from experiments.protocol.checkpoints import Checkpoints, Due
 from experiments.protocol.clock import Clock
 from experiments.protocol.data import at_seed
 from experiments.protocol.experiment import Row, Run, experiment
-from experiments.protocol.looks import Look, Looks
 from experiments.protocol.model import Model, check_model, instantiate
+from experiments.protocol.settings import Split
+from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
-from experiments.protocol.trial import reports, stop_rule, warm_up
+from experiments.protocol.trial import Report, Test, Trial, train, untested, warm_up
 from hdc.accuracy import accuracy
 from scenes.frames import Scene
 
 HDC = "hdc"
 _TRIES = 3  # of each route, where the fastest of several is looked for
-_WARM_UP_FRAMES = 40
+TO_ITS_END = StopRule(loss=0.0, most_steps=sys.maxsize, budget_s=math.inf)
 
 Route = Mapping[str, Any]  # as a file of configs/model/ makes it
 Ways = Mapping[str, Mapping[str, Mapping[str, Route]]]
@@ -41,8 +44,8 @@ Ways = Mapping[str, Mapping[str, Mapping[str, Route]]]
 def times_grid(
     run: Run,
     scene: Mapping[str, Any],
-    split: Mapping[str, Any],
-    stop: Mapping[str, Any],
+    split: Split,
+    stop: StopRule,
     seed: int,
     ways: Ways,
     keep_memory: Sequence[str],
@@ -63,12 +66,11 @@ def times_grid(
     """
     _check(ways, keep_memory)
     sensor = run.scene(scene, seed)
-    train, test = (
+    trained, tested = (
         Samples(data.take(sensor, chosen, Clock())[:], sensor.labels[chosen])
-        for chosen in data.choose(sensor, split, seed)
+        for chosen in choose(sensor, split, seed)
     )
-    rule = stop_rule(OmegaConf.create(dict(stop)))
-    training = Training(sensor, train, test, rule, tuple(to_end))
+    training = Training(sensor, trained, tested, stop, tuple(to_end))
     for way, models in ways.items():
         if way in keep_memory:
             machine.keep_memory()
@@ -114,13 +116,13 @@ class Trained:
     Attributes:
         seconds: until the target; infinite where it was not reached.
         train_accuracy, test_accuracy: of the model as it then was.
-        reports: how many it had made.
+        steps: that it had then taken, of an optimiser.
     """
 
     seconds: float
     train_accuracy: float
     test_accuracy: float
-    reports: int
+    steps: float
 
 
 @dataclass
@@ -143,55 +145,63 @@ class Training:
 
     def seconds(self, config: Mapping[str, Any]) -> float:
         """Seconds in which HDC learns, not tested."""
-        model, clock = self._built(config), Clock()
-        for _ in reports(model, HDC, self.train.frames, self.train.labels, clock):
-            pass
-        return clock.seconds
+        return self._train(self._built(config), HDC, TO_ITS_END).training_s or 0.0
 
-    def carry_out(self, name: str, config: Mapping[str, Any], skip: int = 0) -> Trained:
+    def carry_out(
+        self, name: str, config: Mapping[str, Any], skip: float = 0
+    ) -> Trained:
         """Train a model until its training accuracy exceeds the target, or to its end, and test it.
 
         Args:
             name: of the model.
             config: of the model.
-            skip: reports before which it is not looked at: known from an earlier training, which
+            skip: steps before which it has no checkpoint: known from an earlier training, which
                 the same seed repeats.
         """
-        model, clock = self._built(config), Clock()
-        looks = Looks(self.stop.target, len(self.train.labels))
-        count, fitted = 0, True
+        model = self._built(config)
+        checkpoints = Checkpoints(self.stop.target, len(self.train.labels))
+
+        def test(report: Report, at_end: bool) -> Report | None:
+            in_one_go = name in self.to_end or "steps" not in report
+            is_early = in_one_go or report["steps"] < skip
+            if not at_end and (is_early or checkpoints.due(report) is not Due.ALL):
+                return None
+            share = self._accuracy(model, self.train)
+            checkpoints.passed(report, share)
+            return {"train_accuracy": share}
+
+        rule = TO_ITS_END
+        if name not in self.to_end:
+            rule = msgspec.structs.replace(self.stop, reached_after_s=0.0)
         with machine.libraries(config, torch.get_num_threads()):
-            samples = self.train.frames, self.train.labels
-            for report in reports(model, name, *samples, clock):
-                count += 1
-                if name in self.to_end or "steps" not in report:
-                    continue
-                fitted = False
-                look = looks.at(report)
-                if count >= skip and look is Look.ALL:
-                    share = self._share(model, self.train)
-                    looks.looked(report, share)
-                    fitted = share > self.stop.target
-                state = clock.seconds, report["steps"], report.get("loss")
-                if fitted or self.stop.check(*state):
-                    break
-            train_accuracy = self._share(model, self.train)
-            test_accuracy = self._share(model, self.test)
-        seconds = clock.seconds if fitted else math.inf
-        return Trained(seconds, train_accuracy, test_accuracy, count)
+            trial = self._train(model, name, rule, test)
+            test_accuracy = self._accuracy(model, self.test)
+        last = trial.curve[-1]
+        reached = trial.stop == "finished"
+        if name not in self.to_end and "steps" in last:
+            reached = last["train_accuracy"] > self.stop.target
+        seconds = (trial.training_s or 0.0) if reached else math.inf
+        steps = last.get("steps", 0)
+        return Trained(seconds, last["train_accuracy"], test_accuracy, steps)
 
     def warm_up(self, config: Mapping[str, Any]) -> None:
         """Train and predict once on noise."""
-        n = min(len(self.train.labels), _WARM_UP_FRAMES)
         with machine.libraries(config, torch.get_num_threads()):
-            warm_up(self._built(config), self.scene, n)
+            warm_up(self._built(config), self.scene.shape, len(self.train.labels))
 
     def _built(self, config: Mapping[str, Any]) -> Model:
-        model: Model = instantiate(OmegaConf.create(dict(config)), "task.ways")
+        model: Model = instantiate(config, "model")
         check_model(model)
         return model
 
-    def _share(self, model: Model, part: Samples) -> float:
+    def _train(
+        self, model: Model, name: str, rule: StopRule, test: Test = untested
+    ) -> Trial:
+        samples = self.train.frames, self.train.labels
+        *_, trial = train(model, name, *samples, rule, Clock(), test)
+        return trial
+
+    def _accuracy(self, model: Model, part: Samples) -> float:
         return accuracy(np.asarray(model.predict(part.frames)), part.labels)
 
 
@@ -233,7 +243,7 @@ def in_turns(
         taking_part = [name for name in others if turn < left[name]]
         beside = [training.seconds(models[HDC])]
         for name in taking_part:
-            skip = first[name].reports if name in first else 0
+            skip = first[name].steps if name in first else 0
             trained = training.carry_out(name, models[name], skip)
             beside.append(training.seconds(models[HDC]))
             if name not in first:

@@ -1,22 +1,22 @@
-"""When a model in training is looked at."""
+"""When a model in training is tested."""
 
 from itertools import pairwise
 
 import pytest
 
-from experiments.protocol.looks import Look, Looks
+from experiments.protocol.checkpoints import Checkpoints, Due
 
 
 def asked(reports, accuracies=None, target=0.9, n_train=400):
     """What is asked at each report; accuracies of training, by number of report."""
-    looks = Looks(target, n_train)
+    checkpoints = Checkpoints(target, n_train)
     found = []
     for k, report in enumerate(reports):
-        look = looks.at(report)
-        found.append(look)
-        if look is not Look.NOTHING:
-            share = (accuracies or {}).get(k, 0.0) if look is Look.ALL else None
-            looks.looked(report, share)
+        due = checkpoints.due(report)
+        found.append(due)
+        if due is not Due.NOTHING:
+            share = (accuracies or {}).get(k, 0.0) if due is Due.ALL else None
+            checkpoints.passed(report, share)
     return found
 
 
@@ -29,21 +29,21 @@ def batches(*shares, step=20):
 
 def test_far_from_the_target_only_the_test_frames_are_asked_and_ever_less_often():
     found = asked(batches(*[0.2] * 32))
-    assert Look.ALL not in found
-    seen = [k for k, look in enumerate(found, 1) if look is Look.TEST]
+    assert Due.ALL not in found
+    seen = [k for k, due in enumerate(found, 1) if due is Due.TEST]
     assert seen == [1, 2, 4, 8, 16, 32]
 
 
 def test_from_half_of_the_target_on_the_training_frames_are_asked_at_a_tenth_more():
     found = asked(batches(*[0.2] * 20, *[0.45] * 20))
-    seen = [k for k, look in enumerate(found, 1) if look is Look.ALL]
+    seen = [k for k, due in enumerate(found, 1) if due is Due.ALL]
     assert seen == [21, 24, 27, 30, 33, 37]
 
 
 def test_no_report_that_may_exceed_the_target_first_is_missed_by_more_than_a_tenth():
     for k in range(2, 60):
         found = asked(batches(*[0.3] * (k - 1), *[0.6] * 12))
-        first = next(n for n, look in enumerate(found, 1) if look is Look.ALL)
+        first = next(n for n, due in enumerate(found, 1) if due is Due.ALL)
         assert k <= first <= 1.1 * k + 1
 
 
@@ -51,8 +51,8 @@ def test_once_the_target_is_exceeded_a_fifth_more_is_enough():
     reports = batches(*[1.0] * 40)
     before = asked(reports, accuracies=dict.fromkeys(range(40), 0.9))  # not above it
     after = asked(reports, accuracies=dict.fromkeys(range(40), 0.91))
-    assert before.count(Look.ALL) > after.count(Look.ALL) > 0
-    seen = [k for k, look in enumerate(after, 1) if look is not Look.NOTHING]
+    assert before.count(Due.ALL) > after.count(Due.ALL) > 0
+    seen = [k for k, due in enumerate(after, 1) if due is not Due.NOTHING]
     assert all(b <= 1.2 * a + 1 for a, b in pairwise(seen))
 
 
@@ -60,16 +60,16 @@ def test_once_the_target_is_exceeded_a_fifth_more_is_enough():
     ("more", "expected"),
     [({"loss": 1.0}, [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 13]), ({}, [1, 2, 4, 8])],
 )
-def test_without_a_batch_accuracy_every_look_is_at_all_frames(more, expected):
+def test_without_a_batch_accuracy_every_checkpoint_is_of_all_frames(more, expected):
     reports = [{"samples_seen": 20 * k, **more} for k in range(1, 14)]
     found = asked(reports, n_train=8 * 20)
-    seen = [k for k, look in enumerate(found, 1) if look is Look.ALL]
+    seen = [k for k, due in enumerate(found, 1) if due is Due.ALL]
     if not more:  # at all frames and whenever more are reported
         seen = [k for k in seen if k <= 8]
     assert seen == expected
-    assert Look.TEST not in found
+    assert Due.TEST not in found
 
 
-def test_a_model_that_does_not_say_how_many_samples_it_saw_is_looked_at_each_time():
+def test_a_model_that_does_not_say_how_many_samples_it_saw_is_tested_each_time():
     for report in ({}, {"loss": 1.0}, {"loss": 1.0, "batch_accuracy": 1.0}):
-        assert asked([report] * 4) == [Look.ALL] * 4
+        assert asked([report] * 4) == [Due.ALL] * 4

@@ -1,0 +1,175 @@
+"""Which samples of a scene train and which test."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+
+from experiments.protocol.settings import Split
+from scenes.frames import Scene
+from scenes.split import (
+    KINDS,
+    by_session,
+    learning_curve_subsets,
+    neighbours_leak,
+    split,
+)
+
+# Share of test frames beside a training frame, above which a user is warned.
+_LEAK = 0.5
+
+
+def choose(
+    scene: Scene,
+    wanted: Split,
+    seed: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Training and test indices, int64, as ``split`` of a config says.
+
+    Warns:
+        UserWarning: if most test frames of a recording stand next to a training frame of their
+            class, of which they are nearly copies; if a class that is tested has no training frame.
+
+    Raises:
+        ValueError: naming the key of a value that does not fit.
+    """
+    kinds, kind = (*KINDS, "grouped", "session"), wanted.kind
+    if kind not in kinds:
+        expected = ", ".join(kinds)
+        raise ValueError(f"split.kind: expected one of {expected}, found {kind!r}")
+    if kind == "session":
+        train, test = _across_sessions(scene, wanted, seed)
+    else:
+        train, test = _within_first_session(scene, wanted, seed)
+    if scene.origin == "recorded" and kind == "random":
+        _warn_of_neighbours(scene, train, test)
+    _warn_of_untrained(scene, kind, train, test)
+    n = wanted.n_train
+    if n is None:
+        return train, test
+    try:
+        return learning_curve_subsets(train, scene.labels, [n], seed)[n], test
+    except ValueError as error:
+        text = str(error).replace("split.sizes", "split.n_train")
+        raise ValueError(text) from error
+
+
+def draw_split(
+    scene: Scene,
+    wanted: Split,
+    seed: tuple[int, int],
+    most_test: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """(pool, test) of one resample: samples that may train, and at most `most_test` that test.
+
+    Args:
+        scene: of the samples.
+        wanted: the split; all of its training samples are in the pool.
+        seed: of the scene, and number of the resample.
+        most_test: test samples are a random subset of so many.
+    """
+    random = np.random.default_rng(seed)
+    drawn = int(random.integers(2**31))
+    whole = msgspec.structs.replace(wanted, n_train=None)
+    # A random split of a recording leaks on purpose.
+    with warnings.catch_warnings(action="ignore"):
+        pool, test = choose(scene, whole, drawn)
+    if len(test) > most_test:
+        shuffled = np.random.default_rng(drawn).permutation(test)
+        test = np.sort(shuffled[:most_test])
+    return pool, test
+
+
+def nested(
+    pool: np.ndarray,
+    labels: np.ndarray,
+    sizes: Sequence[int],
+    seed: tuple[int, int],
+) -> tuple[list[np.ndarray], list[int]]:
+    """Samples of each class in random order, and the sizes that every class can fill.
+
+    Args:
+        pool: indices of samples.
+        labels: classes of all samples, by index.
+        sizes: samples of a class.
+        seed: as of :func:`draw_split`; another stream of it than the split has.
+    """
+    random = np.random.default_rng((*seed, 1))
+    shuffled = random.permutation(pool)
+    class_of = labels[shuffled]
+    order = [shuffled[class_of == c] for c in np.unique(class_of)]
+    least = min(map(len, order))
+    return order, [n for n in sizes if n <= least]
+
+
+def _sessions(scene: Scene) -> np.ndarray:
+    """Session of each sample, int64 [N]."""
+    return scene.samples.get("session", np.zeros(len(scene.labels), np.int64))
+
+
+def _across_sessions(
+    scene: Scene, wanted: Split, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Training samples of the first session, as a random split has them; the last one tests."""
+    sessions = _sessions(scene)
+    first, test = by_session(sessions, *np.unique(sessions)[[0, -1]].tolist())
+    labels = scene.labels[first]
+    train, _ = split(labels, test_fraction=wanted.test_fraction, seed=seed)
+    return first[train], test
+
+
+def _within_first_session(
+    scene: Scene, wanted: Split, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """A scene of several sessions trains and tests within the first, unless the split crosses
+    them."""
+    kind, group = wanted.kind, wanted.group
+    if kind == "grouped" and group not in scene.samples:
+        expected = ", ".join(scene.samples)
+        raise ValueError(f"split.group: expected one of {expected}, found {group!r}")
+    sessions = _sessions(scene)
+    first = np.flatnonzero(sessions == sessions.min())
+    train, test = split(
+        scene.labels[first],
+        test_fraction=wanted.test_fraction,
+        kind=kind,
+        seed=seed,
+        order=scene.samples["order"][first],
+        groups=scene.samples[group or ""][first] if kind == "grouped" else None,
+    )
+    return first[train], first[test]
+
+
+def _warn_of_neighbours(
+    scene: Scene,
+    train: np.ndarray,
+    test: np.ndarray,
+) -> None:
+    order = scene.samples["order"]
+    leak = neighbours_leak(scene.labels, order, train, test, _sessions(scene))
+    if leak > _LEAK:
+        warnings.warn(
+            f"split.kind=random: {leak:.0%} of the test frames stand next to a training frame "
+            "of their class in time, of which they may be copies; split.kind=ordered tests on "
+            "later ones",
+            stacklevel=3,
+        )
+
+
+def _warn_of_untrained(
+    scene: Scene, kind: str, train: np.ndarray, test: np.ndarray
+) -> None:
+    """Warn of classes that are tested only: no model can predict them."""
+    labels = scene.labels
+    only_tested = np.setdiff1d(labels[test], labels[train])
+    if len(only_tested):
+        names = ", ".join(str(scene.classes[label]) for label in only_tested)
+        n = int(np.isin(labels[test], only_tested).sum())
+        warnings.warn(
+            f"split.kind={kind}: no training frame of {names}: every model has the "
+            f"{n} test frames of them wrong",
+            stacklevel=3,
+        )
