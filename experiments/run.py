@@ -16,6 +16,7 @@ import sys
 import time
 import traceback
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 if __name__ == "__main__":
@@ -25,18 +26,15 @@ if __name__ == "__main__":
 import hydra
 import torch
 from hydra.core.hydra_config import HydraConfig
-from hydra.errors import (
-    HydraException,
-    InstantiationException,
-    MissingConfigException,
-)
+from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 from rich.console import Console
 from rich.markup import escape
 
 from experiments.protocol import job, machine, sweep
+from experiments.protocol.messages import USER_ERRORS, message
+from experiments.protocol.settings import named, resolved, settings_of
 from experiments.records import locks
 from experiments.records.environment import COMMAND
 from experiments.records.files import results_dir
@@ -46,13 +44,6 @@ from experiments.reporting.text import printable
 console = Console()
 stderr = Console(stderr=True, highlight=False)
 
-# Errors that are the user's to mend: shown as one line. All others are ours, with their traceback.
-_USER_ERRORS = (ValueError, OSError, HydraException, OmegaConfBaseException)
-# Of this process; those of a launcher's workers come by Hydra.
-_failures: list[Exception] = []
-_left: list[locks.Held] = []  # to other processes
-_warned: set[str] = set()  # what this process has warned of: a sweep says it once
-
 warnings.filterwarnings("ignore", message=".*hydra.run.dir.*")
 # configs/hydra/launcher changes parts of the launchers' own configs.
 warnings.filterwarnings("ignore", message="(?s).*validated against ConfigStore schema")
@@ -61,189 +52,155 @@ OmegaConf.register_new_resolver(
 )
 
 
-@hydra.main(version_base="1.3", config_path="../configs", config_name="config")
-def main(cfg: DictConfig) -> None:
-    """Run what the config says; in a multirun, go on with the others after one that failed."""
-    # Launchers pickle this function by value, so that it must refer to nothing that has a lock.
-    _job(cfg)
+class CommandLine:
+    """One call of the command: carries out its runs, and remembers how they ended.
 
+    A run that fails is shown, and the next one begins. A worker of a launcher has a copy of this:
+    there the run raises, and Hydra hands its error on.
 
-def _job(cfg: DictConfig) -> None:
-    try:
-        hydra_cfg = HydraConfig.get()
-        if not _says(cfg.task, "own_memory"):
-            machine.keep_memory()
-        torch.set_num_threads(machine.threads(cfg.threads, hydra_cfg.launcher))
-        _show_progress(cfg, hydra_cfg)
-        if cfg.task is not None:
-            _carry_out_task(cfg, hydra_cfg)
-            return
-        chosen = dict(hydra_cfg.runtime.choices)
-        words = list(hydra_cfg.overrides.task)
-        start = time.perf_counter()
-        record, was_there = job.run(cfg, chosen, words, console)
-        if _progress is not None and not was_there:
-            _progress.took(time.perf_counter() - start)
-        summarise(console, record, was_there)
-    except Exception as error:
-        if not _first:  # the process that was given the command line complains
-            raise
-        _complain(error)
+    Args:
+        words: of the command line.
 
+    Attributes:
+        failed: whether a run failed.
+        left: whether a run was left to another process.
+    """
 
-def _carry_out_task(cfg: DictConfig, hydra_cfg: Any) -> None:
-    """Measure an experiment that is more than a run."""
-    job.check(cfg)
-    chosen = hydra_cfg.runtime.choices
-    switches = {key: cfg[key] for key in ("device", "cache", "force")}
-    start = time.perf_counter()
-    with job.exclusive(cfg, console):
+    def __init__(self, words: Sequence[str]):
+        self.failed = self.left = False
+        self._words, self._process = list(words), os.getpid()
+        self._seconds: list[float] = []  # of runs that were not found finished
+        self._warned: set[str] = set()
+
+    def carry_out(self, cfg: DictConfig) -> None:
+        """One run, or one experiment that is more."""
         try:
-            hydra.utils.instantiate(
-                cfg.task,
-                _recursive_=False,
-                _convert_="all",
-                name=chosen["experiment"],
-                scene_name=chosen["scene"],
-                **switches,
+            hydra_cfg = HydraConfig.get()
+            config = resolved(cfg)
+            measured = named(config["task"])
+            if not getattr(measured, "own_memory", False):
+                machine.keep_memory()
+            torch.set_num_threads(
+                machine.threads(config["threads"], hydra_cfg.launcher)
             )
-        except InstantiationException as error:
-            raise _of_task(error) from error
-    if _progress is not None:
-        _progress.took(time.perf_counter() - start)
+            if hydra_cfg.mode == RunMode.MULTIRUN:
+                self._show_progress(config, measured, hydra_cfg)
+            start = time.perf_counter()
+            if measured is not None:
+                _measure(config, measured, hydra_cfg.runtime.choices)
+            elif not _run(config, hydra_cfg):
+                return
+            self._seconds.append(time.perf_counter() - start)
+        except Exception as error:
+            if os.getpid() != self._process:
+                raise
+            self.complain(error)
 
-
-def _of_task(error: InstantiationException) -> Exception:
-    """The error of a task itself, its message with the key in front."""
-    cause = error.__cause__
-    if isinstance(cause, ImportError):  # there is no such task
-        return error
-    if isinstance(cause, ValueError) and not _NAMES_KEY.match(str(cause)):
-        return ValueError(f"task: {cause}")
-    return cause if isinstance(cause, Exception) else error
-
-
-_NAMES_KEY = re.compile(
-    r"[\w./-]+: "
-)  # how a message begins that names a key or a file
-_first = False  # whether this process was given the command line
-_progress: sweep.Progress | None = None  # of a sweep in this process
-
-
-def _show_progress(cfg: DictConfig, hydra_cfg: Any) -> None:
-    """Say which run of a sweep begins; before the first, that it could run beside others."""
-    global _progress
-    if not _first or hydra_cfg.mode != RunMode.MULTIRUN:
-        return
-    if _progress is None:
-        _progress = sweep.Progress(sweep.size(hydra_cfg.sweeper.params, sys.argv[1:]))
-        if cfg.exclusive and cfg.task is not None and not _says(cfg.task, "timed"):
+    def _show_progress(
+        self, config: dict[str, Any], measured: Any, hydra_cfg: Any
+    ) -> None:
+        """Say which run of a sweep begins; before the first, that it could run beside others."""
+        number = int(hydra_cfg.job.num) + 1
+        is_timed = getattr(measured, "timed", True)
+        if number == 1 and config["exclusive"] and not is_timed:
             text = "nothing of this is timed: exclusive=false runs it beside other runs"
             console.print(text, style="dim", soft_wrap=True)
-    text = _progress.next(list(hydra_cfg.overrides.task))
-    console.print(
-        text,
-        style="dim",
-        markup=False,
-        soft_wrap=True,
-    )
+        runs = sweep.size(hydra_cfg.sweeper.params, self._words)
+        words = list(hydra_cfg.overrides.task)
+        text = sweep.progress(number, runs, words, self._seconds)
+        console.print(text, style="dim", markup=False, soft_wrap=True)
+
+    def complain(self, error: Exception) -> None:
+        """Show an error and go on: the user's as one line, others with their traceback."""
+        if isinstance(error, locks.Held):
+            self.left = True
+            console.print(str(error), style="yellow", markup=False, soft_wrap=True)
+            return
+        self.failed = True
+        if not isinstance(error, USER_ERRORS):
+            traceback.print_exception(error)
+            return
+        lines = message(error, self._words).splitlines()
+        text = escape("\n".join(map(printable, lines)))
+        stderr.print("[red]error:[/red]", text, soft_wrap=True, emoji=False)
+
+    def warn(self, text: Warning | str, *_: Any) -> None:
+        """Show a warning, the first time but for its numbers, which differ from seed to seed."""
+        but_for_numbers = re.sub(r"\d+", "", str(text))
+        if but_for_numbers in self._warned:
+            return
+        self._warned.add(but_for_numbers)
+        told = escape(str(text))
+        stderr.print("[yellow]warning:[/yellow]", told, soft_wrap=True, emoji=False)
 
 
-def _says(task: DictConfig | None, name: str) -> bool:
-    """Whether an experiment was declared with this attribute; a plain run has none, and neither
-    has one that is not there, which is said where it is carried out."""
-    if task is None:
-        return False
-    try:
-        measured = hydra.utils.get_method(task["_target_"])
-    except (ImportError, ValueError):
-        return False
-    return bool(getattr(measured, name, False))
+class Launch(Callback):
+    """Says of a sweep whose workers print into files where they lie."""
+
+    def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
+        """Called by Hydra before the first run."""
+        folder = config.hydra.launcher.get("submitit_folder")
+        if folder:
+            text = f"each run prints into {folder}/*.out"
+            console.print(text, style="dim", markup=False, soft_wrap=True)
 
 
-def _complain(error: Exception) -> None:
-    """Show an error and go on: the user's as one line, others with their traceback."""
-    if isinstance(error, locks.Held):
-        _left.append(error)
-        console.print(str(error), style="yellow", markup=False, soft_wrap=True)
-        return
-    _failures.append(error)
-    if isinstance(error, _USER_ERRORS):
-        text = "\n".join(map(printable, _message(error).splitlines()))
-        stderr.print(
-            "[red]error:[/red]",
-            escape(text),
-            soft_wrap=True,
-            emoji=False,
+def _run(config: dict[str, Any], hydra_cfg: Any) -> bool:
+    """Carry out a run and show what came of it; False where it was there already."""
+    chosen = dict(hydra_cfg.runtime.choices)
+    words = list(hydra_cfg.overrides.task)
+    record, was_there = job.run(config, chosen, words, console)
+    summarise(console, record, was_there)
+    return not was_there
+
+
+def _measure(config: dict[str, Any], measured: Any, choices: Any) -> None:
+    """Measure an experiment that is more than a run."""
+    settings = settings_of(config)
+    arguments = {k: v for k, v in config["task"].items() if k != "_target_"}
+    with job.exclusive(settings, console):
+        measured(
+            **arguments,
+            name=choices["experiment"],
+            scene_name=choices["scene"],
+            device=settings.device,
+            cache=settings.cache,
+            force=settings.force,
         )
-    else:
-        traceback.print_exception(error)
-
-
-def _warn(message: Warning | str, *_: Any) -> None:
-    but_for_numbers = re.sub(r"\d+", "", str(message))  # they differ from seed to seed
-    if but_for_numbers in _warned:
-        return
-    _warned.add(but_for_numbers)
-    stderr.print(
-        "[yellow]warning:[/yellow]", escape(str(message)), soft_wrap=True, emoji=False
-    )
-
-
-def _message(error: BaseException) -> str:
-    """The message of an error, in one line where it is Hydra's."""
-    if isinstance(error, MissingConfigException) and error.options:
-        group, _, name = str(error.missing_cfg_file).rpartition("/")
-        return f"{group}: expected one of {', '.join(error.options)}, found {name}"
-    if isinstance(error, InstantiationException):
-        return _of_target(error)
-    if isinstance(error, HydraException | OmegaConfBaseException):
-        lines = (line.strip() for line in str(error).splitlines())
-        skipped = ("See https:", "object_type=")  # name nothing of the user's
-        return ", ".join(
-            line for line in lines if line and not line.startswith(skipped)
-        )
-    return str(error).strip()
-
-
-def _of_target(error: InstantiationException) -> str:
-    """What Hydra could not build: the key, and why."""
-    _, _, key = str(error).partition("full_key: ")
-    found = re.search(r"locating target '([^']*)'", str(error))
-    place = key.strip() or "config"
-    if found:
-        expected = "the dotted name of a class or a function"
-        return f"{place}._target_: expected {expected}, found {found[1]}"
-    reason = error.__cause__ or str(error).splitlines()[0]
-    return f"{place}: {reason}"
 
 
 def entry_point() -> None:
-    """:func:`main`, with a user's error shown as one line.
+    """Carry out the command line.
 
     It exits with 1 after any error, and with :data:`locks.LEFT` where runs were left to another
     process.
     """
-    global _first
-    _first = True
+    call = CommandLine(sys.argv[1:])
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # Hydra's own errors come here, and leave as one line.
     os.environ["HYDRA_FULL_ERROR"] = "1"
     os.environ[COMMAND] = shlex.join(["python", "-m", "experiments.run", *sys.argv[1:]])
-    warnings.showwarning = _warn  # type: ignore[assignment]
+    warnings.showwarning = call.warn  # type: ignore[assignment]
     # A scheduler's or a user's end of a run is written into its record, a closed terminal's too.
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, _: sys.exit(128 + number))
+    main = hydra.main(
+        version_base="1.3", config_path="../configs", config_name="config"
+    )
     try:
-        main()
+        main(call.carry_out)()
+        sys.stdout.flush()
     except KeyboardInterrupt:
         stderr.print("interrupted; the same command resumes")
         sys.exit(128 + signal.SIGINT)
+    except BrokenPipeError:  # whoever read the output has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(128 + signal.SIGPIPE)
     except Exception as error:
-        _complain(error)
-    if _failures:
+        call.complain(error)
+    if call.failed:
         sys.exit(1)
-    sys.exit(locks.LEFT if _left else 0)
+    sys.exit(locks.LEFT if call.left else 0)
 
 
 if __name__ == "__main__":

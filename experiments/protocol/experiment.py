@@ -7,7 +7,7 @@ import inspect
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import msgspec
 from rich.console import Console
@@ -122,8 +122,10 @@ def experiment(
         )
     signature = inspect.signature(rows)
 
-    def typed_rows(run: Run, **arguments: Any) -> Iterator[Row]:
-        return rows(run, **_typed(rows, arguments))
+    def typed_rows(*given: Any, **named: Any) -> Iterator[Row]:
+        bound = signature.bind(*given, **named)
+        bound.arguments = _typed(rows, bound.arguments)
+        return rows(*bound.args, **bound.kwargs)
 
     @functools.wraps(rows)
     def task(
@@ -195,7 +197,7 @@ def _typed(rows: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[str, 
     return found
 
 
-def _is_struct(kind: Any) -> bool:
+def _is_struct(kind: Any) -> TypeGuard[type[msgspec.Struct]]:
     return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
 
 

@@ -6,7 +6,7 @@ import inspect
 import math
 import pkgutil
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, TypeVar
 
 import msgspec
@@ -105,6 +105,24 @@ def settings_of(config: Mapping[str, Any]) -> Settings:
     _check_device("device", settings.device)
     _check_device("model.device", settings.model.get("device", "cpu"))
     return settings
+
+
+def named(task: Mapping[str, Any] | None) -> Callable[..., object] | None:
+    """The experiment that ``task`` of a config names; None for a plain run.
+
+    Raises:
+        ValueError: if there is none of this name.
+    """
+    if task is None:
+        return None
+    target = str(task.get("_target_"))
+    try:
+        found: Callable[..., object] = pkgutil.resolve_name(target)
+    except (ImportError, AttributeError, ValueError) as error:
+        expected = "the dotted name of an experiment"
+        text = f"task._target_: expected {expected}, found {target}"
+        raise ValueError(f"{text} ({error})") from error
+    return found
 
 
 def checked(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 
@@ -24,9 +25,14 @@ def size(
         is_override = "=" in word and not word.startswith("-")
         if is_override and not word.lstrip("+~").startswith("hydra"):
             texts.append(word)
-    parsed = OverridesParser.create().parse_overrides(texts)
-    (runs,) = BasicSweeper.split_arguments(parsed, None)
-    return len(runs)
+    hydra = GlobalHydra.instance()  # its configs answer a glob
+    loader = hydra.config_loader() if hydra.is_initialized() else None
+    runs = {}
+    for override in OverridesParser.create(loader).parse_overrides(texts):
+        is_swept = override.is_sweep_override()
+        n = sum(1 for _ in override.sweep_iterator()) if is_swept else 1
+        runs[override.get_key_element()] = n
+    return math.prod(runs.values())
 
 
 def span(seconds: float) -> str:
@@ -38,26 +44,19 @@ def span(seconds: float) -> str:
     return f"{seconds / 3600:.1f} h"
 
 
-class Progress:
-    """The runs of a sweep that this process carries out one after another.
+def progress(
+    number: int, runs: int, words: Sequence[str], seconds: Sequence[float]
+) -> str:
+    """Which run begins: ``3 of 12: model=hdc seed.run=2; about 4 min left``.
 
     Args:
-        runs: their number.
+        number: of the run, from 1.
+        runs: of the sweep.
+        words: of the run.
+        seconds: that runs of this process took before, but for those found finished.
     """
-
-    def __init__(self, runs: int):
-        self.runs, self.begun = runs, 0
-        self._seconds: list[float] = []  # of runs that were not found finished
-
-    def next(self, words: Sequence[str]) -> str:
-        """Begin a run: ``3 of 12: model=hdc seed.run=2; about 4 min left``."""
-        self.begun += 1
-        text = f"{self.begun} of {self.runs}: {' '.join(words)}"
-        if not self._seconds:
-            return text
-        mean = sum(self._seconds) / len(self._seconds)
-        return f"{text}; about {span(mean * (self.runs - self.begun + 1))} left"
-
-    def took(self, seconds: float) -> None:
-        """Count the time of a run that was not found finished."""
-        self._seconds.append(seconds)
+    text = f"{number} of {runs}: {' '.join(words)}"
+    if not seconds:
+        return text
+    mean = sum(seconds) / len(seconds)
+    return f"{text}; about {span(mean * (runs - number + 1))} left"

@@ -20,6 +20,7 @@ from rich.console import Console
 import hdc
 from experiments import run
 from experiments.protocol import job
+from experiments.protocol.settings import resolved
 from experiments.records import configs, measurement, record
 from experiments.records.configs import CONFIGS
 from experiments.records.entry import name_of
@@ -329,11 +330,11 @@ def recording(tmp_path, frames_and_labels):
 
 @pytest.fixture
 def composed_run(recording):
-    """composed_run(*overrides, scene=None) → the config of a run on a small recording."""
+    """composed_run(*overrides, scene=None) → the resolved config of a run on a small recording."""
 
     def make(*overrides, scene=None):
         with hydra.initialize_config_dir(str(CONFIGS), version_base="1.3"):
-            return hydra.compose(
+            cfg = hydra.compose(
                 "config",
                 [
                     "scene=recorded",
@@ -342,6 +343,7 @@ def composed_run(recording):
                     *overrides,
                 ],
             )
+        return resolved(cfg)
 
     return make
 

@@ -32,6 +32,8 @@ from experiments.protocol import data
 from experiments.protocol.evaluate import train_until
 from experiments.protocol.experiment import Run
 from experiments.protocol.model import instantiate
+from experiments.protocol.settings import Split
+from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
 from experiments.records import configs
 from experiments.records.revision import revisions
@@ -250,7 +252,7 @@ def split_numbers(kind: str) -> dict[str, str]:
                 "test_fraction": 0.3,
                 "n_train": size,
             }
-            train, test = data.choose(scene, split, seed)
+            train, test = choose(scene, Split(**split), seed)
             found[f"seed {seed}, {size}"] = f"{digest(train)} {digest(test)}"
     return found
 

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
 from rich.console import Console
 
 from experiments.protocol import job
-from experiments.protocol.trial import instantiate, train_and_test
+from experiments.protocol.model import instantiate
+from experiments.protocol.settings import resolved, settings_of
+from experiments.protocol.train_test import train_and_test
 from experiments.records import record
 from experiments.records.configs import CONFIGS
 from experiments.records.files import REFERENCE
@@ -45,7 +46,7 @@ def run(*overrides, **names):
         cfg = compose(
             "config", ["threads=1", "exclusive=false", "cache=false", *overrides]
         )
-    return job.run(cfg, names, [], Console(quiet=True))[0]
+    return job.run(resolved(cfg), names, [], Console(quiet=True))[0]
 
 
 def test_table_1_of_a_small_scene_is_the_committed_one(
@@ -79,14 +80,13 @@ def test_a_committed_number_is_made_again(request, one_thread):
         (x.record for x in Results(REFERENCE).group(place, "ridge").runs),
         key=lambda r: r.training_s,
     )
-    cfg = OmegaConf.create({**known.config, "cache": False})
-    again = {}
-    names = {"scene": place, "model": "ridge", "stop": "paper"}
-    scene = instantiate(cfg.scene, "scene")
-    train_and_test(cfg, scene, names, [], again, None, Console(quiet=True))
-    right = int((again["predicted"] == again["test_labels"]).sum())
-    same_frames = again["data_sha256"]["test"] == known.data_sha256.test
-    assert again["n_test"] == known.n_test
+    carried = {"cache": False, "exclusive": False, "force": False}
+    settings = settings_of({**known.config, **carried})
+    scene = instantiate(settings.scene, "scene")
+    *_, again = train_and_test(settings, scene, "ridge", None, Console(quiet=True))
+    right = int((again.predicted == again.test_labels).sum())
+    same_frames = again.data_sha256["test"] == known.data_sha256.test
+    assert again.n_test == known.n_test
     if same_frames:
         assert right == int(known.right.sum())
     else:  # another processor rounds a few grey values otherwise

@@ -219,7 +219,7 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
         ),
         (
             ["experiment=stability", "task._target_=experiments.nowhere"],
-            r"error: task\._target_: expected the dotted name of .*experiments\.nowhere",
+            r"error: task\._target_: expected the dotted name of .*experiments\.nowhere \(.*\)",
         ),
     ],
     ids=lambda given: given[0] if isinstance(given, list) else None,

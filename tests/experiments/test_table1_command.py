@@ -108,24 +108,40 @@ def test_a_brief_report_shows_the_table_once_and_no_reference(
     assert not [line for line in lines if re.match("mine|reference|own", line)]
 
 
-def test_the_command_runs_every_model_of_table_1_in_one_process(
-    results, one_thread, monkeypatch, composed_run
+@pytest.mark.parametrize("status", [0, 1, 75])
+def test_the_command_carries_out_the_experiment_and_then_shows_its_table(
+    results, monkeypatch, status
 ):
-    carried_out, reported = [], []
+    """Whether the runs went well or not: the table says what is missing."""
+    called, reported = [], []
 
-    def run(cfg, choices, words, console, about):
-        carried_out.append(
-            (cfg.seed.run, choices["scene"], choices["stop"], choices["model"])
-        )
-        if choices["model"] == "cnn1":
-            raise ValueError("model.lr: expected a number")
+    def carry_out():
+        called.append(table1.sys.argv[1:])
+        table1.sys.exit(status)
 
-    monkeypatch.setattr(table1.job, "run", run)
-    monkeypatch.setattr(table1.machine, "keep_memory", lambda: None)
+    monkeypatch.setattr(table1.run, "entry_point", carry_out)
     monkeypatch.setattr(report, "write", lambda *_, **more: reported.append(more))
     monkeypatch.setattr(table1.sys, "argv", ["table1"])
-    assert table1.main() == 1  # one failed, and the others ran
-    models = ["hdc", "softmax", "softmax_zero", "cnn1", "cnn3"]
-    assert carried_out == [(0, "touch", "quick", model) for model in models]
+    assert table1.main() == status
+    assert called == [["experiment=table1"]]
     assert reported == [{"brief": True}]
-    assert table1.sys.argv[1:] == ["experiment=table1"]
+
+
+def test_an_interrupted_command_shows_no_table(results, monkeypatch):
+    monkeypatch.setattr(table1.run, "entry_point", lambda: table1.sys.exit(130))
+    monkeypatch.setattr(report, "write", lambda *_, **__: pytest.fail("shown"))
+    monkeypatch.setattr(table1.sys, "argv", ["table1"])
+    assert table1.main() == 130
+
+
+def test_a_table_that_cannot_be_written_is_one_line(results, monkeypatch, capsys):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device", "report.html")
+
+    monkeypatch.setattr(table1.run, "entry_point", lambda: table1.sys.exit(0))
+    monkeypatch.setattr(report, "write", full)
+    monkeypatch.setattr(table1.sys, "argv", ["table1"])
+    assert table1.main() == 1
+    assert capsys.readouterr().out.splitlines()[-1] == (
+        "error: [Errno 28] No space left on device: 'report.html'"
+    )

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from experiments.protocol.correlations import contrast
 from experiments.records import configs
 from experiments.records.measurement import Measured
 from experiments.records.results import Results
@@ -16,6 +15,7 @@ from experiments.reporting.text import number
 from experiments.studies.claims.frozen import Claim, Rules
 from experiments.studies.claims.piece import Piece, measured_by_scene, place_of
 from experiments.studies.claims.rules import rule_of
+from experiments.studies.correlation.pairs import contrast
 
 PROTOTYPE = "prototype"
 

@@ -16,10 +16,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from experiments.protocol.correlations import CorrelationSums
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import choose
+from experiments.studies.correlation.pairs import CorrelationSums
 from hdc import bits
 from hdc.encoders import Median
 from hdc.prototypes import Counters

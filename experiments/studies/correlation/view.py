@@ -14,7 +14,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.protocol.correlations import contrast
 from experiments.reporting import published
 from experiments.reporting.curves import errors
 from experiments.reporting.estimates import (
@@ -27,6 +26,7 @@ from experiments.reporting.matrices import matrix
 from experiments.reporting.measured import matrices
 from experiments.reporting.plot import PAPER, panel, star
 from experiments.reporting.study_new import FigureOf, NumbersOf, Quantity, Study
+from experiments.studies.correlation.pairs import contrast
 
 PICTURES = ("speckle", "hypervector", "prototype")
 # Pixels of the pictures that are lit evenly: elsewhere the lamp's edge is the clearest pattern.

@@ -2,7 +2,6 @@
 
 import multiprocessing
 import time
-import warnings
 from typing import ClassVar
 
 import numpy as np
@@ -200,83 +199,6 @@ def test_fewer_pixels_are_some_of_more():
             ValueError, match=r"^data\.pixels: expected an integer in \[2, 35\]"
         ):
             data.PixelSubset(scene, pixels, 0)
-
-
-def split(kind="random", n_train=None, test_fraction=0.2):
-    return {"kind": kind, "test_fraction": test_fraction, "n_train": n_train}
-
-
-def test_two_sessions():
-    scene = make_scene(sessions=2)
-    for kind in ("random", "ordered"):
-        train, test = data.choose(scene, split(kind), 0)
-        assert max(train.max(), test.max()) < 30  # within the first
-    train, test = data.choose(scene, split("session"), 0)
-    assert train.max() < 30
-    assert test.tolist() == list(range(30, 60))
-    # The same training samples as without the second session: the two accuracies compare.
-    np.testing.assert_array_equal(train, data.choose(scene, split("random"), 0)[0])
-
-
-@pytest.mark.parametrize(
-    ("cfg", "message"),
-    [
-        (
-            split("sorted"),
-            r"split\.kind: expected one of random, ordered, grouped, session, found 'sorted'",
-        ),
-        (split("session"), r"split\.test: expected a session other than 0"),
-        (split(test_fraction=1.5), r"split\.test_fraction: expected"),
-        (split(n_train=2), r"split\.n_train: expected integers from 3 .* found 2"),
-        (split(n_train=49), r"split\.n_train: expected .* 48 .* found 49"),
-    ],
-)
-def test_a_split_that_does_not_fit_names_its_key(cfg, message):
-    with pytest.raises(ValueError, match=message):
-        data.choose(make_scene(), cfg, 0)
-
-
-@pytest.mark.parametrize("sessions", [1, 3])
-def test_frames_beside_each_other_are_warned_of_whatever_the_sessions(sessions):
-    """cracks: no warning where each session counts its times from 0."""
-    n = 120
-    scene = Frames(
-        torch.from_numpy(np.random.default_rng(0).integers(0, 9, (n, 2, 2), np.uint8)),
-        np.concatenate(
-            [np.roll(np.repeat([0, 1], n // sessions // 2), s) for s in range(sessions)]
-        ),
-        ("a", "b"),
-        {
-            "session": np.repeat(np.arange(sessions), n // sessions),
-            "order": np.tile(np.arange(n // sessions), sessions),
-        },
-        origin="recorded",
-    )
-    with pytest.warns(UserWarning, match=r"\d\d% of the test frames stand next to"):
-        data.choose(scene, split("random"), 0)
-
-
-def in_order_of_class(origin):
-    """Frames of each class one after another, as a camera records them."""
-    scene = make_scene(origin=origin)
-    order = np.argsort(scene.labels, kind="stable")
-    return Frames(scene.images, scene.labels[order], scene.classes, {}, origin=origin)
-
-
-@pytest.mark.parametrize(
-    ("origin", "kind", "warned"),
-    [
-        ("recorded", "random", True),
-        ("recorded", "ordered", False),
-        ("simulated", "random", False),
-        ("measured", "random", False),
-    ],
-)
-def test_only_a_random_split_of_a_recording_warns_of_copies(origin, kind, warned):
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        data.choose(in_order_of_class(origin), split(kind), 0)
-    assert [str(each.message)[:19] for each in said] == ["split.kind=random: "] * warned
 
 
 def test_frames_are_made_again_for_another_revision_of_their_scene(

@@ -185,7 +185,7 @@ def test_scenes_come_at_their_seeds_and_are_kept_on_disk_where_asked_for(
 ):
     def made(config, what):
         assert what == "scene"
-        seeds = [config.seed, config.sensor.sampling_seed, config.n]
+        seeds = [config["seed"], config["sensor"]["sampling_seed"], config["n"]]
         images = torch.tensor(seeds, dtype=torch.uint8).reshape(3, 1, 1)
         return Frames(images, np.arange(3), tuple("abc"), {}, origin="simulated")
 

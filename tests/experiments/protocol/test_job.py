@@ -6,7 +6,6 @@ import msgspec
 import numpy as np
 import pytest
 import torch
-from omegaconf import OmegaConf
 from rich.console import Console
 
 import hdc
@@ -338,7 +337,7 @@ def test_a_line_says_which_run_it_was_and_how_it_was_called(
     assert not repeated
     held = msgspec.json.decode((results / record.RUNS).read_bytes())
     asked = {key: value for key, value in held.items() if key in OF_CALL}
-    config = OmegaConf.to_container(cfg, resolve=True)
+    config = cfg
     display, scene_display = config["display"], config["scene_display"]
     assert display["name"] == "HDC"
     assert scene_display["name"] == "Own recording"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from experiments.protocol.sweep import Progress, size, span
+from experiments.protocol.sweep import progress, size, span
 
 
 @pytest.mark.parametrize(
@@ -20,13 +20,10 @@ def test_the_number_of_runs_is_the_product_of_the_values(params, words, expected
 
 
 def test_what_is_left_is_the_mean_of_what_was_carried_out_times_the_others():
-    progress = Progress(4)
-    assert progress.next(["model=hdc"]) == "1 of 4: model=hdc"
-    assert progress.next(["model=a"]) == "2 of 4: model=a"  # the first was there
-    progress.took(100)
-    progress.took(200)
-    assert progress.next(["model=b"]) == "3 of 4: model=b; about 5 min left"
-    assert progress.next([]) == "4 of 4: ; about 2 min left"
+    assert progress(1, 4, ["model=hdc", "a=1"], []) == "1 of 4: model=hdc a=1"
+    expected = "3 of 4: model=b; about 5 min left"  # of two runs, 150 s each
+    assert progress(3, 4, ["model=b"], [100, 200]) == expected
+    assert progress(4, 4, [], [100, 200]) == "4 of 4: ; about 2 min left"
 
 
 def test_spans_are_said_as_one_would():

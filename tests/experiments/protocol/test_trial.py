@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from experiments.protocol import data, trial
+from experiments.protocol import data, train_test
 from experiments.protocol.model import check_model, models_of
 
 
@@ -51,9 +51,9 @@ def test_both_readings_of_a_curve_are_in_the_record(carry_out, fake, monkeypatch
     pairs = [(0.5, 0.4), (0.92, 0.7), (1.0, 0.9), (0.95, 0.2)]  # training, test
     read = iter([share for pair in pairs for share in pair])
     fake(*({"samples_seen": k, "steps": k, "loss": 1.0} for k in range(4)))
-    right = trial.accuracy  # of the final predictions
+    right = train_test.accuracy  # of the final predictions
     monkeypatch.setattr(
-        trial, "accuracy", lambda *given: next(read, None) or right(*given)
+        train_test, "accuracy", lambda *given: next(read, None) or right(*given)
     )
     entry = carry_out()
     assert entry.time_to_target_train_s == curve_of(entry)[1]["training_s"]
@@ -137,9 +137,9 @@ def test_accuracy_at_the_target_is_the_first_above_it_and_not_at_it(
     pairs = [(0.9, 0.9), (0.91, 0.8), (1.0, 0.95)]  # training, test
     read = iter([share for pair in pairs for share in pair])
     fake(*({"samples_seen": k, "steps": k, "loss": 1.0} for k in range(3)))
-    right = trial.accuracy  # of the final predictions
+    right = train_test.accuracy  # of the final predictions
     monkeypatch.setattr(
-        trial, "accuracy", lambda *given: next(read, None) or right(*given)
+        train_test, "accuracy", lambda *given: next(read, None) or right(*given)
     )
     entry = carry_out()
     times = [row["training_s"] for row in curve_of(entry)]

@@ -12,20 +12,21 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.protocol.correlations import (
+from experiments.protocol.experiment import Run
+from experiments.protocol.settings import Split
+from experiments.studies.correlation import measure, view
+from experiments.studies.correlation.pairs import (
     CorrelationSums,
     contrast,
     mean_pair_correlations,
     pair_correlations_double_sum,
     standardise,
 )
-from experiments.protocol.experiment import Run
-from experiments.studies.correlation import measure, view
 from hdc import bits
 from hdc.encoders import Median
 from scenes.frames import Frames
 
-SPLIT = {"kind": "random", "test_fraction": 0.25, "n_train": None}
+SPLIT = Split("random", 0.25)
 
 
 def samples(n, d, seed=0, dtype=np.uint8):

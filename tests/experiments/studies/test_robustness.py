@@ -11,7 +11,7 @@ import torch
 from omegaconf import OmegaConf
 
 from experiments.protocol.experiment import Run
-from experiments.protocol.trial import instantiate
+from experiments.protocol.model import instantiate
 from experiments.records import configs
 from experiments.reporting.estimates import mean_share
 from experiments.studies.robustness import view

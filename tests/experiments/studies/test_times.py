@@ -7,13 +7,12 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import torch
-from omegaconf import OmegaConf
 
 from baselines.cnn import CNN
 from baselines.softmax import SoftmaxRegression
-from experiments import run
 from experiments.protocol import machine
 from experiments.protocol.experiment import Run
+from experiments.protocol.settings import named
 from experiments.protocol.stop import StopRule
 from experiments.records import configs
 from experiments.records.results import Results
@@ -158,7 +157,7 @@ def test_a_long_model_takes_part_in_as_many_turns_as_fit_and_in_one_at_least(tra
 
 def test_time_ends_at_the_report_that_exceeds_the_target_or_with_the_model(training):
     iterative = training.carry_out("a", timed("a", 3.0, right_from=4))
-    assert (iterative.seconds, iterative.reports) == (12, 4)
+    assert (iterative.seconds, iterative.steps) == (12, 4)
     assert (iterative.train_accuracy, iterative.test_accuracy) == (1, 1)
     # Known from before: it is not looked at earlier, and is found at the same report.
     assert training.carry_out("a", timed("a", 3.0, right_from=4), skip=4).seconds == 12
@@ -182,7 +181,7 @@ def test_every_model_has_a_route_by_every_way_and_each_can_be_built():
         assert set(models) == set(MODELS)
         for routes in models.values():
             for route in routes.values():
-                measure.instantiate(measure.OmegaConf.create(route["model"]), "model")
+                measure.instantiate(route["model"], "model")
 
 
 def test_the_grid_of_a_small_scene(small_scene, one_thread, results, monkeypatch):
@@ -217,12 +216,10 @@ def test_the_grid_of_a_small_scene(small_scene, one_thread, results, monkeypatch
 def test_the_runner_leaves_memory_to_the_grid_alone():
     """PyTorch at its defaults gives freed memory back."""
 
-    def says(name):
-        return run._says(OmegaConf.create(configs.task(name)), "own_memory")
-
-    assert says("times_grid")
-    assert not says("benchmark")
-    assert not run._says(None, "own_memory")
+    assert named({"_target_": f"{measure.__name__}.times_grid"}).own_memory
+    other = "experiments.studies.benchmark.measure.benchmark"
+    assert not named({"_target_": other}).own_memory
+    assert named(None) is None
 
 
 # The table ----------------------------------------------------------------------------------------

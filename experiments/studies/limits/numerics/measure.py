@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from torch import Tensor
 
-from experiments.protocol.correlations import (
+from experiments.protocol.experiment import Row, Run, experiment
+from experiments.studies.correlation.pairs import (
     mean_pair_correlations,
     pair_correlations_double_sum,
 )
-from experiments.protocol.experiment import Row, Run, experiment
 from experiments.studies.limits.numerics.intensity import camera_of, exact_intensity
 from scenes.sensor.camera import Camera, MountedCamera
 from scenes.sensor.seeds import stream

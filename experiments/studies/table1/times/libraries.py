@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from experiments.protocol.libraries import multisets, numpy_median, opencv_median
+from baselines.libraries import multisets, numpy_median, opencv_median
 from hdc.parameters import check_choice
 
 MEDIANS = {"cv2.calcHist": opencv_median, "numpy.bincount": numpy_median}

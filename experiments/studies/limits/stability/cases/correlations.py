@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.protocol.correlations import mean_pair_correlations
+from experiments.studies.correlation.pairs import mean_pair_correlations
 from experiments.studies.limits.numerics.measure import exact_mean
 from experiments.studies.limits.stability.case import case
 

@@ -1,0 +1,73 @@
+"""A user's error in one line: the key, what was expected and what was found."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+
+from hydra.errors import (
+    HydraException,
+    InstantiationException,
+    MissingConfigException,
+    OverrideParseException,
+)
+from omegaconf.errors import OmegaConfBaseException
+
+# Errors that are the user's to mend. All others are ours, and have a traceback.
+USER_ERRORS = (ValueError, OSError, HydraException, OmegaConfBaseException)
+# Lines of Hydra's that name nothing of the user's.
+_SKIPPED = ("See https:", "object_type=")
+
+
+def message(error: BaseException, words: Sequence[str] = ()) -> str:
+    """The message of an error, in one line where it is Hydra's.
+
+    Args:
+        error: any.
+        words: of the command line.
+    """
+    if isinstance(error, MissingConfigException) and error.options:
+        group, _, name = str(error.missing_cfg_file).rpartition("/")
+        return f"{group}: expected one of {', '.join(error.options)}, found {name}"
+    if isinstance(error, InstantiationException):
+        return _of_target(error)
+    if isinstance(error, OverrideParseException) and "=" in error.override:
+        return _of_value(error.override)
+    if not isinstance(error, HydraException | OmegaConfBaseException):
+        return str(error).strip()
+    lines = (line.strip() for line in str(error).splitlines())
+    shown = [line for line in lines if line and not line.startswith(_SKIPPED)]
+    if shown[0].startswith("Could not override"):
+        shown += _of_sweep(shown[0].split("'")[1], words)
+    return ", ".join(shown)
+
+
+def _of_target(error: InstantiationException) -> str:
+    """What Hydra could not build: the key, and why."""
+    _, _, key = str(error).partition("full_key: ")
+    what = key.strip() or "config"
+    _, _, target = str(error).partition("locating target '")
+    if target:
+        found = target.partition("'")[0]
+        expected = "the dotted name of a class or a function"
+        return f"{what}._target_: expected {expected}, found {found}"
+    reason = error.__cause__ or str(error).splitlines()[0]
+    return f"{what}: {reason}"
+
+
+def _of_value(override: str) -> str:
+    """How to write a value with characters that Hydra's grammar gives a meaning."""
+    key, _, value = override.partition("=")
+    inner = value.strip("'\"")
+    quoted = shlex.quote(f'{key}="{inner}"')
+    return f"{key}: expected a value, in quotes of its own where it has = , ( or spaces: {quoted}"
+
+
+def _of_sweep(key: str, words: Sequence[str]) -> list[str]:
+    """How to set a key that not every config of a sweep has."""
+    given = [word for word in words if word.startswith(f"{key}=")]
+    if not given or not {"-m", "--multirun"} & set(words):
+        return []
+    group, value = key.partition(".")[0], given[-1].partition("=")[2]
+    swept = f"in a sweep over several {group}s that have it: '{key}=choice({value})'"
+    return [f"{swept} (those that do not have it need a call of their own)"]

@@ -1,0 +1,135 @@
+"""Which samples train and which test: what a split keeps apart, and what a user is warned of."""
+
+import warnings
+
+import numpy as np
+import pytest
+import torch
+
+from experiments.protocol.settings import Split
+from experiments.protocol.splits import choose, draw_split, nested
+from scenes.frames import Frames
+
+
+def make_scene(
+    n=60, classes=3, shape=(5, 7), dtype=np.uint8, origin="simulated", sessions=1
+):
+    rng = np.random.default_rng(0)
+    labels = np.tile(np.arange(classes), n // classes)
+    base = rng.integers(0, np.iinfo(dtype).max // 2, (classes, *shape))
+    noise = rng.integers(0, np.iinfo(dtype).max // 2, (n, *shape))
+    return Frames(
+        torch.from_numpy((base[labels] + noise).astype(dtype)),
+        labels,
+        tuple("abc"[:classes]),
+        {"session": np.repeat(np.arange(sessions), n // sessions)},
+        origin=origin,
+    )
+
+
+def split(kind="random", n_train=None, test_fraction=0.2):
+    return Split(kind, test_fraction, n_train=n_train)
+
+
+def test_two_sessions():
+    scene = make_scene(sessions=2)
+    for kind in ("random", "ordered"):
+        train, test = choose(scene, split(kind), 0)
+        assert max(train.max(), test.max()) < 30  # within the first
+    train, test = choose(scene, split("session"), 0)
+    assert train.max() < 30
+    assert test.tolist() == list(range(30, 60))
+    # The same training samples as without the second session: the two accuracies compare.
+    np.testing.assert_array_equal(train, choose(scene, split("random"), 0)[0])
+
+
+@pytest.mark.parametrize(
+    ("wanted", "message"),
+    [
+        (
+            split("sorted"),
+            r"split\.kind: expected one of random, ordered, grouped, session, found 'sorted'",
+        ),
+        (split("session"), r"split\.test: expected a session other than 0"),
+        (split(test_fraction=1.5), r"split\.test_fraction: expected"),
+        (split(n_train=2), r"split\.n_train: expected integers from 3 .* found 2"),
+        (split(n_train=49), r"split\.n_train: expected .* 48 .* found 49"),
+    ],
+)
+def test_a_split_that_does_not_fit_names_its_key(wanted, message):
+    with pytest.raises(ValueError, match=message):
+        choose(make_scene(), wanted, 0)
+
+
+@pytest.mark.parametrize("sessions", [1, 3])
+def test_frames_beside_each_other_are_warned_of_whatever_the_sessions(sessions):
+    """cracks: no warning where each session counts its times from 0."""
+    n = 120
+    scene = Frames(
+        torch.from_numpy(np.random.default_rng(0).integers(0, 9, (n, 2, 2), np.uint8)),
+        np.concatenate(
+            [np.roll(np.repeat([0, 1], n // sessions // 2), s) for s in range(sessions)]
+        ),
+        ("a", "b"),
+        {
+            "session": np.repeat(np.arange(sessions), n // sessions),
+            "order": np.tile(np.arange(n // sessions), sessions),
+        },
+        origin="recorded",
+    )
+    with pytest.warns(UserWarning, match=r"\d\d% of the test frames stand next to"):
+        choose(scene, split("random"), 0)
+
+
+def in_order_of_class(origin):
+    """Frames of each class one after another, as a camera records them."""
+    scene = make_scene(origin=origin)
+    order = np.argsort(scene.labels, kind="stable")
+    return Frames(scene.images, scene.labels[order], scene.classes, {}, origin=origin)
+
+
+@pytest.mark.parametrize(
+    ("origin", "kind", "warned"),
+    [
+        ("recorded", "random", True),
+        ("recorded", "ordered", False),
+        ("simulated", "random", False),
+        ("measured", "random", False),
+    ],
+)
+def test_only_a_random_split_of_a_recording_warns_of_copies(origin, kind, warned):
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        choose(in_order_of_class(origin), split(kind), 0)
+    assert [str(each.message)[:19] for each in said] == ["split.kind=random: "] * warned
+
+
+def test_a_class_that_only_test_frames_have_is_named():
+    """A split by session trained without one of the classes, and said nothing."""
+    scene = make_scene(sessions=2)
+    labels = scene.labels.copy()
+    labels[:30][labels[:30] == 2] = 0
+    scene = Frames(
+        scene.images, labels, scene.classes, scene.samples, origin="recorded"
+    )
+    expected = "split.kind=session: no training frame of c: every model has the 10 test"
+    with pytest.warns(UserWarning, match=expected):
+        choose(scene, split("session"), 0)
+
+
+def test_a_draw_is_that_of_its_seed_and_its_order_has_a_stream_of_its_own():
+    """By definition: a split's seed is the first integer of the stream (seed, draw), and the order
+    of the samples is of the stream (seed, draw, 1)."""
+    scene = make_scene()
+    for seed in ((0, 0), (0, 1), (3, 2)):
+        pool, test = draw_split(scene, split(n_train=9), seed, most_test=1000)
+        drawn = int(np.random.default_rng(seed).integers(2**31))
+        expected = choose(scene, split(), drawn)  # n_train is no matter of a draw
+        np.testing.assert_array_equal(pool, expected[0])
+        np.testing.assert_array_equal(test, expected[1])
+        order, sizes = nested(pool, scene.labels, [2, 16, 17], seed)
+        shuffled = np.random.default_rng((*seed, 1)).permutation(pool)
+        for label, of_class in enumerate(order):
+            is_of_class = scene.labels[shuffled] == label
+            np.testing.assert_array_equal(of_class, shuffled[is_of_class])
+        assert sizes == [2, 16]  # 48 samples of three classes train
