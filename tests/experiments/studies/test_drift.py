@@ -16,6 +16,7 @@ from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.protocol.evaluate import bank_of, evaluate
 from experiments.protocol.experiment import Run
 from experiments.protocol.model import models_of
+from experiments.protocol.settings import Split
 from experiments.records import configs
 from experiments.records.rows import pack_labels, unpack_labels
 from experiments.studies.drift import measure, view
@@ -47,7 +48,7 @@ from hdc.encoders import Reference
 from hdc.encoders.reference import FRACTION, standardised
 from scenes.frames import Frames
 
-SPLIT = {"kind": "random", "test_fraction": 0.2, "n_train": None}
+SPLIT = Split("random", 0.2)
 MODELS = {
     name: configs.part("model", name)
     for name in ("hdc", "ridge", "softmax_dual", "correlation")
