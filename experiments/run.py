@@ -33,7 +33,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from experiments.protocol import job, machine, sweep
-from experiments.protocol.messages import USER_ERRORS, message
+from experiments.protocol.messages import is_users, message
 from experiments.protocol.settings import named, resolved, settings_of
 from experiments.records import locks
 from experiments.records.environment import COMMAND
@@ -117,7 +117,7 @@ class CommandLine:
             console.print(str(error), style="yellow", markup=False, soft_wrap=True)
             return
         self.failed = True
-        if not isinstance(error, USER_ERRORS):
+        if not is_users(error):
             traceback.print_exception(error)
             return
         lines = message(error, self._words).splitlines()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import traceback
 from collections.abc import Sequence
 
 from hydra.errors import (
@@ -13,10 +14,21 @@ from hydra.errors import (
 )
 from omegaconf.errors import OmegaConfBaseException
 
-# Errors that are the user's to mend. All others are ours, and have a traceback.
-USER_ERRORS = (ValueError, OSError, HydraException, OmegaConfBaseException)
+_USER_ERRORS = (ValueError, OSError, HydraException, OmegaConfBaseException)
+_LAUNCHERS = ("hydra_plugins", "joblib", "submitit")
 # Lines of Hydra's that name nothing of the user's.
 _SKIPPED = ("See https:", "object_type=")
+
+
+def is_users(error: BaseException) -> bool:
+    """Whether an error is the user's to mend, or of a launcher: no Slurm, a worker that was ended.
+    All others are ours, and have a traceback."""
+    if isinstance(error, _USER_ERRORS):
+        return True
+    raised_in = ""
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        raised_in = str(frame.f_globals.get("__name__"))
+    return raised_in.partition(".")[0] in _LAUNCHERS
 
 
 def message(error: BaseException, words: Sequence[str] = ()) -> str:

@@ -249,6 +249,22 @@ def test_results_that_cannot_be_written_are_one_line(
     assert all(str(place) in line for line in lines)
 
 
+def test_a_reader_that_has_read_enough_sees_no_traceback(tmp_path):
+    """`--help | head -1` ended with a broken pipe."""
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(
+        [sys.executable, "-m", "experiments.run", "--help"],
+        stdout=write,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=60,
+        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+    )
+    os.close(write)
+    assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, "")
+
+
 # Ended from outside -------------------------------------------------------------------------------
 
 STUCK = """

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -29,6 +30,13 @@ def test_a_model_without_a_loss_is_left_to_finish():
     rule = StopRule(reached_after_s=0, least_steps=0, most_steps=1, budget_s=100)
     assert stops(rule, [None] * 50, [0.99] * 50) is None
     assert rule.check(100.0, 0, None, 0.99) == "budget"
+
+
+def test_a_target_that_is_only_met_is_not_exceeded():
+    """By definition: the training accuracy exceeds the target, as in the paper's "over 90 %"."""
+    rule = StopRule(target=0.75, reached_after_s=0.0)
+    assert rule.check(1.0, 1, 1.0, 0.75) is None
+    assert rule.check(1.0, 1, 1.0, np.nextafter(0.75, 1)) == "reached"
 
 
 @pytest.mark.parametrize(

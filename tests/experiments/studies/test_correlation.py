@@ -197,6 +197,29 @@ def test_experiments(small_scene):
         assert row["picture"] == "speckle" or set(np.unique(image)) == {0, 255}
 
 
+def test_the_contrast_of_prototypes_is_along_their_rows():
+    """Eq. 6 is not symmetric: row l is the prototype of class l with the samples of each class."""
+    rng = np.random.default_rng(5)
+    matrix = rng.uniform(-1, 1, (4, 4))
+    differences = [abs(matrix[i, i] - matrix[i, j]) for i in range(4) for j in range(4)]
+    assert contrast(matrix) == max(differences)
+    assert contrast(matrix) != contrast(matrix.T)
+
+
+def test_eq_6_has_a_row_a_prototype_and_a_column_a_class():
+    rng = np.random.default_rng(6)
+    samples, prototypes = rng.normal(size=(5, 3, 40)), rng.normal(size=(2, 40))
+    sums = CorrelationSums(3, 40)
+    for each in samples:
+        sums.add(each)
+    found = sums.means_with(prototypes)
+    assert found.shape == (2, 3)
+    for p, prototype in enumerate(prototypes):
+        for k in range(3):
+            every = [np.corrcoef(prototype, x)[0, 1] for x in samples[:, k]]
+            assert found[p, k] == pytest.approx(np.mean(every), abs=1e-12)
+
+
 def test_contrasts_are_means_over_seeds():
     rows = pd.DataFrame([
         {"seed": seed, "kind": kind, "samples": part, "class_i": a, "class_j": b,
