@@ -88,11 +88,11 @@ def drift(
         for in_order in order:
             choice = choose(two_sessions, old_split, n_test, in_order, seed)
             kept = Answers(bank, choice)
-            place = {"origin": two_sessions.origin, "seed": seed, "order": in_order}
+            common = {"origin": two_sessions.origin, "seed": seed, "order": in_order}
             for name, model in labelled.items():
                 made = updates(bank, choice, model, n_new, p, in_order, draws, seed)
                 for about, predicted in made:
-                    yield {**place, "model": name, **kept.row(about, predicted)}
+                    yield {**common, "model": name, **kept.row(about, predicted)}
             if in_order != "time" or seed not in zeroing_seeds:
                 continue
             frames = Unlabelled(n_zero, shares, n_shares, n_untouched, favoured=seed)
@@ -100,7 +100,7 @@ def drift(
             for name, model in unlabelled.items():
                 made = zeroings(bank, choice, model, n_alone, seed, frames, without)
                 for about, predicted in made:
-                    yield {**place, "model": name, **kept.row(about, predicted)}
+                    yield {**common, "model": name, **kept.row(about, predicted)}
         run.note(f"seed {seed}")
 
 

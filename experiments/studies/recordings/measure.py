@@ -95,9 +95,9 @@ def recordings(
             pool_of = partial(draw_split, recording, wanted, most_test=most_test)
             draw = partial(_draw, bank, pool_of, asked, n_per_class, split)
             for k in range(min(draws, (fewer_draws or {}).get(split, draws))):
-                place = {"seed": seed, "split": split, "draw": k}
-                for row in run.part(place, partial(draw, (seed, k))):
-                    yield {"origin": recording.origin, **place, **row}
+                drawn = {"seed": seed, "split": split, "draw": k}
+                for row in run.part(drawn, partial(draw, (seed, k))):
+                    yield {"origin": recording.origin, **drawn, **row}
 
 
 def _limited(

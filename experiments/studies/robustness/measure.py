@@ -106,9 +106,9 @@ def rows_of(
         return {**tested, **same}
 
     yield row("none", 0, model.predict(frames))
-    for place, (name, levels) in enumerate(disturbances.items()):
+    for number, (name, levels) in enumerate(disturbances.items()):
         for level in levels:
-            random = np.random.default_rng([seed, place])
+            random = np.random.default_rng([seed, number])
             disturbed = faults.OF_FRAMES[name](frames.numpy(), level, random)
             yield row(name, level, model.predict(torch.from_numpy(disturbed)))
     for rate in rates.asked:

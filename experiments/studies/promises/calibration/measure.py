@@ -55,7 +55,7 @@ def calibration(
             for k in range(draws):
                 pool, test = draw_split(recording, wanted, (seed, k), most_test)
                 order, sizes = nested(pool, bank.labels, n_per_class, (seed, k))
-                place = {
+                common = {
                     "origin": recording.origin,
                     "seed": seed,
                     "split": split,
@@ -67,7 +67,7 @@ def calibration(
                     train = np.concatenate([of_class[:n] for of_class in order])
                     for name, model in asked.items():
                         found = _answers(model, bank, train, test)
-                        yield {**place, "n": n, "model": name, **found}
+                        yield {**common, "n": n, "model": name, **found}
             run.note(f"seed {seed}, split {split}")
 
 
