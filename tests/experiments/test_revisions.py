@@ -126,7 +126,7 @@ def test_a_word_in_a_progress_bar_or_a_docstring_outdates_no_record(
     assert "training" in run()
     for path, before, after in (
         ("experiments/protocol/data.py", 'description=f"make', 'description=f"prepare'),
-        ("experiments/protocol/trial.py", '"""One trial:', '"""A trial:'),
+        ("experiments/protocol/trial.py", '"""The training', '"""A training'),
     ):
         text = (copy / path).read_text()
         assert text.count(before) == 1
