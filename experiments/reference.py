@@ -27,6 +27,7 @@ from experiments.reporting.study import studies as studies_of
 from experiments.reproduction import took
 from experiments.reproduction.adopt import Adopted, adopt
 from experiments.reproduction.steps import steps
+from experiments.studies.claims import view as claims
 from experiments.studies.claims.findings import findings
 from hdc.io import write_atomically
 
@@ -124,7 +125,7 @@ def docs_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
 
 def _findings(results: Results) -> str:
     """What was found, a sentence an item."""
-    sentences = findings(results)
+    sentences = findings(results.frame(*claims.OF))
     items = [f"{place}. {text}" for place, text in enumerate(sentences, 1)]
     return "\n".join(items) or "*missing: no claim was measured*"
 

@@ -1,9 +1,9 @@
 """Tables, figures and the page from the records there are: ``python -m experiments.report``.
 
 Reads own results and the committed reference, never trains, and writes ``tables/``, ``figures/``
-and ``report.html`` into the folder of own results: paper, reference and mine side by side. A record
-that cannot be used is named and skipped; a study that fails says so in its own section, and the
-others are made.
+and ``report.html`` into the folder of own results. The page shows own results, or the reference
+where there are none. A record that cannot be used is named and skipped; a study that fails says so
+in its own section, and the others are made.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from experiments.records.results import Results, Run
 from experiments.reporting import comparison, listing
 from experiments.reporting.against import Comparison, compare
 from experiments.reporting.page import page
-from experiments.reporting.page.page import Block, Picture, Section
+from experiments.reporting.page.page import Picture, Section
 from experiments.reporting.rows import runs_table
 from experiments.reporting.study import Failure, Plot, Quantity, Study, own_studies
 from experiments.reporting.study import studies as studies_of
@@ -238,43 +238,36 @@ def _against(sets: Sequence[Answers]) -> Comparison | None:
 
 
 def _sections(sets: Sequence[Answers]) -> list[Section]:
-    """The parts of the page: a study each, every published number, and own runs."""
-    questions = sets[0].questions
+    """The parts of the page, of one's own results where there are any: what lies outside the
+    reference, a study each, every published number, and the runs."""
+    shown = sets[0]
     sections = []
-    for study in questions:
+    for study in shown.questions:
         failures = [
             line for answers in sets for line in answers.failures_of(study.name)
         ]
-        blocks = _blocks(study.name, sets)
-        sections.append(
-            Section(
-                study.name, study.title, study.question, blocks, study.front, failures
+        tables, pictures = shown.tables[study.name], shown.pictures[study.name]
+        is_asked = bool(tables or pictures or failures)
+        if is_asked or shown.name == "reference":
+            section = Section(
+                study.name,
+                study.title,
+                study.question,
+                tables,
+                pictures,
+                study.front,
+                failures,
             )
-        )
-    compared = Section(
-        "comparison", "Every published number", "", _blocks("comparison", sets)
-    )
-    sections.insert(sum(study.front for study in questions), compared)
-    mine = sets[0]
-    if "against" in mine.tables:
-        blocks = _blocks("against", [mine])
-        sections.insert(0, Section("against", "Own against reference", "", blocks))
-    if mine.name == "mine" and len(mine.results.runs) <= MOST_RUNS:
-        blocks = _blocks("runs", [mine])
-        sections.append(Section("runs", "Every run", "", blocks))
+            sections.append(section)
+    compared = shown.tables["comparison"]
+    if compared:
+        sections.append(Section("comparison", "Every published number", "", compared))
+    if "against" in shown.tables:
+        against = shown.tables["against"]
+        sections.append(Section("against", "Own against reference", "", against))
+    if shown.name == "mine" and len(shown.results.runs) <= MOST_RUNS:
+        sections.append(Section("runs", "Every run", "", shown.tables["runs"]))
     return sections
-
-
-def _blocks(name: str, sets: Sequence[Answers]) -> list[Block]:
-    blocks = []
-    for answers in reversed(sets):  # the complete reference stands before first looks
-        tables = answers.tables[name]
-        pictures = answers.pictures.get(name, [])
-        if tables or pictures:
-            blocks.append(
-                Block(answers.name if len(sets) > 1 else "", tables, pictures)
-            )
-    return blocks
 
 
 def _about(answers: Answers) -> str:

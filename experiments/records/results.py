@@ -274,13 +274,15 @@ class Results:
         experiment and scene, the one whose config was changed least; scenes are in the order of
         their places.
         """
-        parts = []
-        for name in experiments:
-            if name == RUNS:
-                parts += [_frame_of_runs(self.runs)] if self.runs else []
-            else:
-                parts += [_frame_of(one) for one in self._by_scene(name)]
-        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+        if experiments not in self._frames:
+            parts = []
+            for name in experiments:
+                if name == RUNS:
+                    parts += [_frame_of_runs(self.runs)] if self.runs else []
+                else:
+                    parts += [_frame_of(one) for one in self._by_scene(name)]
+            self._frames[experiments] = _joined(parts, several=len(experiments) > 1)
+        return self._frames[experiments]
 
     def _by_scene(self, name: str) -> list[Measured]:
         found: dict[str, Measured] = {}
@@ -290,6 +292,10 @@ class Results:
         places = {scene: configs.scene_display(scene)["place"] for scene in found}
         ordered = sorted(found, key=lambda scene: (places[scene], scene))
         return [found[scene] for scene in ordered]
+
+    @cached_property
+    def _frames(self) -> dict[tuple[str, ...], pd.DataFrame]:
+        return {}
 
     @cached_property
     def _rows(self) -> Groups:
@@ -304,18 +310,6 @@ class Results:
     ) -> Group:
         """The runs of one row, as :meth:`Groups.group`."""
         return self._rows.group(scene, model, n_train, pixels)
-
-    def groups(self) -> list[Group]:
-        """Every row there is."""
-        return list(self._rows)
-
-    def models(self, scene: str) -> set[str]:
-        """As :meth:`Groups.models`."""
-        return self._rows.models(scene)
-
-    def extra_models(self, scene: str) -> list[str]:
-        """As :meth:`Groups.extra_models`."""
-        return self._rows.extra_models(scene)
 
     @cached_property
     def measurements(self) -> list[Measured]:
@@ -356,6 +350,28 @@ class Results:
 def own_columns(frame: pd.DataFrame) -> pd.DataFrame:
     """The lines of one experiment with the columns of its rows alone."""
     return frame[list(frame.of_row.iloc[0])]
+
+
+def _joined(parts: list[pd.DataFrame], several: bool) -> pd.DataFrame:
+    """The parts one below the other. Of several experiments, which have other columns, integers
+    stay integers where a column is missing elsewhere."""
+    if not parts:
+        return pd.DataFrame()
+    if several:
+        parts = [part.astype(object) for part in parts]
+    return pd.concat(parts, ignore_index=True)
+
+
+def of_scenes(frame: pd.DataFrame, experiment: str) -> dict[str, pd.DataFrame]:
+    """The lines of one experiment by scene, in the order of the frame, with the columns of its rows
+    and of records alone."""
+    found = {}
+    if len(frame):
+        lines = frame[frame.experiment == experiment]
+        for scene, rows in lines.groupby("scene", sort=False):
+            names = dict.fromkeys([*rows.of_row.iloc[0], *META])
+            found[str(scene)] = rows[list(names)].infer_objects()
+    return found
 
 
 def _frame_of(measured: Measured) -> pd.DataFrame:

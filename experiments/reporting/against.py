@@ -1,7 +1,8 @@
 """Own results against the reference: which numbers are equal, within its range, or outside.
 
-Cells of tables of one name are compared, row by row of the same key. A number is within where it
-lies between the bounds that the reference has for it.
+Cells of tables of one name are compared, row by row of the same key, where the trainings ended by
+the same rule. A number is within where it lies between the bounds that the reference has for it.
+Times in seconds are of a machine, and are not compared; ratios of times are.
 """
 
 from __future__ import annotations
@@ -10,8 +11,6 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from experiments.reporting.columns import Column
 from experiments.reporting.measured import ENDS
@@ -56,24 +55,20 @@ class Cell:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Every cell that can be compared, and the ratio of times, own over the reference's."""
+    """Every cell that can be compared."""
 
     cells: Sequence[Cell]
-    times: Sequence[float]
 
     def of(self, verdict: str) -> list[Cell]:
         return [cell for cell in self.cells if cell.verdict == verdict]
 
     def lines(self) -> Iterator[str]:
-        """How many cells are what, the ratio of times, and the first that lie outside."""
+        """How many cells are what, and the first that lie outside."""
         if not self.cells:
             yield "own against reference: no number of both has an interval"
             return
         counts = ", ".join(f"{len(self.of(v))} {v}" for v in (EQUAL, WITHIN, OUTSIDE))
-        text = f"own against reference, {len(self.cells)} cells: {counts}"
-        if self.times:
-            text += f"; times ×{number(float(np.median(self.times)), 2)}"
-        yield text
+        yield f"own against reference, {len(self.cells)} cells: {counts}"
         outside = self.of(OUTSIDE)
         yield from (f"! {cell}" for cell in outside[:_MOST])
         if len(outside) > _MOST:
@@ -110,8 +105,8 @@ class Comparison:
             "verdict": Column("Own lies"),
         }
         note = (
-            "Equal: to five digits; within: between the bounds of the reference. The numbers of "
-            "other code or another machine may differ; times always do."
+            "Equal: to five digits; within: between the bounds of the reference. Trainings that "
+            "ended by another rule and times in seconds are not compared."
         )
         title = next(iter(self.lines()), "").capitalize()
         shown = tuple(columns) if rows else ()
@@ -122,15 +117,14 @@ def compare(own: Iterable[Table], reference: Iterable[Table]) -> Comparison:
     """The cells that tables of one's own share with those of the reference."""
     known = {table.name: table for table in reference}
     cells: list[Cell] = []
-    times: list[float] = []
     for table in own:
         if table.key and table.name in known:
             theirs = {_key(row, table): row for row in records(known[table.name].data)}
             for row in records(table.data):
                 other = theirs.get(_key(row, table), {})
-                cells += _cells(table, row, other)
-                times += _times(row, other)
-    return Comparison(_once(cells), times)
+                if row.get("stop") == other.get("stop"):
+                    cells += _cells(table, row, other)
+    return Comparison(_once(cells))
 
 
 def _once(cells: Iterable[Cell]) -> list[Cell]:
@@ -159,20 +153,10 @@ def _cells(
     other: Mapping[str, Any],
 ) -> Iterator[Cell]:
     for name in row:
-        if name.endswith(ENDS[1:]):
+        if name.endswith(ENDS[1:]) or name == "seconds" or name.endswith("_s"):
             continue
         ours = row[name]
         values = [other.get(f"{name}{end}") for end in ENDS]
         if all(isinstance(x, int | float) for x in (ours, *values)):
             what = row_name(row, table)
             yield Cell(table.name, what, table.column(name).head, ours, *values)  # type: ignore[arg-type]
-
-
-def _times(
-    row: Mapping[str, Any],
-    other: Mapping[str, Any],
-) -> Iterator[float]:
-    """Training time of one's own over the reference's, where the tables have one."""
-    ours, theirs = row.get("training_time_s"), other.get("training_time_s")
-    if isinstance(ours, float) and isinstance(theirs, float) and theirs > 0:
-        yield ours / theirs

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.records import configs
-from experiments.records.results import Results
-from experiments.reporting.measured import by_scene
+from experiments.records.results import Results, of_scenes
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.table import Table
 from experiments.reporting.text import CAPTURED, COMPUTED, SIMULATED, markdown_text
@@ -108,8 +107,9 @@ def _counts(results: Results) -> dict[str, str]:
         found[run.scene] = (
             f"{scene.n:,} frames of {height} × {width} pixels; {len(scene.classes)} classes."
         )
-    for name, measured in by_scene(results, "recordings").items():
-        rows = measured.frame[measured.frame.split == "counts"]
+    frame = results.frame("recordings")
+    for name, every in of_scenes(frame, "recordings").items():
+        rows = every[every.split == "counts"]
         if not len(rows) or "n_classes" not in rows:
             continue
         most = max(n for sizes in rows.n for n in sizes)
@@ -120,7 +120,7 @@ def _counts(results: Results) -> dict[str, str]:
         whole = found.get(name) or f"{rows.n_classes.iloc[0]:.0f} classes."
         found[name] = (
             f"{whole} Judged after at most {most} training frames a class, on {tested} test frames "
-            f"a draw; {_split_of(measured.record.config['splits']['counts'])}."
+            f"a draw; {_split_of(rows.config.iloc[0]['splits']['counts'])}."
         )
     return found
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.records import configs
-from experiments.records.measurement import Measured
-from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
 from experiments.reporting.estimates import Estimate, mean_interval
 
@@ -19,37 +18,23 @@ ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
 LEAST_DRAWS = 10  # of one recording; the ends of fewer are no interval
 
 
-def by_scene(results: Results, name: str) -> dict[str, Measured]:
-    """Finished measurements by the name of their scene, in the order of their places; of several
-    of one scene the one whose config was changed least."""
-    found: dict[str, Measured] = {}
-    for measured in results.measurements:  # those changed least come first
-        if measured.record.name == name:
-            found.setdefault(measured.record.scene, measured)
-    ordered = sorted(found, key=lambda scene: (place_of(scene), scene))
-    return {scene: found[scene] for scene in ordered}
-
-
-def commands_of(found: Iterable[Measured]) -> list[str]:
-    """Commands that make some measurements again, each once."""
-    return list(dict.fromkeys(measured.record.command for measured in found))
-
-
 def place_of(scene: str) -> float:
     """The place of a scene among the others."""
     return float(configs.scene_display(scene)["place"])
 
 
-def saturated(measured: Measured) -> bool:
-    """Whether the frames of a measurement cannot tell models apart, as its scene says."""
-    scene = measured.record.config.get("scene") or {}
-    return bool(scene.get("saturated"))
+def saturated(rows: pd.DataFrame) -> bool:
+    """Whether the frames of one scene cannot tell models apart, as its config says."""
+    return bool(_scene_of(rows).get("saturated"))
 
 
-def fields_of(measured: Measured) -> int:
-    """How many input fields of a fibre a frame shows side by side; 1 of any other scene."""
-    scene = measured.record.config.get("scene") or {}
-    return int(scene.get("n_fields", 1))
+def fields_of(rows: pd.DataFrame) -> int:
+    """How many input fields of a fibre a frame of one scene shows side by side; 1 of any other."""
+    return int(_scene_of(rows).get("n_fields", 1))
+
+
+def _scene_of(rows: pd.DataFrame) -> dict[str, Any]:
+    return rows.config.iloc[0].get("scene") or {}
 
 
 def models_of(rows: pd.DataFrame) -> list[str]:

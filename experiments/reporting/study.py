@@ -1,13 +1,20 @@
-"""A study: a question, and functions of records that answer it as tables, figures and numbers.
+"""A study: a question, and functions of a data frame that answer it as tables, figures and numbers.
 
-A study is a folder of ``experiments/studies`` with a module ``view`` that has a ``STUDY``, whose
-functions are registered with decorators::
+A study is a folder of ``experiments/studies`` with a module ``view`` that has a ``STUDY``::
 
-    STUDY = Study("drift", "Drift and recalibration", "How many new samples …?", order=5)
+    def updates(frame):
+        return frame.groupby(["scene", "model", "method"], as_index=False)...
 
-    @STUDY.table("drift_updates", of="drift", title="Accuracy after recalibration, {frames}")
-    def updates(rows, config):
-        return rows.groupby(["model", "method"])...
+    STUDY = Study(
+        "drift",
+        "Drift and recalibration",
+        "How many new samples …?",
+        order=5,
+        tables=[TableOf("drift_updates", updates, of="drift", title="Accuracy after …")],
+    )
+
+Each function takes the lines of :meth:`experiments.records.results.Results.frame` of the
+experiments that it names; a table's gives a data frame, a figure's draws on a figure.
 """
 
 from __future__ import annotations
@@ -17,28 +24,123 @@ import math
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from types import ModuleType
 from typing import Any
+
+import pandas as pd
 
 from experiments.records.results import Results
 from experiments.reporting.columns import Column
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.sources import Of, Source, sources, with_places
 from experiments.reporting.table import Table
+from experiments.reporting.text import counted, frames_of
 
 RUN = "python -m experiments.run experiment="
 WIDTH = 3.4  # in, one column of a journal
-__all__ = [
-    "Failure",
-    "Plot",
-    "Quantity",
-    "Study",
-    "own_studies",
-    "studies",
-    "with_places",
-]
-Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+Of = str | Sequence[str]  # one experiment, or several; "runs" for single trainings
+Text = str | Callable[[pd.DataFrame], str]  # or made of the frame that a function takes
+Columns = Mapping[str, Column] | Callable[[pd.DataFrame], Mapping[str, Column]]
+
+
+@dataclass(frozen=True)
+class TableOf:
+    """How a table is made.
+
+    Attributes:
+        name: stem of its files.
+        make: from the frame of the experiments to the values of the table; None where it has none.
+        of: the experiments whose lines it takes.
+        title, note: may hold ``{frames}`` and ``{machine}``.
+        columns: how columns are shown; or a function of the values.
+        shown: names of the columns that are shown; or a function of the values.
+        folded, key: as :class:`Table` has them.
+        commands: what makes it again; those of the records if there are none here.
+    """
+
+    name: str
+    make: Callable[[pd.DataFrame], pd.DataFrame | None]
+    of: Of
+    title: Text
+    note: Text = ""
+    columns: Columns = field(default_factory=dict)
+    shown: Sequence[str] | Callable[[pd.DataFrame], Sequence[str]] = ()
+    folded: bool = False
+    key: Sequence[str] = ()
+    commands: Sequence[str] = ()
+
+    def tables(self, frame: pd.DataFrame) -> Iterator[Table]:
+        """The table, if it has lines."""
+        data = self.make(frame)
+        if data is None or not len(data):
+            return
+        columns = self.columns(data) if callable(self.columns) else self.columns
+        shown = self.shown(data) if callable(self.shown) else self.shown
+        yield Table(
+            self.name,
+            _text(self.title, frame),
+            data,
+            tuple(shown),
+            dict(columns),
+            _text(self.note, frame),
+            _commands(self.commands, frame),
+            self.folded,
+            self.key,
+        )
+
+
+@dataclass(frozen=True)
+class FigureOf:
+    """How a figure is drawn.
+
+    Attributes:
+        name: stem of its file.
+        draw: takes a matplotlib figure and the frame; of one that is drawn `over` other results
+            also theirs, ``behind``, which may be None.
+        of: the experiments whose lines it takes.
+        caption: what it shows; also the alternative text; may hold ``{frames}``.
+        size: width and height in inches.
+        kind: ``svg``, or ``webp`` for a figure made of pixels.
+        needs: whether there is anything to draw.
+        over: whether other results can be drawn behind it.
+        commands: what makes it again; those of the records if there are none here.
+    """
+
+    name: str
+    draw: Callable[..., None]
+    of: Of
+    caption: Text
+    size: tuple[float, float] = (WIDTH, 2.6)
+    kind: str = "svg"
+    needs: Callable[[pd.DataFrame], bool] = lambda frame: bool(len(frame))
+    over: bool = False
+    commands: Sequence[str] = ()
+
+    def plots(self, frame: pd.DataFrame) -> Iterator[Plot]:
+        """The figure, not yet drawn, if there is anything to draw."""
+        if self.needs(frame):
+            caption = _text(self.caption, frame)
+            commands = _commands(self.commands, frame)
+            yield Plot(self, caption, commands, frame)
+
+
+@dataclass(frozen=True)
+class NumbersOf:
+    """How numbers are made that the paper gives, too: of the experiments' own frames alone."""
+
+    make: Callable[[pd.DataFrame], Iterator[Quantity]]
+    of: Of
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+        return "its numbers"
+
+    def quantities(self, frame: pd.DataFrame) -> Iterator[Quantity]:
+        """The numbers, if there are lines."""
+        own = frame[~frame.elsewhere.astype(bool)]
+        if len(own):
+            yield from self.make(own)
 
 
 @dataclass(frozen=True)
@@ -46,30 +148,48 @@ class Plot:
     """A figure that is drawn when it is needed.
 
     Attributes:
-        name: stem of its file, and its anchor on the page.
+        of: how it is drawn.
         caption: also used as alternative text.
-        draw: makes the matplotlib figure.
         commands: make its results again.
-        kind: ``svg``, or ``webp`` for a figure made of pixels.
-        chart: its interactive form for the page, as Vega-Lite; None if it has none.
-        behind: whether other results have anything to draw behind it; None if it is never drawn
-            over others.
+        frame: what it is drawn from.
+        behind: what is drawn behind it.
     """
 
-    name: str
+    of: FigureOf
     caption: str
-    draw: Callable[..., Any]
-    commands: Sequence[str] = ()
-    kind: str = "svg"
-    chart: Callable[[], dict[str, Any]] | None = None
-    behind: Callable[[Results], bool] | None = None
+    commands: Sequence[str]
+    frame: pd.DataFrame
+    behind: pd.DataFrame | None = None
+
+    @property
+    def name(self) -> str:
+        """Stem of its file, and its anchor on the page."""
+        return self.of.name
+
+    @property
+    def kind(self) -> str:
+        """Ending of its file."""
+        return self.of.kind
 
     def over(self, behind: Results | None) -> Plot:
         """The figure over other results, which its caption names where there are any to draw."""
-        if behind is None or self.behind is None or not self.behind(behind):
+        if behind is None or not self.of.over:
+            return self
+        frame = behind.frame(*_names(self.of.of))
+        if not len(frame) or not self.of.needs(frame):
             return self
         caption = f"{self.caption} Pale: the reference."
-        return replace(self, caption=caption, draw=partial(self.draw, behind=behind))
+        return replace(self, caption=caption, behind=frame)
+
+    def draw(self) -> Any:
+        """The matplotlib figure."""
+        from experiments.reporting.plot import STYLE, plt  # --help need not wait for it
+
+        keywords = {"behind": self.behind} if self.of.over else {}
+        with plt.rc_context(fname=STYLE):
+            figure = plt.figure(figsize=self.of.size, layout="constrained")
+            self.of.draw(figure, self.frame, **keywords)
+        return figure
 
 
 @dataclass(frozen=True)
@@ -115,7 +235,7 @@ class Quantity:
         return cls(name, scale * estimate.value, low, high, known, **rest)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Study:
     """One question.
 
@@ -125,6 +245,7 @@ class Study:
         question: a sentence or two.
         order: place on the page; smaller comes first.
         front: whether it stands unfolded on the page, before the others.
+        tables, figures, numbers: what answers it, in the order in which they are shown.
     """
 
     name: str
@@ -132,112 +253,9 @@ class Study:
     question: str
     order: float
     front: bool = False
-    _makers: list[_Maker] = field(default_factory=list)
-
-    def table(
-        self,
-        name: str,
-        *,
-        title: str,
-        of: Of = None,
-        note: str = "",
-        shown: Sequence[str] = (),
-        columns: Mapping[str, Column] | None = None,
-        folded: bool = False,
-        commands: Sequence[str] = (),
-        key: Sequence[str] = (),
-    ) -> Decorator:
-        """Register a function that gives the data frame of a table, or None where it has none.
-
-        Its ``attrs`` may hold ``title``, ``note``, ``shown``, ``columns``, ``commands`` of its own.
-
-        Args:
-            name: stem of its files; a measurement on other frames than the experiment's adds a
-                suffix.
-            title, note: may hold ``{frames}`` and ``{machine}`` of the measurement.
-            of: name of the measurement, or of several on the same frames, whose rows the function
-                takes, followed by the config of the first; None for a function of the results.
-            shown, columns, folded, commands, key: as :class:`Table` has them.
-        """
-
-        def make(source: Source, function: Callable[..., Any]) -> Iterator[Table]:
-            data = function(*source.arguments)
-            if data is None or not len(data):
-                return
-            texts: dict[str, Any] = {
-                "title": title,
-                "note": note,
-                "shown": shown,
-                "columns": columns or {},
-                **data.attrs,
-            }
-            yield Table(
-                f"{name}{source.suffix}",
-                source.fill(texts["title"]),
-                data,
-                tuple(texts["shown"]),
-                texts["columns"],
-                source.fill(texts["note"]),
-                tuple(texts.get("commands", ())) or tuple(commands) or source.commands,
-                folded,
-                key,
-            )
-
-        return self._registering(Table, f"table {name}", of, make)
-
-    def figure(
-        self,
-        name: str,
-        *,
-        caption: str | Callable[..., str],
-        of: Of = None,
-        size: tuple[float, float] = (WIDTH, 2.6),
-        kind: str = "svg",
-        needs: Callable[..., bool] = lambda *_: True,
-        commands: Sequence[str] | Callable[..., Sequence[str]] = (),
-        over: bool = False,
-        chart: Callable[..., dict[str, Any]] | None = None,
-    ) -> Decorator:
-        """Register a function that draws on a figure, whose first argument that is.
-
-        Args:
-            name, of: as :meth:`table`.
-            commands: as :meth:`table`, or a function of the function's other arguments.
-            caption: what it shows, a text or a function of the function's other arguments; also
-                the alternative text; may hold ``{frames}``.
-            size: width and height in inches.
-            kind: as :class:`Plot` has it.
-            needs: of the function's other arguments: whether there is anything to draw.
-            over: whether the function takes ``behind``, other results that are drawn behind, or
-                None.
-            chart: of the function's other arguments: the figure's interactive form, Vega-Lite.
-        """
-
-        def make(source: Source, function: Callable[..., Any]) -> Iterator[Plot]:
-            if needs(*source.arguments):
-                draw = partial(_draw, function, source.arguments, size, over)
-                says = caption(*source.arguments) if callable(caption) else caption
-                made = commands(*source.arguments) if callable(commands) else commands
-                yield Plot(
-                    f"{name}{source.suffix}",
-                    source.fill(says),
-                    draw,
-                    tuple(made) or source.commands,
-                    kind,
-                    chart and partial(chart, *source.arguments),
-                    needs if over else None,
-                )
-
-        return self._registering(Plot, f"figure {name}", of, make)
-
-    def quantities(self, *, of: Of = None) -> Decorator:
-        """Register a generator of :class:`Quantity`; of measurements on their own frames only."""
-
-        def make(source: Source, function: Callable[..., Any]) -> Iterator[Quantity]:
-            if not source.suffix:
-                yield from function(*source.arguments)
-
-        return self._registering(Quantity, "its numbers", of, make)
+    tables: Sequence[TableOf] = ()
+    figures: Sequence[FigureOf] = ()
+    numbers: Sequence[NumbersOf] = ()
 
     def tables_of(
         self, results: Results, failures: list[Failure] | None = None
@@ -248,49 +266,42 @@ class Study:
             results: records.
             failures: takes what fails, so that the others are made all the same; None raises it.
         """
-        return self._answers(Table, results, failures)
+        for table in self.tables:
+            yield from self._answers("table", table, table.tables, results, failures)
 
     def plots_of(
         self, results: Results, failures: list[Failure] | None = None
     ) -> Iterator[Plot]:
         """Its figures of these results, not yet drawn; `failures` as :meth:`tables_of`."""
-        return self._answers(Plot, results, failures)
+        for figure in self.figures:
+            yield from self._answers("figure", figure, figure.plots, results, failures)
 
     def quantities_of(
         self, results: Results, failures: list[Failure] | None = None
     ) -> Iterator[Quantity]:
         """Its numbers of these results; `failures` as :meth:`tables_of`."""
-        return self._answers(Quantity, results, failures)
+        for numbers in self.numbers:
+            yield from self._answers(
+                "numbers", numbers, numbers.quantities, results, failures
+            )
 
     def _answers(
         self,
-        kind: type,
+        kind: str,
+        asked: TableOf | FigureOf | NumbersOf,
+        answer: Callable[[pd.DataFrame], Iterator[Any]],
         results: Results,
         failures: list[Failure] | None,
     ) -> Iterator[Any]:
-        for maker in self._makers:
-            if maker.kind is not kind:
-                continue
-            for source in sources(results, maker.of):
-                try:
-                    yield from maker.make(source, maker.function)
-                except Exception as error:
-                    if failures is None:
-                        raise
-                    failures.append(Failure(self.name, maker.called, error))
-
-    def _registering(
-        self,
-        kind: type,
-        called: str,
-        of: Of,
-        make: Callable[..., Iterator[Any]],
-    ) -> Decorator:
-        def register(function: Callable[..., Any]) -> Callable[..., Any]:
-            self._makers.append(_Maker(kind, called, of, make, function))
-            return function
-
-        return register
+        """What a function says of the lines that it takes; nothing where there are none."""
+        try:
+            frame = results.frame(*_names(asked.of))
+            if len(frame):
+                yield from answer(frame)
+        except Exception as error:
+            if failures is None:
+                raise
+            failures.append(Failure(self.name, f"{kind} {asked.name}", error))
 
 
 @dataclass(frozen=True)
@@ -308,31 +319,30 @@ class Failure:
         return f"study {self.study} failed at {self.called}: {kind}: {words}"
 
 
-@dataclass(frozen=True)
-class _Maker:
-    """A registered function: what it gives, what that is called, the measurements it takes."""
-
-    kind: type
-    called: str
-    of: Of
-    make: Callable[..., Iterator[Any]]
-    function: Callable[..., Any]
+def _names(of: Of) -> tuple[str, ...]:
+    return (of,) if isinstance(of, str) else tuple(of)
 
 
-def _draw(
-    function: Callable[..., Any],
-    arguments: tuple[Any, ...],
-    size: tuple[float, float],
-    over: bool,
-    behind: Results | None = None,
-) -> Any:
-    from experiments.reporting.plot import STYLE, plt  # --help need not wait for it
+def _text(text: Text, frame: pd.DataFrame) -> str:
+    """A text with the frames and the machine of the records put in."""
+    words = text(frame) if callable(text) else text
+    if "{frames}" in words:
+        words = words.replace("{frames}", frames_of(frame.to_dict("records")))
+    if "{machine}" in words:
+        words = words.replace("{machine}", _machine(frame.iloc[0]))
+    return words
 
-    keywords = {"behind": behind} if over else {}
-    with plt.rc_context(fname=STYLE):
-        figure = plt.figure(figsize=size, layout="constrained")
-        function(figure, *arguments, **keywords)
-    return figure
+
+def _machine(line: pd.Series) -> str:
+    parts = [str(line.cpu), counted(int(line.threads), "thread")]
+    if line.device not in (None, "cpu"):
+        parts.insert(0, str(line.device))
+    return ", ".join(parts)
+
+
+def _commands(given: Sequence[str], frame: pd.DataFrame) -> tuple[str, ...]:
+    """Those given, else those that made the records, each once."""
+    return tuple(given) or tuple(dict.fromkeys(frame.command))
 
 
 def studies(package: ModuleType) -> list[Study]:

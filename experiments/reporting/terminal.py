@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
@@ -13,11 +13,6 @@ from experiments.reporting.columns import display_name
 from experiments.reporting.table import Table, records
 from experiments.reporting.text import number, percent, printable
 
-# What is compared with the reference: its head, and how a value is shown.
-_COMPARED = {
-    "training_time_over_hdc": ("× HDC", lambda value: _short(value)),
-    "test_accuracy_final": ("test %", percent),
-}
 
 
 def show_table1(
@@ -68,24 +63,32 @@ def _short(value: Any) -> str:
 def _outside(
     rows: Sequence[Mapping[str, Any]], reference: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """A line for each number of one's own that lies outside the bounds of the reference."""
+    """A sentence for each number of one's own that lies outside the bounds of the reference, of
+    trainings that ended by the same rule."""
     known = {row["model"]: row for row in reference}
     for row in rows:
         other = known.get(row["model"], {})
-        for name, (head, show) in _COMPARED.items():
-            if name == "test_accuracy_final" and row["stop"] == "reached":
-                continue  # it was not trained on
-            own, low, high = (
-                row.get(name),
-                other.get(f"{name}_low"),
-                other.get(f"{name}_high"),
+        model = display_name(row["model"])
+        if found := _beyond(row, other, "training_time_over_hdc", _short):
+            own, low, high = found
+            yield (
+                f"{model} took {own} times HDC's training time (reference: {low} to {high}); one "
+                "seed on a busy machine often differs that much."
             )
-            if own is None or low is None or high is None or low <= own <= high:
-                continue
-            model = _inside(display_name(row["model"]))
-            yield f"! {model} {head} {show(own)}; reference {show(low)} to {show(high)}"
+        same_rule = row["stop"] == other.get("stop")
+        if same_rule and (found := _beyond(row, other, "test_accuracy_final", percent)):
+            own, low, high = found
+            yield f"{model} recognises {own} % (reference: {low} to {high} %)."
 
 
-def _inside(name: str) -> str:
-    """A name as it stands within a sentence; an abbreviation keeps its capitals."""
-    return name if name[1:2].isupper() else name[:1].lower() + name[1:]
+def _beyond(
+    row: Mapping[str, Any],
+    other: Mapping[str, Any],
+    name: str,
+    show: Callable[[Any], str],
+) -> tuple[str, str, str] | None:
+    """A number outside the bounds of the reference, and these, as texts; None of one within."""
+    own, low, high = row.get(name), other.get(f"{name}_low"), other.get(f"{name}_high")
+    if own is None or low is None or high is None or low <= own <= high:
+        return None
+    return show(own), show(low), show(high)

@@ -18,7 +18,6 @@ from experiments.records import record as records
 from experiments.records import steps as touched
 from experiments.records.measurement import Measured
 from experiments.records.results import Results, Run
-from experiments.reporting.study import with_places
 from experiments.reproduction import took
 from experiments.reproduction.steps import WHAT, steps
 
@@ -124,13 +123,13 @@ def _finished_lines(
 
 def _measurements(results: Results) -> Iterator[tuple[Measured, str]]:
     """Measurements that may enter, each with the suffix of its folder's name."""
-    for name in sorted({measured.record.name for measured in results.measurements}):
-        for suffix, measured in with_places(results, name):
-            scene = measured.record.config.get("scene") or {}
-            is_ones_own = scene.get("_target_", "").startswith("scenes.recorded.")
-            of_a_commit = measured.record.environment.is_of_a_commit
-            if of_a_commit and not is_ones_own and not measured.outdated:
-                yield measured, suffix
+    for measured in results.measurements:
+        scene = measured.record.config.get("scene") or {}
+        is_ones_own = scene.get("_target_", "").startswith("scenes.recorded.")
+        of_a_commit = measured.record.environment.is_of_a_commit
+        if of_a_commit and not is_ones_own and not measured.outdated:
+            place = measured.record.scene or measured.folder.name
+            yield measured, f"_{place}" if measured.of_other_frames else ""
 
 
 def _adopt_measurements(

@@ -43,7 +43,8 @@ def reduced(runs, measurements):
     """The committed results with these runs and measurements alone."""
     results = copy.copy(RESULTS)
     results.__dict__ |= {"runs": runs, "measurements": measurements}
-    results.__dict__.pop("_rows", None)
+    for name in ("_rows", "_frames"):
+        results.__dict__.pop(name, None)
     return results
 
 

@@ -165,7 +165,7 @@ STUDY = """
 import pandas as pd
 
 from experiments.protocol.experiment import experiment
-from experiments.reporting.study import Study
+from experiments.reporting.study import Study, TableOf
 
 
 @experiment
@@ -174,12 +174,17 @@ def brightness(run, scene, seeds=(0,)):
         yield {"seed": seed, "grey": float(frames.frames([0, 1]).double().mean())}
 
 
-STUDY = Study("brightness", "Brightness", "How bright are the frames?", order=99)
+def table(frame):
+    return frame.groupby("seed", as_index=False).grey.mean()
 
 
-@STUDY.table("brightness", of="brightness", title="Mean grey value")
-def table(rows, config):
-    return rows.groupby("seed", as_index=False).grey.mean()
+STUDY = Study(
+    "brightness",
+    "Brightness",
+    "How bright are the frames?",
+    order=99,
+    tables=[TableOf("brightness", table, of="brightness", title="Mean grey value")],
+)
 """
 EXPERIMENT = """# @package _global_
 defaults: [{override /scene: small_touch}]

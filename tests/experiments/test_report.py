@@ -14,9 +14,9 @@ from rich.console import Console
 
 from experiments import report, studies
 from experiments.records.files import REFERENCE, ROOT
-from experiments.records.results import Results
+from experiments.records.results import RUNS, Results
 from experiments.report import Answers
-from experiments.reporting.study import Study
+from experiments.reporting.study import FigureOf, Study, TableOf
 from experiments.reporting.study import studies as studies_of
 
 
@@ -148,7 +148,8 @@ def test_in_a_clone_it_writes_the_page_and_a_bad_folder_is_one_line(tmp_path):
     )  # fmt: skip
     assert good.returncode == 0, good.stderr
     page = tmp_path / "mine" / "report.html"
-    assert 2**19 < page.stat().st_size < 2**21  # with the whole reference, within 2 MiB
+    assert 2**17 < page.stat().st_size < 2**20  # of the whole reference, within 1 MiB
+    assert (page.parent / "figures" / "forest.svg").exists()
     assert bad.returncode == 1
     assert bad.stderr.startswith("error: ")
     assert len(bad.stderr.splitlines()) == 1
@@ -157,20 +158,26 @@ def test_in_a_clone_it_writes_the_page_and_a_bad_folder_is_one_line(tmp_path):
 @pytest.fixture
 def a_study_that_fails(monkeypatch):
     """Table I, and a study of which one table and one figure fail."""
-    broken = Study("broken", "Broken", "Does it end the report?", 0)
 
-    @broken.table("never", title="Never")
-    def never(results):
+    def never(frame):
         raise KeyError("a model\nthat is not there")
 
-    @broken.table("other", title="Other")
-    def other(results):
-        return pd.DataFrame({"x": [1]})
-
-    @broken.figure("drawn", caption="Never drawn.")
-    def drawn(figure, results):
+    def drawn(figure, frame):
         raise ValueError("nothing to draw")
 
+    broken = Study(
+        "broken",
+        "Broken",
+        "Does it end the report?",
+        0,
+        tables=[
+            TableOf("never", never, of=RUNS, title="Never"),
+            TableOf(
+                "other", lambda _: pd.DataFrame({"x": [1]}), of=RUNS, title="Other"
+            ),
+        ],
+        figures=[FigureOf("drawn", drawn, of=RUNS, caption="Never drawn.")],
+    )
     few = [study for study in studies_of(studies) if study.name == "table1"]
     monkeypatch.setattr(report, "studies_of", lambda _: [*few, broken])
 

@@ -19,7 +19,7 @@ from experiments.reporting.columns import display_name
 from experiments.reporting.curves import accuracy_curves, published_point
 from experiments.reporting.plot import handle, literal, star, title
 from experiments.reporting.rows import Row, caption, row, swept
-from experiments.reporting.study_new import (
+from experiments.reporting.study import (
     RUN,
     FigureOf,
     NumbersOf,

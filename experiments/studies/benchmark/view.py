@@ -10,7 +10,7 @@ import pandas as pd
 
 from experiments.records.results import own_columns
 from experiments.reporting.columns import Column, milliseconds
-from experiments.reporting.study_new import Study, TableOf
+from experiments.reporting.study import Study, TableOf
 from experiments.studies.benchmark import names
 from experiments.studies.benchmark.names import OPERATIONS, OURS_COMPILED
 from experiments.studies.benchmark.table import HEADLINE, of_route

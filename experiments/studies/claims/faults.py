@@ -7,20 +7,20 @@ from collections.abc import Iterator
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.measurement import Measured
-from experiments.records.results import Results
+from experiments.records.results import of_scenes
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import mean_difference
 from experiments.studies.claims.frozen import Claim, Rules
 from experiments.studies.claims.piece import (
     Piece,
-    measured_by_scene,
     place_of,
     variance_of,
 )
 from experiments.studies.claims.rules import rule_of
 
-_INT8 = "_int8"  # ending of a model whose numbers were rounded to eight bits
+# Models of the rules whose numbers were rounded to eight bits before bits flipped: the model that
+# was measured, and the name of those flips.
+ROUNDED = {"softmax_dual_int8": ("softmax_dual", "bit_flips_int8")}
 
 
 def rival_at(rival: str, level: float) -> str:
@@ -28,25 +28,26 @@ def rival_at(rival: str, level: float) -> str:
     return f"{rival} at {100 * level:g} %"
 
 
-def pieces(name: str, claim: Claim, frozen: Rules, results: Results) -> Iterator[Piece]:
+def pieces(
+    name: str, claim: Claim, frozen: Rules, frame: pd.DataFrame
+) -> Iterator[Piece]:
     """A piece for each scene and level; then what other models lose by the same flips."""
-    for found in measured_by_scene(results, claim.experiment).values():
-        measured = found[0]
+    for rows in of_scenes(frame, claim.experiment).values():
         for level in claim.levels:
             (rival,) = frozen.rivals_of(name)
             of_hdc = frozen.forms[claim.form]
-            yield from _piece(name, claim, frozen, measured, of_hdc, rival, level)
+            yield from _piece(name, claim, frozen, rows, of_hdc, rival, level)
             for other in claim.beside:
-                yield from _piece(name, claim, frozen, measured, other, other, level)
+                yield from _piece(name, claim, frozen, rows, other, other, level)
 
 
 def lost(rows: pd.DataFrame, model: str, level: float) -> list[float]:
     """Accuracy with flipped bits less that without, a number a seed.
 
-    Of a model that ends in ``_int8`` after its numbers were rounded.
+    Of one of :data:`ROUNDED` after its numbers were rounded.
     """
-    kind = "bit_flips_int8" if model.endswith(_INT8) else "bit_flips"
-    of_model = rows[rows.model == model.removesuffix(_INT8)]
+    measured, kind = ROUNDED.get(model, (model, "bit_flips"))
+    of_model = rows[rows.model == measured]
     accuracy = of_model.right / of_model.n_test
     by_seed = accuracy.groupby(of_model.seed)
     clean = by_seed.apply(lambda part: part[of_model.disturbance == "none"].mean())
@@ -59,17 +60,16 @@ def _piece(
     name: str,
     claim: Claim,
     frozen: Rules,
-    measured: Measured,
+    rows: pd.DataFrame,
     model: str,
     rival: str,
     level: float,
 ) -> Iterator[Piece]:
     """What one model loses on one scene, where it was measured."""
-    rows = measured.frame
     change = lost(rows, model, level)
     if not change:
         return
-    shown = configs.scene_display(measured.record.scene)
+    shown = configs.scene_display(rows.scene.iloc[0])
     n_test = float(rows.n_test.iloc[0])
     value = mean_difference(change, n_test)
     is_hdc = model == frozen.forms[claim.form]
@@ -77,7 +77,7 @@ def _piece(
     yield Piece(
         name,
         rival_at(rival, level),
-        measured.record.scene,
+        str(rows.scene.iloc[0]),
         str(shown["family"]),
         str(shown["kind"]),
         f"{_shown(model)}: change by {100 * level:g} % flipped bits",
@@ -87,13 +87,13 @@ def _piece(
         word=rule_of(claim.rule, frozen).of_one(value) if is_hdc else "",
         enters=not remark,
         remark=remark,
-        command=measured.record.command,
-        record=place_of(measured),
+        command=rows.command.iloc[0],
+        record=place_of(rows),
     )
 
 
 def _shown(model: str) -> str:
     """Name of a model, and of its numbers."""
-    if model.endswith(_INT8):
-        return f"{display_name(model.removesuffix(_INT8))}, weights of 8 bits"
+    if model in ROUNDED:
+        return f"{display_name(ROUNDED[model][0])}, weights of 8 bits"
     return display_name(model)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from experiments.records.results import Results
+import pandas as pd
+
 from experiments.reporting.columns import display_name, scene_name
 from experiments.reporting.text import number
 from experiments.studies.claims.frozen import rules
@@ -43,13 +44,17 @@ SLOWER = {
 }
 
 
-def findings(results: Results) -> list[str]:
-    """Sentences in Markdown, the answer first."""
-    found = {(name, rival): verdict for name, rival, verdict, _ in judged(results)}
+def findings(frame: pd.DataFrame) -> list[str]:
+    """Sentences in Markdown, the answer first.
+
+    Args:
+        frame: the lines of the experiments that claims read (:data:`.view.OF`).
+    """
+    found = {(name, rival): verdict for name, rival, verdict, _ in judged(frame)}
     sentences = [
         *_recognition(found, "accuracy", "As published", RECOGNISES),
         *_recognition(found, "accuracy_mended", _mended(), KEEPS_UP),
-        *_unseen(results),
+        *_unseen(frame),
         *_times(found),
     ]
     return [*sentences, LAST] if sentences else []
@@ -89,9 +94,9 @@ def _recognition(
     )
 
 
-def _unseen(results: Results) -> Iterator[str]:
+def _unseen(frame: pd.DataFrame) -> Iterator[str]:
     """Both forms on each recording that no model had classified when the rules were frozen."""
-    rows = confirmatory(results)
+    rows = confirmatory(frame)
     if rows is None:
         return
     rows = rows[(rows.rival == STRONGER) & (rows.recording != JOINED)]

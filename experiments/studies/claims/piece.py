@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from experiments.records.measurement import Measured
-from experiments.records.results import Results
 from experiments.reporting.estimates import Estimate
 
 EXPLORATORY, CONFIRMATORY = "exploratory", "confirmatory"
@@ -105,16 +104,6 @@ def variance_of(values: Sequence[float], n_test: float, seeds: bool) -> float:
     return variance / len(values) if seeds else variance
 
 
-def place_of(measured: Measured) -> str:
-    """Where the rows of a measurement are, within the folder of results."""
-    return f"measured/{measured.folder.name}"
-
-
-def measured_by_scene(results: Results, name: str) -> dict[str, list[Measured]]:
-    """Finished measurements of an experiment by the name of their scene, in the order of records:
-    those whose config was changed least first."""
-    found: dict[str, list[Measured]] = {}
-    for measured in results.measurements:
-        if measured.record.name == name:
-            found.setdefault(measured.record.scene, []).append(measured)
-    return found
+def place_of(rows: pd.DataFrame) -> str:
+    """Where the rows of one record are, within the folder of results."""
+    return f"measured/{rows.record.iloc[0]}"

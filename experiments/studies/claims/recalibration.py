@@ -9,12 +9,11 @@ import numpy as np
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.measurement import Measured
-from experiments.records.results import Results
+from experiments.records.results import of_scenes
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import mean_interval
 from experiments.studies.claims.frozen import Claim, Rules, Update
-from experiments.studies.claims.piece import Piece, measured_by_scene, place_of
+from experiments.studies.claims.piece import Piece, place_of
 from experiments.studies.claims.rules import rule_of
 from experiments.studies.drift.sessions import accuracies
 
@@ -22,19 +21,20 @@ STORED = "stored"
 OWN_LOSS = "its own loss"  # what the update is held against
 
 
-def pieces(name: str, claim: Claim, frozen: Rules, results: Results) -> Iterator[Piece]:
+def pieces(
+    name: str, claim: Claim, frozen: Rules, frame: pd.DataFrame
+) -> Iterator[Piece]:
     """Of each scene the share of the loss that HDC regains; beside it every model's best update."""
-    for found in measured_by_scene(results, claim.experiment).values():
-        measured = found[0]
-        every = accuracies(measured.frame)
+    for rows in of_scenes(frame, claim.experiment).values():
+        every = accuracies(rows)
         assert claim.update is not None
         in_order = every[every.order == claim.update.order]
         form = frozen.forms[claim.form]
         of_hdc = shares_regained(in_order, form, claim.update)
         if of_hdc is None:
             continue
-        yield _judged(name, claim, frozen, measured, of_hdc)
-        yield from _best_updates(name, claim, measured, in_order)
+        yield _judged(name, claim, frozen, rows, of_hdc)
+        yield from _best_updates(name, claim, rows, in_order)
 
 
 def shares_regained(
@@ -60,10 +60,10 @@ def shares_regained(
 
 
 def _judged(
-    name: str, claim: Claim, frozen: Rules, measured: Measured, of_hdc: pd.DataFrame
+    name: str, claim: Claim, frozen: Rules, rows: pd.DataFrame, of_hdc: pd.DataFrame
 ) -> Piece:
     """The share that came back, if enough was lost."""
-    shown = configs.scene_display(measured.record.scene)
+    shown = configs.scene_display(rows.scene.iloc[0])
     lost = of_hdc.lost
     share = mean_interval(of_hdc.share.tolist())
     cost = f"drift cost {100 * lost.mean():.1f} points"
@@ -76,7 +76,7 @@ def _judged(
     return Piece(
         name,
         OWN_LOSS,
-        measured.record.scene,
+        str(rows.scene.iloc[0]),
         str(shown["family"]),
         str(shown["kind"]),
         f"share of the loss regained by bits replaced with p = {update.p:g}, "
@@ -88,8 +88,8 @@ def _judged(
         word=rule_of(claim.rule, frozen, claim.share).of_one(share) if enough else "",
         enters=bool(enough),
         remark=remark,
-        command=measured.record.command,
-        record=place_of(measured),
+        command=rows.command.iloc[0],
+        record=place_of(rows),
     )
 
 
@@ -102,12 +102,12 @@ def _variance(shares: pd.Series) -> float:
 
 
 def _best_updates(
-    name: str, claim: Claim, measured: Measured, in_order: pd.DataFrame
+    name: str, claim: Claim, rows: pd.DataFrame, in_order: pd.DataFrame
 ) -> Iterator[Piece]:
     """Of each model the update that is best in the new session, with the same new frames."""
     update = claim.update
     assert update is not None
-    shown = configs.scene_display(measured.record.scene)
+    shown = configs.scene_display(rows.scene.iloc[0])
     at = in_order[(in_order.n_new == update.n_new) & (in_order.method != STORED)]
     for model, of_model in at.groupby("model", sort=False):
         means = of_model.groupby("update", sort=False).new.mean()
@@ -116,7 +116,7 @@ def _best_updates(
         yield Piece(
             name,
             str(model),
-            f"{measured.record.scene}, {display_name(str(model))}",
+            f"{rows.scene.iloc[0]}, {display_name(str(model))}",
             str(shown["family"]),
             str(shown["kind"]),
             f"accuracy after its best update: {best}",
@@ -125,6 +125,6 @@ def _best_updates(
             n=f"{len(by_seed)} seeds",
             enters=False,
             remark="beside: the best on the test frames",
-            command=measured.record.command,
-            record=place_of(measured),
+            command=rows.command.iloc[0],
+            record=place_of(rows),
         )

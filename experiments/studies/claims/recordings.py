@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.measurement import Measured
-from experiments.records.results import Group, Results
+from experiments.records.results import Group, Groups, of_scenes
 from experiments.reporting import published
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import difference
@@ -21,7 +20,6 @@ from experiments.studies.claims.frozen import Claim, Recording, Rules
 from experiments.studies.claims.piece import (
     Piece,
     least_variance,
-    measured_by_scene,
     place_of,
     variance_of,
 )
@@ -47,22 +45,22 @@ class Compared(NamedTuple):
     seeds: bool
 
 
-def pieces(name: str, claim: Claim, frozen: Rules, results: Results) -> Iterator[Piece]:
+def pieces(
+    name: str, claim: Claim, frozen: Rules, frame: pd.DataFrame
+) -> Iterator[Piece]:
     """A piece for each rival and recording that is listed, or is a listed fibre through more
     input fields; then simulated scenes."""
-    found = measured_by_scene(results, claim.experiment)
+    found = of_scenes(frame, claim.experiment)
+    runs = Groups.of(frame)
     for rival in frozen.rivals_of(name):
         for scene in sorted(found, key=_place):
-            recording = listed(scene, frozen)
             if claim.recordings and scene not in claim.recordings:
                 continue
-            for measured in found[scene]:
-                piece = _piece(name, claim, frozen, rival, measured, recording)
-                if piece is not None:
-                    yield piece
-                    break
+            piece = _piece(name, claim, frozen, rival, found[scene])
+            if piece is not None:
+                yield piece
         if not claim.recordings and claim.sizes == "full":
-            yield from _simulated(name, claim, frozen, rival, results)
+            yield from _simulated(name, claim, frozen, rival, runs)
 
 
 def _place(scene: str) -> tuple[float, str]:
@@ -79,20 +77,21 @@ def _piece(
     claim: Claim,
     frozen: Rules,
     rival: str,
-    measured: Measured,
-    recording: Recording | None,
+    rows: pd.DataFrame,
 ) -> Piece | None:
     """What one recording says; None where it says nothing."""
-    if recording is None and fields_of(measured) == frozen.input_fields:
+    scene = str(rows.scene.iloc[0])
+    recording = listed(scene, frozen)
+    if recording is None and fields_of(rows) == frozen.input_fields:
         return None
     form = frozen.forms[claim.form]
-    compared = compare(measured, form, rival, claim, frozen)
+    compared = compare(rows, form, rival, claim, frozen)
     if compared is None:
         return None
     value = over_units(compared.by_unit, compared.seeds)
     variance = variance_of(compared.by_unit, compared.n_test, compared.seeds)
-    remark = _remark(measured, recording, frozen)
-    shown = configs.scene_display(measured.record.scene)
+    remark = _remark(rows, recording, frozen)
+    shown = configs.scene_display(scene)
     possible = (-1.0, 1.0)
     if rival == PUBLISHED:
         possible = (-_of_the_paper(), 1 - _of_the_paper())
@@ -101,7 +100,7 @@ def _piece(
     return Piece(
         name,
         rival,
-        measured.record.scene,
+        scene,
         recording.laboratory if recording else str(shown["family"]),
         recording.frames if recording else str(shown["kind"]),
         f"{display_name(form)} less {_rival_name(rival)}",
@@ -113,17 +112,17 @@ def _piece(
         word=rule_of(claim.rule, frozen).of_one(value),
         enters=not remark,
         remark=remark,
-        command=f"{RUN}{claim.experiment} scene={measured.record.scene}",
-        record=place_of(measured),
+        command=f"{RUN}{claim.experiment} scene={scene}",
+        record=place_of(rows),
     )
 
 
-def _remark(measured: Measured, recording: Recording | None, frozen: Rules) -> str:
+def _remark(rows: pd.DataFrame, recording: Recording | None, frozen: Rules) -> str:
     """Why a recording enters nothing; nothing of one that enters."""
-    fields = fields_of(measured)
+    fields = fields_of(rows)
     if fields != frozen.input_fields:
         return f"seen through {fields} input fields"
-    if recording is not None and not _is_split(measured, recording):
+    if recording is not None and not _is_split(rows, recording):
         return "another split than that of the rules"
     return ""
 
@@ -132,9 +131,9 @@ def _rival_name(rival: str) -> str:
     return "the paper's 100 %" if rival == PUBLISHED else display_name(rival)
 
 
-def _is_split(measured: Measured, recording: Recording) -> bool:
+def _is_split(rows: pd.DataFrame, recording: Recording) -> bool:
     """Whether the split that counts is that of the rules."""
-    splits = measured.record.config.get("splits") or {}
+    splits = rows.config.iloc[0].get("splits") or {}
     counts = splits.get("counts")
     if counts is None:  # a record that does not say
         return True
@@ -142,11 +141,10 @@ def _is_split(measured: Measured, recording: Recording) -> bool:
 
 
 def compare(
-    measured: Measured, form: str, rival: str, claim: Claim, frozen: Rules
+    rows: pd.DataFrame, form: str, rival: str, claim: Claim, frozen: Rules
 ) -> Compared | None:
     """HDC less its rival by the split that counts, at the sizes of a claim; None where one of the
     two was not measured, where the sizes cannot be filled, and where both are saturated."""
-    rows = measured.frame
     models = [form] if rival == PUBLISHED else [form, rival]
     if not set(models) <= set(rows.model):
         return None
@@ -206,14 +204,14 @@ def _of_the_paper() -> float:
 
 
 def _simulated(
-    name: str, claim: Claim, frozen: Rules, rival: str, results: Results
+    name: str, claim: Claim, frozen: Rules, rival: str, runs: Groups
 ) -> Iterator[Piece]:
     """HDC less its rival on simulated scenes, on the same test samples; they enter nothing."""
     form = frozen.forms[claim.form]
-    scenes = {group.scene for group in results.groups()}
+    scenes = {group.scene for group in runs}
     for scene in sorted(scenes, key=_place):
         shown = configs.scene_display(scene)
-        groups = [results.group(scene, model) for model in (form, rival)]
+        groups = [runs.group(scene, model) for model in (form, rival)]
         value = difference(*(group.runs for group in groups))
         if shown["kind"] != SIMULATED or value is None:
             continue

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from experiments.records.results import Results
+import pandas as pd
+
+from experiments.records.results import of_scenes
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.text import SIMULATED
@@ -14,12 +16,16 @@ from experiments.studies.claims.rules import much_slower
 from experiments.studies.table1.times.grid import grid
 
 
-def pieces(name: str, claim: Claim, frozen: Rules, results: Results) -> Iterator[Piece]:
+def pieces(
+    name: str, claim: Claim, frozen: Rules, frame: pd.DataFrame
+) -> Iterator[Piece]:
     """A piece for each rival and way that was measured, as the grid of times has it."""
-    measured = results.measured(claim.experiment)
-    if measured is None:
+    own = frame[~frame.elsewhere.astype(bool)]
+    found = list(of_scenes(own, claim.experiment).values())
+    if not found:
         return
-    table = grid(measured.frame).to_dict("records")
+    rows = found[0]
+    table = grid(rows).to_dict("records")
     lines = {(line["model"], line["way"]): line for line in table}
     for rival in frozen.rivals_of(name):
         for way in frozen.ways:
@@ -42,6 +48,6 @@ def pieces(name: str, claim: Claim, frozen: Rules, results: Results) -> Iterator
                 n=f"{runs} runs",
                 word=much_slower(ratio, runs, frozen),
                 remark=remark,
-                command=measured.record.command,
-                record=place_of(measured),
+                command=rows.command.iloc[0],
+                record=place_of(rows),
             )

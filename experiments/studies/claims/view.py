@@ -8,15 +8,14 @@ Each module of this folder reads the records of one study and gives pieces of ev
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache
 from typing import Any
 
 import pandas as pd
 
-from experiments.records.results import Results
+from experiments.records.results import RUNS
 from experiments.reporting.columns import Column, display_name, scene_name
-from experiments.reporting.study import Study
-from experiments.reporting.table import frame
+from experiments.reporting.study import Study, TableOf
+from experiments.reporting.table import frame as table_of
 from experiments.reporting.text import number
 from experiments.studies.claims import (
     contrast,
@@ -49,7 +48,7 @@ from experiments.studies.claims.verdict import (
 JOINED = "all of these"
 COMMAND = "python -m experiments.reproduce --full --claim"
 Row = Mapping[str, Any]
-Read = Callable[[str, Claim, Rules, Results], Iterator[Piece]]
+Read = Callable[[str, Claim, Rules, pd.DataFrame], Iterator[Piece]]
 # By the experiment whose records are the evidence.
 READ: Mapping[str, Read] = {
     "recordings": recordings.pieces,
@@ -59,23 +58,26 @@ READ: Mapping[str, Read] = {
     "robustness": faults.pieces,
 }
 
-STUDY = Study(
-    "claims",
-    "The paper's claims",
-    "What did the paper claim, and what do captured, computed and simulated frames say? Captured: "
-    "by a camera; computed: from measured matrices of a fibre.",
-    0,
-    front=True,
-)
+
+def every_piece(frame: pd.DataFrame) -> tuple[Piece, ...]:
+    """All evidence, in the order of the claims; found once a frame."""
+    key = id(frame)
+    if _PIECES.get(key, (None,))[0] is not frame:
+        _PIECES.clear()
+        _PIECES[key] = (frame, _every_piece(frame))
+    return _PIECES[key][1]
 
 
-@cache
-def every_piece(results: Results) -> tuple[Piece, ...]:
-    """All evidence, in the order of the claims."""
+_PIECES: dict[int, tuple[pd.DataFrame, tuple[Piece, ...]]] = {}
+
+
+def _every_piece(frame: pd.DataFrame) -> tuple[Piece, ...]:
     frozen = rules()
     found: list[Piece] = []
+    if not len(frame):
+        return ()
     for name, claim in frozen.claims.items():
-        pieces = READ[claim.experiment](name, claim, frozen, results)
+        pieces = READ[claim.experiment](name, claim, frozen, frame)
         found += [settled(piece, claim) for piece in pieces]
     return tuple(found)
 
@@ -89,11 +91,11 @@ def by_rival(pieces: Iterator[Piece] | tuple[Piece, ...]) -> dict[Any, list[Piec
 
 
 def judged(
-    results: Results,
+    frame: pd.DataFrame,
 ) -> Iterator[tuple[str, str, Verdict, list[Piece]]]:
     """Claim, rival, verdict and pieces."""
     frozen = rules()
-    for (name, rival), pieces in by_rival(every_piece(results)).items():
+    for (name, rival), pieces in by_rival(every_piece(frame)).items():
         found = verdict(frozen.claims[name], pieces, frozen)
         if found is not None:
             yield name, rival, found, pieces
@@ -209,7 +211,8 @@ NOTE = (
 )
 
 
-def _note() -> str:
+def _note(_: pd.DataFrame) -> str:
+    """How to read the table, with the version and the digest of the rules."""
     frozen = rules()
     named = f", frozen by commit {commit()}" if commit() else ""
     return NOTE.format(
@@ -217,35 +220,16 @@ def _note() -> str:
     )
 
 
-def _noted(rows: list[dict[str, Any]]) -> pd.DataFrame | None:
-    """The rows with the note that names the rules; None without any."""
-    if not rows:
-        return None
-    data = frame(rows)
-    data.attrs["note"] = _note()
-    return data
-
-
-@STUDY.table(
-    "claims", title="Verdicts", shown=SHOWN, columns=COLUMNS, key=("claim", "rival")
-)
-def claims(results: Results) -> pd.DataFrame | None:
+def claims(frame: pd.DataFrame) -> pd.DataFrame | None:
     """One row a claim and rival, of all recordings that the rules list."""
-    return _noted([_row(*line) for line in judged(results)])
+    return _table([_row(*line) for line in judged(frame)])
 
 
-@STUDY.table(
-    "claims_confirmatory",
-    title="Recordings that no model had classified when the rules were frozen",
-    shown=("says", "rival", "recording", "word", *SHOWN[4:]),
-    columns={**COLUMNS, "recording": Column("Recording", scene_name)},
-    key=("claim", "rival", "recording"),
-)
-def confirmatory(results: Results) -> pd.DataFrame | None:
+def confirmatory(frame: pd.DataFrame) -> pd.DataFrame | None:
     """One row a claim, rival and unseen recording, by its own interval; then all of them joined."""
     frozen = rules()
     rows = []
-    for (name, rival), pieces in by_rival(every_piece(results)).items():
+    for (name, rival), pieces in by_rival(every_piece(frame)).items():
         unseen = [p for p in pieces if p.status == CONFIRMATORY and p.enters]
         for piece in unseen:
             row = _row(name, rival, of_one_sensor(piece), [piece])
@@ -254,40 +238,82 @@ def confirmatory(results: Results) -> pd.DataFrame | None:
         if joined is not None and len(unseen) > 1:
             row = _row(name, rival, joined, unseen)
             rows.append({"recording": JOINED, **row})
-    return _noted(rows)
+    return _table(rows)
 
 
-@STUDY.table(
-    "claims_evidence",
-    key=("claim", "rival", "evidence"),
-    title="Evidence for each claim",
-    shown=(
-        "claim",
-        "rival",
-        "evidence",
-        "frames",
-        "status",
-        "quantity",
-        "value",
-        "n",
-        "word",
-        "remark",
-    ),
-    columns={
-        "rival": COLUMNS["rival"],
-        "evidence": Column("Recording, scene or way", scene_name),
-        "value": Column(
-            "Number [of this sensor]", cell=lambda r: _with_unit(r, "value")
-        ),
-        "n": Column("n"),
-        "word": Column("Of this sensor", lambda word: word or "–"),
-        "remark": Column("Remark", lambda text: text or "–"),
-    },
-    note="Brackets are of one sensor: the central 95 % of draws for a recording by a camera, "
-    "none of fewer than ten, Student over seeds for others. They say nothing of another sensor.",
-    folded=True,
-)
-def evidence(results: Results) -> pd.DataFrame | None:
+def evidence(frame: pd.DataFrame) -> pd.DataFrame | None:
     """One row a claim, rival and recording, scene or way."""
-    pieces = every_piece(results)
-    return frame(piece.row() for piece in pieces) if pieces else None
+    return _table([piece.row() for piece in every_piece(frame)])
+
+
+def _table(rows: list[dict[str, Any]]) -> pd.DataFrame | None:
+    return table_of(rows) if rows else None
+
+
+OF = (*READ, RUNS)
+STUDY = Study(
+    "claims",
+    "The paper's claims",
+    "What did the paper claim, and what do captured, computed and simulated frames say? Captured: "
+    "by a camera; computed: from measured matrices of a fibre.",
+    0,
+    front=True,
+    tables=[
+        TableOf(
+            "claims",
+            claims,
+            of=OF,
+            title="Verdicts",
+            shown=SHOWN,
+            columns=COLUMNS,
+            key=("claim", "rival"),
+            note=_note,
+            commands=[COMMAND],
+        ),
+        TableOf(
+            "claims_confirmatory",
+            confirmatory,
+            of=OF,
+            title="Recordings that no model had classified when the rules were frozen",
+            shown=("says", "rival", "recording", "word", *SHOWN[4:]),
+            columns={**COLUMNS, "recording": Column("Recording", scene_name)},
+            key=("claim", "rival", "recording"),
+            note=_note,
+            commands=[COMMAND],
+        ),
+        TableOf(
+            "claims_evidence",
+            evidence,
+            of=OF,
+            key=("claim", "rival", "evidence"),
+            title="Evidence for each claim",
+            shown=(
+                "claim",
+                "rival",
+                "evidence",
+                "frames",
+                "status",
+                "quantity",
+                "value",
+                "n",
+                "word",
+                "remark",
+            ),
+            columns={
+                "rival": COLUMNS["rival"],
+                "evidence": Column("Recording, scene or way", scene_name),
+                "value": Column(
+                    "Number [of this sensor]", cell=lambda r: _with_unit(r, "value")
+                ),
+                "n": Column("n"),
+                "word": Column("Of this sensor", lambda word: word or "–"),
+                "remark": Column("Remark", lambda text: text or "–"),
+            },
+            note="Brackets are of one sensor: the central 95 % of draws for a recording by a "
+            "camera, none of fewer than ten, Student over seeds for others. They say nothing of "
+            "another sensor.",
+            folded=True,
+            commands=[COMMAND],
+        ),
+    ],
+)

@@ -25,7 +25,7 @@ from experiments.reporting.estimates import (
 from experiments.reporting.matrices import matrix
 from experiments.reporting.measured import matrices
 from experiments.reporting.plot import PAPER, panel, star
-from experiments.reporting.study_new import FigureOf, NumbersOf, Quantity, Study
+from experiments.reporting.study import FigureOf, NumbersOf, Quantity, Study
 from experiments.studies.correlation.pairs import contrast
 
 PICTURES = ("speckle", "hypervector", "prototype")

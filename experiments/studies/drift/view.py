@@ -25,7 +25,7 @@ from experiments.reporting.plot import (
     style_of,
     wrapped,
 )
-from experiments.reporting.study_new import (
+from experiments.reporting.study import (
     WIDTH,
     FigureOf,
     NumbersOf,

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from experiments.records.results import own_columns
 from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.study_new import FigureOf, Study, TableOf
+from experiments.reporting.study import FigureOf, Study, TableOf
 from experiments.reporting.text import size
 from experiments.studies.footprint.probe import WATCHED
 

@@ -1,6 +1,6 @@
 """Numbers at their limits: extreme inputs, error against run time, stiffness."""
 
-from experiments.reporting.study_new import Study
+from experiments.reporting.study import Study
 from experiments.studies.limits.numerics import view as numerics
 from experiments.studies.limits.stability import view as stability
 from experiments.studies.limits.stiffness import view as stiffness

@@ -1,6 +1,6 @@
 """Values, label sets and probabilities: what is promised, and what holds."""
 
-from experiments.reporting.study_new import Study
+from experiments.reporting.study import Study
 from experiments.studies.promises.calibration import view as calibration
 from experiments.studies.promises.values import view as values
 

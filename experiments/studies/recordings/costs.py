@@ -10,8 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.records.measurement import Measured
-from experiments.records.results import Results
+from experiments.records.results import of_scenes
 from experiments.reporting.columns import (
     Column,
     display_name,
@@ -19,12 +18,10 @@ from experiments.reporting.columns import (
     scene_name,
 )
 from experiments.reporting.curves import plain_decades
-from experiments.reporting.measured import by_scene
 from experiments.reporting.plot import LETTERS, handle, look_of, panel, wrapped
-from experiments.reporting.study import RUN
+from experiments.reporting.study import FigureOf, TableOf
 from experiments.reporting.text import number, percent, size
 from experiments.studies.recordings.panels import grid
-from experiments.studies.recordings.study import STUDY
 from experiments.studies.recordings.values import (
     Accuracies,
     recordings,
@@ -32,44 +29,20 @@ from experiments.studies.recordings.values import (
 )
 
 
-@STUDY.table(
-    "recording_costs",
-    title="Stored bytes, and the errors that they buy",
-    columns={
-        "recording": Column("Recording", scene_name),
-        "n": Column("Frames per class"),
-        "model": Column("Model", display_name),
-        "bytes": Column("Stored", size),
-        "bits": Column("Bits a pixel and class", lambda bits: number(bits, 2)),
-        "error": Column("Error, %", percent),
-        "fit_s": Column("Training, s"),
-        "predict_frame_s": Column("Prediction, ms a frame", milliseconds),
-    },
-    note="Stored: all that a prediction needs, in bits for each pixel of a frame and each class "
-    "beside. Times: of one process, frames in memory and nothing computed of them before, the "
-    "least of several; prediction of a batch. Error: by the split that counts.",
-    key=("recording", "model"),
-    folded=True,
-)
-def costs(results: Results) -> pd.DataFrame | None:
+def costs(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each recording and model."""
-    errors = recordings(results)
+    errors = recordings(frame)
     table = []
-    found = by_scene(results, "recording_costs")
-    for scene, measured in found.items():
-        table += list(_lines(scene, measured, errors.get(scene)))
-    if not table:
-        return None
-    data = pd.DataFrame(table)
-    data.attrs["commands"] = [f"{RUN}recording_costs scene={name}" for name in found]
-    return data
+    for scene, rows in of_scenes(frame, "recording_costs").items():
+        table += list(_lines(scene, rows, errors.get(scene)))
+    return pd.DataFrame(table)
 
 
 def _lines(
-    scene: str, measured: Measured, bench: Measured | None
+    scene: str, rows: pd.DataFrame, bench: pd.DataFrame | None
 ) -> Iterator[dict[str, Any]]:
     every = None if bench is None else Accuracies(bench)
-    for row in measured.rows:
+    for row in rows.to_dict("records"):
         line = {"recording": scene, "n": row["n"], "model": row["model"]}
         line["bytes"] = row["bytes"]
         line["bits"] = 8 * row["bytes"] / row["n_pixels"] / row["n_classes"]
@@ -81,27 +54,18 @@ def _lines(
         yield line
 
 
-def _shown(results: Results) -> pd.DataFrame | None:
+def _shown(frame: pd.DataFrame) -> pd.DataFrame:
     """Rows of recordings that can tell models apart and whose errors are known."""
-    table = costs(results)
-    if table is None:
-        return None
-    known = table[table.recording.isin(list(unsaturated(recordings(results))))]
-    known = known.dropna(subset="error")
-    return known if len(known) else None
+    table = costs(frame)
+    if not len(table):
+        return table
+    known = table[table.recording.isin(list(unsaturated(recordings(frame))))]
+    return known.dropna(subset="error")
 
 
-@STUDY.figure(
-    "error_vs_bytes",
-    caption="Error on test frames against the bytes that a model stores, at the most frames per "
-    "class, a panel a recording. Vermilion: forms of HDC; towards the lower left is better.",
-    size=(7.0, 3.4),
-    needs=lambda results: _shown(results) is not None,
-)
-def error_against_bytes(figure: Figure, results: Results) -> None:
+def error_against_bytes(figure: Figure, frame: pd.DataFrame) -> None:
     """A marker a model."""
-    table = _shown(results)
-    assert table is not None
+    table = _shown(frame)
     scenes = list(table.recording.unique())
     panels, at_the_left = grid(figure, len(scenes), row=1.9, rest=1.0, most=3)
     for letter, axes, scene in zip(LETTERS, panels, scenes, strict=False):
@@ -126,3 +90,40 @@ def _points(axes: Axes, rows: pd.DataFrame) -> None:
     axes.set_xlabel("stored (kB)")
     axes.grid(color="0.92", lw=0.5)
     axes.set_axisbelow(True)
+
+
+TABLES = [
+    TableOf(
+        "recording_costs",
+        costs,
+        of=("recording_costs", "recordings"),
+        title="Stored bytes, and the errors that they buy",
+        columns={
+            "recording": Column("Recording", scene_name),
+            "n": Column("Frames per class"),
+            "model": Column("Model", display_name),
+            "bytes": Column("Stored", size),
+            "bits": Column("Bits a pixel and class", lambda bits: number(bits, 2)),
+            "error": Column("Error, %", percent),
+            "fit_s": Column("Training, s"),
+            "predict_frame_s": Column("Prediction, ms a frame", milliseconds),
+        },
+        note="Stored: all that a prediction needs, in bits for each pixel of a frame and each "
+        "class beside. Times: of one process, frames in memory and nothing computed of them "
+        "before, the least of several; prediction of a batch. Error: by the split that counts.",
+        key=("recording", "model"),
+        folded=True,
+    )
+]
+FIGURES = [
+    FigureOf(
+        "error_vs_bytes",
+        error_against_bytes,
+        of=("recording_costs", "recordings"),
+        caption="Error on test frames against the bytes that a model stores, at the most frames "
+        "per class, a panel a recording. Vermilion: forms of HDC; towards the lower left is "
+        "better.",
+        size=(7.0, 3.4),
+        needs=lambda frame: len(_shown(frame)) > 0,
+    )
+]

@@ -11,14 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from experiments.records.results import Results
 from experiments.reporting.columns import Column, display_name, scene_name
-from experiments.reporting.measured import commands_of
 from experiments.reporting.plot import LETTERS, panel, wrapped
-from experiments.reporting.study import RUN
+from experiments.reporting.study import FigureOf, TableOf
 from experiments.reporting.text import percent, points
 from experiments.studies.recordings.panels import grid
-from experiments.studies.recordings.study import STUDY
 from experiments.studies.recordings.values import (
     NOTE,
     Accuracies,
@@ -48,37 +45,15 @@ STEPS = (
 GAIN, LOSS = "#0072B2", "#D55E00"
 
 
-@STUDY.table(
-    "decomposition",
-    title="Where HDC loses its points: accuracy by one change of the model after the other",
-    columns={
-        "recording": Column("Recording", scene_name),
-        "n": Column("Frames per class"),
-        "step": Column("Step"),
-        "before": Column("From", display_name),
-        "after": Column("To", display_name),
-        "before_accuracy": Column("From, %", percent),
-        "after_accuracy": Column("To, %", percent),
-        "change": Column("Change, points", points),
-    },
-    note=f"{NOTE} All steps are on the same bits but the first. The last one is aside: nearest "
-    "neighbour keeps every training frame in place of one prototype per class.",
-    key=("recording", "step"),
-)
-def decomposition(results: Results) -> pd.DataFrame | None:
+def decomposition(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each recording and step whose two models were asked, at the most frames."""
-    found = unsaturated(recordings(results))
+    found = unsaturated(recordings(frame))
     table = [
         {"recording": scene, **line}
         for scene, every in accuracies_of(found).items()
         for line in _steps(every)
     ]
-    if not table:
-        return None
-    data = pd.DataFrame(table)
-    names = data.recording.unique()
-    data.attrs["commands"] = [f"{RUN}recordings scene={name}" for name in names]
-    return data
+    return pd.DataFrame(table)
 
 
 def _steps(every: Accuracies) -> Iterator[dict[str, Any]]:
@@ -98,20 +73,9 @@ def _steps(every: Accuracies) -> Iterator[dict[str, Any]]:
             }
 
 
-@STUDY.figure(
-    "decomposition",
-    caption="Where HDC loses its points, at the most frames per class: accuracy from ridge "
-    "regression of grey values to HDC as published, one change of the model a row, and one step "
-    "aside (hatched). Vermilion: points lost; blue: points won. Bars of error: the interval of a "
-    "change.",
-    size=(7.0, 4.2),
-    needs=lambda results: decomposition(results) is not None,
-    commands=lambda results: commands_of(unsaturated(recordings(results)).values()),
-)
-def waterfall(figure: Figure, results: Results) -> None:
+def waterfall(figure: Figure, frame: pd.DataFrame) -> None:
     """A panel a recording, a bar a step from the accuracy before to that after."""
-    table = decomposition(results)
-    assert table is not None
+    table = decomposition(frame)
     scenes = list(table.recording.unique())
     panels, at_the_left = grid(figure, len(scenes), row=1.9, rest=0.5, sharey=True)
     for letter, axes, scene in zip(LETTERS, panels, scenes, strict=False):
@@ -168,3 +132,39 @@ def _bars(axes: Axes, rows: pd.DataFrame) -> None:
     axes.set_xlabel("accuracy (%)", fontsize=6)
     axes.grid(axis="x", color="0.92", lw=0.5)
     axes.set_axisbelow(True)
+
+
+TABLES = [
+    TableOf(
+        "decomposition",
+        decomposition,
+        of="recordings",
+        title="Where HDC loses its points: accuracy by one change of the model after the other",
+        columns={
+            "recording": Column("Recording", scene_name),
+            "n": Column("Frames per class"),
+            "step": Column("Step"),
+            "before": Column("From", display_name),
+            "after": Column("To", display_name),
+            "before_accuracy": Column("From, %", percent),
+            "after_accuracy": Column("To, %", percent),
+            "change": Column("Change, points", points),
+        },
+        note=f"{NOTE} All steps are on the same bits but the first. The last one is aside: nearest "
+        "neighbour keeps every training frame in place of one prototype per class.",
+        key=("recording", "step"),
+    )
+]
+FIGURES = [
+    FigureOf(
+        "decomposition",
+        waterfall,
+        of="recordings",
+        caption="Where HDC loses its points, at the most frames per class: accuracy from ridge "
+        "regression of grey values to HDC as published, one change of the model a row, and one "
+        "step aside (hatched). Vermilion: points lost; blue: points won. Bars of error: the "
+        "interval of a change.",
+        size=(7.0, 4.2),
+        needs=lambda frame: len(decomposition(frame)) > 0,
+    )
+]

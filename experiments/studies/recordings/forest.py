@@ -7,20 +7,20 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from experiments.records import configs
-from experiments.records.results import Results
+from experiments.records.results import RUNS, Groups, of_scenes
 from experiments.reporting.columns import display_name, scene_name
 from experiments.reporting.estimates import Estimate, difference
-from experiments.reporting.measured import RIVAL, by_scene, commands_of, place_of
+from experiments.reporting.measured import RIVAL, place_of
 from experiments.reporting.plot import literal, panel
-from experiments.reporting.study import RUN
+from experiments.reporting.study import RUN, FigureOf
 from experiments.reporting.text import CAPTURED, COMPUTED, SIMULATED
-from experiments.studies.recordings.study import STUDY
 from experiments.studies.recordings.values import (
     CONFIRMATORY,
     FEW,
@@ -57,13 +57,13 @@ class Dot(NamedTuple):
     difference: Estimate
 
 
-def dots(results: Results) -> list[Dot]:
+def dots(frame: pd.DataFrame) -> list[Dot]:
     """Every form and size that was measured, of recordings and simulated scenes."""
-    return [*_of_recordings(results), *_of_scenes(results)]
+    return [*_of_recordings(frame), *_of_scenes(Groups.of(frame))]
 
 
-def _of_recordings(results: Results) -> Iterator[Dot]:
-    found = unsaturated(by_scene(results, "recordings"))
+def _of_recordings(frame: pd.DataFrame) -> Iterator[Dot]:
+    found = unsaturated(of_scenes(frame, "recordings"))
     for scene, every in accuracies_of(found).items():
         of_kind = kind(scene, found[scene])
         if not every.sizes:
@@ -80,16 +80,16 @@ def _is_simulated(scene: str) -> bool:
     return known and configs.scene_display(scene)["kind"] == SIMULATED
 
 
-def _of_scenes(results: Results) -> Iterator[Dot]:
+def _of_scenes(runs: Groups) -> Iterator[Dot]:
     """Of simulated scenes after all training frames, where not every model is right."""
-    for scene in filter(_is_simulated, sorted({run.scene for run in results.runs})):
-        rivals = [results.group(scene, rival) for rival in RIVALS]
+    for scene in filter(_is_simulated, sorted({run.scene for run in runs.runs})):
+        rivals = [runs.group(scene, rival) for rival in RIVALS]
         known = [group for group in rivals if group.runs]
         if not known:
             continue
         rival = max(known, key=lambda group: float(group.right.mean()))
         for form in CONFIRMATORY:
-            group = results.group(scene, form)
+            group = runs.group(scene, form)
             paired = difference(group.runs, rival.runs)
             if paired is None:
                 continue
@@ -97,25 +97,9 @@ def _of_scenes(results: Results) -> Iterator[Dot]:
                 yield Dot(scene, SIMULATED, form, False, paired)
 
 
-@STUDY.figure(
-    "forest",
-    caption=f"Accuracy of HDC less that of {display_name(RIVAL).lower()} on test frames, in "
-    "points, a row a recording: as published (circles) and with levels and lda (diamonds). The "
-    "rival learns of grey values or of standardised frames, whichever is better there, which "
-    f"favours it. Band: ±{MARGIN:g} points. Bars: 95 %, Student over input fields or seeds, the "
-    "central 95 % of draws for cameras. Captured: by a camera; computed: from measured matrices of "
-    "a fibre; simulated: after all training frames, "
-    "and without a diamond where that form was not run; * fitted to the accuracy of HDC.",
-    size=(WIDTH, 3.8),
-    needs=lambda results: bool(dots(results)),
-    commands=lambda results: [
-        *commands_of(unsaturated(by_scene(results, "recordings")).values()),
-        f"{RUN}all_scenes",
-    ],
-)
-def forest(figure: Figure, results: Results) -> None:
+def forest(figure: Figure, frame: pd.DataFrame) -> None:
     """Two panels: five frames a class, and the most."""
-    every = dots(results)
+    every = dots(frame)
     rows = _rows(every)
     figure.set_size_inches(WIDTH, 0.95 + 0.22 * len(rows))
     panels = figure.subplots(1, 2, sharey=True, sharex=True)
@@ -216,3 +200,22 @@ def _draw(axes: Axes, dot: Dot, row: int) -> None:
         zorder=3,
         **LOOKS[dot.form],
     )
+
+
+FIGURES = [
+    FigureOf(
+        "forest",
+        forest,
+        of=("recordings", RUNS),
+        caption=f"Accuracy of HDC less that of {display_name(RIVAL).lower()} on test frames, in "
+        "points, a row a recording: as published (circles) and with levels and lda (diamonds). "
+        "The rival learns of grey values or of standardised frames, whichever is better there, "
+        f"which favours it. Band: ±{MARGIN:g} points. Bars: 95 %, Student over input fields or "
+        "seeds, the central 95 % of draws for cameras. Captured: by a camera; computed: from "
+        "measured matrices of a fibre; simulated: after all training frames, and without a "
+        "diamond where that form was not run; * fitted to the accuracy of HDC.",
+        size=(WIDTH, 3.8),
+        needs=lambda frame: bool(dots(frame)),
+        commands=[f"{RUN}recordings", f"{RUN}all_scenes"],
+    )
+]

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import pandas as pd
 
-from experiments.records.measurement import Measured
-from experiments.records.results import Results
+from experiments.records.results import of_scenes
 from experiments.reporting.columns import Column, model_columns, scene_name
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.measured import ENDS, by_scene, models_of, with_right
-from experiments.reporting.study import RUN
+from experiments.reporting.measured import ENDS, models_of, with_right
+from experiments.reporting.study import Columns, TableOf
 from experiments.reporting.text import number, percent
-from experiments.studies.recordings.study import STUDY
 
 PLACE = {
     "recording": Column("Recording", scene_name),
@@ -34,10 +32,10 @@ NOTE = (
 FINISHED = ("finished", "trained", "reached")  # of experiments.protocol.stop
 
 
-def accuracies(measured: Measured) -> pd.DataFrame:
+def accuracies(of_recording: pd.DataFrame) -> pd.DataFrame:
     """A row for each model, draw and n of the split that counts: ``accuracy``, and why the training
     ``stopped`` where that is known."""
-    counting = measured.frame[measured.frame.split == "counts"]
+    counting = of_recording[of_recording.split == "counts"]
     rows = with_right(counting, ("seed", "draw"))
     table = []
     for row in rows.to_dict("records"):
@@ -58,92 +56,111 @@ def unfinished(rows: pd.DataFrame) -> str:
     return f"{cut.sum()} of {len(reasons)}"
 
 
-def _wide(
-    found: Mapping[str, Measured], experiment: str, by_steps: bool = False
-) -> pd.DataFrame | None:
+def _wide(found: Mapping[str, pd.DataFrame], by_steps: bool = False) -> pd.DataFrame:
     """A row for each recording and n: the mean accuracy of each model, then how many trainings were
     `unfinished` if some learn `by_steps`, then the least and the largest accuracies."""
     table: list[dict[str, Any]] = []
     models: dict[str, None] = {}
-    for scene, measured in found.items():
-        models |= dict.fromkeys(models_of(measured.frame))
-        for n, of_size in accuracies(measured).groupby("n"):
-            line = {"recording": scene, "n": n, "unfinished": unfinished(of_size)}
+    for scene, rows in found.items():
+        models |= dict.fromkeys(models_of(rows))
+        for n, of_size in accuracies(rows).groupby("n"):
+            line = {"recording": scene, "n": n}
             for model, part in of_size.groupby("model"):
                 values = part.accuracy
                 estimate = Estimate(values.mean(), values.min(), values.max())
                 line |= estimate.columns(str(model))
+            if by_steps:
+                line["unfinished"] = unfinished(of_size)
             table.append(line)
-    if not table:
-        return None
-    columns = {**PLACE, **model_columns(models, ", %", percent)}
-    if by_steps:
-        columns["unfinished"] = Column("Trainings not finished")
+    last = ["unfinished"] if by_steps else []
     bounds = [model + end for model in models for end in ENDS[1:]]
-    data = pd.DataFrame(table)[[*columns, *bounds]]
-    commands = [f"{RUN}{experiment} scene={scene}" for scene in found]
-    data.attrs |= {"columns": columns, "shown": list(columns), "commands": commands}
-    return data
+    data = pd.DataFrame(table)
+    return data[[*PLACE, *models, *last, *bounds]] if len(data) else data
 
 
-@STUDY.table(
-    "peers",
-    key=("recording", "n"),
-    title="Classifiers of torchhd on the same bits",
-)
-def peers(results: Results) -> pd.DataFrame | None:
-    """Accuracy by recording and number of frames per class."""
-    found = by_scene(results, "recordings_peers")
-    data = _wide(found, "recordings_peers")
-    if data is not None:
-        epochs = sorted(set().union(*map(_epochs, found.values())))
-        said = " or ".join(map(str, epochs))
-        data.attrs["note"] = NOTE.replace("{epochs}", said)
-    return data
+def _columns(unit: str, show: Callable[[Any], str]) -> Columns:
+    """How the columns are shown: what a row is of, then a column a model."""
+
+    def columns(data: pd.DataFrame) -> dict[str, Column]:
+        models = [name for name in _shown(data) if name not in (*PLACE, "unfinished")]
+        found = {**PLACE, **model_columns(models, unit, show)}
+        return found | {"unfinished": Column("Trainings not finished")}
+
+    return columns
 
 
-def _epochs(measured: Measured) -> set[int]:
+def _shown(data: pd.DataFrame) -> list[str]:
+    return [str(name) for name in data if not str(name).endswith(ENDS[1:])]
+
+
+def peers(frame: pd.DataFrame) -> pd.DataFrame:
+    """Accuracy of torchhd's classifiers by recording and number of frames per class."""
+    return _wide(of_scenes(frame, "recordings_peers"))
+
+
+def _note(frame: pd.DataFrame) -> str:
+    """How to read the table, with the numbers of epochs."""
+    found = of_scenes(frame, "recordings_peers").values()
+    epochs = set().union(*(_epochs(rows.config.iloc[0]) for rows in found))
+    return NOTE.replace("{epochs}", " or ".join(map(str, sorted(epochs))))
+
+
+def _epochs(config: Mapping[str, Any]) -> set[int]:
     """Numbers of epochs of the models of a measurement, where they have one."""
-    models = measured.record.config.get("models", {}).values()
-    settings = [dict(part["model"]) for part in models]
+    settings = [dict(part["model"]) for part in config.get("models", {}).values()]
     return {setting["epochs"] for setting in settings if "epochs" in setting}
 
 
-@STUDY.table(
-    "peers_times",
-    key=("recording",),
-    title="Training times of torchhd's classifiers",
-    note="Seconds from frames in memory to a model that can predict, once: rough.",
-    folded=True,
-)
-def times(results: Results) -> pd.DataFrame | None:
+def times(frame: pd.DataFrame) -> pd.DataFrame:
     """Seconds of training of each model, a row for each recording."""
-    found = by_scene(results, "peers_costs")
     table: list[dict[str, Any]] = []
     models: dict[str, None] = {}
-    for scene, measured in found.items():
-        rows = measured.frame.set_index("model")
-        models |= dict.fromkeys(models_of(measured.frame))
-        line = {"recording": scene, "n": rows.n.iloc[0], **rows.fit_s.to_dict()}
-        table.append(line)
-    if not table:
-        return None
-    columns = {**PLACE, **model_columns(models, ", s", number)}
-    data = pd.DataFrame(table)[list(columns)]
-    commands = [f"{RUN}peers_costs scene={scene}" for scene in found]
-    data.attrs |= {"columns": columns, "commands": commands}
-    return data
+    for scene, rows in of_scenes(frame, "peers_costs").items():
+        by_model = rows.set_index("model")
+        models |= dict.fromkeys(models_of(rows))
+        n = by_model.n.iloc[0]
+        table.append({"recording": scene, "n": n, **by_model.fit_s.to_dict()})
+    return pd.DataFrame(table)[[*PLACE, *models]]
 
 
-@STUDY.table(
-    "networks",
-    key=("recording", "n"),
-    title="A network of one layer on frames of cameras",
-    note=f"{DRAWS} Networks train until their loss says that all frames are learnt, or for as many "
-    "steps as the experiment allows: the last column counts those that were ended so, whose "
-    "accuracy may be below what they would reach.",
-)
-def networks(results: Results) -> pd.DataFrame | None:
-    """Accuracy by recording and number of frames per class, and what was not finished."""
-    found = by_scene(results, "recordings_networks")
-    return _wide(found, "recordings_networks", by_steps=True)
+def networks(frame: pd.DataFrame) -> pd.DataFrame:
+    """Accuracy of a network by recording and number of frames per class, and what was not
+    finished."""
+    return _wide(of_scenes(frame, "recordings_networks"), by_steps=True)
+
+
+TABLES = [
+    TableOf(
+        "peers",
+        peers,
+        of="recordings_peers",
+        key=("recording", "n"),
+        title="Classifiers of torchhd on the same bits",
+        note=_note,
+        columns=_columns(", %", percent),
+        shown=_shown,
+    ),
+    TableOf(
+        "peers_times",
+        times,
+        of="peers_costs",
+        key=("recording",),
+        title="Training times of torchhd's classifiers",
+        note="Seconds from frames in memory to a model that can predict, once: rough.",
+        folded=True,
+        columns=_columns(", s", number),
+        shown=_shown,
+    ),
+    TableOf(
+        "networks",
+        networks,
+        of="recordings_networks",
+        key=("recording", "n"),
+        title="A network of one layer on frames of cameras",
+        note=f"{DRAWS} Networks train until their loss says that all frames are learnt, or for "
+        "as many steps as the experiment allows: the last column counts those that were ended "
+        "so, whose accuracy may be below what they would reach.",
+        columns=_columns(", %", percent),
+        shown=_shown,
+    ),
+]

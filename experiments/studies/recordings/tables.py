@@ -9,8 +9,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.measurement import Measured
-from experiments.records.results import Results
+from experiments.records.results import of_scenes
 from experiments.reporting.columns import (
     Column,
     display_name,
@@ -19,13 +18,11 @@ from experiments.reporting.columns import (
 )
 from experiments.reporting.measured import (
     ENDS,
-    by_scene,
     models_of,
     saturated,
 )
-from experiments.reporting.study import RUN
+from experiments.reporting.study import TableOf
 from experiments.reporting.text import percent, points
-from experiments.studies.recordings.study import STUDY
 from experiments.studies.recordings.values import (
     CONFIRMATORY,
     FEW,
@@ -51,35 +48,24 @@ COLUMNS = {
 TRIVIAL = {"brightness": "brightness", "thumbnail": "coarse layout"}
 
 
-@STUDY.table(
-    "recordings",
-    title="Accuracy on public recordings",
-    note=f"{NOTE} Told without the speckle: where two numbers of a frame, its mean and deviation "
-    "(brightness), or a picture of 8 × 6 pixels (coarse layout) recognise more than HDC, the "
-    "interval of the difference above zero. Such frames differ by more than their fine pattern.",
-    key=("recording", "n"),
-)
-def front(results: Results) -> pd.DataFrame | None:
+def front(frame: pd.DataFrame) -> pd.DataFrame:
     """The recordings, at the fewest, five and the largest number of frames per class."""
-    found = recordings(results)
+    found = recordings(frame)
     table = []
-    for scene, measured in found.items():
-        of_first = _about(scene, measured)
-        for k, line in enumerate(_by_size(Accuracies(measured))):
+    for scene, rows in found.items():
+        of_first = _about(scene, rows)
+        for k, line in enumerate(_by_size(Accuracies(rows))):
             described = {"kind": "", "frames": ""} if k else of_first
             table.append({"recording": scene, **described, **line})
-    if not table:
-        return None
-    commands = [f"{RUN}recordings scene={scene}" for scene in found]
-    return _wide(table, COLUMNS, found.values(), commands)
+    return _wide(table, COLUMNS, found.values())
 
 
-def _about(scene: str, measured: Measured) -> dict[str, str]:
+def _about(scene: str, rows: pd.DataFrame) -> dict[str, str]:
     """The kind of the frames, and what they are."""
     frames = configs.scene_display(scene)["frames"]
-    if saturated(measured):
+    if saturated(rows):
         frames += "; saturated, ranks nothing"
-    return {"kind": kind(scene, measured), "frames": frames}
+    return {"kind": kind(scene, rows), "frames": frames}
 
 
 def _by_size(every: Accuracies) -> Iterator[dict[str, Any]]:
@@ -108,37 +94,32 @@ def _told(every: Accuracies, n: int) -> str:
 def _wide(
     table: Sequence[Mapping[str, Any]],
     columns: Mapping[str, Column],
-    found: Iterable[Measured],
-    commands: Sequence[str],
+    found: Iterable[pd.DataFrame],
 ) -> pd.DataFrame:
     """The rows with the columns of what they are first, then each model's value, then bounds."""
     models: dict[str, None] = {}
-    for measured in found:
-        models |= dict.fromkeys(models_of(measured.frame))
-    of_models = model_columns(models, ", %", percent)
-    every = {**columns, **of_models}
+    for rows in found:
+        models |= dict.fromkeys(models_of(rows))
     data = pd.DataFrame(table)
-    names = [name for name in every if name in data]
-    data.attrs |= {"columns": every, "shown": names, "commands": commands}
     bounds = [name + end for name in models for end in ENDS[1:]]
-    known = [bound for bound in bounds if bound in data]
-    return data[[*names, *known]]
+    names = [*columns, *models, *bounds]
+    return data[[name for name in names if name in data]]
 
 
-@STUDY.table(
-    "forms",
-    title="Forms of HDC less softmax regression at its optimum, points",
-    note=f"{NOTE} Above zero, the form of HDC is more accurate on the same test frames. "
-    "C chosen: by the folds that choose HDC's form, on the same training frames. "
-    "Fixed in advance: named by the frozen rules. Exploratory: all others; the best of many on the "
-    "frames that judge it is no claim.",
-    key=("recording", "n", "rival"),
-)
-def forms(results: Results) -> pd.DataFrame | None:
+def _columns(data: pd.DataFrame) -> dict[str, Column]:
+    """How the columns are shown: what a row is of, and a column a model."""
+    models = [name for name in _shown(data) if name not in COLUMNS]
+    return {**COLUMNS, **model_columns(models, ", %", percent)}
+
+
+def _shown(data: pd.DataFrame) -> list[str]:
+    return [str(name) for name in data if not str(name).endswith(ENDS[1:])]
+
+
+def forms(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each recording, 5 and the most frames per class, and rival."""
-    found = by_scene(results, "recordings")
-    table, shown = [], dict[str, None]()
-    for scene, every in accuracies_of(found).items():
+    table = []
+    for scene, every in accuracies_of(of_scenes(frame, "recordings")).items():
         known = forms_of(every.models)
         sizes = [n for n in every.ends() if n >= FEW]
         for n, rival in itertools.product(sizes, (*RIVALS, *TUNED)):
@@ -147,24 +128,53 @@ def forms(results: Results) -> pd.DataFrame | None:
                 line |= gap.difference.columns(gap.form)
             if len(line) > 3:
                 table.append(line)
-        shown |= dict.fromkeys(known)
-    if not table:
-        return None
-    columns = {
+    return pd.DataFrame(table)
+
+
+def _columns_of_forms(data: pd.DataFrame) -> dict[str, Column]:
+    about = {
         "recording": COLUMNS["recording"],
         "n": COLUMNS["n"],
         "rival": Column("Rival", display_name),
     }
-    columns |= {
-        form: Column(_form_head(form), points) for form in forms_of(list(shown))
-    }
-    data = pd.DataFrame(table)
-    names = [name for name in columns if name in data]
-    commands = [f"{RUN}recordings scene={scene}" for scene in found]
-    data.attrs |= {"columns": columns, "shown": names, "commands": commands}
-    return data
+    known = forms_of([name for name in _shown(data) if name not in about])
+    return about | {form: Column(_form_head(form), points) for form in known}
+
+
+def _shown_of_forms(data: pd.DataFrame) -> list[str]:
+    return list(_columns_of_forms(data))
 
 
 def _form_head(form: str) -> str:
     status = "fixed in advance" if form in CONFIRMATORY else "exploratory"
     return f"{display_name(form)} ({status})"
+
+
+TABLES = [
+    TableOf(
+        "recordings",
+        front,
+        of="recordings",
+        title="Accuracy on public recordings",
+        note=f"{NOTE} Told without the speckle: where two numbers of a frame, its mean and "
+        "deviation (brightness), or a picture of 8 × 6 pixels (coarse layout) recognise more "
+        "than HDC, the interval of the difference above zero. Such frames differ by more than "
+        "their fine pattern.",
+        key=("recording", "n"),
+        columns=_columns,
+        shown=_shown,
+    ),
+    TableOf(
+        "forms",
+        forms,
+        of="recordings",
+        title="Forms of HDC less softmax regression at its optimum, points",
+        note=f"{NOTE} Above zero, the form of HDC is more accurate on the same test frames. C "
+        "chosen: by the folds that choose HDC's form, on the same training frames. Fixed in "
+        "advance: named by the frozen rules. Exploratory: all others; the best of many on the "
+        "frames that judge it is no claim.",
+        key=("recording", "n", "rival"),
+        columns=_columns_of_forms,
+        shown=_shown_of_forms,
+    ),
+]

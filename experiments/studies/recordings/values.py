@@ -10,14 +10,12 @@ import numpy as np
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.measurement import Measured
-from experiments.records.results import Results
+from experiments.records.results import of_scenes
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.measured import (
     RIVAL,
     accuracies,
-    by_scene,
     fields_of,
     over_units,
     saturated,
@@ -41,24 +39,21 @@ NOTE = (
 )
 
 
-def recordings(
-    results: Results,
-    name: str = "recordings",
-) -> dict[str, Measured]:
-    """Finished measurements by the name of their scene; a fibre counts once, by one input field."""
-    found = by_scene(results, name).items()
-    return {scene: measured for scene, measured in found if fields_of(measured) == 1}
+def recordings(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The rows of each recording by its scene; a fibre counts once, by one input field."""
+    found = of_scenes(frame, "recordings").items()
+    return {scene: rows for scene, rows in found if fields_of(rows) == 1}
 
 
-def unsaturated(found: dict[str, Measured]) -> dict[str, Measured]:
+def unsaturated(found: dict[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
     """Those of some recordings that can tell models apart."""
     return {scene: one for scene, one in found.items() if not saturated(one)}
 
 
-def kind(scene: str, measured: Measured) -> str:
-    """Captured, computed or simulated: the kind of the frames of a measurement."""
-    if "origin" in measured.frame:
-        return kind_of(str(measured.frame.origin.iloc[0]))
+def kind(scene: str, rows: pd.DataFrame) -> str:
+    """Captured, computed or simulated: the kind of the frames of a recording."""
+    if "origin" in rows:
+        return kind_of(str(rows.origin.iloc[0]))
     return str(configs.scene_display(scene)["kind"])
 
 
@@ -82,8 +77,8 @@ class Accuracies:
         seeds: whether units are seeds, not draws of one recording.
     """
 
-    def __init__(self, measured: Measured) -> None:
-        rows = measured.frame[measured.frame.split == "counts"]
+    def __init__(self, of_recording: pd.DataFrame) -> None:
+        rows = of_recording[of_recording.split == "counts"]
         self.models = [str(model) for model in rows.model.unique()]
         self.seeds = bool(rows.seed.nunique() > 1)
         self.sizes: list[int] = []
@@ -126,9 +121,9 @@ class Accuracies:
         return over_units(values.tolist(), self.seeds)
 
 
-def accuracies_of(found: dict[str, Measured]) -> dict[str, Accuracies]:
+def accuracies_of(found: dict[str, pd.DataFrame]) -> dict[str, Accuracies]:
     """Of each recording."""
-    return {scene: Accuracies(measured) for scene, measured in found.items()}
+    return {scene: Accuracies(rows) for scene, rows in found.items()}
 
 
 # Forms of HDC against the rival -------------------------------------------------------------------

@@ -1,10 +1,26 @@
-"""Every model on public recordings: each module registers its tables and figures, shown in this
-order."""
+"""Every model on public recordings."""
 
-from experiments.studies.recordings import forest, tables  # noqa: F401
+from experiments.reporting.study import Study
+from experiments.studies.recordings import (
+    costs,
+    decomposition,
+    forest,
+    peers,
+    tables,
+)
 
-# isort: split
-from experiments.studies.recordings import costs, decomposition, peers  # noqa: F401
-from experiments.studies.recordings.study import STUDY
-
-__all__ = ["STUDY"]
+STUDY = Study(
+    "recordings",
+    "Public recordings",
+    "On frames of optical sensors of several kinds, captured or computed by others: does HDC "
+    "recognise better than its rivals, and what wins back what it loses?",
+    0.5,
+    front=True,
+    tables=[
+        *tables.TABLES,
+        *decomposition.TABLES,
+        *costs.TABLES,
+        *peers.TABLES,
+    ],
+    figures=[*forest.FIGURES, *decomposition.FIGURES, *costs.FIGURES],
+)

@@ -17,7 +17,7 @@ from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.curves import bars, errors
 from experiments.reporting.estimates import Estimate, mean_share
 from experiments.reporting.plot import handle, panel, style_of, wrapped
-from experiments.reporting.study_new import FigureOf, Study, TableOf
+from experiments.reporting.study import FigureOf, Study, TableOf
 
 FLIPS = ("bit_flips", "bit_flips_int8", "query_flips")
 # Name of a disturbance, unit of its level, and the number of units in a level of 1.

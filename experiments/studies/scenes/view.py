@@ -23,7 +23,7 @@ from experiments.reporting.matrices import CONFUSION_MAP, PRINTED, matrix
 from experiments.reporting.measured import matrices
 from experiments.reporting.plot import LETTERS, head, panel, wrapped
 from experiments.reporting.rows import row
-from experiments.reporting.study_new import (
+from experiments.reporting.study import (
     RUN,
     WIDTH,
     FigureOf,

@@ -15,7 +15,7 @@ from experiments.reporting.columns import Column, scene_name
 from experiments.reporting.estimates import ONE_SENSOR, median_range
 from experiments.reporting.measured import ENDS
 from experiments.reporting.rows import row
-from experiments.reporting.study_new import (
+from experiments.reporting.study import (
     RUN,
     FigureOf,
     NumbersOf,

@@ -40,4 +40,4 @@ def test_runs_are_lines_and_their_groups_are_those_of_the_results(tmp_path, writ
         run.record.test_accuracy_final for run in results.runs
     ]
     (group,) = Groups.of(frame)
-    assert group == results.groups()[0]
+    assert group == results.group(group.scene, "hdc")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.records import configs
-from experiments.records.results import Results
+from experiments.records.results import Groups, Results
 from experiments.reporting.rows import runs_table
 from hdc.io import write_atomically
 
@@ -15,7 +15,7 @@ def rows(found):
     """What groups there are, by name, with the seeds of their runs."""
     return {
         (g.scene, g.model, g.n_train, g.pixels): [run.record.seed for run in g.runs]
-        for g in found.groups()
+        for g in Groups(found.runs)
     }
 
 

@@ -5,7 +5,7 @@ from experiments.records import configs
 from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
 from experiments.reporting import documents
-from experiments.reporting.study import Plot, Study
+from experiments.reporting.study import FigureOf, Plot, Study
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table, frame
 
@@ -21,7 +21,8 @@ def test_marked_blocks_are_filled_and_all_else_stays():
 def test_the_gallery_has_every_figure_with_its_command_and_its_tables():
     study = Study("some", "A title", "A question?", 1)
     empty = Study("empty", "Nothing", "No figure?", 2)
-    plot = Plot("a_figure", "What it *shows*.", lambda: None, ["make it", "and this"])
+    of = FigureOf("a_figure", lambda *_: None, of="runs", caption="")
+    plot = Plot(of, "What it *shows*.", ["make it", "and this"], frame([]))
     table = Table("a_table", "Of what", frame([{"x": 1}]))
     text = documents.gallery([study, empty], {"some": [table]}, {"some": [plot]})
     assert text.splitlines()[0] == "## A title"

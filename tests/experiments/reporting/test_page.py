@@ -1,16 +1,15 @@
 """The page stands alone, escapes what it is given, and has the numbers of the tables."""
 
-import base64
-import gzip
 import io
 import re
 from html.parser import HTMLParser
 
+import pandas as pd
 from PIL import Image
 
 from experiments.reporting.page import page
-from experiments.reporting.page.page import Block, Picture, Section
-from experiments.reporting.study import Plot
+from experiments.reporting.page.page import Picture, Section
+from experiments.reporting.study import FigureOf, Plot
 from experiments.reporting.table import Table, frame
 
 HOSTILE = (
@@ -66,26 +65,16 @@ def a_table(name="some", rows=2, **values):
 
 
 def picture(name="a_figure", data=SVG, kind="svg", caption="What it shows."):
-    return Picture(Plot(name, caption, lambda: None, ["draw it"], kind), data)
+    of = FigureOf(name, lambda *_: None, of="runs", caption=caption, kind=kind)
+    return Picture(Plot(of, caption, ["draw it"], pd.DataFrame()), data)
 
 
-def built(*blocks, problems=(), about=None, **section):
-    made = Section("question", "A question", "What it asks.", blocks, **section)
+def built(tables=(), pictures=(), problems=(), about=None, **section):
+    made = Section(
+        "question", "A question", "What it asks.", tables, pictures, **section
+    )
     about = {"reference": "5 runs"} if about is None else about
     return Page(page.render([made], problems, about))
-
-
-def test_the_interactive_form_of_a_figure_is_built_once():
-    built_with = []
-
-    def chart():
-        built_with.append("data")
-        return {"mark": "point"}
-
-    figure = Picture(Plot("a_figure", "", lambda: None, chart=chart), SVG)
-    shown = built(Block(pictures=[figure]))
-    assert "chart" in shown.all("class")
-    assert built_with == ["data"]
 
 
 def webp(colour):
@@ -94,47 +83,47 @@ def webp(colour):
     return stream.getvalue()
 
 
-def test_it_needs_no_network_and_every_picture_is_whole():
+def test_it_asks_for_nothing_but_the_figures_beside_it():
     pictures = [picture(), picture("photograph", webp("red"), "webp")]
-    found = built(Block("", [a_table()], pictures))
+    found = built([a_table()], pictures)
     sources = [value for key in ("src", "href", "srcset", "action", "data", "poster")
                for value in found.all(key)]  # fmt: skip
-    assert {
-        value.partition(":")[0] for value in sources if not value.startswith("#")
-    } == {"data"}
+    files = {value for value in sources if not value.startswith(("#", "data:"))}
+    assert files == {
+        "figures/a_figure.svg",
+        "figures/photograph.webp",
+        "tables/some.csv",
+    }
     assert not re.search(r"url\(|@import", (page.TEMPLATES / "report.css").read_text())
     images = [attrs for tag, attrs in found.elements if tag == "img"]
-    assert len(images) == 2
-    packed = base64.b64decode(images[0]["data-packed"], validate=True)
-    assert gzip.decompress(packed) == SVG
-    photograph = images[1]["src"].partition(",")[2]
-    assert base64.b64decode(photograph, validate=True) == pictures[1].data
     assert [(a["width"], a["height"]) for a in images] == [("40", "20"), ("3", "2")]
     assert {attrs["alt"] for attrs in images} == {"What it shows."}
 
 
 def test_anchors_exist_and_none_is_twice():
-    blocks = [Block(name, [a_table()], [picture()]) for name in ("mine", "reference")]
-    found = built(*blocks)
+    found = built([a_table()], [picture()])
     anchors = found.all("id")
     assert len(set(anchors)) == len(anchors)
     links = {value[1:] for value in found.all("href") if value.startswith("#")}
     assert links <= set(anchors)
-    assert {"question", "mine-table-some", "reference-figure-a_figure"} <= set(anchors)
+    assert {"question", "table-some", "figure-a_figure"} <= set(anchors)
+
+
+def test_a_wide_table_shows_eight_columns_and_names_its_file():
+    wide = a_table(**{f"x{k}": k for k in range(10)})
+    found = built([wide])
+    (rows,) = found.tables.values()
+    assert {len(row) for row in rows} == {page.COLUMNS}
+    assert "4 more columns: tables/some.csv" in found.text
 
 
 def test_what_comes_from_outside_is_escaped():
     made = a_table(HOSTILE, error=HOSTILE, verdict=HOSTILE)
     hostile = Table(HOSTILE, HOSTILE, made.data, note=HOSTILE, commands=[HOSTILE])
     shown = picture('x" onload="alert(3)', caption=HOSTILE)
-    plain = built(
-        Block("", [a_table("t", error="e", verdict="v")], [picture()]), problems=["p"]
-    )
-    found = built(
-        Block(HOSTILE, [hostile], [shown]),
-        problems=[HOSTILE], about={HOSTILE: HOSTILE},
-    )  # fmt: skip
-    tags = [[tag for tag, _ in one.elements if tag != "h3"] for one in (found, plain)]
+    plain = built([a_table("t", error="e", verdict="v")], [picture()], problems=["p"])
+    found = built([hostile], [shown], problems=[HOSTILE], about={HOSTILE: HOSTILE})
+    tags = [[tag for tag, _ in one.elements] for one in (found, plain)]
     assert tags[0].count("script") == tags[1].count("script") == 1
     assert set(tags[0]) == set(tags[1])
     assert not [
@@ -143,7 +132,7 @@ def test_what_comes_from_outside_is_escaped():
     (rows,) = found.tables.values()
     assert rows[1][1] == HOSTILE.strip()
     # Shown as it is, escaped once: "<" reads "<".
-    assert found.text.count(HOSTILE) >= 8
+    assert found.text.count(HOSTILE) >= 7
     assert "&lt;" not in found.text
     (image,) = (attrs for tag, attrs in found.elements if tag == "img")
     assert image["alt"] == HOSTILE

@@ -1,11 +1,17 @@
-"""A study is a folder with a view; its decorators make tables, figures and numbers of records."""
+"""A study is a folder with a view; its functions of a data frame make tables, figures, numbers."""
 
 import pandas as pd
 import pytest
 
 from experiments import studies
-from experiments.records.results import Results
-from experiments.reporting.study import Quantity, Study
+from experiments.records.results import RUNS, Results
+from experiments.reporting.study import (
+    FigureOf,
+    NumbersOf,
+    Quantity,
+    Study,
+    TableOf,
+)
 from experiments.reporting.study import studies as studies_of
 
 
@@ -20,73 +26,103 @@ def test_no_study_has_anything_to_say_of_an_empty_folder(tmp_path):
             assert not list(made(results)), study.name
 
 
-@pytest.fixture
-def study():
-    made = Study("of_a_test", "Title", "Question?", 1)
-
-    @made.table(
-        "some", of="correlation", title="Some, {frames}, {machine}", note="How."
-    )
-    def some(rows, config):
-        return (
-            rows.groupby("model", as_index=False)["right"].sum().assign(k=config["k"])
-        )
-
-    @made.table("none", of=("correlation", "drift"), title="None")
-    def none(rows, others, config):
-        raise AssertionError("drift was not measured")
-
-    @made.quantities(of="correlation")
-    def quantities(rows, config):
-        yield Quantity("a/b", float(rows.right.sum()))
-
-    return made
+def some(frame):
+    counts = frame.groupby("model", as_index=False)["right"].sum()
+    return counts.assign(k=frame.config.iloc[0]["k"])
 
 
-def test_rows_of_a_measurement_become_a_table_for_each_kind_of_frames(
-    tmp_path, write_measurement, study
-):
+def nothing(frame):
+    raise AssertionError("drift was not measured")
+
+
+def quantities(frame):
+    yield Quantity("a/b", float(frame.right.sum()))
+
+
+STUDY = Study(
+    "of_a_test",
+    "Title",
+    "Question?",
+    1,
+    tables=[
+        TableOf(
+            "some",
+            some,
+            of="correlation",
+            title="Some, {frames}, {machine}",
+            note=lambda frame: f"Of {len(frame)} lines.",
+            shown=lambda data: [name for name in data if name != "k"],
+        ),
+        TableOf("none", nothing, of="drift", title="None"),
+    ],
+    numbers=[NumbersOf(quantities, of="correlation")],
+)
+
+
+def test_rows_of_an_experiment_become_a_table(tmp_path, write_measurement):
     rows = [
         {"origin": "simulated", "model": m, "right": int(n)}
         for m, n in ("a1", "a2", "b4")
     ]
     write_measurement("correlation", rows, config={"k": 5})
-    write_measurement("correlation", rows[:1], config={"k": 6, "scene": {"path": "mine"}},
-                      scene="recorded")  # fmt: skip
-    first, second = study.tables_of(Results(tmp_path))
+    (made,) = STUDY.tables_of(Results(tmp_path))
     pd.testing.assert_frame_equal(
-        first.data, pd.DataFrame({"model": ["a", "b"], "right": [3, 4], "k": 5})
+        made.data, pd.DataFrame({"model": ["a", "b"], "right": [3, 4], "k": 5})
     )
-    assert (first.name, second.name) == ("some", "some_recorded")
-    assert first.title == "Some, simulated frames, A CPU, 2 threads"
-    assert first.commands == ("python -m experiments.run experiment=correlation",)
-    assert [q.value for q in study.quantities_of(Results(tmp_path))] == [
-        7
-    ]  # not of other frames
+    assert made.title == "Some, simulated frames, A CPU, 2 threads"
+    assert made.commands == ("python -m experiments.run experiment=correlation",)
+    assert (made.note, made.names) == ("Of 3 lines.", ["model", "right"])
+
+
+def test_frames_of_others_are_lines_and_none_of_the_papers_numbers(
+    tmp_path, write_measurement
+):
+    row = {"origin": "simulated", "model": "a", "right": 1}
+    write_measurement("correlation", [row], config={"k": 5})
+    mine = {"k": 5, "scene": {"path": "mine"}}
+    write_measurement("correlation", [row], config=mine, scene="recorded")
+    (made,) = STUDY.tables_of(Results(tmp_path))
+    assert made.data.right.tolist() == [2]
+    assert [q.value for q in STUDY.quantities_of(Results(tmp_path))] == [1]
+
+
+def test_what_fails_is_named_and_the_others_are_made(tmp_path, write_measurement):
+    row = {"origin": "simulated", "model": "a", "right": 1}
+    write_measurement("correlation", [row], config={"k": 5})
+    write_measurement("drift", [row])
+    failures = []
+    (made,) = STUDY.tables_of(Results(tmp_path), failures)
+    assert made.name == "some"
+    (failure,) = failures
+    expected = "study of_a_test failed at table none: AssertionError: drift was not"
+    assert str(failure).startswith(expected)
+    with pytest.raises(AssertionError, match="drift was not measured"):
+        list(STUDY.tables_of(Results(tmp_path)))
 
 
 def test_a_caption_says_pale_only_where_a_reference_is_drawn(tmp_path, write_run):
-    study = Study("some", "A title", "A question?", 1)
     drawn = []
 
-    @study.figure(
+    def curve(figure, frame, behind=None):
+        drawn.append(behind if behind is None else len(behind))
+
+    of_curve = FigureOf(
         "curve",
-        caption=lambda results: f"Of {len(results.runs)}.",
-        needs=lambda results: bool(results.runs),
-        commands=lambda results: [f"make {len(results.runs)}"],
+        curve,
+        of=RUNS,
+        caption=lambda frame: f"Of {len(frame)}.",
+        commands=["make it"],
         over=True,
     )
-    def curve(figure, results, behind=None):
-        drawn.append(behind)
-
+    study = Study("some", "A title", "A question?", 1, figures=[of_curve])
     empty = Results(tmp_path / "empty")
     write_run("hdc")
     own = Results(tmp_path)
     (plot,) = study.plots_of(own)
-    assert (plot.caption, tuple(plot.commands)) == ("Of 1.", ("make 1",))
+    assert (plot.caption, plot.commands) == ("Of 1.", ("make it",))
     assert plot.over(None).caption == plot.over(empty).caption == "Of 1."
     over = plot.over(own)
     assert over.caption == "Of 1. Pale: the reference."
     over.draw()
     plot.draw()
-    assert drawn == [own, None]
+    assert drawn == [1, None]

@@ -415,7 +415,7 @@ def judged(tmp_path):
     """judged(claim, rival) → the row of the table of claims; None where there is none."""
 
     def judge(claim, rival=RAW):
-        rows = view.claims(Results(tmp_path))
+        rows = view.claims(Results(tmp_path).frame(*view.OF))
         if rows is None:
             return None
         found = rows[(rows.claim == claim) & (rows.rival == rival)].to_dict("records")
@@ -498,7 +498,7 @@ def test_what_was_unseen_is_judged_alone_too(tmp_path, record, judged):
     record("rgb_fibres", 80, 49)
     row = judged("accuracy")
     assert (row["status"], row["laboratories"]) == ("exploratory", 3)
-    table = view.confirmatory(Results(tmp_path))
+    table = view.confirmatory(Results(tmp_path).frame(*view.OF))
     rows = table[table.claim == "accuracy"].set_index("recording")
     assert list(rows.index) == ["gelsight_billets", "rgb_fibres", view.JOINED]
     assert set(rows.word) == {YES}
@@ -519,7 +519,7 @@ def test_what_the_rules_do_not_list_is_shown_and_enters_nothing(
     scene = "fibre_4_fields" if "n_fields" in what else "gelsight"
     record(scene, 80, 60, **what)
     assert judged("accuracy") is None
-    evidence = view.evidence(Results(tmp_path))
+    evidence = view.evidence(Results(tmp_path).frame(*view.OF))
     of_claim = evidence[evidence.claim == "accuracy"]
     assert of_claim.remark.str.startswith(remark).all()
     assert set(of_claim.enters) == {"no"}
@@ -540,7 +540,7 @@ def test_sizes_that_a_draw_cannot_fill_do_not_count(
     ]  # fmt: skip
     config = {"scene": configs.part("scene", "gelsight")["scene"], "seeds": [0]}
     write_measurement("recordings", rows, config=config, scene="gelsight")
-    assert view.evidence(Results(tmp_path)) is None
+    assert view.evidence(Results(tmp_path).frame(*view.OF)) is None
 
 
 @pytest.mark.parametrize(
@@ -612,7 +612,7 @@ def test_what_drift_has_not_cost_cannot_be_restored(
 ):
     drifted(write_measurement, 85, stored=80)
     assert judged("recalibration", "its own loss") is None
-    evidence = view.evidence(Results(tmp_path))
+    evidence = view.evidence(Results(tmp_path).frame(*view.OF))
     remark = evidence[evidence.rival == "its own loss"].remark.iloc[0]
     assert remark == "drift cost 9.0 points, less than the 20 to be restored"
 
@@ -664,7 +664,9 @@ def test_flipped_bits_cost_accuracy_or_do_not(
         assert row["word"] == expected
         assert row["mean"] == pytest.approx(flipped - 100)
     assert judged("faults", f"{RAW} at 1 %") is None  # beside, without a word
-    assert f"{RAW} at 1 %" in set(view.evidence(Results(tmp_path)).rival)
+    assert f"{RAW} at 1 %" in set(
+        view.evidence(Results(tmp_path).frame(*view.OF)).rival
+    )
 
 
 def test_a_claim_on_times_waits_for_every_way(tmp_path, write_measurement, judged):
@@ -690,7 +692,7 @@ def test_a_claim_on_times_waits_for_every_way(tmp_path, write_measurement, judge
     assert judged("networks_one_layer", "cnn1")["word"] == PARTLY
     write([12, 100, 40], turns=1)
     assert judged("networks_one_layer", "cnn1")["word"] == PARTLY
-    evidence = view.evidence(Results(tmp_path))
+    evidence = view.evidence(Results(tmp_path).frame(*view.OF))
     assert evidence.word.tolist() == [UNDECIDED, YES, YES]
     assert evidence.remark.str.startswith("too few runs").all()
 
@@ -703,7 +705,7 @@ def row_of(tmp_path):
     """row_of(claim, rival, evidence) → the row of the table of evidence."""
 
     def find(claim, rival, evidence):
-        rows = view.evidence(Results(tmp_path)).set_index(
+        rows = view.evidence(Results(tmp_path).frame(*view.OF)).set_index(
             ["claim", "rival", "evidence"], drop=False
         )
         return rows.loc[[(claim, rival, evidence)]].to_dict("records")[0]
@@ -762,7 +764,7 @@ def test_the_whole_row_of_a_contrast(tmp_path, write_measurement, row_of, judged
         command="python -m experiments.reproduce --full --claim contrast", **where,
     )  # fmt: skip
     # Hypervectors were not measured.
-    assert set(view.evidence(Results(tmp_path)).rival) == {"speckle"}
+    assert set(view.evidence(Results(tmp_path).frame(*view.OF)).rival) == {"speckle"}
 
 
 def test_the_whole_row_of_flipped_bits_and_of_what_stands_beside(
@@ -842,7 +844,7 @@ def test_the_whole_rows_of_a_recalibration(tmp_path, write_measurement):
     scene = "fibres_exchanged"
     config = {"scene": configs.part("scene", scene)["scene"]}
     entry = write_measurement("drift", rows, config=config, scene=scene)
-    found = view.evidence(Results(tmp_path)).to_dict("records")
+    found = view.evidence(Results(tmp_path).frame(*view.OF)).to_dict("records")
     same = {
         "claim": "recalibration", "laboratory": "wavefrontshaping",
         "frames": "computed", "status": "exploratory", "unit": "%", "n": "2 seeds",
@@ -1019,18 +1021,18 @@ def test_evidence_is_judged_by_the_rules_that_are_given(
         for model, seconds in (("hdc", 0.5), ("cnn1", 50))
     ]  # fmt: skip
     write_measurement("times_grid", rows, scene="touch")
-    results = Results(tmp_path)
+    frame = Results(tmp_path).frame(*view.OF)
     listed = msgspec.structs.replace(
         RULES.recordings["gelsight"], laboratory="another", frames="computed"
     )
     others = msgspec.structs.replace(
         RULES, margin=0.5, times=1000, recordings={"gelsight": listed}
     )
-    (found,) = recordings.pieces("accuracy", others.claims["accuracy"], others, results)
+    (found,) = recordings.pieces("accuracy", others.claims["accuracy"], others, frame)
     assert (found.laboratory, found.frames) == ("another", "computed")
     for given, word in ((RULES, YES), (others, NO)):
         for module, name in ((recordings, "accuracy"), (times, "networks_one_layer")):
-            (found,) = module.pieces(name, given.claims[name], given, results)
+            (found,) = module.pieces(name, given.claims[name], given, frame)
             assert found.word == word
         judged = verdict.verdict(claim_of("more_accurate"), [piece(0.2)], given)
         assert judged.word == word
@@ -1039,7 +1041,7 @@ def test_evidence_is_judged_by_the_rules_that_are_given(
 def test_the_whole_row_of_a_recording_that_was_unseen(tmp_path, record):
     """By its own interval; of one alone nothing is joined."""
     record("gelsight_billets", 80, 50)
-    table = view.confirmatory(Results(tmp_path))
+    table = view.confirmatory(Results(tmp_path).frame(*view.OF))
     table = table[table.claim == "accuracy"]
     (row,) = table.to_dict("records")
     assert row == equals(
@@ -1106,8 +1108,11 @@ def test_the_note_names_the_rules_and_the_commit_that_froze_them(
     monkeypatch.setattr(view, "commit", lambda: commit)
     record("gelsight_billets", 80, 60)
     of_commit = f", frozen by commit {commit}" if commit else ""
-    for table in (view.claims, view.confirmatory):
-        note = table(Results(tmp_path)).attrs["note"]
+    frame = Results(tmp_path).frame(*view.OF)
+    noted = [table for table in view.STUDY.tables if table.name != "claims_evidence"]
+    assert len(noted) == 2
+    for table in noted:
+        ((note,),) = [[made.note for made in table.tables(frame)]]
         assert note.endswith(
             f"Rules: docs/claims.md, version {RULES.version} of {RULES.dated}, "
             f"digest {frozen.digest()}{of_commit}."
@@ -1128,7 +1133,7 @@ def test_a_claim_of_ours_is_said_to_be_ours(record, judged):
 
 def test_every_row_of_the_reference_has_a_word_and_a_command():
     results = Results(REFERENCE)
-    table = view.claims(results)
+    table = view.claims(results.frame(*view.OF))
     assert not table.duplicated(["claim", "rival"]).any()
     assert set(table.word) <= {YES, NO, PARTLY, UNDECIDED}
     assert table.because.all()

@@ -12,6 +12,7 @@ from experiments.records.results import Results
 from experiments.records.rows import pack_labels
 from experiments.studies.recordings import peers as view
 from experiments.studies.recordings.measure import recordings
+from experiments.studies.recordings.view import STUDY
 
 TRUTH = np.zeros(10, int)
 
@@ -43,12 +44,13 @@ def test_peers_stand_beside_hdc_with_the_range_of_draws(tmp_path, write_measurem
     part = configs.part("model", "torchhd_onlinehd")
     config = {"models": {"torchhd_onlinehd": {"model": dict(part["model"])}}}
     write_measurement("recordings_peers", rows, scene="gelsight", config=config)
-    table = view.peers(Results(tmp_path))
+    table = view.peers(Results(tmp_path).frame("recordings_peers"))
     few, many = table.to_dict("records")
     assert (few["n"], few["hdc"], few["torchhd_onlinehd"]) == (5, 0.6, 0.5)
     assert many["torchhd_onlinehd"] == 0.9
     assert (many["torchhd_onlinehd_low"], many["torchhd_onlinehd_high"]) == (0.8, 1.0)
-    assert f"for {part['model']['epochs']} epochs" in table.attrs["note"]
+    (made,) = STUDY.tables_of(Results(tmp_path))
+    assert f"for {part['model']['epochs']} epochs" in made.note
     assert "unfinished" not in table
 
 
@@ -58,10 +60,12 @@ def test_only_the_split_that_counts_has_accuracies(tmp_path, write_measurement):
         row("hdc", 0, [9, 10], **labels()) | {"split": "random"},
     ]
     write_measurement("recordings_networks", rows, scene="tactip")
-    few, many = view.networks(Results(tmp_path)).to_dict("records")
+    few, many = view.networks(Results(tmp_path).frame("recordings_networks")).to_dict(
+        "records"
+    )
     assert (few["hdc"], few["hdc_high"], many["hdc"]) == (0.5, 0.5, 0.6)
     write_measurement("recordings_networks", rows[1:], scene="tactip")
-    assert view.networks(Results(tmp_path)) is None
+    assert view.networks(Results(tmp_path).frame("recordings_networks")).empty
 
 
 def test_networks_that_were_not_finished_are_counted(tmp_path, write_measurement):
@@ -72,7 +76,9 @@ def test_networks_that_were_not_finished_are_counted(tmp_path, write_measurement
         row("cnn1_centred", 1, [5, 7], stopped=["trained", "diverged"]),
     ]
     write_measurement("recordings_networks", rows, scene="tactip")
-    few, many = view.networks(Results(tmp_path)).to_dict("records")
+    few, many = view.networks(Results(tmp_path).frame("recordings_networks")).to_dict(
+        "records"
+    )
     assert (few["unfinished"], many["unfinished"]) == ("0 of 2", "2 of 2")
     assert many["cnn1_centred"] == 0.7
 
@@ -80,13 +86,13 @@ def test_networks_that_were_not_finished_are_counted(tmp_path, write_measurement
 def test_times_are_a_row_for_each_recording(tmp_path, write_measurement):
     rows = [{"model": name, "n": 50, "fit_s": s} for name, s in (("hdc", 1), ("x", 2))]
     write_measurement("peers_costs", rows, scene="gelsight")
-    (line,) = view.times(Results(tmp_path)).to_dict("records")
+    (line,) = view.times(Results(tmp_path).frame("peers_costs")).to_dict("records")
     assert line == {"recording": "gelsight", "n": 50, "hdc": 1, "x": 2}
 
 
 def test_without_records_there_is_no_table(tmp_path, write_measurement):
     write_measurement("recordings", [row("hdc", 0, [5], **labels())], scene="gelsight")
-    names = {table.name for table in view.STUDY.tables_of(Results(tmp_path))}
+    names = {table.name for table in STUDY.tables_of(Results(tmp_path))}
     assert not names & {"peers", "peers_times", "networks"}
 
 

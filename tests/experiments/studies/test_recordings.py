@@ -86,7 +86,7 @@ def test_one_fibre_seen_through_more_fields_is_one_recording(
             "recordings", [row | {"right": [5]}], config=config, scene=scene
         )
     results = Results(tmp_path)
-    assert list(values.recordings(results)) == ["fibre_grouped"]
+    assert list(values.recordings(results.frame("recordings"))) == ["fibre_grouped"]
 
 
 def test_a_change_of_settings_does_not_displace_the_whole_measurement(
@@ -109,8 +109,8 @@ def test_a_change_of_settings_does_not_displace_the_whole_measurement(
         ]
         config = {"scene": scene, "draws": draws, "seeds": [0]}
         write_measurement("recordings", rows, config=config, scene="gelsight")
-    (measured,) = values.recordings(Results(tmp_path)).values()
-    assert measured.record.config["draws"] == 20
+    (measured,) = values.recordings(Results(tmp_path).frame("recordings")).values()
+    assert measured.config.iloc[0]["draws"] == 20
     assert values.Accuracies(measured).mean("hdc", 5).value == 0.9
 
 
@@ -159,7 +159,7 @@ def test_forms_are_set_beside_both_rivals_and_losses_are_shown(results):
         "softmax_dual": 62,
         "softmax_dual_standardised": 80,
     }
-    data = tables.forms(results(gelsight=of))
+    data = tables.forms(results(gelsight=of).frame("recordings"))
     rows = data.set_index(["n", "rival"])
     at = rows.loc[(50, "softmax_dual")]
     assert at.hdc == pytest.approx(-0.02)
@@ -169,7 +169,9 @@ def test_forms_are_set_beside_both_rivals_and_losses_are_shown(results):
     low, high = np.quantile(expected, (0.025, 0.975))
     assert (at.hdc_levels_lda_low, at.hdc_levels_lda_high) == pytest.approx((low, high))
     assert rows.loc[(50, "softmax_dual_standardised")].hdc == pytest.approx(-0.2)
-    heads = {name: column.head for name, column in data.attrs["columns"].items()}
+    heads = {
+        name: column.head for name, column in tables._columns_of_forms(data).items()
+    }
     confirmed = {name for name, head in heads.items() if "(fixed in advance)" in head}
     assert confirmed == {"hdc", "hdc_levels_lda"}
     assert "(exploratory)" in heads["hdc_levels"]
@@ -178,7 +180,7 @@ def test_forms_are_set_beside_both_rivals_and_losses_are_shown(results):
 def test_few_draws_have_no_interval(tmp_path, write_measurement):
     rows = [row for row in measured_of({"hdc": np.arange(60, 80)}) if row["draw"] < 9]
     write_measurement("recordings", rows, scene="gelsight")
-    (measured,) = values.recordings(Results(tmp_path)).values()
+    (measured,) = values.recordings(Results(tmp_path).frame("recordings")).values()
     estimate = values.Accuracies(measured).mean("hdc", 50)
     assert estimate.value == pytest.approx(0.64)
     assert np.isnan([estimate.low, estimate.high]).all()
@@ -187,13 +189,15 @@ def test_few_draws_have_no_interval(tmp_path, write_measurement):
 def test_a_recording_that_needs_no_speckle_says_so(results):
     of = {"hdc": 60, "thumbnail": 75, "brightness": 55, "ridge": 80}
     best = {**of, "brightness": 70, "ridge": 65}
-    table = tables.front(results(gelsight=of, tactip=best))
+    table = tables.front(results(gelsight=of, tactip=best).frame("recordings"))
     told = table[table.n == 50].set_index("recording").told
     assert told["gelsight"] == "coarse layout alone: more than HDC"
     assert told["tactip"] == (
         "brightness and coarse layout alone: more than HDC, and than any model here"
     )
-    no_more = tables.front(results(gelsight={**of, "thumbnail": 60}))
+    no_more = tables.front(
+        results(gelsight={**of, "thumbnail": 60}).frame("recordings")
+    )
     assert no_more.told.tolist()[:2] == ["", ""]
 
 
@@ -205,7 +209,7 @@ def test_steps_add_up_to_the_whole_loss(results):
         "hdc_integer": 50,
         "hdc": 45,
     }
-    table = decomposition.decomposition(results(gelsight=accuracy))
+    table = decomposition.decomposition(results(gelsight=accuracy).frame("recordings"))
     assert table.change.sum() == pytest.approx(-0.35)
     assert table.change.min() == pytest.approx(-0.29)
     assert "equal weights" in table.step[table.change.idxmin()]
@@ -223,7 +227,7 @@ def test_the_forest_takes_the_stronger_rival(results):
     )
     dots = {
         (dot.scene, dot.form, dot.few): dot.difference.value
-        for dot in forest.dots(found)
+        for dot in forest.dots(found.frame("recordings", "runs"))
     }
     assert dots["gelsight", "hdc", False] == pytest.approx(-0.05)
     assert dots["gelsight", "hdc_levels_lda", False] == pytest.approx(0.05)
@@ -301,7 +305,7 @@ def test_bytes_of_a_model_are_those_of_its_bits(recording):
 
 def test_values_of_one_n_are_those_of_the_rows(tmp_path, write_measurement):
     write_measurement("recordings", measured_of({"hdc": 60}), scene="gelsight")
-    (measured,) = values.recordings(Results(tmp_path)).values()
+    (measured,) = values.recordings(Results(tmp_path).frame("recordings")).values()
     every = values.Accuracies(measured)
     assert every.sizes == [5, 50]
     assert every.of("hdc", 5).tolist() == [0.3] * 20

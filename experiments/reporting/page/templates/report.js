@@ -1,26 +1,6 @@
 "use strict";
 const all = (selector, from = document) => [...from.querySelectorAll(selector)];
 
-// What the page carries packed: gzip in base64.
-const unpacked = async (text, type) => {
-  const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-  return new Blob([await new Response(stream).arrayBuffer()], { type });
-};
-all("img[data-packed]").forEach(async (image) => {
-  image.src = URL.createObjectURL(await unpacked(image.dataset.packed, "image/svg+xml"));
-});
-
-// Figures: a click makes one as large as the window; Esc makes it small again.
-const small = () => all("figure.large").forEach((figure) => figure.classList.remove("large"));
-addEventListener("keydown", (event) => { if (event.key === "Escape") small(); });
-all("figure > a").forEach((link) => link.addEventListener("click", (event) => {
-  event.preventDefault();
-  const large = link.parentElement.classList.contains("large");
-  small();
-  link.parentElement.classList.toggle("large", !large);
-}));
-
 // Links: one opens the folded part that it leads to.
 const open = () => {
   const target = location.hash && document.getElementById(location.hash.slice(1));
@@ -32,7 +12,15 @@ const open = () => {
 addEventListener("hashchange", open);
 addEventListener("load", open);
 addEventListener("beforeprint", () => all("details").forEach((part) => { part.open = true; }));
-document.querySelector("nav details").open = innerWidth > 900;
+
+// Tables: one that is wider than its place says so.
+const hint = () => all(".scroll").forEach((place) => {
+  const note = place.previousElementSibling;
+  if (place.clientWidth) note.hidden = place.scrollWidth <= place.clientWidth;
+});
+addEventListener("resize", hint);
+all("details").forEach((part) => part.addEventListener("toggle", hint));
+hint();
 
 // Tables: a click on a head sorts, again the other way; numbers by value, units included.
 const UNITS = { kB: 1e3, MB: 1e6, GB: 1e9 };
@@ -56,47 +44,3 @@ all("th > button").forEach((button) => button.addEventListener("click", () => {
   const body = head.closest("table").tBodies[0];
   body.append(...[...body.rows].sort(order(head.cellIndex, down)));
 }));
-
-// Rows: those that fit the filters of the page and the words above their table.
-const filters = document.querySelector(".filters");
-const fits = (row, chosen, words) => {
-  for (const key of ["scene", "model"]) {
-    const wanted = chosen.get(key);
-    if (wanted && row.dataset[key] && row.dataset[key] !== wanted) return false;
-  }
-  if (chosen.get("differences") && !("outside" in row.dataset)) return false;
-  return row.textContent.toLowerCase().includes(words);
-};
-const filter = () => {
-  const chosen = new FormData(filters);
-  for (const item of all(".item")) {
-    const words = (item.querySelector(".find")?.value ?? "").trim().toLowerCase();
-    const rows = all("tbody tr", item);
-    for (const row of rows) row.hidden = !fits(row, chosen, words);
-    item.classList.toggle("empty", rows.length > 0 && rows.every((row) => row.hidden));
-  }
-};
-filters.addEventListener("input", filter);
-filters.addEventListener("submit", (event) => event.preventDefault());
-all(".find").forEach((input) => input.addEventListener("input", filter));
-
-// Charts: a figure can be explored; the library that draws is unpacked when the first is opened.
-let library;
-const loaded = () => library ??= new Promise(async (resolve) => {
-  const script = document.createElement("script");
-  const packed = document.getElementById("charts").textContent;
-  script.src = URL.createObjectURL(await unpacked(packed, "text/javascript"));
-  script.onload = resolve;
-  document.head.append(script);
-});
-for (const part of all("details.chart")) {
-  part.addEventListener("toggle", async () => {
-    const spec = part.querySelector("script");
-    if (!part.open || !spec) return;
-    const place = document.createElement("div");
-    spec.replaceWith(place);
-    const blob = await unpacked(spec.textContent, "application/json");
-    await loaded();
-    vegaEmbed(place, JSON.parse(await blob.text()), { actions: false, renderer: "svg" });
-  });
-}

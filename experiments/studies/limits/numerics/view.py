@@ -13,7 +13,7 @@ from experiments.records.results import own_columns
 from experiments.reporting.columns import Column, milliseconds
 from experiments.reporting.curves import plain_decades
 from experiments.reporting.plot import panel
-from experiments.reporting.study_new import FigureOf, TableOf
+from experiments.reporting.study import FigureOf, TableOf
 
 # Half a unit in the last place of a correlation near one: smaller is drawn there.
 FLOOR = 2.0**-54

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from experiments.records.results import own_columns
 from experiments.reporting.columns import Column
 from experiments.reporting.plot import head
-from experiments.reporting.study_new import FigureOf, TableOf
+from experiments.reporting.study import FigureOf, TableOf
 from experiments.reporting.text import number
 
 

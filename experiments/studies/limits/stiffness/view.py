@@ -8,7 +8,7 @@ import pandas as pd
 
 from experiments.reporting import published
 from experiments.reporting.columns import Column
-from experiments.reporting.study_new import TableOf
+from experiments.reporting.study import TableOf
 from experiments.reporting.text import number
 
 SHARP = 1.2  # factor between the measured and the predicted limit, beyond which theory fails

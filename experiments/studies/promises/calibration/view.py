@@ -20,7 +20,7 @@ from experiments.reporting.measured import (
     over_units,
 )
 from experiments.reporting.plot import LETTERS, literal, panel, style_of, wrapped
-from experiments.reporting.study_new import FigureOf, TableOf
+from experiments.reporting.study import FigureOf, TableOf
 from experiments.reporting.text import percent, points
 from experiments.studies.promises.calibration.measure import STEPS
 

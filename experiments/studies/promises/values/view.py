@@ -8,8 +8,8 @@ from typing import Any
 import pandas as pd
 
 from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.measured import ENDS, over_units
-from experiments.reporting.study_new import TableOf
+from experiments.reporting.measured import ENDS, over_units, saturated
+from experiments.reporting.study import TableOf
 from experiments.reporting.text import number, percent
 
 COLUMNS = {
@@ -48,9 +48,7 @@ def measured(
     for scene, rows in of_name.groupby("scene", sort=False):
         first = rows.iloc[0]
         answer = "labels" if name == "coverage" else f"{first.value}, {first.unit}"
-        note = (
-            ", saturated" if (first.config.get("scene") or {}).get("saturated") else ""
-        )
+        note = ", saturated" if saturated(rows) else ""
         yield {"recording": f"{scene}{note}", "answer": answer}, rows
 
 

@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter
 
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.plot import handle, head, look_of, style_of
-from experiments.reporting.study_new import FigureOf, TableOf
+from experiments.reporting.study import FigureOf, TableOf
 from experiments.reporting.table import records
 from experiments.reporting.text import number, percent
 from experiments.studies.table1.times import grid
