@@ -14,7 +14,6 @@ from experiments.reporting.table import Table, records
 from experiments.reporting.text import number, percent, printable
 
 
-
 def show_table1(
     console: Console,
     table: Table,
