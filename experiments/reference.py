@@ -59,7 +59,6 @@ def main(arguments: list[str] | None = None) -> int:
         adopted = adopt(results_dir(), REFERENCE, chosen.drop_older)
         _tell(adopted, console)
     answers = report.Answers("reference", Results(REFERENCE), studies_of(studies))
-    answers.draw()
     written = answers.write(REFERENCE)
     report.print_problems(console, [answers])
     console.print(
@@ -112,12 +111,10 @@ def readme_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
 
 def docs_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
     """What fills the marked parts of the docs, by their names."""
-    plots = {
-        name: [picture.plot for picture in pictures]
-        for name, pictures in answers.pictures.items()
-    }
     return {
-        "gallery": partial(documents.gallery, answers.questions, answers.tables, plots),
+        "gallery": partial(
+            documents.gallery, answers.questions, answers.tables, answers.plots
+        ),
         "scenes": partial(documents.scene_list, answers.results),
         "benchmark_goals": partial(_rows, "benchmark_goals"),
     }

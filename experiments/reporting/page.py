@@ -1,0 +1,99 @@
+"""The page, report.html: own results first, then what the reference has besides.
+
+It needs no network. Figures and tables lie as files beside it, and it links to them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+import jinja2
+
+from experiments.reporting.against import Cell
+from experiments.reporting.study import Plot
+from experiments.reporting.table import Table
+
+ROWS = 30  # of a table that is not folded away
+_NUMBER = re.compile(
+    r"[-+−±×]?[\d,]*\.?\d+(e[-+]?\d+)?( [kM]?B)?( \[.*)?", re.IGNORECASE
+)
+_NOTHING = ("", "–")
+
+
+@dataclass(frozen=True)
+class Section:
+    """What one question is answered with.
+
+    Attributes:
+        name: its anchor.
+        title, text: heading, and what is asked.
+        tables, plots: its answers.
+        failures: what could not be made of it, a line each.
+    """
+
+    name: str
+    title: str
+    text: str
+    tables: Sequence[Table]
+    plots: Sequence[Plot] = ()
+    failures: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Part:
+    """The sections of one set of results.
+
+    Attributes:
+        name: ``mine`` or ``reference``, begins the anchors.
+        title: heading.
+        about: where the results are from.
+        folder: of tables and figures, relative to the page.
+        sections: unfolded if `unfolded`.
+    """
+
+    name: str
+    title: str
+    about: str
+    folder: str
+    sections: Sequence[Section]
+    unfolded: bool = False
+
+
+def render(
+    parts: Sequence[Part], differing: Sequence[Cell], problems: Sequence[str]
+) -> str:
+    """The page's HTML.
+
+    Args:
+        parts: sets of results, one's own first.
+        differing: numbers of one's own that differ from the reference, which is shown beside them.
+        problems: what was left out, a line each.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"numeric": _numeric, "quote": quote}
+    beside = {
+        (cell.table.name, cell.place, cell.column): cell.bounds for cell in differing
+    }
+    return environment.get_template("page.html").render(
+        parts=parts, problems=problems, beside=beside, most_rows=ROWS
+    )
+
+
+def _numeric(table: Table) -> list[bool]:
+    """Whether each column holds numbers, which stand right."""
+    columns = zip(*table.cells(), strict=True)
+    return [all(map(_is_number, texts)) for texts in columns]
+
+
+def _is_number(text: str) -> bool:
+    return text in _NOTHING or bool(_NUMBER.fullmatch(text))
