@@ -119,15 +119,33 @@ def unpack(words: Tensor, dimension: int) -> Tensor:
     return torch.from_numpy(ones.view(np.bool_))
 
 
+def _check_words(name: str, *tensors: Tensor) -> None:
+    """Refuse what is no tensor of packed words."""
+    for words in tensors:
+        if words.dtype != torch.int64:
+            found = str(words.dtype).removeprefix("torch.")
+            raise TypeError(f"{name}: expected packed words of int64, found {found}")
+
+
 def popcount(words: Tensor) -> Tensor:
-    """Number of ones of each word: int64 [...] to uint8 [...]."""
+    """Number of ones of each word: int64 [...] to uint8 [...].
+
+    Raises:
+        TypeError: for words of another type.
+    """
+    _check_words("popcount", words)
     if words.device.type == "cpu":
         return torch.from_numpy(_popcount_by_numpy(words))
     return _swar_popcount(words).to(torch.uint8)
 
 
 def count_ones(words: Tensor) -> Tensor:
-    """Number of ones of each hypervector: int64 [..., W] to int64 [...]."""
+    """Number of ones of each hypervector: int64 [..., W] to int64 [...].
+
+    Raises:
+        TypeError: for words of another type.
+    """
+    _check_words("count_ones", words)
     if words.device.type == "cpu":
         ones = _popcount_by_numpy(words).sum(-1, dtype=np.int64)
         return torch.from_numpy(np.asarray(ones))
@@ -138,8 +156,10 @@ def hamming(queries: Tensor, prototypes: Tensor, backend: str = "numpy") -> Tens
     """Hamming distances (paper, Eq. 2) between all pairs: [Q, W] × [L, W] → int64 [Q, L].
 
     Raises:
+        TypeError: for words of another type than int64.
         ValueError: if the two do not have the same number of words.
     """
+    _check_words("hamming", queries, prototypes)
     widths = queries.shape[-1], prototypes.shape[-1]
     if widths[0] != widths[1]:
         raise ValueError(

@@ -103,6 +103,7 @@ def write_model(
     check_replaceable(path)
     try:
         json.dumps(header["metadata"], allow_nan=False)
+        _check_keys(header["metadata"])
     except (TypeError, ValueError) as error:
         raise TypeError(
             f"{path}: metadata: expected values of JSON, found: {error}"
@@ -115,6 +116,18 @@ def write_model(
         raise ValueError(f"{path}: {error}") from error
     text = json.dumps({**header, "sha256": _digest(header, stored)})
     write_atomically(path, save(stored, {"model": text}))
+
+
+def _check_keys(value: Any) -> None:
+    """Refuse keys that JSON would turn into texts: two of them can become one."""
+    if isinstance(value, Mapping):
+        for key, part in value.items():
+            if not isinstance(key, str):
+                raise TypeError(f"keys must be texts, not {key!r}")
+            _check_keys(part)
+    elif isinstance(value, list | tuple):
+        for part in value:
+            _check_keys(part)
 
 
 def _digest(header: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> str:
@@ -161,7 +174,8 @@ def _read(path: Path, tensors: bool) -> tuple[dict[str, Any], dict[str, Tensor]]
         with safe_open(path, framework="pt") as file:
             header = json.loads((file.metadata() or {}).get("model", "null"))
             names = file.keys() if tensors else ()
-            content = {name: file.get_tensor(name) for name in names}
+            # Copies: a tensor of a mapped file changes, or ends the process, with the file.
+            content = {name: file.get_tensor(name).clone() for name in names}
     except FileNotFoundError:
         raise
     # A hostile file reaches safetensors, torch and json in many ways.

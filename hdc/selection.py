@@ -39,7 +39,7 @@ class Frames:
         bank: the frames.
         names: the L classes, or the T values.
         units: of the values; empty where none are known.
-        session: of each frame [N], where known.
+        session, group: of each frame [N], where known.
         values: float64 [N, T]; None where classes are learnt.
         backend: for hypervectors.
         memories: what encoders have learned, by their names.
@@ -52,6 +52,7 @@ class Frames:
     values: np.ndarray | None
     backend: str = "auto"
     memories: dict[str, dict[bytes, Any]] = field(default_factory=dict)
+    group: np.ndarray | None = None
 
     @property
     def labels(self) -> np.ndarray:
@@ -146,12 +147,17 @@ def combinations(
 def folds(frames: Frames, rows: np.ndarray) -> tuple[list[Fold], str]:
     """Folds of the training frames `rows`, and how they were made.
 
-    Whole sessions where there are two or more and no fold has a class alone; else at random, every
-    class in each fold. No fold where a class has a single frame, or of fewer than four frames.
+    Whole groups where they are known; else whole sessions where there are two or more and no fold
+    has a class alone; else at random, every class in each fold. No fold where a class has a single
+    frame, or of fewer than four frames, and none of groups each of which is the only one of a
+    class.
     """
-    by_session = _folds_of_sessions(frames, rows)
-    if by_session:
-        return by_session, "by session"
+    if frames.group is not None:
+        return _folds_of_units(frames, rows, frames.group), "by group"
+    if frames.session is not None:
+        by_session = _folds_of_units(frames, rows, frames.session)
+        if by_session:
+            return by_session, "by session"
     rng = np.random.default_rng(0)
     labels = frames.labels[rows]
     count = min(FOLDS, int(np.unique(labels, return_counts=True)[1].min()))
@@ -165,28 +171,27 @@ def folds(frames: Frames, rows: np.ndarray) -> tuple[list[Fold], str]:
     return [_fold(rows, place == k) for k in range(count)], "at random"
 
 
-def _folds_of_sessions(frames: Frames, rows: np.ndarray) -> list[Fold]:
-    """Sessions in order; where that leaves out a class, those of each class one by one."""
-    if frames.session is None:
-        return []
-    session = frames.session[rows]
-    known = np.unique(session)
+def _folds_of_units(frames: Frames, rows: np.ndarray, units: np.ndarray) -> list[Fold]:
+    """Units [N], sessions or groups, in order; where that leaves out a class, those of each class
+    one by one."""
+    unit = units[rows]
+    known = np.unique(unit)
     if len(known) < 2:
         return []
     count = min(FOLDS, len(known))
     in_order = np.array_split(known, count)
-    dealt = _dealt(session, frames.labels[rows], count)
+    dealt = _dealt(unit, frames.labels[rows], count)
     classes = set(frames.labels[rows])
     for groups in (in_order, dealt):
-        found = [_fold(rows, np.isin(session, group)) for group in groups]
+        found = [_fold(rows, np.isin(unit, group)) for group in groups]
         if all(_learns(frames, train, classes) for train, _ in found):
             return found
     return []
 
 
-def _dealt(session: np.ndarray, labels: np.ndarray, count: int) -> list[list[Any]]:
-    """Sessions dealt out class by class, so that one of few classes is beside those of others."""
-    by_class = [np.unique(session[labels == label]) for label in np.unique(labels)]
+def _dealt(unit: np.ndarray, labels: np.ndarray, count: int) -> list[list[Any]]:
+    """Units dealt out class by class, so that one of few classes is beside those of others."""
+    by_class = [np.unique(unit[labels == label]) for label in np.unique(labels)]
     order = list(dict.fromkeys(np.concatenate(by_class).tolist()))
     return [order[k::count] for k in range(count)]
 

@@ -230,6 +230,8 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
+UNSEEN_GROUPS = "in groups that training has not seen"
+
 # Splits ------------------------------------------------------------------------------------------
 
 
@@ -238,8 +240,11 @@ def hold_out(
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """Indices to train on and to hold out, increasing, and how these were chosen.
 
-    The last sessions where there are several, else the same share of each class at random, or of
-    all where numbers are learnt.
+    The last sessions where there are several, else whole groups where they are known, else the
+    same share of each class at random, or of all where numbers are learnt.
+
+    Raises:
+        ValueError: no group can be held out.
     """
     every = np.arange(len(recording))
     if fraction is None:
@@ -250,6 +255,8 @@ def hold_out(
     labels = learnt_labels(recording)
     if labels is None:
         labels = np.zeros(len(recording), int)
+    if recording.group is not None:
+        return *split_groups(labels, recording.group, fraction, 0), UNSEEN_GROUPS
     return *split(labels, fraction, 0), "at random"
 
 
@@ -271,7 +278,8 @@ def why_random(recording: Recording) -> str:
 
 
 def last_sessions(recording: Recording, fraction: float) -> np.ndarray | None:
-    """Mask [N] of the last sessions; None unless there are several, the first of every class."""
+    """Mask [N] of the last sessions; None unless there are several, the first of every class, and
+    no group is in both."""
     if recording.session is None:
         return None
     known = np.unique(recording.session)
@@ -282,7 +290,34 @@ def last_sessions(recording: Recording, fraction: float) -> np.ndarray | None:
     labels = learnt_labels(recording)
     if labels is not None and set(labels) - set(labels[~last]):
         return None
+    group = recording.group
+    if group is not None and set(group[last].tolist()) & set(group[~last].tolist()):
+        return None
     return last
+
+
+def split_groups(
+    labels: np.ndarray, group: np.ndarray, fraction: float, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Indices to train on and to hold out, increasing; whole groups [N] are held out, at random,
+    until they are a `fraction` of the frames. Every class keeps a group to train on.
+
+    Raises:
+        ValueError: each group is the only one of some class.
+    """
+    held = np.zeros(len(labels), bool)
+    known = np.unique(group)
+    for name in np.random.default_rng(seed).permutation(known):
+        members = group == name
+        trained = labels[~(held | members)]
+        if held.sum() < fraction * len(labels) and set(labels) == set(trained):
+            held |= members
+    if not held.any():
+        raise ValueError(
+            f"group: expected two groups or more of each class, found {len(known)} groups, each "
+            "the only one of some class"
+        )
+    return np.flatnonzero(~held), np.flatnonzero(held)
 
 
 def split(

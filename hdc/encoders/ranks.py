@@ -142,6 +142,7 @@ def encode_ranks(
     :data:`hdc.encoders.ties.TIES`.
     """
     check_frames(frames)
+    check_choice("ties", rule, TIES)
     kernels = bits.kernels(backend, frames.device)
     n = len(frames)
     n_pixels = frames.shape[1:].numel()
@@ -176,7 +177,11 @@ def count_ones(quantiles: Sequence[Fraction], n_pixels: int) -> list[int]:
 
 
 def check_frames(frames: Tensor) -> None:
-    """Raise ValueError for frames of another shape or no pixels, TypeError for bool or complex."""
+    """Raise ValueError for frames of another shape or no pixels, TypeError for bool or complex, and
+    for what is no tensor."""
+    if not isinstance(frames, Tensor):
+        found = type(frames).__name__
+        raise TypeError(f"frames: expected a torch tensor, found {found}")
     if frames.ndim not in (2, 3) or 0 in frames.shape[1:]:
         found = tuple(frames.shape)
         raise ValueError(

@@ -227,6 +227,7 @@ def _integers(pixels: Tensor, first: int) -> Tensor:
     # Powers of two from a table: those that torch computes are of 32 bits, and end at 2¹²⁷.
     powers = torch.tensor(_POWERS, dtype=torch.float64, device=values.device)
     last = len(_POWERS) - 1
-    places = (exponents - largest + last).clamp(min=0).long()
+    # A zero has the exponent 0, whatever the other pixels are.
+    places = (exponents - largest + last).clamp(min=0, max=last).long()
     scaled = mantissas * powers[places]
     return scaled.round().to(torch.int64)

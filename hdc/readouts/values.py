@@ -95,15 +95,22 @@ class NeighbourValues(ValueReadout):
         self._dimension = dimension
         distances = self._distances(words)
         np.fill_diagonal(distances, dimension + 1)  # none is its own neighbour
-        places = self._nearest(distances)[:, :-1]
+        n_others = max(1, len(words) - 1)
+        places = self._nearest(distances)[:, : min(self.n_neighbours, n_others)]
         self.residuals_ = values - values[places].mean(1)
         return self
 
     def values(self, words: Tensor) -> Tensor:
-        places = self._nearest(self._distances(words))[:, :-1]
+        places = self._nearest(self._distances(words))[:, : self.n_neighbours]
         return self._targets[places].mean(1)
 
     def without(self, words: Tensor) -> tuple[Tensor, Tensor]:
+        n = len(self._words)
+        if self.n_neighbours >= n:  # all are near
+            total = self._targets.sum(0)
+            others = (total - self._targets) / max(1, n - 1)
+            means = (total / n).repeat(len(words), 1)
+            return means, others.repeat(len(words), 1, 1)
         places = self._nearest(self._distances(words))
         values = self._targets[places]  # [Q, k + 1, T]
         k = values.shape[1] - 1
@@ -120,10 +127,9 @@ class NeighbourValues(ValueReadout):
         return bits.hamming(words, self._words, self.backend).cpu().numpy()
 
     def _nearest(self, distances: np.ndarray) -> Tensor:
-        """The k nearest frames of each query and the next one, [Q, k + 1]; k below N."""
-        k = min(self.n_neighbours, len(self._words) - 1)
+        """The k nearest frames of each query and the next one, [Q, k + 1], or all N."""
         order = distances.argsort(axis=1, kind="stable")
-        return torch.from_numpy(order[:, : k + 1])
+        return torch.from_numpy(order[:, : self.n_neighbours + 1])
 
     def stored(self) -> dict[str, Tensor]:
         return {"residuals": self.residuals_}

@@ -10,7 +10,13 @@ import numpy as np
 import torch
 
 from hdc.bank import Bank
-from hdc.command.work import last_sessions, learnt_labels, split
+from hdc.command.work import (
+    UNSEEN_GROUPS,
+    last_sessions,
+    learnt_labels,
+    split,
+    split_groups,
+)
 from hdc.readers import Recording
 from hdc.readers.recording import with_progress
 from hdc.selection import Frames
@@ -111,19 +117,31 @@ def read_frames(
         rows = np.arange(len(recording))
     parts = [(recording, rows)]
     session = None if recording.session is None else recording.session[rows]
+    group = _groups(recording, rows)
     if other is not None:
         _check_alike(recording, other)
         parts.append((other, np.arange(len(other))))
         session = None  # each recording numbers its own
+        if group is not None:  # and has groups of its own
+            group = np.concatenate([group, np.full(len(other), -1)])
     total = sum(len(index) for _, index in parts)
     stream = (frame for source, index in parts for frame in source.stream(index))
     images = np.stack(list(with_progress(stream, total, "Reading")))
     if recording.values is not None:
         bank = FrameBank(images, np.zeros(total, np.int64), 1)
         names, units = recording.value_names, recording.value_units
-        return Frames(bank, names, units, session, _values(parts))
+        return Frames(bank, names, units, session, _values(parts), group=group)
     known, labels = _classes(recording, parts)
-    return Frames(FrameBank(images, labels, len(known)), known, (), session, None)
+    bank = FrameBank(images, labels, len(known))
+    return Frames(bank, known, (), session, None, group=group)
+
+
+def _groups(recording: Recording, rows: np.ndarray) -> np.ndarray | None:
+    """Numbers of the groups of some frames, int64 [N]; None where none are known."""
+    if recording.group is None:
+        return None
+    _, numbers = np.unique(recording.group[rows], return_inverse=True)
+    return numbers
 
 
 Part = tuple[Recording, np.ndarray]
@@ -175,9 +193,9 @@ def _check_alike(recording: Recording, other: Recording) -> None:
 def part(recording: Recording, other: Recording | None, fraction: float) -> Parts:
     """Which frames are learnt and which are tested.
 
-    Of one recording the last sessions are later, else the last frames of each class (of all, where
-    values are learnt) in the order of recording. A `fraction` of the earlier ones is held out at
-    random.
+    Of one recording the last sessions are later, else whole groups where they are known, else the
+    last frames of each class (of all, where values are learnt) in the order of recording. A
+    `fraction` of the earlier ones is held out at random, by whole groups where they are known.
 
     Raises:
         ValueError: a class has too few frames.
@@ -194,8 +212,15 @@ def part(recording: Recording, other: Recording | None, fraction: float) -> Part
     elif last is not None:
         earlier, later = np.flatnonzero(~last), np.flatnonzero(last)
         name = "the last sessions"
+    elif recording.group is not None:
+        earlier, later = split_groups(labels, recording.group, fraction, 0)
+        name = UNSEEN_GROUPS.removeprefix("in ")
     else:
         earlier, later = split(labels, fraction, 0, recording.order)
         name = "the last frames"
-    inner, held_out = split(labels[earlier], fraction, 0)
+    if recording.group is not None:
+        group = recording.group[earlier]
+        inner, held_out = split_groups(labels[earlier], group, fraction, 1)
+    else:
+        inner, held_out = split(labels[earlier], fraction, 0)
     return Parts(earlier[inner], earlier[held_out], earlier, later, name)
