@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import warnings
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -50,7 +51,8 @@ class Recalibrating(Learner):
     ) -> Self:
         """Adapt to a changed environment by new frames, with labels or without.
 
-        With labels: prototypes of classes without new frames stay as they are; :meth:`is_known`
+        With labels: prototypes of classes without new frames stay as they are, and a warning says
+        so, as a drift that all classes share then costs them their frames; :meth:`is_known`
         compares with the new frames; ``partial_fit`` and ``merge`` refuse a recalibrated model.
         Ridge regression goes from its old weights to those near them that fit the new frames,
         neighbours take the new frames in place of the kept ones of their classes; neither depends
@@ -84,6 +86,7 @@ class Recalibrating(Learner):
             )
         frames, labels = self._samples(frames, y)
         inputs.check_among(labels, self._index)
+        self._warn_of_missing(labels)
         words = torch.cat(list(self._encoded(frames)))
         rows = torch.tensor([self._index[label] for label in labels])
         # Copies: a call that raises leaves the model as it was.
@@ -105,6 +108,18 @@ class Recalibrating(Learner):
         self._peers = None
         self._calibration = Calibration()
         return self
+
+    def _warn_of_missing(self, labels: Sequence[inputs.Label]) -> None:
+        """Warn where classes have no new frames: they keep prototypes of before the change."""
+        missing = [name for name in self.classes_.tolist() if name not in set(labels)]
+        if not missing:
+            return
+        named = ", ".join(map(repr, missing[:5])) + (" …" if len(missing) > 5 else "")
+        warnings.warn(
+            f"recalibrate: no new frames of {named}; where a drift moves the frames of all classes "
+            "alike, frames of these classes will be taken for the others",
+            stacklevel=3,
+        )
 
     def _zero(self, frames: Any) -> Self:
         """Take the mean of new frames as the reference of the encoder."""

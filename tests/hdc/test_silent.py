@@ -77,3 +77,12 @@ def test_metadata_whose_keys_would_become_one_are_refused_before_writing(
     with pytest.raises(TypeError, match=r"metadata: .*keys must be texts, not"):
         HDCClassifier().fit(X, Y).save(tmp_path / "model", metadata=metadata)
     assert not (tmp_path / "model").exists()
+
+
+@pytest.mark.parametrize("readout", ["majority", "ridge", "neighbours"])
+def test_a_recalibration_without_frames_of_a_class_warns(readout):
+    model = HDCClassifier(readout=readout).fit(X, ["a", "b", "c"] * 4)
+    with pytest.warns(
+        UserWarning, match="recalibrate: no new frames of 'b', 'c'; where"
+    ):
+        model.recalibrate(X[::3], ["a"] * 4)
