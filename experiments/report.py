@@ -28,7 +28,7 @@ from experiments.reporting.rows import runs_table
 from experiments.reporting.study import Failure, Plot, Quantity, Study, own_studies
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table
-from experiments.reporting.terminal import last_line, show_table1
+from experiments.reporting.terminal import last_line, show_scenes, show_table1
 from experiments.reporting.text import counted, printable
 from hdc.io import write_atomically
 
@@ -155,8 +155,8 @@ def write(
 
     Args:
         folder: of own results.
-        console: gets Table I, own numbers beside the reference, where the records are from, and
-            what was left out.
+        console: gets Table I, own models by scene, own numbers beside the reference, where the
+            records are from, and what was left out.
         sets: of :func:`answers_of` the folder, if they are there already.
         tex: write tables as LaTeX, too.
         brief: show Table I, what of it differs from the reference, and what was left out.
@@ -180,6 +180,9 @@ def write(
         told = [str(cell) for cell in differing if cell.table is table1]
         _say(console, told, "yellow")
     else:
+        scenes = first.table("all_scenes")
+        if first.name == MINE and scenes is not None:
+            show_scenes(console, scenes)
         _say(console, against.lines(cells) if cells else ())
         _say(console, (f"{a.name}: {_about(a)}" for a in sets), "dim")
     print_problems(console, sets)
@@ -201,6 +204,7 @@ def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
             shown |= {table.name for table in section.tables}
             shown |= {plot.name for plot in section.plots}
         own = answers.name == MINE
+        drawn = (REFERENCE / "figures").glob("*") if own else ()
         files = folder if own else REFERENCE
         yield Part(
             answers.name,
@@ -209,6 +213,7 @@ def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
             os.path.relpath(files, folder),
             sections,
             unfolded=own or len(sets) == 1,
+            figures={path.stem: os.path.relpath(path, folder) for path in drawn},
         )
 
 

@@ -196,12 +196,10 @@ def accuracy_curves(
     models: Sequence[str],
     key: str,
     also: Iterable[float] = (),
-    alpha: float = 1.0,
 ) -> None:
     """Accuracy in percent over a logarithmic axis; models are set apart by a few percent of x.
 
-    The axis spans what the rows ask for, measured or not, and the places in `also`; `alpha` below 1
-    makes the curves pale.
+    The axis spans what the rows ask for, measured or not, and the places in `also`.
     """
     axes.set_xscale("log")
     asked_for = [line[key] for line in rows if line[key]]
@@ -219,7 +217,7 @@ def accuracy_curves(
         apart = 1.02 ** (k - len(models) // 2)
         x = [line[key] * apart for line in lines]
         y, low, high = 100 * _accuracies(lines)
-        look = {"elinewidth": 0.6, "capsize": 1.2, "alpha": alpha}
+        look = {"elinewidth": 0.6, "capsize": 1.2}
         bars(axes, model, x, y, [y - low, high - y], **look)
     axes.set_ylim(min(15, lowest - 2), 102)
     axes.set_ylabel("test accuracy (%)")

@@ -6,8 +6,8 @@ It needs no network. Figures and tables lie as files beside it, and it links to 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import quote
 
@@ -53,6 +53,7 @@ class Part:
         about: where the results are from.
         folder: of tables and figures, relative to the page.
         sections: unfolded if `unfolded`.
+        figures: those of the reference by name, relative to the page.
     """
 
     name: str
@@ -61,6 +62,7 @@ class Part:
     folder: str
     sections: Sequence[Section]
     unfolded: bool = False
+    figures: Mapping[str, str] = field(default_factory=dict)
 
 
 def render(

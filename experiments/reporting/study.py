@@ -23,9 +23,9 @@ import importlib
 import math
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -34,6 +34,9 @@ from experiments.reporting.columns import Column
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.table import Table
 from experiments.reporting.text import counted, frames_of
+
+if TYPE_CHECKING:  # matplotlib is slow to load
+    from matplotlib.figure import Figure
 
 RUN = "python -m experiments.run experiment="
 WIDTH = 3.4  # in, one column of a journal
@@ -95,25 +98,22 @@ class FigureOf:
 
     Attributes:
         name: stem of its file.
-        draw: takes a matplotlib figure and the frame; of one that is drawn `over` other results
-            also theirs, ``behind``, which may be None.
+        draw: takes a matplotlib figure and the frame.
         of: the experiments whose lines it takes.
         caption: what it shows; also the alternative text; may hold ``{frames}``.
         size: width and height in inches.
         kind: ``svg``, or ``webp`` for a figure made of pixels.
         needs: whether there is anything to draw.
-        over: whether other results can be drawn behind it.
         commands: what makes it again; those of the records if there are none here.
     """
 
     name: str
-    draw: Callable[..., None]
+    draw: Callable[[Figure, pd.DataFrame], None]
     of: Of
     caption: Text
     size: tuple[float, float] = (WIDTH, 2.6)
     kind: str = "svg"
     needs: Callable[[pd.DataFrame], bool] = lambda frame: bool(len(frame))
-    over: bool = False
     commands: Sequence[str] = ()
 
     def plots(self, frame: pd.DataFrame) -> Iterator[Plot]:
@@ -152,14 +152,12 @@ class Plot:
         caption: also used as alternative text.
         commands: make its results again.
         frame: what it is drawn from.
-        behind: what is drawn behind it.
     """
 
     of: FigureOf
     caption: str
     commands: Sequence[str]
     frame: pd.DataFrame
-    behind: pd.DataFrame | None = None
 
     @property
     def name(self) -> str:
@@ -171,24 +169,13 @@ class Plot:
         """Ending of its file."""
         return self.of.kind
 
-    def over(self, behind: Results | None) -> Plot:
-        """The figure over other results, which its caption names where there are any to draw."""
-        if behind is None or not self.of.over:
-            return self
-        frame = behind.frame(*_names(self.of.of))
-        if not len(frame) or not self.of.needs(frame):
-            return self
-        caption = f"{self.caption} Pale: the reference."
-        return replace(self, caption=caption, behind=frame)
-
-    def draw(self) -> Any:
+    def draw(self) -> Figure:
         """The matplotlib figure."""
         from experiments.reporting.plot import STYLE, plt  # --help need not wait for it
 
-        keywords = {"behind": self.behind} if self.of.over else {}
         with plt.rc_context(fname=STYLE):
             figure = plt.figure(figsize=self.of.size, layout="constrained")
-            self.of.draw(figure, self.frame, **keywords)
+            self.of.draw(figure, self.frame)
         return figure
 
 

@@ -1,4 +1,4 @@
-"""Table I on the terminal: one table, and what to do next."""
+"""Table I on the terminal, own models on every scene, and what to do next."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from rich.text import Text
 
 from experiments.reporting.table import Table, records
 from experiments.reporting.text import printable
+
+_OF_SCENES = ("scene", "model", "seeds", "test_accuracy_final", "training_time_s")
+_MOST = 20  # rows
 
 
 def show_table1(console: Console, table: Table) -> None:
@@ -25,6 +28,20 @@ def show_table1(console: Console, table: Table) -> None:
         texts = [printable(cell).replace(" [", "\n[") for cell in cells]
         shown.add_row(Text(printable(head)), *(Text(t, no_wrap=True) for t in texts))
     console.print(shown)
+
+
+def show_scenes(console: Console, table: Table) -> None:
+    """Own models on every scene, as many lines as a screen has."""
+    shown = Grid(box=None, pad_edge=False, header_style="")
+    for name in _OF_SCENES:
+        shown.add_column(printable(table.column(name).head))
+    rows = records(table.data)
+    for row in rows[:_MOST]:
+        cells = [table.column(name).text(name, row) for name in _OF_SCENES]
+        shown.add_row(*(Text(printable(cell)) for cell in cells))
+    console.print(Text(printable(table.title)), shown, sep="\n")
+    if len(rows) > _MOST:
+        console.print(f"{len(rows) - _MOST} more: tables/{table.name}.csv")
 
 
 def last_line(table: Table | None, page: str) -> str:

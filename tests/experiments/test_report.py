@@ -97,6 +97,9 @@ def test_own_numbers_stand_beside_the_reference(tmp_path, write_run):
     test = next(line for line in text.splitlines() if line.startswith("Afterwards: te"))
     assert "91" in test.split()  # mine
     assert [row["model"] for row in rows_of(files["runs.csv"])] == ["hdc"]
+    write_run("ridge", scene="finger", wrong=range(20))
+    text, _ = written(tmp_path)
+    assert re.search(r"^finger +Ridge +1 +80 \[", text, re.MULTILINE)
     assert max(map(len, text.splitlines()[:8])) <= report.WIDTH
 
 

@@ -118,13 +118,10 @@ def _chance(runs: Groups) -> float:
     return math.nan
 
 
-def draw_accuracies(
-    figure: Figure, of: pd.DataFrame, behind: pd.DataFrame | None = None
-) -> None:
+def draw_accuracies(figure: Figure, of: pd.DataFrame) -> None:
     """Test accuracy against the number of training samples (Fig. 5(b) of the paper)."""
     runs = Groups.of(of)
     lines = rows(runs, "accuracy_vs_n")
-    pale = [] if behind is None else rows(Groups.of(behind), "accuracy_vs_n")
     with_runs = [line for line in lines if line["seeds"]]
     measured = list(dict.fromkeys(line["model"] for line in with_runs))
     known_models = configs.models("paper", "fast")
@@ -132,7 +129,6 @@ def draw_accuracies(
     below = [model for model in measured if model not in above]
     panels = figure.subplots(2, 1, sharex=True)
     for axes, models in zip(panels, (above, below), strict=True):
-        accuracy_curves(axes, pale, models, "n_train", [N_PUBLISHED], alpha=0.25)
         accuracy_curves(axes, lines, models, "n_train", [N_PUBLISHED])
         handles = [handle(model) for model in models]
         if models is above:
@@ -238,7 +234,6 @@ STUDY = Study(
             "dotted: chance.",
             size=(3.4, 5.6),
             needs=lambda lines: bool(rows(Groups.of(lines), "accuracy_vs_n")),
-            over=True,
             commands=[f"{RUN}accuracy_vs_n"],
         )
     ],

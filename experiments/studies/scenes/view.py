@@ -34,6 +34,7 @@ from experiments.reporting.study import (
 )
 from experiments.reporting.table import frame
 from experiments.reporting.text import SIMULATED, frames_of
+from experiments.studies.scenes import own
 
 EXPERIMENT = "all_scenes"
 SPATIAL_CORRELATION = (
@@ -243,6 +244,22 @@ STUDY = Study(
             size=(WIDTH, 3.9),
             needs=_has_spatial,
             commands=[f"{RUN}{EXPERIMENT}", SPATIAL_CORRELATION],
+        ),
+        FigureOf(
+            "own_accuracy_vs_n",
+            own.accuracy_vs_n,
+            of=RUNS,
+            caption="Test accuracy against the number of training samples, of runs that were "
+            "started by hand: a panel per scene.",
+            needs=lambda lines: bool(own.curves(lines)),
+        ),
+        FigureOf(
+            "own_error_vs_time",
+            own.error_vs_time,
+            of=RUNS,
+            caption="Test error against training time, of runs that were started by hand: a panel "
+            "per scene. Lines: while the model learns; markers: after training.",
+            needs=lambda lines: bool(own.started(lines)),
         ),
     ],
     numbers=[NumbersOf(quantities, of=RUNS)],

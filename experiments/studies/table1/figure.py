@@ -23,9 +23,7 @@ from experiments.reporting.rows import row
 from experiments.studies.table1 import models
 
 
-def error_vs_time(
-    figure: Figure, lines: pd.DataFrame, behind: pd.DataFrame | None = None
-) -> None:
+def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
     """Test error against training time over HDC's, a curve for each model and seed; the paper's
     points."""
     runs = Groups.of(lines)
@@ -34,8 +32,6 @@ def error_vs_time(
     axes = figure.subplots()
     floor = error_axis(axes, rows)
     axes.set_xscale("log")
-    if behind is not None:
-        _draw_curves(axes, Groups.of(behind), floor, alpha=0.2)
     _draw_curves(axes, runs, floor)
     hdc_s = _hdc_s(runs)
     for line in rows:
@@ -69,16 +65,11 @@ def _curves_of(runs: Groups) -> list[Group]:
     return [group for group in groups if group.runs]
 
 
-def _draw_curves(
-    axes: Axes,
-    runs: Groups,
-    floor: float,
-    alpha: float = 0.75,
-) -> None:
+def _draw_curves(axes: Axes, runs: Groups, floor: float) -> None:
     hdc_s = _hdc_s(runs)
     for group in _curves_of(runs):
         for run in group.runs:
-            _curve(axes, run, floor, hdc_s, alpha)
+            _curve(axes, run, floor, hdc_s)
 
 
 def _hdc_s(runs: Groups) -> float:
@@ -93,11 +84,10 @@ def _curve(
     run: Run,
     floor: float,
     hdc_s: float,
-    alpha: float = 0.75,
 ) -> None:
     """Error over the reports of one run, times over HDC's; a marker where training accuracy passed
     90 %."""
-    look = look_of(run.model) | {"alpha": alpha, "lw": 0.8}
+    look = look_of(run.model) | {"alpha": 0.75, "lw": 0.8}
     tested = _tested(run)
     if not tested:
         return

@@ -373,7 +373,6 @@ STUDY = Study(
             needs=lambda lines: bool(
                 Groups.of(lines).group(models.scene(), "hdc").runs
             ),
-            over=True,
             commands=[f"{RUN}table1", f"{RUN}table1_extended"],
         ),
     ],

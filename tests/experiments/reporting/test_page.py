@@ -49,7 +49,8 @@ def a_plot(name="a_figure", caption="What it shows."):
 
 def part(name, tables=(), plots=(), **section):
     made = Section("question", "A question", "What it asks.", tables, plots, **section)
-    return Part(name, f"From {name}", "5 runs", f"../{name}", [made])
+    figures = {plot.name: "../a_figure.svg" for plot in plots}
+    return Part(name, f"From {name}", "5 runs", f"../{name}", [made], figures=figures)
 
 
 def built(*parts, cells=(), problems=()):
@@ -66,6 +67,7 @@ def test_it_opens_with_ones_own_and_needs_files_beside_it_only():
         "../mine/figures/a_figure.svg",
         "../mine/tables/some.csv",
         "../reference/tables/b.csv",
+        "../a_figure.svg",
     }
     anchors = found.all("id")
     assert len(set(anchors)) == len(anchors)

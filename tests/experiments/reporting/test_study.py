@@ -4,9 +4,8 @@ import pandas as pd
 import pytest
 
 from experiments import studies
-from experiments.records.results import RUNS, Results
+from experiments.records.results import Results
 from experiments.reporting.study import (
-    FigureOf,
     NumbersOf,
     Quantity,
     Study,
@@ -98,31 +97,3 @@ def test_what_fails_is_named_and_the_others_are_made(tmp_path, write_measurement
     assert str(failure).startswith(expected)
     with pytest.raises(AssertionError, match="drift was not measured"):
         list(STUDY.tables_of(Results(tmp_path)))
-
-
-def test_a_caption_says_pale_only_where_a_reference_is_drawn(tmp_path, write_run):
-    drawn = []
-
-    def curve(figure, frame, behind=None):
-        drawn.append(behind if behind is None else len(behind))
-
-    of_curve = FigureOf(
-        "curve",
-        curve,
-        of=RUNS,
-        caption=lambda frame: f"Of {len(frame)}.",
-        commands=["make it"],
-        over=True,
-    )
-    study = Study("some", "A title", "A question?", 1, figures=[of_curve])
-    empty = Results(tmp_path / "empty")
-    write_run("hdc")
-    own = Results(tmp_path)
-    (plot,) = study.plots_of(own)
-    assert (plot.caption, plot.commands) == ("Of 1.", ("make it",))
-    assert plot.over(None).caption == plot.over(empty).caption == "Of 1."
-    over = plot.over(own)
-    assert over.caption == "Of 1. Pale: the reference."
-    over.draw()
-    plot.draw()
-    assert drawn == [1, None]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
 
 from experiments.records.results import Results
 from experiments.studies.scenes.view import STUDY, positions
@@ -49,7 +50,7 @@ def test_positions_are_millimetres_of_the_configured_line(tmp_path, everything):
 def test_figures_fit_and_name_every_scene(everything, write_scene, drawn):
     write_scene("tactile", {0: 1})
     words = drawn(STUDY)
-    assert set(words) == {"confusions", "fig7_spatial"}
+    assert set(words) == {"confusions", "fig7_spatial", "own_error_vs_time"}
     for scene in ("Touch", "Finger", "Fibre 1, positions", "Objects"):
         assert scene in words["confusions"]
     assert "83.3 %" in words["confusions"]
@@ -60,3 +61,38 @@ def test_names_of_ones_own_are_no_formulas(write_run, drawn):
     classes = ["L1", "L2", "R1", "R2", "$x_{$"]
     write_run("hdc", choices={"scene": "mine"}, origin="recorded", classes=classes)
     assert "$x_{$" in drawn(STUDY)["confusions"]
+
+
+def test_runs_started_by_hand_have_figures_of_their_own(
+    tmp_path, write_scene, write_run
+):
+    own = {"own_accuracy_vs_n", "own_error_vs_time"}
+    write_scene("finger", {0: 1}, n_train=20)
+    shown = {plot.name: plot for plot in STUDY.plots_of(Results(tmp_path))}
+    assert own & set(shown) == {"own_error_vs_time"}  # no curve of one number
+    write_scene("finger", {}, n_train=70)
+    write_scene("finger", {})
+    curve = [{"training_s": 1.0, "loss": 0.5, "test_accuracy": 0.5}]
+    write_run("softmax", curve=[*curve, {"training_s": 2.0, "loss": 0.1}])
+    shown = {plot.name: plot for plot in STUDY.plots_of(Results(tmp_path))}
+    assert own <= set(shown)
+    against_n = shown["own_accuracy_vs_n"].draw()
+    (axes,) = against_n.axes  # one scene has several numbers
+    accuracies = axes.lines[0].get_ydata()
+    assert sorted(accuracies)[-1] == 100
+    against_time = shown["own_error_vs_time"].draw()
+    _, touch = against_time.axes
+    assert touch.lines[0].get_xdata().tolist() == [1.0, 2.0]
+    assert touch.lines[0].get_ydata()[0] == pytest.approx(0.5)
+    for figure in (against_n, against_time):
+        plt.close(figure)
+
+
+def test_runs_of_an_experiment_are_not_started_by_hand(tmp_path, write_scene):
+    write_scene("finger", {})
+    path = tmp_path / "runs.jsonl"
+    text = path.read_text()
+    assert '"experiment":null' in text
+    path.write_text(text.replace('"experiment":null', '"experiment":"all_scenes"'))
+    names = {plot.name for plot in STUDY.plots_of(Results(tmp_path))}
+    assert names == {"confusions"}
