@@ -20,8 +20,9 @@ from rich.text import Text
 
 from experiments import studies
 from experiments.records.files import REFERENCE, results_dir
+from experiments.records.groups import Run
 from experiments.records.measurement import Measured
-from experiments.records.results import Results, Run
+from experiments.records.results import Results
 from experiments.reporting import against, comparison, listing, page
 from experiments.reporting.page import Part, Section
 from experiments.reporting.rows import runs_table

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from experiments.records import configs
-from experiments.records.results import Group
+from experiments.records.groups import Group
 from experiments.reporting import estimates, published
 from experiments.reporting.text import kind_of, number, percent, points, size
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from experiments.records.results import Group, Run
+from experiments.records.groups import Group, Run
 from hdc.accuracy import wilson
 
 ONE_SENSOR = "of one sensor, Student over seeds"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,24 @@ from experiments.reporting.estimates import Estimate, mean_interval
 RIVAL = "softmax_dual"  # the first of the primary ones: the paper's own, at its optimum
 ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
 LEAST_DRAWS = 10  # of one recording; the ends of fewer are no interval
+
+
+def each_scene(
+    make: Callable[[pd.DataFrame], pd.DataFrame], rows: pd.DataFrame
+) -> pd.DataFrame:
+    """What a function makes of the rows of each scene, one below the other, with ``scene``."""
+    parts = []
+    for scene, of_scene in rows.groupby("scene", sort=False):
+        made = make(of_scene)
+        if len(made):
+            made.insert(0, "scene", scene)
+            parts.append(made)
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def values_of(data: pd.DataFrame) -> list[str]:
+    """Names of the columns of a table that are no bounds."""
+    return [str(name) for name in data if not str(name).endswith(ENDS[1:])]
 
 
 def place_of(scene: str) -> float:

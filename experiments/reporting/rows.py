@@ -8,7 +8,8 @@ from functools import partial
 from typing import Any
 
 from experiments.records import configs
-from experiments.records.results import Group, Groups, Results
+from experiments.records.groups import Group, Groups
+from experiments.records.results import Results
 from experiments.reporting.columns import COLUMNS, Column
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.table import Table, frame

@@ -16,8 +16,9 @@ import msgspec
 
 from experiments.records import record as records
 from experiments.records import steps as touched
+from experiments.records.groups import Run
 from experiments.records.measurement import Measured
-from experiments.records.results import Results, Run
+from experiments.records.results import Results
 from experiments.reproduction import took
 from experiments.reproduction.steps import WHAT, steps
 

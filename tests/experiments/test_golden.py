@@ -77,7 +77,7 @@ def test_a_committed_number_is_made_again(request, one_thread):
     except pytest.skip.Exception:
         place = "touch"  # half a minute of simulated frames
     known = min(
-        (x.record for x in Results(REFERENCE).group(place, "ridge").runs),
+        (x.record for x in Results(REFERENCE).groups.group(place, "ridge").runs),
         key=lambda r: r.training_s,
     )
     carried = {"cache": False, "exclusive": False, "force": False}

@@ -121,7 +121,7 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
         lines = {row["model"]: row for row in rows if row["scene"] == scene}
         assert list(lines) == models
         for model, row in lines.items():
-            group = read.group(scene, model)
+            group = read.groups.group(scene, model)
             assert float(row["test_accuracy_final"]) == pytest.approx(
                 group.right.mean(), abs=1e-6
             )

@@ -47,11 +47,11 @@ def test_finished_runs_are_adopted_and_what_was_there_stays(
     found = Results(target)
     assert found.problems == []
     assert sorted(run.model for run in found.runs) == ["hdc", "softmax"]
-    assert found.group("touch", "hdc").right.sum() == 99
+    assert found.groups.group("touch", "hdc").right.sum() == 99
     # The same run measured again takes the place of the one before.
     write_run("hdc", wrong=range(5))
     adopt(tmp_path, target)
-    assert Results(target).group("touch", "hdc").right.sum() == 95
+    assert Results(target).groups.group("touch", "hdc").right.sum() == 95
 
 
 def test_records_of_other_revisions_stay_until_they_are_replaced_or_dropped(
@@ -72,7 +72,7 @@ def test_records_of_other_revisions_stay_until_they_are_replaced_or_dropped(
         (1, True),
     ]
     # A row of a table rests on one revision.
-    assert [run.record.id for run in found.group("touch", "hdc").runs] == [again]
+    assert [run.record.id for run in found.groups.group("touch", "hdc").runs] == [again]
     assert found.measured("drift").rows == [{"a": 2}]
     assert found.measured("crossing").outdated
     adopt(tmp_path, target, drop_older=True)

@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from experiments.records import configs
+from experiments.records.groups import Group, Groups
 from experiments.records.record import Finished
-from experiments.records.results import RUNS, Group, Groups
+from experiments.records.results import RUNS
 from experiments.reporting import estimates, published
 from experiments.reporting.columns import display_name
 from experiments.reporting.curves import accuracy_curves, published_point

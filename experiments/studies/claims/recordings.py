@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.results import Group, Groups, of_scenes
+from experiments.records.groups import Group, Groups
+from experiments.records.results import of_scenes
 from experiments.reporting import published
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import difference

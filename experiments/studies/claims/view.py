@@ -59,16 +59,15 @@ READ: Mapping[str, Read] = {
 }
 
 
+# The last frame and its evidence: three tables and the findings ask for it, which takes seconds.
+_LAST: list[tuple[pd.DataFrame, tuple[Piece, ...]]] = []
+
+
 def every_piece(frame: pd.DataFrame) -> tuple[Piece, ...]:
-    """All evidence, in the order of the claims; found once a frame."""
-    key = id(frame)
-    if _PIECES.get(key, (None,))[0] is not frame:
-        _PIECES.clear()
-        _PIECES[key] = (frame, _every_piece(frame))
-    return _PIECES[key][1]
-
-
-_PIECES: dict[int, tuple[pd.DataFrame, tuple[Piece, ...]]] = {}
+    """All evidence, in the order of the claims; found once a frame, which nobody changes."""
+    if not _LAST or _LAST[0][0] is not frame:
+        _LAST[:] = [(frame, _every_piece(frame))]
+    return _LAST[0][1]
 
 
 def _every_piece(frame: pd.DataFrame) -> tuple[Piece, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -15,7 +15,7 @@ from experiments.records.rows import unpack_labels
 from experiments.reporting import estimates, published
 from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.curves import errors, line_plot
-from experiments.reporting.measured import ENDS
+from experiments.reporting.measured import ENDS, each_scene
 from experiments.reporting.plot import (
     LETTERS,
     PAPER,
@@ -48,19 +48,6 @@ ORDERS = {"time": "new samples first in time", "random": "new samples at random"
 _SHOWN = (5, 20, N_NEW)  # N_new of the table's columns
 _ZEROED = (1, 10, 30, 100)  # unlabelled frames
 _WAY = ["order", "model", "update"]
-
-
-def each_scene(
-    make: Callable[[pd.DataFrame], pd.DataFrame], rows: pd.DataFrame
-) -> pd.DataFrame:
-    """What a function makes of the rows of each scene, one below the other, with ``scene``."""
-    parts = []
-    for scene, of_scene in rows.groupby("scene", sort=False):
-        made = make(of_scene)
-        if len(made):
-            made.insert(0, "scene", scene)
-            parts.append(made)
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
 def recalibration(rows: pd.DataFrame) -> pd.DataFrame:

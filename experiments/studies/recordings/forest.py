@@ -14,7 +14,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from experiments.records import configs
-from experiments.records.results import RUNS, Groups, of_scenes
+from experiments.records.groups import Groups
+from experiments.records.results import RUNS, of_scenes
 from experiments.reporting.columns import display_name, scene_name
 from experiments.reporting.estimates import Estimate, difference
 from experiments.reporting.measured import RIVAL, place_of

@@ -10,7 +10,7 @@ import pandas as pd
 from experiments.records.results import of_scenes
 from experiments.reporting.columns import Column, model_columns, scene_name
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.measured import ENDS, models_of, with_right
+from experiments.reporting.measured import ENDS, models_of, values_of, with_right
 from experiments.reporting.study import Columns, TableOf
 from experiments.reporting.text import number, percent
 
@@ -82,15 +82,13 @@ def _columns(unit: str, show: Callable[[Any], str]) -> Columns:
     """How the columns are shown: what a row is of, then a column a model."""
 
     def columns(data: pd.DataFrame) -> dict[str, Column]:
-        models = [name for name in _shown(data) if name not in (*PLACE, "unfinished")]
+        models = [
+            name for name in values_of(data) if name not in (*PLACE, "unfinished")
+        ]
         found = {**PLACE, **model_columns(models, unit, show)}
         return found | {"unfinished": Column("Trainings not finished")}
 
     return columns
-
-
-def _shown(data: pd.DataFrame) -> list[str]:
-    return [str(name) for name in data if not str(name).endswith(ENDS[1:])]
 
 
 def peers(frame: pd.DataFrame) -> pd.DataFrame:
@@ -138,7 +136,6 @@ TABLES = [
         title="Classifiers of torchhd on the same bits",
         note=_note,
         columns=_columns(", %", percent),
-        shown=_shown,
     ),
     TableOf(
         "peers_times",
@@ -149,7 +146,6 @@ TABLES = [
         note="Seconds from frames in memory to a model that can predict, once: rough.",
         folded=True,
         columns=_columns(", s", number),
-        shown=_shown,
     ),
     TableOf(
         "networks",
@@ -161,6 +157,5 @@ TABLES = [
         "as many steps as the experiment allows: the last column counts those that were ended "
         "so, whose accuracy may be below what they would reach.",
         columns=_columns(", %", percent),
-        shown=_shown,
     ),
 ]

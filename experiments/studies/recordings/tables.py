@@ -20,6 +20,7 @@ from experiments.reporting.measured import (
     ENDS,
     models_of,
     saturated,
+    values_of,
 )
 from experiments.reporting.study import TableOf
 from experiments.reporting.text import percent, points
@@ -108,12 +109,8 @@ def _wide(
 
 def _columns(data: pd.DataFrame) -> dict[str, Column]:
     """How the columns are shown: what a row is of, and a column a model."""
-    models = [name for name in _shown(data) if name not in COLUMNS]
+    models = [name for name in values_of(data) if name not in COLUMNS]
     return {**COLUMNS, **model_columns(models, ", %", percent)}
-
-
-def _shown(data: pd.DataFrame) -> list[str]:
-    return [str(name) for name in data if not str(name).endswith(ENDS[1:])]
 
 
 def forms(frame: pd.DataFrame) -> pd.DataFrame:
@@ -137,7 +134,7 @@ def _columns_of_forms(data: pd.DataFrame) -> dict[str, Column]:
         "n": COLUMNS["n"],
         "rival": Column("Rival", display_name),
     }
-    known = forms_of([name for name in _shown(data) if name not in about])
+    known = forms_of([name for name in values_of(data) if name not in about])
     return about | {form: Column(_form_head(form), points) for form in known}
 
 
@@ -162,7 +159,6 @@ TABLES = [
         "their fine pattern.",
         key=("recording", "n"),
         columns=_columns,
-        shown=_shown,
     ),
     TableOf(
         "forms",

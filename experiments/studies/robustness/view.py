@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from experiments.records import configs
 from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.curves import bars, errors
 from experiments.reporting.estimates import Estimate, mean_share
+from experiments.reporting.measured import each_scene
 from experiments.reporting.plot import handle, panel, style_of, wrapped
 from experiments.reporting.study import FigureOf, Study, TableOf
 
@@ -73,16 +75,6 @@ def _level(row: Mapping[str, Any]) -> str:
         if row["disturbance"] == "none"
         else f"{row['level'] * units:g} {unit}".strip()
     )
-
-
-def disturbed(rows: pd.DataFrame) -> pd.DataFrame:
-    """Accuracy of each model, a column, under each disturbance on each scene."""
-    parts = []
-    for scene, of_scene in rows.groupby("scene", sort=False):
-        table = accuracies(of_scene)
-        table.insert(0, "scene", scene)
-        parts.append(table)
-    return pd.concat(parts, ignore_index=True)
 
 
 def _note(rows: pd.DataFrame) -> str:
@@ -223,7 +215,7 @@ STUDY = Study(
     tables=[
         TableOf(
             "robustness",
-            disturbed,
+            partial(each_scene, accuracies),
             of="robustness",
             key=("scene", "disturbance", "level"),
             title="Test accuracy, %, when something goes wrong after training",

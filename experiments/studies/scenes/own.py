@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from experiments.records.results import Group, Groups
+from experiments.records.groups import Group, Groups
 from experiments.reporting.columns import scene_name
 from experiments.reporting.curves import (
     accuracy_curves,

@@ -14,8 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.records import configs
+from experiments.records.groups import Group, Groups
 from experiments.records.record import Finished
-from experiments.records.results import RUNS, Group, Groups
+from experiments.records.results import RUNS
 from experiments.reporting import estimates, published
 from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import ONE_SENSOR

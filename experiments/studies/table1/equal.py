@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.results import Group, Groups, Run
+from experiments.records.groups import Group, Groups, Run
 from experiments.reporting import estimates
 from experiments.reporting.table import frame
 from experiments.reporting.text import number

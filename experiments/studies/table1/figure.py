@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.records import configs
-from experiments.records.results import Group, Groups, Run
+from experiments.records.groups import Group, Groups, Run
 from experiments.reporting import estimates
 from experiments.reporting.curves import (
     error_axis,

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.records.results import RUNS, Group, Groups
+from experiments.records.groups import Group, Groups
+from experiments.records.results import RUNS
 from experiments.reporting import estimates
 from experiments.reporting import rows as rows_of
 from experiments.reporting.columns import Column, scene_name

@@ -2,7 +2,8 @@
 
 import pandas as pd
 
-from experiments.records.results import META, RUNS, Groups, Results
+from experiments.records.groups import Groups
+from experiments.records.results import META, RUNS, Results
 
 
 def test_lines_of_an_experiment_have_what_their_rows_and_records_have(
@@ -40,4 +41,4 @@ def test_runs_are_lines_and_their_groups_are_those_of_the_results(tmp_path, writ
         run.record.test_accuracy_final for run in results.runs
     ]
     (group,) = Groups.of(frame)
-    assert group == results.group(group.scene, "hdc")
+    assert group == results.groups.group(group.scene, "hdc")

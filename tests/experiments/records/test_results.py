@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from experiments.records import configs
-from experiments.records.results import Groups, Results
+from experiments.records.groups import Groups
+from experiments.records.results import Results
 from experiments.reporting.rows import runs_table
 from hdc.io import write_atomically
 
@@ -24,7 +25,7 @@ def test_runs_of_one_config_and_code_stand_in_one_row_by_seed(tmp_path, write_ru
         write_run("hdc", seed=seed, wrong=range(seed))
     found = Results(tmp_path)
     assert rows(found) == {("touch", "hdc", None, None): [0, 1, 2]}
-    group = found.group("touch", "hdc")
+    group = found.groups.group("touch", "hdc")
     assert group.status == "ok"
     assert group.right.tolist().count(False) == 3
     assert np.trace(group.confusion()) == 297
@@ -37,7 +38,7 @@ def test_runs_of_other_revisions_are_not_averaged_and_todays_come_first(
     write_run("hdc", seed=0)
     for seed in (1, 2, 3):
         write_run("hdc", seed=seed, made_by=OTHER)
-    group = Results(tmp_path).group("touch", "hdc")
+    group = Results(tmp_path).groups.group("touch", "hdc")
     assert [run.record.seed for run in group.runs] == [0]
     assert group.runs[0].outdated == []
     assert group.status == "3 more left out: of other code or settings"
@@ -51,7 +52,7 @@ def test_the_stopping_rule_of_the_paper_comes_first_then_the_larger_group(
             "softmax", seed=seed, stop="quick", curve=[{"training_s": 1.0, "loss": 1.0}]
         )
     write_run("softmax", stop="paper", curve=[{"training_s": 1.0, "loss": 1.0}])
-    group = Results(tmp_path).group("touch", "softmax")
+    group = Results(tmp_path).groups.group("touch", "softmax")
     assert [run.record.choices.stop for run in group.runs] == ["paper"]
     assert group.others == 3
 
@@ -61,7 +62,7 @@ def test_a_run_timed_alone_comes_before_more_that_were_not(tmp_path, write_run):
     write_run("softmax", seed=0, stop="quick", curve=curve)
     for seed in (1, 2, 3):
         write_run("softmax", seed=seed, curve=curve, environment=beside)
-    (run,) = Results(tmp_path).group("touch", "softmax").runs
+    (run,) = Results(tmp_path).groups.group("touch", "softmax").runs
     assert (run.record.seed, run.record.environment.exclusive) == (0, True)
 
 
@@ -69,7 +70,7 @@ def test_todays_revisions_come_before_the_stopping_rule(tmp_path, write_run):
     curve = [{"training_s": 1.0, "loss": 1.0}]
     write_run("softmax", seed=0, stop="reached", curve=curve)
     write_run("softmax", seed=1, stop="paper", curve=curve, made_by=OTHER)
-    (run,) = Results(tmp_path).group("touch", "softmax").runs
+    (run,) = Results(tmp_path).groups.group("touch", "softmax").runs
     assert run.record.choices.stop == "reached"
 
 

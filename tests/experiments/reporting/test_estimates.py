@@ -27,7 +27,7 @@ def test_student_intervals_of_the_mean_and_of_one_more_sensor():
 def test_100_percent_of_all_samples_has_an_interval(tmp_path, write_run):
     for seed in range(3):
         write_run("hdc", seed=seed)
-    group = Results(tmp_path).group("touch", "hdc")
+    group = Results(tmp_path).groups.group("touch", "hdc")
     assert estimates.share(group)[::2] == (1, 1)
     p = 302 / 304  # two right and two wrong added
     half = T2 * math.sqrt(p * (1 - p) / 100)
@@ -63,7 +63,7 @@ def test_models_differ_seed_by_seed_on_the_same_samples(tmp_path, write_run):
     def difference():
         results = Results(tmp_path)
         return estimates.difference(
-            *(results.group("touch", m).runs for m in ("softmax", "hdc"))
+            *(results.groups.group("touch", m).runs for m in ("softmax", "hdc"))
         )
 
     write_run("softmax", wrong=range(4))
@@ -90,7 +90,7 @@ def test_opposite_disagreements_widen_the_interval_of_a_difference(tmp_path, wri
         write_run("hdc", seed=seed, wrong=range(30, 60))
     results = Results(tmp_path)
     found = estimates.difference(
-        *(results.group("touch", m).runs for m in ("softmax", "hdc"))
+        *(results.groups.group("touch", m).runs for m in ("softmax", "hdc"))
     )
     half = T2 * math.sqrt(181 / 302 / 100 / 3)  # 60 samples of each seed, and one more
     assert found == pytest.approx((0, -half, half))

@@ -43,7 +43,7 @@ def test_accuracies_are_means_over_the_seeds(number, everything):
 
 
 def test_positions_are_millimetres_of_the_configured_line(tmp_path, everything):
-    (run, _) = Results(tmp_path).group("spatial", "hdc").runs
+    (run, _) = Results(tmp_path).groups.group("spatial", "hdc").runs
     np.testing.assert_allclose(positions(run.record), np.arange(51), atol=1e-9)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.measured import ENDS, over_units, saturated
+from experiments.reporting.measured import ENDS, over_units, saturated, values_of
 from experiments.reporting.study import TableOf
 from experiments.reporting.text import number, percent
 
@@ -69,8 +69,7 @@ def means(
 
 def shown(data: pd.DataFrame) -> list[str]:
     """The columns that a table shows: those known, then models of the user's."""
-    plain = [str(name) for name in data if not str(name).endswith(ENDS[1:])]
-    own = [name for name in plain if name not in COLUMNS]
+    own = [name for name in values_of(data) if name not in COLUMNS]
     return [*(name for name in COLUMNS if name in data), *own]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.records.results import Group
+from experiments.records.groups import Group
 from experiments.reporting.estimates import median_range
 from experiments.reporting.table import frame, records
 
