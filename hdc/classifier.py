@@ -64,9 +64,9 @@ class HDCClassifier(Recalibrating):
     torch may hang in a forked one.
 
     Args:
-        encoder: ``"median"`` as published, ``"quantile"``, ``"levels"``, ``"reference"`` or
-            ``"reference_levels"``; an object of :class:`hdc.encoders.Encoder`; or the dotted name
-            of such a class.
+        encoder: ``"median"`` as published, ``"quantile"``, ``"levels"``, ``"reference"``,
+            ``"reference_levels"`` or ``"deviation"``; an object of
+            :class:`hdc.encoders.Encoder`; or the dotted name of such a class.
         readout: ``"majority"`` as published, ``"counts"``, ``"ridge"``, ``"neighbours"``,
             ``"lda"`` or ``"trained"``; an object of :class:`hdc.readouts.Readout`; or the dotted
             name of such a class. Prototypes are made with each, for :meth:`distances` and

@@ -219,10 +219,13 @@ def has_plain_parameters(part: Parametrised) -> bool:
     return True
 
 
-def _as_json(value: Any) -> str | int | float | bool | None:
+def _as_json(value: Any) -> Any:
     """A value as JSON has it: numpy's numbers as Python's, fractions as text, others as None."""
     if isinstance(value, str | int | float | bool | None):
         return value
+    if isinstance(value, list | tuple):
+        items = [_as_json(item) for item in value]
+        return None if None in items else items
     if _is_scalar(value):
         return value.item()
     return str(value) if isinstance(value, numbers.Rational) else None

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from hdc import inputs
-from hdc.encoders import Reference, make_encoder
+from hdc.encoders import RelativeEncoder, make_encoder
 from hdc.learner import Learner
 from hdc.parameters import available_unless
 from hdc.probability import Calibration
@@ -26,7 +26,7 @@ def _fixed(model: Learner) -> str | None:
         readout, encoder = make_readout(model.readout), make_encoder(model.encoder)
     except (TypeError, ValueError) as error:
         return str(error)
-    if hasattr(readout, "adapt") or isinstance(encoder, Reference):
+    if hasattr(readout, "adapt") or isinstance(encoder, RelativeEncoder):
         return None
     return (
         f"expected another read-out than {readout!r}, or encoder 'reference'; fit anew"
@@ -58,12 +58,12 @@ class Recalibrating(Learner):
         neighbours take the new frames in place of the kept ones of their classes; neither depends
         on p.
 
-        Without labels, a model with a reference (``encoder="reference"``) is zeroed again: the
-        reference becomes the mean of the new standardised frames, and prototypes stay. The new
-        frames have to show what the frames of the old reference showed: all classes about as often.
-        Frames of one class can spoil the model; a warning says so where the model puts them into
-        few classes. Frames without a touch are no way around it: in the study of drift ten
-        of them improved no model, even where the old reference was without a touch.
+        Without labels, a model with a reference (``encoder="reference"`` or ``"deviation"``) is
+        zeroed again: the reference becomes the mean of the new standardised frames, and prototypes
+        stay. The new frames have to show what the frames of the old reference showed: all classes
+        about as often. Frames of one class can spoil the model; a warning says so where the model
+        puts them into few classes. Frames without a touch are no way around it: in the study of
+        drift ten of them improved no model, even where the old reference was without a touch.
 
         Args:
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
@@ -123,7 +123,7 @@ class Recalibrating(Learner):
 
     def _zero(self, frames: Any) -> Self:
         """Take the mean of new frames as the reference of the encoder."""
-        if not isinstance(self.encoder_, Reference):
+        if not isinstance(self.encoder_, RelativeEncoder):
             raise ValueError(
                 f"recalibrate: expected labels y, or a model with encoder 'reference' to be zeroed "
                 f"without any, found {self.encoder_!r}"

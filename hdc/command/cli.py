@@ -48,8 +48,8 @@ def cli() -> None:
 @click.option(
     "--encoder",
     metavar="NAME",
-    help="How frames become bits: median, quantile, levels, reference, reference_levels, or a "
-    "module.Class. [default: median]",
+    help="How frames become bits: median, quantile, levels, reference, reference_levels, "
+    "deviation, or a module.Class. [default: median]",
 )
 @click.option(
     "--readout",

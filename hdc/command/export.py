@@ -59,8 +59,8 @@ def export(
 ) -> None:
     """Write a MODEL as one header of C99, for a robot or a small board.
 
-    For the encoders median, quantile and levels, and the read-outs majority, trained and lda. The
-    header has no floating point, allocates nothing and calls no library.
+    For the encoders median, quantile, levels and deviation, and the read-outs majority, trained and
+    lda. The header has no floating point, allocates nothing and calls no library.
     """
     from hdc import export as exporting
 

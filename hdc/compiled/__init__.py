@@ -12,14 +12,17 @@ from __future__ import annotations
 from hdc import ahead
 from hdc.compiled.combine import combine
 from hdc.compiled.count import count_into, count_uint8, hamming, weighted_hamming
+from hdc.compiled.deviation import encode_deviation, histograms
 from hdc.compiled.encode import encode_uint8
 
 __all__ = [
     "combine",
     "count_into",
     "count_uint8",
+    "encode_deviation",
     "encode_uint8",
     "hamming",
+    "histograms",
     "weighted_hamming",
 ]
 

@@ -232,7 +232,7 @@ def encode_rows(images, rows, words, ties, level, n_ones, rule):
 
 
 @compile_kernel("void(uint8[:, ::1], intp, int64[::1])")
-def _histogram(images, i, counts):
+def histogram(images, i, counts):
     """Count the pixels of an image by level, in counts [256].
 
     In four tables, lest one count wait for the last.
@@ -254,7 +254,7 @@ def _histogram(images, i, counts):
 
 
 @compile_kernel("void(int64[::1], int64[::1], int64)")
-def _put(words, row, start):
+def put(words, row, start):
     """Put words [W] into row [W′], which is zero there, from bit `start` on."""
     place, shift = start // WORD, np.uint64(start % WORD)
     rest = np.uint64(WORD) - shift
@@ -281,7 +281,7 @@ def _encode_levels(images, rows, words, ties, wanted, rule):
     rotations = _rotations(width)
     for k in range(len(rows)):
         i = rows[k]
-        _histogram(images, i, counts)
+        histogram(images, i, counts)
         for t in range(n_levels):
             level, n_greater = np.int64(255), np.int64(0)
             while level > 0 and n_greater + counts[level] < wanted[t]:
@@ -303,6 +303,6 @@ def _encode_levels(images, rows, words, ties, wanted, rule):
                 equals[t, whole] = at
             n_equal = counts[levels[t]]
             _add_ties(equals[t], above[t], rotations, missing[t], n_equal, rule)
-            _put(above[t], words[k], t * n_pixels)
+            put(above[t], words[k], t * n_pixels)
             ties[i, 2 * t] = n_equal
             ties[i, 2 * t + 1] = missing[t]

@@ -7,20 +7,24 @@ from typing import Any
 from torch import Tensor
 
 from hdc.encoders.base import Encoder
+from hdc.encoders.deviation import Deviation
 from hdc.encoders.levels import Levels
 from hdc.encoders.median import Median
 from hdc.encoders.quantile import Quantile
 from hdc.encoders.reference import Reference, ReferenceLevels
+from hdc.encoders.relative import RelativeEncoder
 from hdc.parameters import make_part
 
 __all__ = [
     "ENCODERS",
+    "Deviation",
     "Encoder",
     "Levels",
     "Median",
     "Quantile",
     "Reference",
     "ReferenceLevels",
+    "RelativeEncoder",
     "make_encoder",
 ]
 
@@ -30,6 +34,7 @@ ENCODERS: dict[str, type[Encoder]] = {
     "levels": Levels,
     "reference": Reference,
     "reference_levels": ReferenceLevels,
+    "deviation": Deviation,
 }
 """Our own encoders by name."""
 

@@ -38,10 +38,8 @@ def header(plan: Plan, file: str, origin: str) -> str:
         sizes=_sizes(plan),
         pixel=f"uint{plan.sizes.pixel_bits}_t",
         fields=_fields(plan),
-        level=_level(plan),
         tables=_tables(plan),
         encoding=_encoding(plan),
-        pixels=f"{plan.name}_lit_pixels(s, frame)" if plan.sizes.has_lit else "frame",
         classes=_classes(plan),
         after=_after(plan),
     )
@@ -116,7 +114,9 @@ def _fields(plan: Plan) -> str:
         (f"uint64_t hypervector[{prefix}_WORDS];", "of the last frame"),
         (f"int64_t scores[{prefix}_CLASSES];", "the largest wins"),
     ]
-    if plan.sizes.pixel_bits == 8:
+    if plan.sizes.relative:
+        fields.append((f"int64_t levels[{prefix}_THRESHOLDS];", "of the last frame"))
+    elif plan.sizes.pixel_bits == 8:
         fields.append(("uint32_t counts[256];", "pixels of each value"))
     else:
         fields.append(("uint32_t counts[256];", "pixels of each high byte"))
@@ -158,6 +158,9 @@ def _tables(plan: Plan) -> str:
         "biases": ("int64_t", f"[{count}]"),
         "thresholds": ("int64_t", f"[{count}]"),
         "ones": ("uint32_t", f"[{plan.name.upper()}_THRESHOLDS]"),
+        "reference": ("int32_t", f"[{plan.name.upper()}_PIXELS]"),
+        "numerators": ("int32_t", f"[{plan.name.upper()}_THRESHOLDS]"),
+        "denominators": ("int32_t", f"[{plan.name.upper()}_THRESHOLDS]"),
     }
     meanings = {
         "prototypes": "The prototype of each class.",
@@ -168,6 +171,9 @@ def _tables(plan: Plan) -> str:
         "biases": "What is added to the score of each class.",
         "thresholds": "How far from its majority a frame of each class may be.",
         "ones": "How many pixels are ones, for each threshold.",
+        "reference": "What is subtracted, in steps of 1/65536 of a deviation.",
+        "numerators": "Thresholds in deviations, numerators of fractions,",
+        "denominators": "and their denominators.",
     }
     parts = [_names(plan)]
     for name, (kind, shape) in kinds.items():
@@ -189,7 +195,10 @@ def _names(plan: Plan) -> str:
 
 
 def _encoding(plan: Plan) -> str:
-    parts = [piece("descend.h", plan)]
+    if plan.sizes.relative:
+        pieces = [piece("root.h", plan), piece("encode_deviation.h", plan)]
+        return "\n".join(pieces).rstrip()
+    parts = [piece("level.h", plan, level=_level(plan)), piece("descend.h", plan)]
     if plan.sizes.ties == "spread":
         parts.append(piece("ties_spread.h", plan))
     else:
@@ -198,6 +207,8 @@ def _encoding(plan: Plan) -> str:
     parts.append(piece(f"select_{plan.sizes.pixel_bits}.h", plan))
     if plan.sizes.has_lit:
         parts.append(piece("lit.h", plan))
+    pixels = f"{plan.name}_lit_pixels(s, frame)" if plan.sizes.has_lit else "frame"
+    parts.append(piece("encode_ranks.h", plan, pixels=pixels))
     return "\n".join(parts).rstrip()
 
 

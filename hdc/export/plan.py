@@ -12,7 +12,7 @@ from torch import Tensor
 
 from hdc import bits
 from hdc.classifier import HDCClassifier
-from hdc.encoders import Levels, Median, Quantile
+from hdc.encoders import Deviation, Levels, Median, Quantile
 from hdc.encoders.ranks import RankEncoder
 from hdc.export.sizes import Sizes
 from hdc.export.thresholds import distance_thresholds
@@ -24,11 +24,12 @@ from hdc.rejection import Peers
 
 PIXEL_BITS = (8, 16)
 """Bits of a pixel that a header can be made for."""
-ENCODERS = (Median, Quantile, Levels)
+ENCODERS = (Median, Quantile, Levels, Deviation)
 READOUTS = (Majority, Trained, LDA)
 PLANES = 4
 """Hypervectors that hold the weights of a class of LDA."""
 _WEIGHT_OFFSET = 8  # LDA.weights_ are q + 8
+_MOST_LIGHT = 2**37  # pixels times grey values: sums that 64 bits hold 65536 times
 _WHY_NOT: dict[type, str] = {
     Counts: "the cosines of which need roots",
     Ridge: "the weights of which are no whole numbers",
@@ -55,7 +56,7 @@ class Plan:
     """
 
     name: str
-    encoder: RankEncoder
+    encoder: RankEncoder | Deviation
     readout: Majority | Trained | LDA
     classes: tuple[str, ...]
     rows: tuple[int, ...]
@@ -100,6 +101,9 @@ class Plan:
         rows = np.flatnonzero(known).tolist()
         names = np.array([str(label) for label in model.classes_.tolist()])
         share = None if reject is None else _exact_share(reject)
+        relative = isinstance(encoder, Deviation)
+        if relative:
+            _check_size(model.n_features_in_, pixel_bits)
         tables = _encoding(encoder, model.n_features_in_)
         tables |= _classes(readout, rows, model.dimension_, subsample)
         if share is not None:
@@ -108,13 +112,14 @@ class Plan:
             pixels=model.n_features_in_,
             ranked=_ranked(encoder, model.n_features_in_),
             pixel_bits=pixel_bits,
-            thresholds=len(encoder.quantiles),
+            thresholds=_thresholds(encoder),
             classes=len(rows),
-            ties=encoder.ties,
+            ties="" if relative else encoder.ties,
             planes=PLANES if "weights" in tables else 1,
             every=subsample,
             extra=int("majority" in tables),
             rejects=share is not None,
+            relative=relative,
         )
         return cls(
             name=name,
@@ -148,7 +153,7 @@ def _check_exportable(model: Any) -> None:
     model._check_is_trained()
     if type(model.encoder_) not in ENCODERS:
         raise ValueError(
-            "export: expected the encoder median, quantile or levels, which rank pixels, found "
+            "export: expected the encoder median, quantile, levels or deviation, found "
             f"{model.encoder_!r}"
         )
     if type(model.readout_) not in READOUTS:
@@ -177,12 +182,34 @@ def _exact_share(reject: float) -> Fraction:
     return share
 
 
-def _ranked(encoder: RankEncoder, n_pixels: int) -> int:
-    return encoder.dimension(n_pixels) // len(encoder.quantiles)
+def _check_size(n_pixels: int, pixel_bits: int) -> None:
+    """Refuse frames of which sums do not fit into 64 bits, or Python rounds quotients."""
+    if n_pixels << pixel_bits > _MOST_LIGHT:
+        raise ValueError(
+            f"export: expected at most {_MOST_LIGHT >> pixel_bits} pixels of {pixel_bits} bits "
+            f"with the encoder deviation, found {n_pixels}"
+        )
 
 
-def _encoding(encoder: RankEncoder, n_pixels: int) -> dict[str, np.ndarray]:
+def _thresholds(encoder: RankEncoder | Deviation) -> int:
+    if isinstance(encoder, Deviation):
+        return len(encoder.thresholds)
+    return len(encoder.quantiles)
+
+
+def _ranked(encoder: RankEncoder | Deviation, n_pixels: int) -> int:
+    return encoder.dimension(n_pixels) // _thresholds(encoder)
+
+
+def _encoding(encoder: RankEncoder | Deviation, n_pixels: int) -> dict[str, np.ndarray]:
     """Tables of the encoder."""
+    if isinstance(encoder, Deviation):
+        thresholds = encoder.fractions()
+        return {
+            "reference": encoder.reference_.numpy(force=True),
+            "numerators": np.array([t.numerator for t in thresholds]),
+            "denominators": np.array([t.denominator for t in thresholds]),
+        }
     ranked = _ranked(encoder, n_pixels)
     tables = {"ones": np.array(encoder.ones(ranked), np.int64)}
     if isinstance(encoder, Levels) and ranked < n_pixels:

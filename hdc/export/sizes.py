@@ -20,11 +20,12 @@ class Sizes:
         pixel_bits: 8 or 16.
         thresholds: bits a pixel.
         classes: that have training frames.
-        ties: rule of the encoder, one of :data:`hdc.encoders.ties.TIES`.
+        ties: rule of an encoder that ranks, one of :data:`hdc.encoders.ties.TIES`.
         planes: hypervectors that the read-out has of a class: a prototype, or four of weights.
         every: only every so many words of a hypervector are compared.
         extra: hypervectors of a class that rejection compares with, besides.
         rejects: whether there are thresholds of rejection.
+        relative: whether pixels are compared with a reference, and not ranked.
     """
 
     pixels: int
@@ -37,6 +38,7 @@ class Sizes:
     every: int = 1
     extra: int = 0
     rejects: bool = False
+    relative: bool = False
 
     @property
     def dimension(self) -> int:
@@ -68,7 +70,10 @@ class Sizes:
     def constant_bytes(self) -> int:
         """Bytes of all tables; the names of the classes come on top."""
         total = 8 * self.words * self.classes * (self.planes + self.extra)
-        total += 4 * self.thresholds
+        if self.relative:
+            total += 4 * self.pixels + 2 * 4 * self.thresholds  # reference, fractions
+        else:
+            total += 4 * self.thresholds
         if self.planes > 1:
             total += 2 * 8 * self.classes  # a scale and a bias of each class
         if self.rejects:
@@ -80,7 +85,10 @@ class Sizes:
     @property
     def scratch_bytes(self) -> int:
         """Bytes of the structure that a prediction works with."""
-        total = 8 * self.words + 8 * self.classes + _COUNTS
+        total = 8 * self.words + 8 * self.classes
+        if self.relative:
+            return total + 8 * self.thresholds
+        total += _COUNTS
         if self.pixel_bits == 16:
             total += _COUNTS
         if self.ties == "spread":
@@ -92,6 +100,8 @@ class Sizes:
     @property
     def pixel_steps(self) -> int:
         """Times that a pixel is read and counted or compared, for one frame, at most."""
+        if self.relative:
+            return self.pixels * (2 + self.thresholds)
         passes = 1  # of a threshold, its bits
         if self.pixel_bits == 16:
             passes += 1  # the counts of low bytes

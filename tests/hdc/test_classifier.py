@@ -111,7 +111,8 @@ def test_same_bits_on_an_accelerator() -> None:
         ),
         (
             lambda f, y, _: HDCClassifier("x").fit(f, y),
-            "encoder: expected one of median, quantile, levels, reference, reference_levels, or",
+            "encoder: expected one of median, quantile, levels, reference, reference_levels, "
+            "deviation, or",
         ),
         (
             lambda f, y, _: HDCClassifier(readout="x").fit(f, y),

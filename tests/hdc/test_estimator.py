@@ -43,6 +43,7 @@ def touches(
         HDCClassifier(Quantile("2/3"), LDA(0.5)),
         HDCClassifier("levels", "trained"),
         HDCClassifier("reference"),
+        HDCClassifier("deviation", "lda"),
         HDCRegressor(),
         HDCRegressor("levels", NeighbourValues(3)),
     ],

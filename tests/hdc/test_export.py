@@ -14,7 +14,7 @@ import torch
 
 from hdc import HDCClassifier, HDCRegressor, bits
 from hdc.command import main
-from hdc.encoders import Encoder, Levels, Median, Quantile
+from hdc.encoders import Deviation, Encoder, Levels, Median, Quantile
 from hdc.export import Plan, Sizes, header
 from hdc.readers import Window
 from hdc.readouts import Majority
@@ -131,6 +131,8 @@ ENCODERS = [
     Levels(3),
     Levels(2, ties="raster"),
     Levels(2, lit=0.9),
+    Deviation(),
+    Deviation([-0.7, "1/3"]),
 ]
 
 
@@ -148,15 +150,16 @@ def test_any_frame_with_any_ties(encoder, d, dtype, gcc, tmp_path, kinds_of_fram
     assert len(np.unique(answers.classes)) > 1
 
 
+@pytest.mark.parametrize("encoder", [Levels(3), Deviation()], ids=repr)
 @pytest.mark.parametrize("d", [1, 2, 63, 64])
-def test_few_pixels(d, gcc, tmp_path, kinds_of_frames):
-    model, _ = trained_on(d, Levels(3))
+def test_few_pixels(d, encoder, gcc, tmp_path, kinds_of_frames):
+    model, _ = trained_on(d, encoder)
     queries = kinds_of_frames(d)
     answers = compiled(gcc, tmp_path, Plan.of(model, "touch"), queries)
     assert_equal_to_python(answers, model, queries)
 
 
-@pytest.mark.parametrize("encoder", [Median(), Levels(3)], ids=repr)
+@pytest.mark.parametrize("encoder", [Median(), Levels(3), Deviation()], ids=repr)
 @pytest.mark.parametrize("readout", ["majority", "trained", "lda"])
 @pytest.mark.parametrize("options", [(), ("-mpopcnt",)], ids=["portable", "builtin"])
 def test_any_readout(readout, encoder, options, gcc, tmp_path, kinds_of_frames):
@@ -174,12 +177,19 @@ def test_any_readout(readout, encoder, options, gcc, tmp_path, kinds_of_frames):
 
 
 @pytest.mark.parametrize(
-    ("readout", "dtype"),
-    [("majority", "uint16"), ("trained", "uint8"), ("lda", "uint8")],
+    ("encoder", "readout", "dtype"),
+    [
+        ("median", "majority", "uint16"),
+        ("median", "trained", "uint8"),
+        ("median", "lda", "uint8"),
+        ("deviation", "lda", "uint16"),
+    ],
 )
-def test_a_camera_of_250000_pixels(readout, dtype, gcc, tmp_path, camera_frames):
+def test_a_camera_of_250000_pixels(
+    encoder, readout, dtype, gcc, tmp_path, camera_frames
+):
     frames = camera_frames(12, dtype=dtype)
-    model = HDCClassifier(readout=readout).fit(frames[:10], np.arange(10) % 2)
+    model = HDCClassifier(encoder, readout).fit(frames[:10], np.arange(10) % 2)
     plan = Plan.of(model, "touch", 8 * np.dtype(dtype).itemsize)
     constant = np.full((1, 500, 500), 7, dtype)
     two_valued = np.where(frames[:1] > 100, 200, 3).astype(dtype)
@@ -225,8 +235,11 @@ def test_classes_without_frames_are_left_out(gcc, tmp_path):
 
 @pytest.mark.parametrize("readout", ["majority", "trained"])
 @pytest.mark.parametrize("every", [2, 5])
-def test_subsampled_words_are_those_of_the_whole(readout, every, gcc, tmp_path):
-    model, frames = trained_on(4097, Levels(2), readout)
+@pytest.mark.parametrize("encoder", [Levels(2), Deviation()], ids=repr)
+def test_subsampled_words_are_those_of_the_whole(
+    encoder, readout, every, gcc, tmp_path
+):
+    model, frames = trained_on(4097, encoder, readout)
     plan = Plan.of(model, "touch", subsample=every)
     answers = compiled(gcc, tmp_path, plan, frames)
     words = model.encoder_.encode(torch.from_numpy(frames))[:, ::every].contiguous()
@@ -510,8 +523,12 @@ class Shifted(Majority):
 @pytest.mark.parametrize(
     ("encoder", "readout", "message"),
     [
-        ("reference", "majority", "expected the encoder median, quantile or levels"),
-        (Bright(), "majority", "expected the encoder median, quantile or levels"),
+        (
+            "reference",
+            "majority",
+            "expected the encoder median, quantile, levels or dev",
+        ),
+        (Bright(), "majority", "expected the encoder median, quantile, levels or dev"),
         ("median", "counts", "cosines of which need roots"),
         ("median", "ridge", "weights of which are no whole numbers"),
         ("median", "neighbours", "keeps every training frame"),
@@ -540,6 +557,14 @@ def test_settings_that_are_not_allowed(settings, message):
     model, _ = trained_on(65)
     with pytest.raises(ValueError, match=message):
         Plan.of(model, **{"name": "touch", **settings})
+
+
+def test_frames_too_large_for_sums_of_64_bits_are_refused():
+    encoder = Deviation([0])
+    model, _ = trained_on(65, encoder)
+    model.n_features_in_ = 2**21 + 1
+    with pytest.raises(ValueError, match="at most 2097152 pixels of 16 bits with the"):
+        Plan.of(model, "touch", 16)
 
 
 def test_a_regressor_an_untrained_model_and_part_of_lda_are_refused():

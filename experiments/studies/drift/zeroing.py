@@ -26,7 +26,7 @@ import numpy as np
 from experiments.records.rows import Row
 from hdc import HDCClassifier
 from hdc.bank import Bank, Selection
-from hdc.encoders import Reference, make_encoder
+from hdc.encoders import RelativeEncoder, make_encoder
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ def _of_hdc(
 ) -> Iterator[np.ndarray]:
     """The same by HDC itself, whose encoder is a reference."""
     encoder = make_encoder(model.encoder)
-    if not isinstance(encoder, Reference):
+    if not isinstance(encoder, RelativeEncoder):
         raise TypeError(
             f"task.zeroing: expected encoder 'reference', found {encoder!r}"
         )

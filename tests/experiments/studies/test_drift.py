@@ -45,7 +45,7 @@ from experiments.studies.drift.zeroing import (
 )
 from hdc import HDCClassifier
 from hdc.encoders import Reference
-from hdc.encoders.reference import FRACTION, standardised
+from hdc.encoders.standardised import FRACTION, standardised
 from scenes.frames import Frames
 
 SPLIT = Split("random", 0.2)

@@ -12,7 +12,7 @@ import torch
 
 from hdc import HDCClassifier, bits
 from hdc.encoders import Levels, Median, Quantile, Reference
-from hdc.encoders.reference import standardised
+from hdc.encoders.standardised import standardised
 
 
 def as_integers(frame: np.ndarray) -> list[int]:

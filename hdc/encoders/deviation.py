@@ -1,0 +1,145 @@
+"""Levels in units of a frame's own deviation from a reference frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from hdc import bits
+from hdc.encoders.ranks import check_frames, warn_of_constant
+from hdc.encoders.relative import RelativeEncoder
+from hdc.encoders.standardised import values_of_greys
+
+_LARGEST = 10**6  # numerator or denominator of a threshold
+_INT32 = torch.iinfo(torch.int32).max
+
+
+class Deviation(RelativeEncoder):
+    """T bits a pixel: whether it exceeds the reference by more than some standard deviations.
+
+    With d the standardised frame less the reference, both in steps of 2⁻¹⁶ as of
+    :class:`hdc.encoders.Reference`, and σ the standard deviation of the frame's D values d, rounded
+    down to such a step, bit t·D + j is d_j > thresholds[t]·σ. A value that equals its threshold
+    becomes a zero. All arithmetic is in integers, so every machine has the same bits. Unlike ranks
+    the bits keep how much of the frame differs from the reference.
+
+    Args:
+        thresholds: T rising numbers of at most six digits, in standard deviations.
+        frame: as of :class:`hdc.encoders.Reference`.
+
+    Attributes:
+        reference_: int64 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
+
+    Example:
+        >>> import torch
+        >>> frames = torch.tensor([[9, 5, 5, 1], [1, 5, 5, 9]], dtype=torch.uint8)
+        >>> words = Deviation([-1, 0, 1]).fit(frames).encode(frames[:1])
+        >>> bits.unpack(words, 12).int().view(3, 4).tolist()
+        [[1, 1, 1, 0], [1, 0, 0, 0], [1, 0, 0, 0]]
+    """
+
+    def __init__(
+        self,
+        thresholds: Sequence[Any] = (-1.5, -1, -0.5, 0, 0.5, 1, 1.5),
+        frame: Any = None,
+    ):
+        self.thresholds = thresholds
+        self.frame = frame
+
+    def check(self) -> None:
+        self.fractions()
+
+    def fractions(self) -> list[Fraction]:
+        """The thresholds as they are written: 0.1 is 1/10.
+
+        Raises:
+            ValueError: for anything but rising numbers of at most six digits.
+        """
+        given = self.thresholds
+        found = _exact(given) if isinstance(given, list | tuple) else []
+        if not found or found != sorted(set(found)):
+            raise ValueError(
+                "thresholds: expected a list of rising numbers of at most six digits, such as "
+                f"[-1, 0, 1], found {given!r}"
+            )
+        return found
+
+    def dimension(self, n_pixels: int) -> int:
+        return len(self.thresholds) * n_pixels
+
+    def encode(
+        self,
+        frames: Tensor,
+        first: int = 0,
+        backend: str = "numpy",
+        out: Tensor | None = None,
+    ) -> Tensor:
+        """As of :meth:`hdc.encoders.ranks.RankEncoder.encode`, of the differences."""
+        kernels = bits.kernels(backend, frames.device)
+        if not kernels or frames.dtype != torch.uint8:
+            return super().encode(frames, first, backend, out)
+        check_frames(frames)
+        images = frames.flatten(1).numpy()
+        counts = torch.from_numpy(kernels.histograms(images))
+        tables = values_of_greys(counts)
+        if out is None:
+            width = bits.words_for(self.dimension(images.shape[1]))
+            out = torch.empty(len(images), width, dtype=torch.int64)
+        words = out[: len(images)]
+        reference = self.reference_.to(torch.int32).numpy()
+        deviations = kernels.encode_deviation(
+            images, tables.numpy(), reference, self.fractions(), words.numpy()
+        )
+        constant = (counts == images.shape[1]).any(1).nonzero().flatten()
+        warn_of_constant(constant.tolist(), first)
+        _warn_of_none(deviations.tolist(), first)
+        return words
+
+    def of_differences(self, differences: Tensor, first: int) -> Tensor:
+        deviations = deviations_of(differences)
+        _warn_of_none(deviations, first)
+        thresholds = self.fractions()
+        levels = [_level(t, sigma) for sigma in deviations for t in thresholds]
+        limits = torch.tensor(levels, dtype=torch.int32, device=differences.device)
+        limits = limits.view(len(differences), len(thresholds), 1)
+        return bits.pack((differences[:, None] > limits).flatten(1))
+
+
+def deviations_of(differences: Tensor) -> list[int]:
+    """Standard deviations of rows int32 [N, D], rounded down.
+
+    The values d of a row have Σ d² below 2⁵⁹ at D = 2²⁴ + 1, since standardised frames and their
+    mean have Σ x² ≤ 2³²·D, but for rounding; and |Σ d| ≤ 2·D.
+    """
+    n = differences.shape[1]
+    values = differences.long()
+    totals = values.sum(1)
+    squares = (values * values).sum(1)
+    variances = (squares - (totals * totals + n - 1) // n) // n  # rounded down
+    return [math.isqrt(variance) for variance in variances.tolist()]
+
+
+def _level(threshold: Fraction, sigma: int) -> int:
+    """The largest integer that is not above threshold·σ, or what no difference reaches."""
+    return max(-_INT32, min(_INT32, math.floor(threshold * sigma)))
+
+
+def _warn_of_none(deviations: Sequence[int], first: int) -> None:
+    """Warn of frames that do not differ from the reference, or alike in all pixels."""
+    none = [i for i, sigma in enumerate(deviations) if sigma == 0]
+    warn_of_constant(none, first)
+
+
+def _exact(values: Sequence[Any]) -> list[Fraction]:
+    """Numbers as they are written; none where one of them is none, or has more digits."""
+    try:
+        found = [Fraction(str(value)) for value in values]
+    except (ValueError, ZeroDivisionError):
+        return []
+    sizes = [max(abs(value.numerator), value.denominator) for value in found]
+    return found if max(sizes, default=0) <= _LARGEST else []

@@ -1,0 +1,130 @@
+"""What encoders of frames relative to a reference frame share: what a laboratory calls zeroing."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hdc import inputs
+from hdc.encoders.base import Encoder
+from hdc.encoders.ranks import warn_of_constant
+from hdc.encoders.standardised import FRACTION, standardised
+from hdc.io import check_tensors
+
+GIVEN = "given"
+"""Stands in a file for a frame that was given."""
+_STEP = 2**22  # pixels of several frames at a time; 8 bytes each, several times
+
+
+class RelativeEncoder(Encoder):
+    """Standardises each frame and subtracts a reference frame; a subclass makes bits of that.
+
+    A subclass has the parameter `frame` and writes :meth:`of_differences`.
+
+    Attributes:
+        reference_: int64 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
+    """
+
+    learns: ClassVar[bool] = True
+    stand_ins: ClassVar = {"frame": GIVEN}
+
+    frame: Any
+    reference_: Tensor
+
+    @abstractmethod
+    def of_differences(self, differences: Tensor, first: int) -> Tensor:
+        """Hypervectors int64 [N, W] of standardised frames less the reference, int32 [N, D].
+
+        `first` is the number of the first frame, in warnings.
+        """
+
+    def fit(self, frames: Any) -> Self:
+        """Learn the mean of the standardised training frames, or take the frame or frames given.
+
+        Raises:
+            ValueError: for given frames of another shape than the training frames, none, or some
+                that the file of the model does not keep.
+        """
+        if self.frame is None:
+            return self.zero(frames)
+        if isinstance(self.frame, str) and self.frame == GIVEN:
+            raise ValueError(
+                "frame: expected the reference frame that the model was given, which its file does "
+                "not keep; set it, or None to learn one"
+            )
+        given = torch.as_tensor(np.asarray(self.frame))
+        expected = tuple(frames.shape[1:])
+        found = tuple(given.shape)
+        if found == expected:
+            return self.zero(given[None])
+        if found[1:] != expected or found[0] == 0:
+            raise ValueError(
+                f"frame: expected a reference of shape {expected}, or several, found {found}"
+            )
+        return self.zero(given)
+
+    def zero(self, frames: Any) -> Self:
+        """Take the mean of these standardised frames [N, H, W] or [N, D] as the reference.
+
+        Raises:
+            ValueError: for no frames, or pixels that are not finite.
+        """
+        if len(frames) == 0:
+            raise ValueError("frames: expected at least one frame, found none")
+        total: Any = 0
+        step = _frames_at_a_time(frames)
+        for start in range(0, len(frames), step):
+            part = inputs.tensor(frames[start : start + step])
+            values = standardised(part, start)
+            total = total + values.sum(0, dtype=torch.int64)
+        self.reference_ = total // len(frames)
+        return self
+
+    def encode(
+        self,
+        frames: Tensor,
+        first: int = 0,
+        backend: str = "numpy",
+        out: Tensor | None = None,
+    ) -> Tensor:
+        """As of :meth:`hdc.encoders.ranks.RankEncoder.encode`, of the differences."""
+        reference = self.reference_.to(frames.device, torch.int32)
+        constant: list[int] = []
+        words = []
+        step = _frames_at_a_time(frames)
+        for start in range(0, max(1, len(frames)), step):
+            part = frames[start : start + step]
+            values = standardised(part, first + start)
+            flat = (~values.any(1)).nonzero().flatten()
+            constant += (start + flat).tolist()
+            words.append(self.of_differences(values - reference, first + start))
+        warn_of_constant(constant, first)
+        whole = torch.cat(words)
+        if out is None:
+            return whole
+        out[: len(whole)] = whole
+        return out[: len(whole)]
+
+    def state(self) -> dict[str, Tensor]:
+        return {"reference": self.reference_}
+
+    def restore(self, tensors: Mapping[str, Tensor], n_pixels: int) -> None:
+        check_tensors(tensors, {"reference": (n_pixels,)})
+        reference = tensors["reference"]
+        largest = max(int(reference.max()), -int(reference.min()))
+        if largest > 2 * 2**FRACTION * (math.isqrt(n_pixels) + 1):
+            raise ValueError(
+                f"reference: expected a mean of standardised frames, found {largest}"
+            )
+        self.reference_ = reference
+
+
+def _frames_at_a_time(frames: Any) -> int:
+    n_pixels = math.prod(frames.shape[1:])
+    return max(1, _STEP // max(1, n_pixels))

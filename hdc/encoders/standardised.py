@@ -1,0 +1,77 @@
+"""Frames of mean 0 and deviation 1, in integers: every machine has the same ones."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from hdc.encoders.ranks import check_finite, check_frames
+
+FRACTION = 16  # bits after the point of a standardised pixel
+_LARGEST = 18  # bits that floating-point pixels are scaled to
+# A pixel below the first is rounded to 0.
+_POWERS = [2.0**k for k in range(-2, _LARGEST + 1)]
+_EXACT = (torch.uint8, torch.int8, torch.int16, torch.uint16)
+
+
+def standardised(frames: Tensor, first: int = 0) -> Tensor:
+    """(x − mean(x))/std(x) in steps of 2⁻¹⁶, rounded down, int32 [N, D]; a constant frame is 0.
+
+    With S = Σ x and Q = Σ x² it is (D·x − S)·2¹⁶ over the integer square root of D·Q − S²: whole
+    numbers below 2⁵³, whose one division rounds alike on every machine. Floating point and types of
+    more than 16 bits are first scaled to integers of 18 bits, frame by frame.
+    """
+    check_frames(frames)
+    flat = frames.reshape(len(frames), -1)
+    if flat.dtype == torch.uint8:
+        values = torch.empty(flat.shape, dtype=torch.int32, device=flat.device)
+        for frame, row in zip(flat, values, strict=True):
+            counts = torch.bincount(frame, minlength=256)
+            table = values_of_greys(counts[None])[0]
+            torch.index_select(table, 0, frame.int(), out=row)
+        return values
+    pixels = _integers(flat, first)
+    squares = (pixels * pixels).sum(1)
+    return _in_steps(pixels, pixels.sum(1), squares, flat.shape[1])
+
+
+def values_of_greys(counts: Tensor) -> Tensor:
+    """What the greys 0 to 255 become in frames of such histograms: int64 to int32 [N, 256]."""
+    greys = torch.arange(256, device=counts.device)
+    totals = (counts * greys).sum(1)
+    squares = (counts * greys * greys).sum(1)
+    n_pixels = int(counts[:1].sum())
+    return _in_steps(greys.expand(counts.shape), totals, squares, n_pixels)
+
+
+def _in_steps(pixels: Tensor, sums: Tensor, squares: Tensor, n_pixels: int) -> Tensor:
+    """Pixels int64 [N, k] of frames of so many pixels, with sums [N] of all of them and of their
+    squares, in steps of 2⁻¹⁶ deviations: int32 [N, k]."""
+    deviations = []
+    for total, square in zip(sums.tolist(), squares.tolist(), strict=True):
+        deviation = math.isqrt(n_pixels * square - total**2)
+        deviations.append(max(1, deviation))
+    divisors = torch.tensor(deviations, dtype=torch.float64, device=pixels.device)
+    centred = n_pixels * pixels - sums[:, None]
+    scaled = centred.double() * 2**FRACTION
+    return (scaled / divisors[:, None]).floor().to(torch.int32)
+
+
+def _integers(pixels: Tensor, first: int) -> Tensor:
+    """Pixels [N, D] as int64 of at most 18 bits; those of more are scaled, frame by frame."""
+    if pixels.dtype in _EXACT:
+        return pixels.to(torch.int64)
+    values = pixels.double()
+    if len(values):
+        check_finite(values, first)
+    mantissas, exponents = torch.frexp(values)
+    _, largest = torch.frexp(values.abs().amax(1, keepdim=True))
+    # Powers of two from a table: those that torch computes are of 32 bits, and end at 2¹²⁷.
+    powers = torch.tensor(_POWERS, dtype=torch.float64, device=values.device)
+    last = len(_POWERS) - 1
+    # A zero has the exponent 0, whatever the other pixels are.
+    places = (exponents - largest + last).clamp(min=0, max=last).long()
+    scaled = mantissas * powers[places]
+    return scaled.round().to(torch.int64)

@@ -1,0 +1,4 @@
+/* One threshold of a frame. */
+typedef struct {
+$level
+} ${name}_level;

@@ -1,0 +1,205 @@
+"""Levels in deviations from a reference: against fractions, and against floats."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from math import floor, isqrt
+
+import numpy as np
+import pytest
+import torch
+from sklearn.base import clone
+
+from hdc import HDCClassifier, bits
+from hdc.encoders import Deviation
+from hdc.encoders.deviation import deviations_of
+from hdc.encoders.standardised import standardised
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame")
+
+DEFAULT = [-1.5, -1, -0.5, 0, 0.5, 1, 1.5]
+ODD = [-2.25, "-1/3", 0.1, 3]
+
+
+def plainly(frames: np.ndarray, thresholds: list) -> np.ndarray:
+    """Bits [N, T·D] by their definition, of standardised frames, in Python's integers."""
+    steps = standardised(torch.from_numpy(frames)).tolist()
+    reference = [sum(column) // len(steps) for column in zip(*steps, strict=True)]
+    rows = []
+    for frame in steps:
+        d = [x - r for x, r in zip(frame, reference, strict=True)]
+        mean = Fraction(sum(d), len(d))
+        variance = sum((x - mean) ** 2 for x in d) / len(d)
+        sigma = isqrt(floor(variance))
+        limits = [Fraction(str(t)) * sigma for t in thresholds]
+        rows.append([x > limit for limit in limits for x in d])
+    return np.array(rows)
+
+
+def unpacked(words: torch.Tensor, dimension: int) -> np.ndarray:
+    return bits.unpack(words, dimension).numpy()
+
+
+@pytest.mark.parametrize(
+    "dtype", ["uint8", "int8", "uint16", "int16", "int32", "float32", "float64"]
+)
+@pytest.mark.parametrize("d", [1, 2, 65, 1000])
+@pytest.mark.parametrize("thresholds", [DEFAULT, ODD], ids=repr)
+def test_bits_by_their_definition(d, dtype, thresholds, kinds_of_frames) -> None:
+    """Constant frames, two grey levels, few, and saturated ones among them."""
+    frames = kinds_of_frames(d, dtype)
+    encoder = Deviation(thresholds).fit(frames)
+    assert encoder.dimension(d) == len(thresholds) * d
+    words = encoder.encode(torch.from_numpy(frames))
+    found = unpacked(words, encoder.dimension(d))
+    assert np.array_equal(found, plainly(frames, thresholds))
+
+
+def test_bits_by_floats(camera_frames) -> None:
+    """All but those whose difference is at a threshold, to steps of 2⁻¹⁶."""
+    frames = camera_frames(8, side=100)
+    words = Deviation().fit(frames).encode(torch.from_numpy(frames))
+    found = unpacked(words, 7 * 10_000).reshape(8, 7, 10_000)
+    pixels = frames.reshape(8, -1).astype(float)
+    mean, deviation = pixels.mean(1), pixels.std(1)
+    scaled = (pixels - mean[:, None]) / deviation[:, None]
+    d = scaled - scaled.mean(0)
+    above = d[:, None] / d.std(1)[:, None, None] - np.array(DEFAULT)[:, None]
+    clear = np.abs(above) > 1e-3
+    assert clear.mean() > 0.99
+    assert np.array_equal(found[clear], above[clear] > 0)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("d", [1, 63, 64, 65, 4161, 70_001])
+@pytest.mark.parametrize("thresholds", [DEFAULT, [0], [-1000, 999_999]], ids=repr)
+def test_kernels_make_the_same_bits(d, thresholds, threads, kinds_of_frames) -> None:
+    pytest.importorskip("numba")
+    frames = torch.from_numpy(kinds_of_frames(d))
+    encoder = Deviation(thresholds).fit(frames[:9])
+    before = torch.get_num_threads()
+    torch.set_num_threads(threads)
+    try:
+        words = encoder.encode(frames)
+        assert torch.equal(encoder.encode(frames, backend="compiled"), words)
+        room = torch.full((len(frames) + 3, words.shape[1]), -1)
+        found = encoder.encode(frames, backend="compiled", out=room)
+        assert found.data_ptr() == room.data_ptr()
+        assert torch.equal(found, words)
+    finally:
+        torch.set_num_threads(before)
+
+
+@pytest.mark.parametrize("backend", bits.BACKENDS)
+def test_no_sum_overflows_at_many_pixels(backend: str) -> None:
+    """Two frames of 2²⁴ + 1 pixels whose one bright pixel stands apart by all that can be."""
+    if backend == "compiled":
+        pytest.importorskip("numba")
+    d = 2**24 + 1
+    frames = torch.zeros(2, d, dtype=torch.uint8)
+    frames[0, 5], frames[1, d - 1] = 255, 255
+    encoder = Deviation([-1, 0, 4000]).fit(frames)
+    words = encoder.encode(frames, backend=backend)
+    # x is √D at one pixel, so d is ±√D/2 at two, and σ is 1/√2: √D/√2 = 2896 σ.
+    ones = bits.unpack(words[0], 3 * d).nonzero().flatten()
+    levels = torch.bincount(ones // d, minlength=3).tolist()
+    assert levels == [d - 1, 1, 0]
+    assert ones[-1] == d + 5
+
+
+def test_the_largest_sums_are_whole() -> None:
+    """Differences as large as they get, of both signs, at 2²⁴ + 1 pixels."""
+    n = 2**24 + 1
+    differences = torch.full((1, n), 2**17, dtype=torch.int32)
+    differences[0, ::2] = -(2**17)
+    total = sum([2**17] * (n // 2)) - (n - n // 2) * 2**17
+    variance = Fraction(n * 2**34) / n - Fraction(total, n) ** 2
+    assert deviations_of(differences) == [isqrt(floor(variance))]
+
+
+def test_frames_that_say_nothing_are_named() -> None:
+    frames = np.random.default_rng(0).integers(0, 256, (40, 50)).astype(np.uint8)
+    frames[7] = 9
+    encoder = Deviation(frame=frames[33]).fit(frames)
+    for backend in bits.BACKENDS:
+        if backend == "compiled":
+            pytest.importorskip("numba")
+        with pytest.warns(UserWarning, match="1 constant frame") as caught:
+            encoder.encode(torch.from_numpy(frames), 200, backend)
+        numbers = [str(w.message).partition(":")[0] for w in caught]
+        assert sorted(numbers) == [
+            "1 constant frame(s), at index 207",
+            "1 constant frame(s), at index 233",
+        ]
+
+
+def test_brightness_and_contrast_change_no_bit_but_at_thresholds() -> None:
+    frames = torch.from_numpy(
+        np.random.default_rng(2).integers(0, 60, (9, 200)).astype(np.int16)
+    )
+    encoder = Deviation().fit(frames)
+    other = encoder.encode(4 * frames + 7) ^ encoder.encode(frames)
+    assert int(bits.count_ones(other).sum()) <= 12  # of 12,600
+
+
+@pytest.mark.parametrize(
+    "thresholds",
+    [
+        [],
+        "012",
+        0.5,
+        [1, 0],
+        [0, 0],
+        [None],
+        [float("nan")],
+        [float("inf")],
+        [True],
+        [1 / 3],
+        [2_000_000],
+        ["1/0"],
+        ["a"],
+    ],
+    ids=repr,
+)
+def test_other_thresholds_are_refused(thresholds) -> None:
+    with pytest.raises(ValueError, match="thresholds: expected a list of rising num"):
+        Deviation(thresholds).check()
+
+
+@pytest.mark.parametrize("readout", ["majority", "lda"])
+def test_a_model_is_saved_loaded_cloned_and_set(readout: str, tmp_path) -> None:
+    rng = np.random.default_rng(0)
+    labels = np.arange(24) % 3
+    base = rng.integers(0, 150, (3, 6, 11))
+    frames = (base[labels] + rng.integers(0, 90, (24, 6, 11))).astype(np.uint8)
+    model = HDCClassifier(Deviation((-1, Fraction(1, 3), "0.5")), readout)
+    model.fit(frames, labels)
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert loaded.encoder_.fractions() == [-1, Fraction(1, 3), Fraction(1, 2)]
+    assert np.array_equal(
+        loaded.decision_function(frames), model.decision_function(frames)
+    )
+    loaded.save(tmp_path / "again")
+    assert (tmp_path / "again").read_bytes() == (tmp_path / "m").read_bytes()
+    other = clone(model).set_params(encoder__thresholds=[0])
+    other.fit(frames, labels)
+    assert (model.dimension_, other.dimension_) == (3 * 66, 66)
+    by_name = HDCClassifier("deviation", readout).fit(frames, labels)
+    assert by_name.dimension_ == 7 * 66
+    assert by_name.score(frames, labels) == 1
+
+
+def test_new_frames_replace_the_reference_without_labels(hard) -> None:
+    frames, labels = hard(80, 1)
+    moved, truth = hard(80, 2, drift=1.0)
+    model = HDCClassifier("deviation", "lda").fit(frames, labels)
+    learned = Deviation().fit(moved).reference_
+    assert not torch.equal(model.encoder_.reference_, learned)
+    assert model.recalibrate(moved).score(moved, truth) > 0.9
+    assert torch.equal(model.encoder_.reference_, learned)
+
+
+def test_a_file_with_too_large_a_reference_is_refused() -> None:
+    with pytest.raises(ValueError, match="reference: expected a mean of standard"):
+        Deviation().restore({"reference": torch.full((9,), -(2**62))}, 9)
