@@ -97,7 +97,7 @@ class MeasuredScene:
             ]
         except readers.SettingError as error:
             raise ValueError(f"scene.{error}") from error
-        self.shape = self._parts[0].shape
+        self.shape = self._parts[0].frame_shape
         files = _files(folders, self._parts, table)
         self.sha256 = self.source.check(root, files)
         self._settings = (self.sha256, tuple(crop or ()), subsample)

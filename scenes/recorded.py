@@ -26,15 +26,18 @@ class RecordedScene:
             raise readers.SettingError(
                 "path: expected a recording with labels, found values only"
             )
-        if len(recording.shape) != 2 or recording.dtype not in (np.uint8, np.uint16):
-            found = f"{recording.dtype} {recording.shape}"
+        if len(recording.frame_shape) != 2 or recording.dtype not in (
+            np.uint8,
+            np.uint16,
+        ):
+            found = f"{recording.dtype} {recording.frame_shape}"
             raise readers.SettingError(
                 f"path: expected images uint8 or uint16 [H, W], found {found}"
             )
         self.recording = recording
         self.classes = recording.classes
         self.labels = recording.labels
-        self.shape = recording.shape
+        self.shape = recording.frame_shape
         self.samples = recording.samples
         self.values = recording.values
 

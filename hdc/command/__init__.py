@@ -16,9 +16,14 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
-EXTRAS = {"sklearn": "compare", "matplotlib": "compare"} | dict.fromkeys(
-    ("nicegui", "fastapi", "starlette", "socketio", "uvicorn"), "live"
-)
+from hdc.readers.files import LIBRARIES
+
+EXTRAS = {
+    "sklearn": "compare",
+    "matplotlib": "compare",
+    **dict.fromkeys(("nicegui", "fastapi", "starlette", "socketio", "uvicorn"), "live"),
+    **LIBRARIES,
+}
 """Packages and the extra of this distribution that brings them; ``command`` brings the others."""
 
 

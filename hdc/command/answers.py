@@ -12,10 +12,9 @@ import numpy as np
 from hdc import readers
 from hdc.accuracy import accuracy, confusion, wilson
 from hdc.command.work import check_size, printable, value_names, with_units
-from hdc.readers import ARRAYS, TABLE, VIDEO_SUFFIXES, Recording, Window
+from hdc.readers import FRAMES, TABLE, VIDEO_SUFFIXES, Recording, Window
 from hdc.readers.images import stream_files
 from hdc.readers.recording import with_progress
-from hdc.readers.video import stream_video
 
 BATCH = 32
 """Frames asked about at a time: meanwhile threads decode the next ones."""
@@ -60,7 +59,7 @@ def ask(
         suffix = file.suffix.lower()
         if suffix in VIDEO_SUFFIXES:
             videos.append(file)
-        elif suffix in (*ARRAYS, TABLE):
+        elif suffix in FRAMES:
             arrays.append(file)
         else:
             images.append(file)
@@ -86,6 +85,8 @@ def _of_array(model: Any, path: Path, window: Window) -> Iterator[Placed]:
 
 
 def _of_video(path: Path, window: Window) -> Iterator[Placed]:
+    from hdc.readers.video import stream_video  # late: PyAV is of the extra files
+
     for time, frame in stream_video(path, window):
         yield f"{path} at {time:.3f} s", frame
 

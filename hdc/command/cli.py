@@ -93,7 +93,7 @@ def train(
     metadata["version"] = hdc.__version__
     model.save(output, metadata=metadata)
     click.echo(
-        f"{output}: {len(training)} frames, {learnt(frames)}, {work.size(frames.shape)}"
+        f"{output}: {len(training)} frames, {learnt(frames)}, {work.size(frames.frame_shape)}"
     )
     if chosen_line:
         click.echo(chosen_line)
@@ -104,6 +104,8 @@ def train(
         click.echo(f"held out {how}: {answers.score(model, frames, test)['text'][0]}")
     if how == "at random":
         click.echo(f"held out at random because {work.why_random(frames)}")
+    for line in work.reading_line(frames):
+        click.echo(line)
 
 
 @cli.command()
@@ -337,6 +339,7 @@ def compare(
     result = judge.compare(frames, tests, test_fraction, draws, encoders, readouts)
     chosen = result["chosen"].split(", ")
     result["recording"] = str(recording)
+    result["notes"] = list(frames.notes)
     result["command"] = work.command_line(recording, window, source, *chosen)
     if figure is not None:
         curve.draw(result, figure)

@@ -25,6 +25,11 @@ def together(*options: Callable[..., Any]) -> Callable[..., Any]:
     return decorate
 
 
+def _names(_: Any, __: Any, text: str | None) -> tuple[str, ...] | None:
+    """Words between commas."""
+    return None if text is None else tuple(text.replace(" ", "").split(","))
+
+
 recording = together(
     click.argument("recording", type=FILE),
     click.option(
@@ -50,7 +55,26 @@ recording = together(
         "--image-column",
         default="image",
         metavar="NAME",
-        help="Column of the table that names the image.",
+        help="Column of the table that names the image, or that holds it.",
+    ),
+    click.option(
+        "--labels",
+        metavar="NAME",
+        help="Array or column of labels, or a CSV with a row per frame.",
+    ),
+    click.option(
+        "--axes",
+        metavar="NAMES",
+        callback=_names,
+        help="Axes of an array, such as height,width,frame.",
+    ),
+    click.option(
+        "--skip-damaged", is_flag=True, help="Leave damaged images out, and count them."
+    ),
+    click.option(
+        "--skip-missing",
+        is_flag=True,
+        help="Leave rows of a table out whose image is missing, and count them.",
     ),
 )
 pixels = together(

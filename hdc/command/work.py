@@ -21,6 +21,7 @@ from hdc.readers.recording import with_progress
 
 KINDS = ("HDCClassifier", "HDCRegressor")
 """Models that the commands know."""
+_SKIPS = ("skip_damaged", "skip_missing")
 LISTED = 12
 """Names of classes or sessions that one line shows."""
 
@@ -66,7 +67,7 @@ def frames_for(
     if names and has_columns and not source["value_columns"]:
         source = source | {"value_columns": names}
     frames = open_frames(recording, window, 1, **source)
-    check_size(model, frames.shape, frames.place(0))
+    check_size(model, frames.frame_shape, frames.place(0))
     if not hasattr(model, "classes_"):
         return frames
     known = [str(c) for c in model.classes_]
@@ -96,11 +97,11 @@ def unlabelled_frames(
         placed = zip(files, stream_files(files, window), strict=True)
         stream: Any = (_checked(model, place, frame) for place, frame in placed)
         total = len(files)
-    elif recording.suffix.lower() in (*readers.ARRAYS, readers.TABLE):
+    elif recording.suffix.lower() in readers.FRAMES:
         found = readers.open_recording(recording, window=window, fewest_classes=0)
         if found.labels is not None:
             return None
-        check_size(model, found.shape, found.place(0))
+        check_size(model, found.frame_shape, found.place(0))
         stream, total = found.stream(), len(found)
     else:
         return None
@@ -191,6 +192,11 @@ def command_line(
         words += ["--column", column]
     if source["image_column"] != "image":
         words += ["--image-column", source["image_column"]]
+    if source["labels"]:
+        words += ["--labels", source["labels"]]
+    if source["axes"]:
+        words += ["--axes", ",".join(source["axes"])]
+    words += [f"--{name.replace('_', '-')}" for name in _SKIPS if source[name]]
     if window.crop is not None:
         words += ["--crop", *map(str, window.crop)]
     if window.subsample != 1:
@@ -206,6 +212,11 @@ def class_line(recording: Recording, index: np.ndarray) -> str:
     """The classes of some frames, and how many each has."""
     names = np.array(recording.names)[index].tolist()
     return f"classes: {_counted(names, recording.classes)}"
+
+
+def reading_line(recording: Recording) -> list[str]:
+    """How the file was read, where it could be read otherwise; or nothing."""
+    return [f"read: {'; '.join(recording.notes)}"] if recording.notes else []
 
 
 def session_line(recording: Recording) -> str:

@@ -124,13 +124,13 @@ class Recorded:
             "crop": window.crop,
             "subsample": window.subsample,
         }
-        if len(recording.shape) != 2 or recording.labels is None:
-            found = f"frames {recording.shape}, classes {recording.classes}"
+        if len(recording.frame_shape) != 2 or recording.labels is None:
+            found = f"frames {recording.frame_shape}, classes {recording.classes}"
             raise ValueError(f"{path}: expected images with labels, found {found}")
         if recording.dtype not in (np.uint8, np.uint16):
             found = f"{recording.dtype}"
             raise ValueError(f"{path}: expected frames of 8 or 16 bits, found {found}")
-        self.shape = recording.shape[0], recording.shape[1]
+        self.shape = recording.frame_shape[0], recording.frame_shape[1]
         self.classes = recording.classes
         self._order = np.argsort(recording.samples["order"], kind="stable")
         self._labels = recording.labels[self._order]

@@ -1,8 +1,9 @@
-"""Readers of recorded frames: a folder of images as it is, an array, a video, or a camera.
+"""Readers of recorded frames: folders of images, arrays, videos, tables, or a camera.
 
-docs/formats.md describes every kind. Images, videos and cameras need OpenCV and Pillow
-(``pip install 'speckle-hdc[readers]'``); this module itself imports numpy only. Each error names
-the file, what was expected and what was found. Nothing is ever unpickled.
+docs/formats.md describes every kind. Images and cameras need OpenCV
+(``pip install 'speckle-hdc[readers]'``); TIFF, videos, HDF5, MATLAB's files and parquet need the
+libraries of the extra ``files``. Each is imported when such a file comes; this module imports numpy
+only. Each error names the file, what was expected and what was found. Nothing is ever unpickled.
 """
 
 from __future__ import annotations
@@ -12,10 +13,20 @@ from pathlib import Path
 
 import numpy as np
 
-from hdc.readers.files import BadFrame, SettingError, check_file, natural_key, require
+from hdc.readers import stores
+from hdc.readers.files import (
+    Ambiguous,
+    BadFrame,
+    SettingError,
+    check_file,
+    missing_named,
+    natural_key,
+    require,
+)
 from hdc.readers.recording import Recording, Window
 
 __all__ = [
+    "Ambiguous",
     "BadFrame",
     "Recording",
     "SettingError",
@@ -25,11 +36,15 @@ __all__ = [
     "open_recording",
 ]
 
-ARRAYS = (".npz", ".npy")
 TABLE = ".csv"
+PARQUET = ".parquet"
 VIDEO_SUFFIXES = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
+FRAMES = (*stores.SUFFIXES, TABLE, PARQUET)
+"""Files of frames that need no table."""
+SUFFIXES = (*FRAMES, *VIDEO_SUFFIXES)
 
 
+@missing_named()
 def open_recording(
     path: str | Path,
     intervals: str | Path | None = None,
@@ -38,6 +53,7 @@ def open_recording(
     memory_bytes: int = 2**28,
     *,
     axes: Sequence[str] | None = None,
+    labels: str | Path | None = None,
     template: str | None = None,
     table: str | Path | None = None,
     image_column: str = "image",
@@ -45,99 +61,142 @@ def open_recording(
     window: Window | None = None,
     check: bool = True,
     fewest_classes: int = 2,
+    skip_damaged: bool = False,
+    skip_missing: bool = False,
 ) -> Recording:
     """Open recorded frames with their labels, values and order.
 
     Args:
-        path: a folder of images, an .npz or .npy, a .csv of vectors, or a video; ``~`` is the home
-            folder.
+        path: a folder of images; an .npz, .npy, .mat, .h5 or TIFF, of which ``FILE:/NAME`` is one
+            array; a .parquet with images; a .csv of vectors; or a video. ``~`` is the home folder.
         intervals: table of a video; default: beside the video, its suffix replaced by .csv.
         crop: (x, y, width, height) in pixels, x to the right and y down from the top left corner.
         subsample: every subsample-th pixel of the crop on both axes is kept (not averaged, which
             would lower the contrast of a speckle).
         memory_bytes: images are kept in memory up to this size, else decoded again when asked for.
-        axes: of an .npy, such as ``("label", "order", "height", "width")``.
+        axes: of an array, such as ``("label", "order", "height", "width")``.
+        labels: name of the array or column of labels, or a CSV with them, whose columns of numbers
+            are not learnt.
         template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``.
-        table: CSV with a row per image, in or relative to the folder, or of a video with a row per
-            frame; its columns of numbers are values.
-        image_column: column of the table that names the image.
-        value_columns: columns, or arrays of an .npz, that are values; default: all numeric ones
+        table: CSV with a row per image, in or relative to the folder, or with a row per frame of an
+            array or a video; its columns of numbers are values.
+        image_column: column of the table, or of the .parquet, that has the images.
+        value_columns: columns, or arrays of a file, that are values; default: all numeric ones
             but order, session and group (none of a manifest.csv or of a .csv of vectors).
         window: crop and subsample in one.
-        check: decode every image at once; otherwise each when it is asked for.
+        check: decode every image of a folder at once; otherwise each when it is asked for.
         fewest_classes: a recording of fewer is refused; with 0 it needs neither labels nor values.
+        skip_damaged: leave damaged images of a folder out, and say so in ``notes``.
+        skip_missing: leave rows of a table out whose image is not there, and say so.
 
     Raises:
+        Ambiguous: it can be read in two ways; both are named.
         SettingError: a setting is out of range, or the path leads to no recording.
         BadFrame: a frame cannot be used.
         ValueError: a label, a table or a folder is not as described.
+        ModuleNotFoundError: a library of the extra ``files`` is missing.
     """
     window = window or Window(crop, subsample)
-    path = Path(path).expanduser()
+    path, dataset = _dataset(Path(path).expanduser())
     kind = _kind(path)
-    _check_settings(path, kind, template, table, intervals, axes)
-    if not path.exists():
-        raise SettingError(
-            f"path: expected a folder, an .npz or a video, found nothing: {path}"
-        )
-    # OpenCV is imported where images or videos are read, and not for an array.
-    if kind == "a folder":
+    sheet = table
+    name = None if labels is None else str(labels)
+    if name is not None and name.lower().endswith(TABLE):
+        require(table is None, "table", table, "null where labels are a table")
+        sheet, name = name, None
+    _check_settings(
+        path,
+        kind,
+        template=template,
+        table=sheet,
+        intervals=intervals,
+        axes=axes,
+        labels=name,
+        skip_damaged=skip_damaged or None,
+        skip_missing=skip_missing or None,
+    )
+    where = None if sheet is None else Path(sheet).expanduser()
+    learnt = None if table is not None and not value_columns else value_columns
+    # Libraries are imported where their files are read: OpenCV for images, and not for an array.
+    if kind == FOLDER:
         from hdc.readers.images import open_listing
         from hdc.readers.listing import list_folder
 
-        listing = list_folder(path, template, table, image_column, value_columns)
-        return open_listing(path, listing, window, check, fewest_classes, memory_bytes)
+        rows = (template, where, image_column, learnt, fewest_classes, skip_missing)
+        listing = list_folder(path, *rows)
+        return open_listing(path, listing, window, check, memory_bytes, skip_damaged)
     check_file(path)
-    if kind in ("an .npy", "an .npz"):
-        from hdc.readers.archive import open_array
+    if kind == ARRAY:
+        from hdc.readers.arrays import open_arrays
 
-        return open_array(path, window, axes, value_columns, fewest_classes)
-    if kind == "a table":
+        settings = (axes, name, where, learnt, fewest_classes)
+        return open_arrays(path, dataset, window, *settings)
+    if kind == IMAGES:
+        from hdc.readers.parquet import open_parquet
+
+        columns = (name, value_columns, fewest_classes, image_column)
+        return open_parquet(path, window, *columns)
+    if kind == VECTORS:
         from hdc.readers.table import open_table
 
         return open_table(path, window, value_columns, fewest_classes)
-    from hdc.readers.video import open_video, open_video_of_values
+    from hdc.readers.video import open_video
 
-    if table is not None:
-        rows = Path(table).expanduser()
-        return open_video_of_values(path, rows, window, value_columns, fewest_classes)
-    where = Path(intervals).expanduser() if intervals else path.with_suffix(".csv")
-    return open_video(path, where, window, fewest_classes)
+    beside = Path(intervals or path.with_suffix(TABLE)).expanduser()
+    return open_video(
+        path, where or beside, window, learnt, fewest_classes, memory_bytes
+    )
+
+
+FOLDER, ARRAY, IMAGES = "a folder", "a file of arrays", "a parquet"
+VECTORS, VIDEO = "a table", "a video"
+_KINDS = {
+    "template": (FOLDER,),
+    "table": (FOLDER, ARRAY, VIDEO),
+    "intervals": (VIDEO,),
+    "axes": (ARRAY,),
+    "labels": (ARRAY, IMAGES),
+    "skip_damaged": (FOLDER,),
+    "skip_missing": (FOLDER,),
+}
+"""Settings, and the kinds of recordings that have them."""
+
+
+def _dataset(path: Path) -> tuple[Path, str]:
+    """The file of ``FILE:/NAME``, and the name; "" of a file alone."""
+    file, colon, name = str(path).rpartition(":/")
+    if colon and not path.exists() and file.lower().endswith(stores.SUFFIXES):
+        return Path(file), name
+    return path, ""
 
 
 def _kind(path: Path) -> str:
     """What a path leads to, in words."""
-    suffix = path.suffix.lower()
     if path.is_dir():
-        return "a folder"
-    if suffix in ARRAYS:
-        return f"an {suffix}"
-    if suffix == TABLE:
-        return "a table"
-    return "a video" if suffix in VIDEO_SUFFIXES else "another file"
+        return FOLDER
+    kinds = (
+        (stores.SUFFIXES, ARRAY),
+        ((PARQUET,), IMAGES),
+        ((TABLE,), VECTORS),
+        (VIDEO_SUFFIXES, VIDEO),
+    )
+    suffix = path.suffix.lower()
+    return next((kind for ends, kind in kinds if suffix in ends), "another file")
 
 
-def _check_settings(
-    path: Path,
-    kind: str,
-    template: str | None,
-    table: str | Path | None,
-    intervals: str | Path | None,
-    axes: Sequence[str] | None,
-) -> None:
+def _check_settings(path: Path, kind: str, **settings: object) -> None:
     """Raise a SettingError for a setting that the kind of recording does not have."""
-    for name, setting, kinds in (
-        ("template", template, ("a folder",)),
-        ("table", table, ("a folder", "a video")),
-        ("intervals", intervals, ("a video",)),
-        ("axes", axes, ("an .npy",)),
-    ):
+    for name, setting in settings.items():
+        kinds = _KINDS[name]
         expected = f"null unless path is {' or '.join(kinds)} ({path})"
         require(setting is None or kind in kinds, name, setting, expected)
-    if kind == "another file" and path.exists():
-        suffixes = ", ".join((*ARRAYS, TABLE, *VIDEO_SUFFIXES))
+    if not path.exists():
         raise SettingError(
-            f"path: expected a folder or a file ({suffixes}), found {path}"
+            f"path: expected a folder, an .npz or a video, found nothing: {path}"
+        )
+    if kind == "another file":
+        raise SettingError(
+            f"path: expected a folder or a file ({', '.join(SUFFIXES)}), found {path}"
         )
 
 
@@ -157,11 +216,15 @@ def camera(
     """
     import cv2
 
-    from hdc.readers.images import grey, quiet
+    from hdc.readers.images import grey
 
     window = Window(crop, subsample)
-    with quiet():
-        capture = cv2.VideoCapture(index)
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        capture = cv2.VideoCapture(index)  # an error of ours says that there is none
+    finally:
+        cv2.utils.logging.setLogLevel(level)
     try:
         if not capture.isOpened():
             wanted = f"a camera that can be opened at index {index}"

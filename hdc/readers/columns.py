@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +35,62 @@ class Columns:
             for name, text in row.items():
                 texts[name].append(text)
         return cls(places, texts)
+
+    def at(self, rows: np.ndarray) -> Columns:
+        """These rows, in this order."""
+        texts = {name: [own[k] for k in rows] for name, own in self.texts.items()}
+        return Columns([self.places[k] for k in rows], texts)
+
+    def about(
+        self, where: object, fewest_classes: int, value_columns: Sequence[str] | None
+    ) -> dict[str, Any]:
+        """Classes, labels, samples and values, as a recording takes them.
+
+        Args:
+            where: the table, for errors.
+            fewest_classes: fewer are refused.
+            value_columns: names of the columns to learn; all columns of numbers where it is None,
+                or where it is empty and there are no labels.
+
+        Raises:
+            ValueError: there is nothing to learn, or a column is not as it has to be.
+        """
+        labels = self.pop_labels()
+        samples = self.samples()
+        check_times(where, samples, len(self.places))
+        if value_columns is None or (labels is None and not value_columns):
+            value_columns = self.numeric()
+        if labels is None and not value_columns and fewest_classes > 0:
+            raise ValueError(
+                f"{where}: expected a label of each frame, or numbers to learn, found "
+                f"{', '.join(self.texts) or 'neither'}"
+            )
+        classes: tuple[str, ...] = ()
+        indices = None
+        if labels is not None:
+            order = self._class_order(where, labels, samples)
+            classes, indices = class_indices(labels, where, fewest_classes, order)
+        return {
+            "classes": classes,
+            "labels": indices,
+            "samples": samples,
+            "values": self.values(value_columns),
+            "value_names": tuple(value_columns),
+        }
+
+    def _class_order(
+        self, where: object, labels: Sequence[str], samples: dict[str, np.ndarray]
+    ) -> list[str] | None:
+        """Names of the classes in the order of a column class_index, if there is one."""
+        indices = samples.pop("class_index", None)
+        if indices is None:
+            return None
+        pairs = sorted(set(zip(indices.tolist(), labels, strict=True)))
+        if len(pairs) > len(set(labels)):
+            raise ValueError(
+                f"{where}: expected one class_index per label, found {pairs}"
+            )
+        return [label for _, label in pairs]
 
     def only(self, names: Sequence[str]) -> Columns:
         """Those of these columns that are there."""
@@ -110,6 +167,52 @@ class Columns:
         if not names:
             return None
         return np.stack([self.numbers(name) for name in names], axis=1)
+
+
+def class_indices(
+    names: Sequence[str],
+    where: object,
+    fewest: int = 2,
+    order: Sequence[str] | None = None,
+) -> tuple[tuple[str, ...], np.ndarray]:
+    """Class names in natural order (or the given one), and the index of each sample's [N].
+
+    Raises:
+        ValueError: fewer classes than are needed, or a name that is none of those given.
+    """
+    names = normalised(names)
+    if order is None:
+        classes = tuple(sorted(set(names), key=natural_key))
+    else:
+        classes = tuple(normalised(order))
+    if len(classes) < fewest:
+        found = f"only {classes[0]!r}" if classes else "none"
+        raise ValueError(f"{where}: expected two classes or more, found {found}")
+    if unknown := set(names) - set(classes):
+        raise ValueError(
+            f"{where}: expected one of the {len(classes)} classes, found {unknown}"
+        )
+    row_of = {name: row for row, name in enumerate(classes)}
+    rows = [row_of[name] for name in names]
+    return classes, np.array(rows, dtype=np.int64)
+
+
+def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> None:
+    """Raise a ValueError unless ``order`` and ``session`` are N numbers: splits go by them."""
+    for key in ("order", "session"):
+        values = samples.get(key, np.zeros(n))
+        if values.shape != (n,) or values.dtype.kind not in "iuf":
+            found = f"{values.dtype} {values.shape}"
+            raise ValueError(
+                f"{where}: expected {n} numbers in the column {key}, found {found}"
+            )
+        finite = np.isfinite(values)
+        if not finite.all():
+            first = int(finite.argmin())
+            raise ValueError(
+                f"{where}: expected {n} finite numbers in the column {key}, found "
+                f"{values[first]} for frame {first}"
+            )
 
 
 def _is_missing(text: str) -> bool:

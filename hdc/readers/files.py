@@ -7,9 +7,39 @@ import hashlib
 import math
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+_DECIMAL_COMMA = re.compile(r"^(\s*[-+]?\d*),(\d+(?:[eE][-+]?\d+)?\s*)$")
+
+
+LIBRARIES = {
+    "cv2": "readers",
+    "tifffile": "files",
+    "imagecodecs": "files",
+    "av": "files",
+    "h5py": "files",
+    "scipy": "files",
+    "pyarrow": "files",
+}
+"""Packages that read files, and the extra of this distribution that brings each."""
+
+
+@contextmanager
+def missing_named() -> Iterator[None]:
+    """A package that is missing is named in one line, with the extra that brings it."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package not in LIBRARIES:
+            raise
+        extra = LIBRARIES[package]
+        raise ModuleNotFoundError(
+            f"expected the package {package}, found none; pip install 'speckle-hdc[{extra}]'",
+            name=package,
+        ) from error
 
 
 class BadFrame(ValueError):
@@ -18,6 +48,19 @@ class BadFrame(ValueError):
 
 class SettingError(ValueError):
     """A setting out of range, as ``name: expected …, found …``."""
+
+
+class Ambiguous(SettingError):
+    """Something that can be read in several ways.
+
+    Attributes:
+        choices: the words of the command line that take each of them.
+    """
+
+    def __init__(self, where: object, choices: Sequence[str]) -> None:
+        self.choices = tuple(choices)
+        readings = "; or ".join(choices)
+        super().__init__(f"{where}: expected one reading, found {readings}")
 
 
 def require(condition: bool, name: str, found: object, expected: str) -> None:
@@ -60,7 +103,10 @@ def file_digest(path: Path) -> str:
 def read_csv(
     path: Path, required: Sequence[str]
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """Place ("FILE, line 3") and values by column of each row of a CSV in UTF-8 with a header.
+    """Place ("FILE, line 3") and values by column of each row of a CSV with a header.
+
+    It is UTF-8, or UTF-16 with a mark at its beginning. Where the header has more semicolons or
+    tabs than commas, these separate, and a comma in a number is the decimal one.
 
     Raises:
         ValueError: no such file, not a table, a column missing, a row of another length, or a
@@ -68,18 +114,42 @@ def read_csv(
     """
     check_file(path)
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file, strict=True)
+        with path.open(encoding=_encoding(path), newline="") as file:
+            first = file.readline()
+            file.seek(0)
+            separator = _separator(first)
+            reader = csv.reader(file, strict=True, delimiter=separator)
             header = [name.strip() for name in next(reader, [])]
             _check_header(path, header, required)
             for cells in reader:
                 if cells:
                     where = f"{path}, line {reader.line_num}"
+                    if separator != ",":
+                        cells = [_DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells]
                     yield where, _row(where, header, cells, required)
-    except (UnicodeDecodeError, csv.Error) as error:
+    except (UnicodeError, csv.Error) as error:
         raise ValueError(
-            f"{path}: expected a CSV table in UTF-8, found: {error}"
+            f"{path}: expected a CSV table in UTF-8 (iconv -f latin1 -t utf-8), found: {error}"
         ) from error
+
+
+def _encoding(path: Path) -> str:
+    with path.open("rb") as file:
+        marks = file.read(2)
+    return "utf-16" if marks in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+
+
+def columns_of(path: Path) -> list[str]:
+    """Names of the columns of a CSV; none where there is no such file."""
+    if not path.is_file():
+        return []
+    with path.open(encoding=_encoding(path), errors="replace") as file:
+        first = file.readline()
+    return [name.strip() for name in first.split(_separator(first))]
+
+
+def _separator(header: str) -> str:
+    return max(",;\t", key=header.count)
 
 
 def _check_header(path: Path, header: list[str], required: Sequence[str]) -> None:

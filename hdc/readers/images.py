@@ -1,119 +1,101 @@
-"""Images: PNG, JPEG, BMP or TIFF of 8 or 16 bits, decoded to grey frames of as many bits.
+"""Images: PNG, JPEG, BMP or TIFF, decoded to grey frames of as many bits.
 
 Colour becomes luminance (ITU-R BT.601, 0.299 R + 0.587 G + 0.114 B) and an alpha channel is left
-out. Pixels are as they are stored: no orientation tag is applied. OpenCV decodes, but a TIFF is
-decoded by Pillow, as OpenCV leaves damaged strips as they come.
+out. Pixels are as they are stored: no orientation tag is applied. OpenCV decodes; a TIFF is decoded
+by tifffile.
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
 import math
 import os
-import warnings
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import cv2
 import numpy as np
-from PIL import Image, UnidentifiedImageError
 
 from hdc.readers.files import BadFrame, SettingError, check_file
 from hdc.readers.listing import Listing
-from hdc.readers.recording import Recording, Window, class_indices, with_progress
+from hdc.readers.recording import Recording, Window, with_progress
 
 S = TypeVar("S")
 T = TypeVar("T")
 
-FORMATS = ("PNG", "JPEG", "BMP", "TIFF")
-_TIFF_MODES = {
-    "1": "L",
-    "L": "L",
-    "P": "RGB",
-    "RGB": "RGB",
-    "I;16": "I;16",
-    "I;16B": "I;16B",
-}
-"""Pillow's modes of a TIFF → what they are converted to."""
-_ORIENTATION = 274
-_STORED = {
-    2: Image.Transpose.FLIP_LEFT_RIGHT,
-    3: Image.Transpose.ROTATE_180,
-    4: Image.Transpose.FLIP_TOP_BOTTOM,
-    5: Image.Transpose.TRANSPOSE,
-    6: Image.Transpose.ROTATE_90,
-    7: Image.Transpose.TRANSVERSE,
-    8: Image.Transpose.ROTATE_270,
-}
-"""A TIFF's orientation, which Pillow applies → what gives the pixels as they are stored."""
+PNG, JPEG, BMP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM"
+TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # + : BigTIFF
+"""How these files begin."""
+_SCAN, _END = b"\xff\xda", b"\xff\xd9"
+_USUAL_CODES = bytes([0, 2, 1, 3, 3, 2, 4, 3, 5, 5, 4, 4, 0, 0, 1, 125])
+"""Of JPEG's usual table for luminance: with it no scan has a long run of zeros."""
+_SECTOR = bytes(512)
+_MOST_PIXELS = 2**28
 AHEAD = 16
 """Images decoded ahead of the caller."""
 
 
 def decode(file: Path) -> np.ndarray:
-    """The image [H, W] or [H, W, channels] of a file, uint8 or uint16 (blue first).
+    """The image [H, W] or [H, W, channels] of a file (blue first), integers or floats.
 
     Raises:
         BadFrame: it is no single, whole image of a kind that is read here; the file is named.
     """
     check_file(file)
+    return decoded(str(file), file.read_bytes())
+
+
+def decoded(place: str, data: bytes) -> np.ndarray:
+    """The same, of bytes that are of a place."""
+    if data.startswith(TIFF):
+        from hdc.readers import tiff
+
+        image = tiff.image(place, data)
+        return image if image.ndim == 2 else image[..., ::-1]
+    if data.startswith(PNG):
+        _check_png(place, data)
+    elif data.startswith(JPEG):
+        _check_jpeg(place, data)
+    elif not data.startswith(BMP):
+        raise BadFrame(
+            f"{place}: expected an image (PNG, JPEG, BMP, TIFF), found other data"
+        )
     try:
-        image = _decode(file, file.read_bytes())
-    except UnidentifiedImageError as error:
-        kinds = ", ".join(FORMATS)
-        raise BadFrame(
-            f"{file}: expected an image ({kinds}), found other data"
-        ) from error
-    except BadFrame:
-        raise
-    except Exception as error:  # broken bytes make Pillow raise a dozen different types
-        raise BadFrame(
-            f"{file}: expected a whole image, found: {str(error) or error!r}"
-        ) from error
-    if image is None:
-        raise BadFrame(
-            f"{file}: expected a whole image, found one that is damaged or truncated"
-        )
-    return image
+        found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise _damaged(place) from error
+    if found is None:
+        raise _damaged(place)
+    return found
 
 
-def _decode(file: Path, data: bytes) -> np.ndarray | None:
-    if not _is_plain_png(data):
-        with Image.open(io.BytesIO(data), formats=FORMATS) as header:
-            pages = getattr(header, "n_frames", 1)
-            if pages > 1 and header.format != "MPO":
-                raise BadFrame(f"{file}: expected a single image, found {pages}")
-            if header.format == "TIFF":
-                return _tiff(file, header)
-    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+def _damaged(place: str) -> BadFrame:
+    return BadFrame(
+        f"{place}: expected a whole image, found one that is damaged or truncated"
+    )
 
 
-def _is_plain_png(data: bytes) -> bool:
-    """Whether it is a PNG of one image, no bomb; Pillow takes 6 % of the decoding to say so."""
+def _check_png(place: str, data: bytes) -> None:
+    """Raise BadFrame for several images, or for one that would fill the memory."""
     pixels = int.from_bytes(data[16:20]) * int.from_bytes(data[20:24])
-    single = b"acTL" not in data[: data.find(b"IDAT")]  # the mark of an animation
-    return data.startswith(b"\x89PNG\r\n\x1a\n") and single and pixels <= 2**26
-
-
-def _tiff(file: Path, image: Any) -> np.ndarray:
-    bits = image.tag_v2.get(258, (8,))
-    if image.mode not in _TIFF_MODES or bits[1:2] == (16,):
+    if pixels > _MOST_PIXELS:
         raise BadFrame(
-            f"{file}: expected a grey TIFF, or colour of 8 bits without alpha, found {image.mode}"
+            f"{place}: expected at most {_MOST_PIXELS} pixels, found {pixels}"
         )
-    orientation = image.tag_v2.get(_ORIENTATION, 1)
-    image = image.convert(_TIFF_MODES[image.mode])
-    if orientation in _STORED:
-        image = image.transpose(_STORED[orientation])
-    pixels = np.asarray(image)
-    if pixels.ndim == 3:
-        return pixels[..., ::-1]
-    return pixels.astype(pixels.dtype.newbyteorder("="))
+    if b"acTL" in data[: data.find(b"IDAT")]:  # the mark of an animation
+        raise BadFrame(f"{place}: expected a single image, found an animation")
+
+
+def _check_jpeg(place: str, data: bytes) -> None:
+    """Raise BadFrame for a cut file, and for a lost block of zeros: decoders go on over both."""
+    end = data.find(_END, data.rfind(_SCAN))
+    scans = data[data.find(_SCAN) : end]
+    if end < 0 or (_USUAL_CODES in data and _SECTOR in scans):
+        raise _damaged(place)
 
 
 def grey(image: np.ndarray) -> np.ndarray:
@@ -122,30 +104,21 @@ def grey(image: np.ndarray) -> np.ndarray:
     if channels == 1:
         return np.ascontiguousarray(image.reshape(image.shape[:2]))
     code = cv2.COLOR_BGR2GRAY if channels == 3 else cv2.COLOR_BGRA2GRAY
+    if image.dtype not in (np.uint8, np.uint16, np.float32):
+        raise BadFrame(
+            f"expected colour of uint8, uint16 or float32, found {image.dtype}"
+        )
     return cv2.cvtColor(np.ascontiguousarray(image), code)
 
 
 def ahead(function: Callable[[S], T], items: Sequence[S]) -> Iterator[T]:
     """map() over threads, some items ahead of the caller."""
-    with quiet(), ThreadPoolExecutor() as executor:
+    with ThreadPoolExecutor() as executor:
         waiting = executor.map(function, items[:AHEAD])
         for start in range(AHEAD, len(items) + AHEAD, AHEAD):
             ready = waiting
             waiting = executor.map(function, items[start : start + AHEAD])
             yield from ready
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Errors are raised, not logged as well; Pillow warns of tags that no pixel depends on."""
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="PIL")
-            yield
-    finally:
-        cv2.utils.logging.setLogLevel(level)
 
 
 def stream_files(files: Sequence[Path], window: Window) -> Iterator[np.ndarray]:
@@ -154,14 +127,15 @@ def stream_files(files: Sequence[Path], window: Window) -> Iterator[np.ndarray]:
     Raises:
         BadFrame: a file is no usable image, or the crop does not lie inside it.
     """
-    return ahead(lambda file: _frame(file, decode(file), window), files)
+    return ahead(lambda file: frame_of(str(file), decode(file), window), files)
 
 
-def _frame(file: Path, image: np.ndarray, window: Window) -> np.ndarray:
+def frame_of(place: str, image: np.ndarray, window: Window) -> np.ndarray:
+    """The pixels that are kept of a decoded image, in grey."""
     try:
         return grey(window.of(image))
-    except SettingError as error:
-        raise BadFrame(f"{file}: {error}") from error
+    except (SettingError, BadFrame) as error:
+        raise BadFrame(f"{place}: {error}") from error
 
 
 def open_listing(
@@ -169,47 +143,81 @@ def open_listing(
     listing: Listing,
     window: Window,
     check: bool,
-    fewest_classes: int,
     memory_bytes: int,
+    skip_damaged: bool = False,
 ) -> Recording:
     """Open the images of a folder; with ``check`` every one is decoded at once.
 
     Raises:
         BadFrame: a file is no usable image, or its size or depth is not that of the first.
-        ValueError: there are fewer classes than are needed.
     """
-    images = _Images(listing.files, window)
+    files, about, notes = listing.files, listing.about, listing.notes
+    if skip_damaged:
+        whole = whole_images(files)
+        files, about = _of_rows(files, about, whole)
+        if not files:
+            raise BadFrame(f"{root}: expected whole images, found none")
+        if not whole.all():
+            notes = [*notes, _skipped(listing.files, whole)]
+    images = Images(files, window)
     if check:
         images.check(memory_bytes)
-    classes: tuple[str, ...] = ()
-    labels = None
-    if listing.labels is not None:
-        classes, labels = class_indices(
-            listing.labels, root, fewest_classes, listing.classes
-        )
-    names = [os.path.relpath(file, root) for file in listing.files]
+    names = [os.path.relpath(file, root) for file in files]
+    about["samples"] = {
+        "order": np.arange(len(names)),
+        **about["samples"],
+        "file": np.array(names),
+    }
     return Recording(
-        classes=classes,
-        labels=labels,
-        shape=images.shape,
+        frame_shape=images.shape,
         dtype=images.dtype,
-        samples={
-            "order": np.arange(len(names)),
-            **listing.samples,
-            "file": np.array(names),
-        },
         each=images.each,
-        place=lambda i: str(listing.files[i]),
+        place=lambda i: str(files[i]),
         digest=cache(images.digest),
         window=window,
-        values=listing.values,
-        value_names=listing.value_names,
         other_files=tuple(listing.other_files),
+        notes=tuple(notes),
+        **about,
     )
 
 
-class _Images:
+def _of_rows(
+    files: list[Path], about: dict[str, Any], whole: np.ndarray
+) -> tuple[list[Path], dict[str, Any]]:
+    """Files of a mask [N], and what is known of them."""
+    kept = dict(about)
+    for name in ("labels", "values"):
+        if about[name] is not None:
+            kept[name] = about[name][whole]
+    kept["samples"] = {name: own[whole] for name, own in about["samples"].items()}
+    return [file for file, good in zip(files, whole, strict=True) if good], kept
+
+
+def _skipped(files: Sequence[Path], whole: np.ndarray) -> str:
+    first = files[int(whole.argmin())]
+    return f"left out: {int((~whole).sum())} of {len(files)} images are damaged, the first {first}"
+
+
+def whole_images(files: Sequence[Path]) -> np.ndarray:
+    """Which files [N] are decoded as whole images."""
+
+    def is_whole(file: Path) -> bool:
+        try:
+            decode(file)
+        except BadFrame:
+            return False
+        return True
+
+    found = with_progress(ahead(is_whole, files), len(files), "Looking for damage")
+    return np.fromiter(found, bool, len(files))
+
+
+class Images:
     """Image files of one size and depth, those of the first; decoded when asked for, or kept.
+
+    Attributes:
+        shape: (H, W) of a frame.
+        dtype: of its pixels.
 
     Raises:
         BadFrame: the first is no usable image.
@@ -218,11 +226,13 @@ class _Images:
     def __init__(self, files: Sequence[Path], window: Window) -> None:
         self._files, self._window = files, window
         self._kept: list[np.ndarray] = []
-        with quiet():
+        try:
             first = decode(files[0])
+        except BadFrame as error:
+            raise self._counted(error) from error
         self._size = first.shape[:2]
         self.dtype = first.dtype
-        self.shape = _frame(files[0], first, window).shape
+        self.shape = frame_of(str(files[0]), first, window).shape
 
     def check(self, memory_bytes: int) -> None:
         """Decode all of them, and keep them if they fit.
@@ -232,15 +242,21 @@ class _Images:
         """
         n = len(self._files)
         in_memory = n * math.prod(self.shape) * self.dtype.itemsize <= memory_bytes
-        for frame in with_progress(ahead(self._load, self._files), n, "Reading images"):
-            if in_memory:
-                self._kept.append(frame)
+        frames = with_progress(self.each(np.arange(n)), n, "Reading images")
+        if in_memory:
+            self._kept = list(frames)
+        else:
+            deque(frames, maxlen=0)
 
     def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
         """Frames [H, W] of the indices, one after the other."""
         if self._kept:
-            return (self._kept[i] for i in index)
-        return ahead(self._load, [self._files[i] for i in index])
+            yield from (self._kept[i] for i in index)
+            return
+        try:
+            yield from ahead(self._load, [self._files[i] for i in index])
+        except BadFrame as error:
+            raise self._counted(error) from error
 
     def _load(self, file: Path) -> np.ndarray:
         image = decode(file)
@@ -249,7 +265,17 @@ class _Images:
             found = f"{image.shape[1]} × {image.shape[0]} {image.dtype}"
             wanted = f"{width} × {height} pixels {self.dtype} as in the other frames"
             raise BadFrame(f"{file}: expected {wanted}, found {found}")
-        return _frame(file, image, self._window)
+        return frame_of(str(file), image, self._window)
+
+    def _counted(self, error: BadFrame) -> BadFrame:
+        """The error, and how many images are damaged where there are such."""
+        damaged = int((~whole_images(self._files)).sum())
+        if not damaged:
+            return error
+        n = len(self._files)
+        return BadFrame(
+            f"{error} ({damaged} of {n} images are damaged; --skip-damaged leaves them out)"
+        )
 
     def digest(self) -> str:
         """SHA-256 over those of the files."""

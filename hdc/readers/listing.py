@@ -3,35 +3,27 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath, PurePosixPath
-
-import numpy as np
+from typing import Any
 
 from hdc.readers.columns import Columns
-from hdc.readers.files import natural_key, read_csv, require
-from hdc.readers.recording import check_times
+from hdc.readers.files import Ambiguous, SettingError, natural_key, read_csv, require
 from hdc.readers.template import Template
 
 MANIFEST = "manifest.csv"
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-FOLDERS = re.compile(r"(?P<label>[^/]+)/.+")
-"""Paths where the first folder is the class."""
 
 
 @dataclass(frozen=True)
 class Listing:
-    """N images and what is known of each; names of files that are not among them."""
+    """N images, what a recording takes of each, and names of files that are not among them."""
 
     files: list[Path]
-    labels: list[str] | None
-    classes: list[str] | None  # in the order that a manifest gives
-    samples: dict[str, np.ndarray]
-    values: np.ndarray | None  # float64 [N, k]
-    value_names: tuple[str, ...]
+    about: dict[str, Any]
     other_files: list[str]
+    notes: list[str]
 
 
 @dataclass(frozen=True)
@@ -43,13 +35,24 @@ class _Rows:
     texts: list[dict[str, str]]
     other_files: list[str]
 
+    @classmethod
+    def none(cls) -> _Rows:
+        return cls([], [], [], [])
+
+    def add(self, place: str, name: str, texts: dict[str, str]) -> None:
+        self.places.append(place)
+        self.names.append(name)
+        self.texts.append(texts)
+
 
 def list_folder(
     root: Path,
     template: str | None = None,
     table: str | Path | None = None,
     image_column: str = "image",
-    value_columns: Sequence[str] = (),
+    value_columns: Sequence[str] | None = (),
+    fewest_classes: int = 2,
+    skip_missing: bool = False,
 ) -> Listing:
     """List the files of a folder by its table or manifest, by a template, or by its sub-folders.
 
@@ -58,63 +61,61 @@ def list_folder(
         ValueError: the folder or its table is not as described, or a folder in it is a link.
     """
     pattern = None if template is None else Template(template)
+    where, base = root, root
+    manifest = root / MANIFEST
     if table is not None:
         where = _table_path(root, table)
-        rows = _rows_of_table(where, image_column, value_columns, pattern)
+        rows = _rows_of_table(where, image_column, value_columns or (), pattern)
         base = _base(root, where, rows)
+    elif pattern is None and manifest.exists():
+        where = manifest
+        rows = _rows_of_manifest(manifest, value_columns or ())
+        value_columns = value_columns or ()
+    else:
+        names = value_columns or ()
+        wanted = f"a table with the columns {', '.join(names)}"
+        require(not names, "table", None, wanted)
+        rows = _rows_of_files(root, pattern)
+        value_columns = None
+    notes: list[str] = []
+    if where != root:
+        rows, notes = _present(where, base, rows, skip_missing)
         _check_once(base, rows)
-        return _listing(where, base, rows, list(value_columns) or None)
-    manifest = root / MANIFEST
-    if pattern is None and manifest.exists():
-        rows = _rows_of_manifest(manifest, value_columns)
-        _check_once(root, rows)
-        return _listing(manifest, root, rows, list(value_columns), by_index=True)
-    wanted = f"a table with the columns {', '.join(value_columns)}"
-    require(not value_columns, "table", None, wanted)
-    rows = _rows_of_files(root, pattern)
-    return _listing(root, root, rows, None)
-
-
-def _listing(
-    where: Path,
-    base: Path,
-    rows: _Rows,
-    value_columns: list[str] | None,
-    by_index: bool = False,
-) -> Listing:
-    """The listing of rows; without ``value_columns`` all columns of numbers are values."""
     if not rows.names:
         raise ValueError(_nothing_found(where, rows.other_files))
     columns = Columns.of(rows.places, rows.texts)
-    labels = columns.pop_labels()
-    samples = columns.samples()
-    check_times(where, samples, len(rows.names))
-    if value_columns is None:
-        value_columns = columns.numeric()
-    if labels is None and not value_columns:
-        raise ValueError(
-            f"{where}: expected a label of each image, or numbers, found neither"
-        )
-    classes = None
-    if by_index and labels and "class_index" in samples:
-        classes = _classes(where, labels, samples.pop("class_index").tolist())
     return Listing(
         files=[base / name for name in rows.names],
-        labels=labels,
-        classes=classes,
-        samples=samples,
-        values=columns.values(value_columns),
-        value_names=tuple(value_columns),
+        about=columns.about(where, fewest_classes, value_columns),
         other_files=rows.other_files,
+        notes=notes,
     )
 
 
-def _classes(where: Path, labels: list[str], indices: list[int]) -> list[str]:
-    """Names of the classes in the order of their indices."""
-    pairs = sorted(set(zip(indices, labels, strict=True)))
-    if len(pairs) > len(set(labels)):
-        raise ValueError(f"{where}: expected one class_index per label, found {pairs}")
-    return [label for _, label in pairs]
+def _present(
+    where: Path, base: Path, rows: _Rows, skip_missing: bool
+) -> tuple[_Rows, list[str]]:
+    """The rows whose image is there, and a note on the others.
+
+    Raises:
+        ValueError: there are others, and they are not to be skipped; all are counted.
+    """
+    kept = _Rows([], [], [], rows.other_files)
+    absent = []
+    for place, name, texts in zip(rows.places, rows.names, rows.texts, strict=True):
+        if (base / name).is_file():
+            kept.add(place, name, texts)
+        else:
+            absent.append(f"{name} ({place})")
+    if not absent:
+        return rows, []
+    n = len(rows.names)
+    found = f"{len(absent)} of {n} images are missing, the first {absent[0]}"
+    if not skip_missing:
+        raise ValueError(
+            f"{where}: expected every image, found that {found} (--skip-missing leaves them out)"
+        )
+    return kept, [f"left out: {found}"]
 
 
 def _check_once(base: Path, rows: _Rows) -> None:
@@ -156,7 +157,7 @@ def _rows_of_table(
     pattern: Template | None,
 ) -> _Rows:
     """Rows of a table of values, without those that are not as the template says."""
-    rows = _Rows([], [], [], [])
+    rows = _Rows.none()
     for place, row in read_csv(table, value_columns):
         if image_column not in row:
             raise ValueError(
@@ -170,18 +171,14 @@ def _rows_of_table(
         if fields is None:
             rows.other_files.append(name)
             continue
-        rows.places.append(place)
-        rows.names.append(name)
-        rows.texts.append(row | fields)
+        rows.add(place, name, row | fields)
     return rows
 
 
 def _rows_of_manifest(manifest: Path, value_columns: Sequence[str]) -> _Rows:
-    rows = _Rows([], [], [], [])
+    rows = _Rows.none()
     for place, row in read_csv(manifest, ("file", "label", *value_columns)):
-        rows.places.append(place)
-        rows.names.append(str(PurePosixPath(row.pop("file"))))
-        rows.texts.append(row)
+        rows.add(place, str(PurePosixPath(row.pop("file"))), row)
     return rows
 
 
@@ -190,27 +187,49 @@ def _rows_of_manifest(manifest: Path, value_columns: Sequence[str]) -> _Rows:
 
 def _rows_of_files(root: Path, pattern: Template | None) -> _Rows:
     """Images of a folder as the template says, or by sub-folders."""
-    rows = _Rows([], [], [], [])
-    for file in all_files(root):
+    rows = _Rows.none()
+    files = all_files(root)
+    if pattern is None:
+        _check_depth(root, [file for file in files if is_image(file)])
+    for file in files:
         fields = None
         if is_image(file):
             fields = _label(file) if pattern is None else pattern.read(file)
         if fields is None:
             rows.other_files.append(file)
             continue
-        rows.places.append(str(root / file))
-        rows.names.append(file)
-        rows.texts.append(fields)
+        rows.add(str(root / file), file, fields)
     return rows
 
 
 def _label(file: str) -> dict[str, str] | None:
-    match = FOLDERS.fullmatch(file)
-    return None if match is None else match.groupdict()
+    """The first folder is the class."""
+    label, slash, _ = file.partition("/")
+    return {"label": label} if slash else None
+
+
+def _check_depth(root: Path, images: Sequence[str]) -> None:
+    """Raise Ambiguous where every image lies in folders of folders: which of them is the class?"""
+    depths = {file.count("/") for file in images}
+    if not depths or min(depths) < 2:
+        return
+    rest = "/*" * (min(depths) - 1)
+    if len(depths) > 1:
+        raise SettingError(
+            f"{root}: expected images in folders of one depth, found {images[0]} and "
+            f"{max(images, key=lambda file: file.count('/'))} (a manifest.csv names each)"
+        )
+    readings = (f"{{label}}/{{group}}{rest}", f"{{session}}/{{label}}{rest}")
+    raise Ambiguous(
+        f"{root}: folders of folders, such as {images[0]}",
+        [f"--template '{reading}'" for reading in readings],
+    )
 
 
 def all_files(root: Path) -> list[str]:
     """Paths of all files below a folder, relative to it, in natural order; no hidden ones.
+
+    A hidden folder, such as ``.5/``, and one that holds nothing are named with a slash at the end.
 
     Raises:
         ValueError: a folder in it is a link: its files would count twice, or without an end.
@@ -218,11 +237,14 @@ def all_files(root: Path) -> list[str]:
     """
     files = []
     for parent, folders, names in os.walk(root, onerror=_raise):
+        inside = PurePath(parent).relative_to(root).as_posix()
+        before = "" if inside == "." else f"{inside}/"
+        if before and not folders and not names:
+            files.append(before)
+        files += [f"{before}{name}/" for name in folders if name.startswith(".")]
         folders[:] = [name for name in folders if not name.startswith(".")]
         for name in folders:
             _check_is_no_link(Path(parent, name))
-        inside = PurePath(parent).relative_to(root).as_posix()
-        before = "" if inside == "." else f"{inside}/"
         files += [before + name for name in names if name[0] != "."]
     return sorted(files, key=_path_key)
 

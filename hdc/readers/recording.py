@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,8 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from hdc.readers.columns import normalised
-from hdc.readers.files import BadFrame, SettingError, natural_key, require
+from hdc.readers.files import BadFrame, SettingError, require
 
 T = TypeVar("T")
 
@@ -75,12 +75,12 @@ def _is_crop(crop: tuple[int, ...]) -> bool:
 
 @dataclass(frozen=True)
 class Recording:
-    """N frames, decoded when asked for.
+    """N frames, decoded when asked for; indexed as an array [N, H, W] or [N, D].
 
     Attributes:
         classes: names of the L classes; label c means ``classes[c]``.
         labels: int64 [N]; None where there are only values.
-        shape: (H, W) of one frame in pixels, or (D,) of one vector.
+        frame_shape: (H, W) of one frame in pixels, or (D,) of one vector.
         dtype: of the frames' pixels.
         samples: what is known of the frames before they are decoded, [N] each: ``order``
             (place in time), ``session`` and ``group`` where known, other columns of a table.
@@ -88,6 +88,8 @@ class Recording:
         value_names: their k names.
         value_units: their k units; empty where none are known.
         other_files: names of files that are no frames of the recording.
+        features: names of the D numbers of a vector, where a table gives them.
+        notes: how it was read where a file could be read otherwise, a phrase each.
         each: frames [H, W] of indices [n], one after the other, decoded ahead of the caller.
         place: file of a frame, or its place in one, for messages.
         digest: gives that of the recorded bytes, in their order.
@@ -96,7 +98,7 @@ class Recording:
 
     classes: tuple[str, ...]
     labels: np.ndarray | None
-    shape: tuple[int, ...]
+    frame_shape: tuple[int, ...]
     dtype: np.dtype[Any]
     samples: Mapping[str, np.ndarray]
     each: Callable[[np.ndarray], Iterator[np.ndarray]]
@@ -107,15 +109,45 @@ class Recording:
     value_names: tuple[str, ...] = ()
     value_units: tuple[str, ...] = ()
     other_files: tuple[str, ...] = ()
+    features: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.samples["order"])
 
-    def __getitem__(self, index: int | slice) -> np.ndarray:
-        """A frame [H, W], or the frames [n, H, W] of a slice."""
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(N, H, W) or (N, D)."""
+        return (len(self), *self.frame_shape)
+
+    def __getitem__(self, index: Any) -> np.ndarray:
+        """A frame of an integer; frames [n, H, W] of a slice, of integers or of a mask [N].
+
+        Raises:
+            TypeError: the index is of another kind, such as a float.
+            IndexError: an index is outside [-N, N), or a mask is not of N.
+        """
+        rows = self._rows(index)
+        return self.frames(rows) if rows.ndim else self.frames(rows[None])[0]
+
+    def _rows(self, index: Any) -> np.ndarray:
+        """The numbers of the frames that an index names."""
+        every = np.arange(len(self))
         if isinstance(index, slice):
-            return self.frames(range(len(self))[index])
-        return self.frames([index])[0]
+            return every[index]
+        chosen = np.asarray(index)
+        if chosen.size == 0 and chosen.ndim == 1:
+            return every[:0]
+        if chosen.dtype.kind not in "iub" or (chosen.dtype == bool) > chosen.ndim:
+            raise TypeError(
+                f"index: expected integers, a slice or a mask [{len(self)}], found {index!r}"
+            )
+        return every[chosen]
+
+    def __array__(
+        self, dtype: np.dtype[Any] | None = None, copy: bool | None = None
+    ) -> np.ndarray:
+        return self[:].astype(dtype or self.dtype, copy=False)
 
     @property
     def names(self) -> list[str]:
@@ -146,24 +178,28 @@ class Recording:
 
         Raises:
             IndexError: an index is outside [0, N).
+            TypeError: indices are no integers.
             BadFrame: a frame cannot be used.
         """
         frames = list(self.stream(indices))
         if not frames:
-            return np.empty((0, *self.shape), self.dtype)
+            return np.empty((0, *self.frame_shape), self.dtype)
         return np.stack(frames)
 
     def stream(
         self, indices: Sequence[int] | np.ndarray | None = None
     ) -> Iterator[np.ndarray]:
         """:meth:`frames` [H, W] of the given indices (default: all), one after the other."""
-        chosen = range(len(self)) if indices is None else indices
-        index = np.asarray(chosen, dtype=np.int64).reshape(-1)
+        if indices is None:
+            return self.each(np.arange(len(self)))
+        index = np.asarray(indices).reshape(-1)
+        if len(index) and index.dtype.kind not in "iu":
+            raise TypeError(f"indices: expected integers, found {index.dtype}")
         if len(index) and not 0 <= index.min() <= index.max() < len(self):
             raise IndexError(
                 f"indices: expected values in [0, {len(self)}), found {index}"
             )
-        return self.each(index)
+        return self.each(index.astype(np.int64))
 
     def left_out(self, most: int = 3) -> str:
         """One line on the files that are no frames, with the first names; or nothing."""
@@ -174,6 +210,8 @@ class Recording:
         if n > most:
             names += ", …"
         files = "file" if n == 1 else "files"
+        if any(name.endswith("/") for name in self.other_files):
+            files = "files and folders"
         return f"left out {n} other {files}: {names}"
 
     def fingerprint(self) -> str:
@@ -191,52 +229,6 @@ class Recording:
         return digest.hexdigest()
 
 
-def class_indices(
-    names: Sequence[str],
-    where: object,
-    fewest: int = 2,
-    order: Sequence[str] | None = None,
-) -> tuple[tuple[str, ...], np.ndarray]:
-    """Class names in natural order (or the given one), and the index of each sample's [N].
-
-    Raises:
-        ValueError: fewer classes than are needed, or a name that is none of those given.
-    """
-    names = normalised(names)
-    if order is None:
-        classes = tuple(sorted(set(names), key=natural_key))
-    else:
-        classes = tuple(normalised(order))
-    if len(classes) < fewest:
-        found = f"only {classes[0]!r}" if classes else "none"
-        raise ValueError(f"{where}: expected two classes or more, found {found}")
-    if unknown := set(names) - set(classes):
-        raise ValueError(
-            f"{where}: expected one of the {len(classes)} classes, found {unknown}"
-        )
-    row_of = {name: row for row, name in enumerate(classes)}
-    rows = [row_of[name] for name in names]
-    return classes, np.array(rows, dtype=np.int64)
-
-
-def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> None:
-    """Raise a ValueError unless ``order`` and ``session`` are N numbers: splits go by them."""
-    for key in ("order", "session"):
-        values = samples.get(key, np.zeros(n))
-        if values.shape != (n,) or values.dtype.kind not in "iuf":
-            found = f"{values.dtype} {values.shape}"
-            raise ValueError(
-                f"{where}: expected {n} numbers in the column {key}, found {found}"
-            )
-        finite = np.isfinite(values)
-        if not finite.all():
-            first = int(finite.argmin())
-            raise ValueError(
-                f"{where}: expected {n} finite numbers in the column {key}, found "
-                f"{values[first]} for frame {first}"
-            )
-
-
 def check_finite(place: str, frame: np.ndarray) -> np.ndarray:
     """The frame.
 
@@ -250,7 +242,7 @@ def check_finite(place: str, frame: np.ndarray) -> np.ndarray:
 
 def with_progress(items: Iterable[T], total: int, what: str) -> Generator[T]:
     """The same items, with a bar on the terminal while there is one."""
-    if not sys.stderr.isatty():
+    if not sys.stderr.isatty() or importlib.util.find_spec("rich") is None:
         yield from items
         return
     from rich.console import Console

@@ -14,7 +14,7 @@ import numpy as np
 
 from hdc.readers.columns import KNOWN, Columns
 from hdc.readers.files import file_digest, read_csv
-from hdc.readers.recording import Recording, Window, check_times, class_indices
+from hdc.readers.recording import Recording, Window
 
 
 def open_table(
@@ -27,35 +27,33 @@ def open_table(
     """
     needed = value_columns if fewest_classes > 0 else ()
     columns = _columns(path, needed)
-    labels = columns.pop_labels()
-    if labels is None and not value_columns and fewest_classes > 0:
+    chosen = [name for name in value_columns if name in columns.texts]
+    known = columns.only(("label", *KNOWN, *chosen))
+    if fewest_classes > 0 and not chosen and "label" not in known.texts:
         raise ValueError(
             f"{path}: expected a column label, or a chosen column of values, found neither"
         )
-    classes: tuple[str, ...] = ()
-    indices = None
-    if labels is not None:
-        classes, indices = class_indices(labels, path, fewest_classes)
-    chosen = tuple(name for name in value_columns if name in columns.texts)
-    frames = _frames(path, columns, (*KNOWN, *chosen))
-    samples = columns.only((*KNOWN, *chosen)).samples()
-    check_times(path, samples, len(frames))
+    about = known.about(path, fewest_classes, chosen)
+    numbers = [name for name in columns.texts if name not in ("label", *KNOWN, *chosen)]
+    frames = columns.values(numbers)
+    if frames is None:
+        raise ValueError(
+            f"{path}: expected columns of numbers, found {[*columns.texts]}"
+        )
+    about["samples"] = {"order": np.arange(len(frames)), **about["samples"]}
 
     def each(index: np.ndarray) -> Iterator[np.ndarray]:
         return (np.ascontiguousarray(window.of(frames[i])) for i in index)
 
     return Recording(
-        classes=classes,
-        labels=indices,
-        shape=window.shape(frames.shape[1]),
+        frame_shape=window.shape(frames.shape[1]),
         dtype=frames.dtype,
-        samples={"order": np.arange(len(frames)), **samples},
         each=each,
         place=lambda i: columns.places[i],
         digest=cache(lambda: file_digest(path)),
         window=window,
-        values=columns.values(chosen),
-        value_names=chosen,
+        features=tuple(numbers),
+        **about,
     )
 
 
@@ -68,14 +66,3 @@ def _columns(path: Path, required: Sequence[str]) -> Columns:
     if not rows:
         raise ValueError(f"{path}: expected a row of numbers per frame, found none")
     return Columns.of(places, rows)
-
-
-def _frames(path: Path, columns: Columns, known: Sequence[str]) -> np.ndarray:
-    """Vectors float64 [N, D] of all columns but those that are known."""
-    numbers = [name for name in columns.texts if name not in known]
-    frames = columns.values(numbers)
-    if frames is None:
-        raise ValueError(
-            f"{path}: expected columns of numbers, found {[*columns.texts]}"
-        )
-    return frames

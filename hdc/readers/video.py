@@ -1,11 +1,11 @@
 """A video with a table: labelled intervals, or a row of values a frame; or frame by frame.
 
 A frame belongs to the interval with start ≤ time < end; frames outside all intervals are left out.
-Times are those of the container, in seconds from its first frame, evenly spaced or not. OpenCV
-gives 8 bits per pixel, whatever was stored. The frames that are used are kept in memory.
+PyAV (FFmpeg) decodes. Times are those of the container, in seconds from its first frame, evenly
+spaced or not. A frame is turned as the file says. Grey of more than 8 bits comes as it is stored.
 
-The video is decoded once, from its beginning: seeking is slow, and not exact in every container
-(opencv/opencv issues 4890 and 9053).
+The video is decoded from its beginning: seeking is slow, and not exact in every container. Frames
+that fit are kept in memory.
 """
 
 from __future__ import annotations
@@ -15,87 +15,117 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from functools import cache
-from itertools import count, pairwise
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import cv2
+import av
 import numpy as np
 
-from hdc.readers.columns import Columns
-from hdc.readers.files import BadFrame, file_digest, parse_number, read_csv
-from hdc.readers.images import grey, quiet
-from hdc.readers.recording import (
-    Recording,
-    Window,
-    check_times,
-    class_indices,
-    with_progress,
+from hdc.readers.columns import Columns, class_indices
+from hdc.readers.files import (
+    BadFrame,
+    check_file,
+    columns_of,
+    file_digest,
+    parse_number,
+    read_csv,
 )
+from hdc.readers.images import grey
+from hdc.readers.recording import Recording, Window
 
-_ROUNDED_S = 1e-3
-"""Some containers round their times to this."""
-_EARLY_S = 1e-5
-"""Frames so much before an interval belong to it: 3 × 0.1 s is after 0.3 s, in floats."""
+_EARLY_S = 5.1e-4
+"""Frames so much before an interval belong to it: some containers round their times to 1 ms."""
 
 
 def open_video(
-    path: Path, table: Path, window: Window, fewest_classes: int
+    path: Path,
+    table: Path,
+    window: Window,
+    value_columns: Sequence[str] | None,
+    fewest_classes: int,
+    memory_bytes: int,
 ) -> Recording:
-    """Open a video and its table of intervals; see the module's description.
+    """Open a video and its table, which has a row per interval or a row per frame.
+
+    A row per interval has ``start_s``, ``end_s`` and ``label``; one per frame has ``frame``, its
+    number from 0, and labels or values. With ``value_columns`` None all columns of numbers are
+    values.
 
     Raises:
         BadFrame: the video ends before its header says, or has lost frames.
         ValueError: the video or its table is not as described, or a crop does not fit.
     """
+    check_file(table)
+    film = Film(path, window)
+    columns = columns_of(table)
+    if "frame" in columns:
+        about = _of_frames(table, film, value_columns, fewest_classes, memory_bytes)
+    elif "start_s" in columns:
+        about = _of_intervals(table, film, fewest_classes, memory_bytes)
+    else:
+        raise ValueError(
+            f"{table}: expected a column frame, or start_s, end_s and label, found "
+            f"{', '.join(columns)}"
+        )
+    numbers = about["samples"]["frame"]
+    about["samples"] = {"order": np.arange(len(numbers)), **about["samples"]}
+
+    def digest() -> str:
+        used = hashlib.sha256(numbers.astype("<i8").tobytes()).hexdigest()
+        return repr((file_digest(path), used))
+
+    return Recording(
+        frame_shape=film.shape,
+        dtype=film.dtype,
+        each=lambda index: film.each(numbers[index].tolist()),
+        place=lambda i: f"{path}, frame {numbers[i]}",
+        digest=cache(digest),
+        window=window,
+        notes=tuple(film.notes),
+        **about,
+    )
+
+
+def _of_intervals(
+    table: Path, film: Film, fewest_classes: int, memory_bytes: int
+) -> dict[str, Any]:
     intervals = _intervals(table)
     starts = [start - _EARLY_S for start, _, _ in intervals]
-    last = intervals[-1][1]
-    numbers, times, members, frames = [], [], [], []
-    for number, (time, frame) in enumerate(stream_video(path, window, last)):
+    numbers, times, members = [], [], []
+    for number, time in film.read(memory_bytes, intervals[-1][1]):
         member = bisect_right(starts, time) - 1
         if member >= 0 and time < intervals[member][1] - _EARLY_S:
             numbers.append(number)
             times.append(time)
             members.append(member)
-            frames.append(frame)
+            film.keep()
     empty = sorted(set(range(len(intervals))) - set(members))
     if empty:
         start, end, _ = intervals[empty[0]]
-        wanted = f"intervals of at least one frame of {path.name}"
+        wanted = f"intervals of at least one frame of {film.path.name}"
         raise ValueError(f"{table}: expected {wanted}, found {start:g}–{end:g} s")
     labels = [intervals[m][2] for m in members]
-    classes, indices = class_indices(labels, f"{path} with {table}", fewest_classes)
+    where = f"{film.path} with {table}"
+    classes, indices = class_indices(labels, where, fewest_classes)
     samples = {
-        "order": np.arange(len(numbers)),
         "frame": np.array(numbers),
         "time": np.array(times),  # seconds
         "interval": np.array(members),
     }
-    return _recording(
-        path, window, frames, samples, {"classes": classes, "labels": indices}
-    )
+    return {"classes": classes, "labels": indices, "samples": samples}
 
 
-def open_video_of_values(
-    path: Path,
+def _of_frames(
     table: Path,
-    window: Window,
-    value_columns: Sequence[str],
+    film: Film,
+    value_columns: Sequence[str] | None,
     fewest_classes: int,
-) -> Recording:
-    """Open a video and a table with a row a frame: its number from 0 as ``frame``, and values.
-
-    ``label``, ``order``, ``session`` and ``group`` are known by name, as in a table of images;
-    frames without a row are left out.
-
-    Raises:
-        BadFrame: the video ends before its header says, or has lost frames.
-        ValueError: the video or its table is not as described, or a crop does not fit.
-    """
+    memory_bytes: int,
+) -> dict[str, Any]:
     rows: dict[int, dict[str, str]] = {}
     places = []
-    for place, row in read_csv(table, ("frame", *value_columns)):
+    for place, row in read_csv(table, ("frame", *(value_columns or ()))):
         text = row.pop("frame")
         if not text.isdecimal() or int(text) in rows:
             wanted = "a number of a frame from 0, each once"
@@ -104,76 +134,25 @@ def open_video_of_values(
         places.append(place)
     if not rows:
         raise ValueError(f"{table}: expected at least one row, found none")
-    columns = Columns.of(places, list(rows.values()))
-    labels = columns.pop_labels()
-    samples = columns.samples()
-    check_times(table, samples, len(rows))
-    names = tuple(value_columns) or tuple(columns.numeric())
-    if labels is None and not names:
-        raise ValueError(f"{table}: expected columns of numbers, found none")
-    about: dict[str, Any] = {"classes": (), "labels": None}
-    if labels is not None:
-        indices = class_indices(labels, table, fewest_classes)
-        about = dict(zip(("classes", "labels"), indices, strict=True))
-    frames, times = _numbered_frames(path, table, window, list(rows))
-    samples |= {"frame": np.array(list(rows)), "time": np.array(times)}
-    samples = {"order": samples["frame"], **samples}
-    about |= {"values": columns.values(names), "value_names": names}
-    return _recording(path, window, frames, samples, about)
-
-
-def _numbered_frames(
-    path: Path, table: Path, window: Window, numbers: list[int]
-) -> tuple[list[np.ndarray], list[float]]:
-    """Frames of these numbers and their times in s."""
-    wanted = set(numbers)
-    found = {}
-    n = 0
-    for number, (time, frame) in enumerate(stream_video(path, window)):
-        n = number + 1
-        if number in wanted:
-            found[number] = time, frame
-    missing = sorted(wanted - set(found))
-    if missing:
-        wanted_numbers = f"numbers of the {n} frames of {path.name}, from 0"
-        raise ValueError(f"{table}: expected {wanted_numbers}, found {missing[0]}")
-    chosen = [found[number] for number in numbers]
-    return [frame for _, frame in chosen], [time for time, _ in chosen]
-
-
-def _recording(
-    path: Path,
-    window: Window,
-    frames: list[np.ndarray],
-    samples: dict[str, np.ndarray],
-    about: dict[str, Any],
-) -> Recording:
-    """The recording of frames that were decoded.
-
-    Raises:
-        ValueError: all are the same image.
-    """
-    if len(frames) > 1 and all(np.array_equal(frame, frames[0]) for frame in frames):
-        raise ValueError(
-            f"{path}: expected frames that differ, found the same image again and again; OpenCV "
-            f"reads no interlaced video (ffmpeg -i {path.name} -vf yadif … deinterlaces)"
-        )
-    numbers = samples["frame"].tolist()
-
-    def digest() -> str:
-        used = hashlib.sha256(np.array(numbers, dtype="<i8").tobytes()).hexdigest()
-        return repr((file_digest(path), used))
-
-    return Recording(
-        shape=frames[0].shape,
-        dtype=frames[0].dtype,
-        samples=samples,
-        each=lambda index: (frames[i] for i in index),
-        place=lambda i: f"{path}, frame {numbers[i]}",
-        digest=cache(digest),
-        window=window,
-        **about,
+    about = Columns.of(places, list(rows.values())).about(
+        table, fewest_classes, value_columns
     )
+    times = {}
+    n = 0
+    for number, time in film.read(memory_bytes):
+        n = number + 1
+        if number in rows:
+            times[number] = time
+            film.keep()
+    if missing := sorted(set(rows) - set(times)):
+        wanted = f"numbers of the {n} frames of {film.path.name}, from 0"
+        raise ValueError(f"{table}: expected {wanted}, found {missing[0]}")
+    about["samples"] |= {
+        "frame": np.array(list(rows)),
+        "time": np.array([times[number] for number in rows]),
+    }
+    about["samples"] = {"order": about["samples"]["frame"], **about["samples"]}
+    return about
 
 
 def _intervals(table: Path) -> list[tuple[float, float, str]]:
@@ -181,7 +160,7 @@ def _intervals(table: Path) -> list[tuple[float, float, str]]:
     intervals = []
     for where, row in read_csv(table, required=("start_s", "end_s", "label")):
         start, end = (_seconds(where, row[name]) for name in ("start_s", "end_s"))
-        if not 0 <= start < end < math.inf:
+        if not 0 <= start < end:
             raise ValueError(
                 f"{where}: expected 0 ≤ start_s < end_s, found {start}, {end}"
             )
@@ -199,11 +178,8 @@ def _intervals(table: Path) -> list[tuple[float, float, str]]:
 
 
 def _seconds(where: str, text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError as error:
-        raise ValueError(f"{where}: expected seconds, found: {error}") from error
-    if parse_number(text) is None and math.isfinite(seconds):  # such as 1_0
+    seconds = parse_number(text)
+    if seconds is None:
         raise ValueError(f"{where}: expected seconds, found {text!r}")
     return seconds
 
@@ -211,109 +187,200 @@ def _seconds(where: str, text: str) -> float:
 # Decoding ----------------------------------------------------------------------------------------
 
 
+class Film:
+    """Frames of a video by their numbers.
+
+    Attributes:
+        path: of the file.
+        shape, dtype: of a frame; known after :meth:`read`.
+        notes: how frames are read where the file could be read otherwise.
+    """
+
+    def __init__(self, path: Path, window: Window) -> None:
+        self.path, self._window = path, window
+        self.shape: tuple[int, ...] = ()
+        self.dtype = np.dtype(np.uint8)
+        self.notes: list[str] = []
+        self._kept: dict[int, np.ndarray] | None = {}
+        self._now: tuple[int, np.ndarray]
+
+    def read(
+        self, memory_bytes: int, end: float = math.inf
+    ) -> Iterator[tuple[int, float]]:
+        """Number and time in s of each frame before ``end``; :meth:`keep` keeps the present one."""
+        self._left = memory_bytes
+        for number, (time, frame) in enumerate(
+            stream_video(self.path, self._window, end, self.notes)
+        ):
+            self.shape, self.dtype = frame.shape, frame.dtype
+            self._now = number, frame
+            yield number, time
+
+    def keep(self) -> None:
+        """Keep the frame that was read last in memory, if all that are asked for fit."""
+        number, frame = self._now
+        self._left -= frame.nbytes
+        if self._left < 0:
+            self._kept = None
+        elif self._kept is not None:
+            self._kept[number] = frame
+
+    def each(self, numbers: Sequence[int]) -> Iterator[np.ndarray]:
+        """Frames of these numbers; the video is decoded once more where they are not kept."""
+        if self._kept is not None:
+            return (self._kept[number] for number in numbers)
+        if all(first < second for first, second in pairwise(numbers)):
+            return self._decoded(numbers)
+        ordered = sorted(set(numbers))
+        found = dict(zip(ordered, self._decoded(ordered), strict=True))
+        return (found[number] for number in numbers)
+
+    def _decoded(self, numbers: Sequence[int]) -> Iterator[np.ndarray]:
+        wanted = iter(numbers)
+        next_one = next(wanted, None)
+        for number, (_, frame) in enumerate(stream_video(self.path, self._window)):
+            if next_one is None:
+                return
+            if number == next_one:
+                yield frame
+                next_one = next(wanted, None)
+
+
 def stream_video(
-    path: Path, window: Window, end: float = math.inf
+    path: Path,
+    window: Window,
+    end: float = math.inf,
+    notes: list[str] | None = None,
 ) -> Iterator[tuple[float, np.ndarray]]:
     """Time in s and grey frame [H, W] of each frame of a video before ``end`` in s.
 
-    Raises:
-        BadFrame: it ends before its header says, and before ``end``; or frames are missing from a
-            video of an even rate.
-        ValueError: it is no video that is read here.
-    """
-    with quiet():
-        video = _Video(path, end)
-        total = math.ceil(min(video.length, end * video.rate))
-        for _ in with_progress(count(), total, "Reading video"):
-            time = video.grab()
-            if time is None or time >= end - _EARLY_S:
-                video.check_whole()
-                return
-            yield time, grey(window.of(video.image(time)))
-
-
-class _Video:
-    """A video that is decoded frame after frame, with what its times tell of missing frames.
-
-    Args:
-        path: of the file.
-        end: time in s up to which the video is needed.
+    What the file says of its frames is added to ``notes``.
 
     Raises:
+        BadFrame: a frame is damaged, or frames are missing.
         ValueError: it is no video that is read here.
     """
+    check_file(path)
+    try:
+        with av.open(str(path), options={"err_detect": "explode"}) as container:
+            stream = _only_video(path, container)
+            stream.thread_type = "NONE"
+            stream.codec_context.options = {"err_detect": "explode"}
+            times = _Times(path, container, stream)
+            for frame in container.decode(stream):
+                time = times.of(frame)
+                if time >= end - _EARLY_S:
+                    times.check_whole(before_its_end=True)
+                    return
+                if frame.is_corrupt:
+                    raise BadFrame(
+                        f"{path}: expected whole frames, found a damaged one at {time:g} s"
+                    )
+                yield (
+                    time,
+                    grey(window.of(_pixels(frame, [] if notes is None else notes))),
+                )
+            times.check_whole()
+    except av.error.FFmpegError as error:
+        raise BadFrame(
+            f"{path}: expected a whole video, found: {error.strerror}"
+        ) from error
 
-    def __init__(self, path: Path, end: float) -> None:
-        # One thread: several conceal what is damaged in a different way each time.
-        one_thread = [cv2.CAP_PROP_N_THREADS, 1]
-        source = str(path.resolve())
-        self._capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, one_thread)
-        self._path, self._end = path, end
-        self.rate = self._capture.get(cv2.CAP_PROP_FPS)
-        self.length = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
-        if not (self._capture.isOpened() and self.rate > 0 and self.length > 0):
-            found = f"{self.length:g} frames at {self.rate:g} Hz"
-            raise ValueError(f"{path}: expected a video of known length, found {found}")
-        self._grabbed = 0
+
+def _only_video(path: Path, container: Any) -> Any:
+    streams = container.streams.video
+    if len(streams) != 1:
+        raise ValueError(f"{path}: expected one stream of video, found {len(streams)}")
+    return streams[0]
+
+
+class _Times:
+    """Times of frames, and what they tell of missing ones."""
+
+    def __init__(self, path: Path, container: Any, stream: Any) -> None:
+        self._path, self._stated = path, stream.frames
+        self._end_s = _stated_end(container, stream)
+        self._times: list[float] = []
         self._first = 0.0
-        self._before = -math.inf
-        self._ended = False
-        self._steps = [0, 0]  # even ones, and those over several periods
-        self._widest = 1 / self.rate
+        self._lasts = 0.0
 
-    def grab(self) -> float | None:
-        """Time in s of the next frame; None after the last."""
-        if not self._capture.grab():
-            self._ended = True
-            return None
-        stated = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-        even = self._grabbed / self.rate
-        if self._grabbed == 0:
-            self._first = stated
-        time = stated - self._first
-        if abs(time - even) <= _ROUNDED_S:
-            time = even
-        if time <= self._before:
-            found = (
-                f"frame {self._grabbed} at {time:g} s after one at {self._before:g} s"
-            )
-            raise ValueError(
+    def of(self, frame: Any) -> float:
+        """Seconds of a frame from the first one."""
+        if frame.time is None:
+            raise BadFrame(f"{self._path}: expected a time of each frame, found none")
+        if not self._times:
+            self._first = frame.time
+        time = frame.time - self._first
+        if self._times and time <= self._times[-1]:
+            n = len(self._times)
+            found = f"frame {n} at {time:g} s after one at {self._times[-1]:g} s"
+            raise BadFrame(
                 f"{self._path}: expected frames one after the other, found {found}"
             )
-        if self._grabbed:
-            self._count_step(time - self._before)
-        self._before = time
-        self._grabbed += 1
+        self._times.append(time)
+        self._lasts = float((frame.duration or 0) * frame.time_base)
         return time
 
-    def _count_step(self, step: float) -> None:
-        periods = step * self.rate
-        if abs(step - round(periods) / self.rate) <= 2 * _ROUNDED_S:
-            self._steps[round(periods) > 1] += 1
-        self._widest = max(self._widest, step)
+    def check_whole(self, before_its_end: bool = False) -> None:
+        """Raise BadFrame unless there are as many frames, or seconds, as the header states.
 
-    def image(self, time: float) -> np.ndarray:
-        """The frame that was grabbed last."""
-        ok, image = self._capture.retrieve()
-        if not ok:
-            raise BadFrame(f"{self._path}: expected a frame at {time:g} s, found none")
-        return image
-
-    def check_whole(self) -> None:
-        """Raise a BadFrame where the part up to the end lacks frames."""
-        wanted = f"{self.length:g} frames as its header says"
-        missing = self._grabbed < self.length - 1
-        # A header may only estimate the number of frames, so times are asked as well.
-        last = min(self._end, self.length / self.rate) - _EARLY_S
-        if self._ended and missing and self._before + self._widest < last:
-            raise BadFrame(f"{self._path}: expected {wanted}, found {self._grabbed}")
-        even, wide = self._steps
-        if wide == 0 or 9 * wide > even:
-            return  # nothing is missing, or the rate varies
-        while self.grab() is not None:
-            pass
-        if self._grabbed < self.length:
+        Where it states no frames, a gap in steps that are even but for one in ten is a loss.
+        """
+        n = len(self._times)
+        if n == 0 and not before_its_end:
+            raise BadFrame(f"{self._path}: expected frames, found none")
+        if self._stated:
+            if n < self._stated and not before_its_end:
+                wanted = f"{self._stated} frames as its header says"
+                raise BadFrame(f"{self._path}: expected {wanted}, found {n}")
+            return
+        steps = np.diff(self._times)
+        step = max(self._lasts, *steps.tolist(), 0.0)
+        last = self._first + self._times[-1] if n else self._end_s
+        if last + 1.5 * step < self._end_s and not before_its_end:
+            wanted = f"{self._end_s:g} s as its header says"
             raise BadFrame(
-                f"{self._path}: expected {wanted}, found {self._grabbed} with gaps between: some "
-                "are damaged (if its rate varies, ffmpeg -i … -c copy out.mp4 counts its frames)"
+                f"{self._path}: expected {wanted}, found {n} frames to {last:g} s"
             )
+        wide = int((steps > 1.5 * np.median(steps)).sum()) if n > 2 else 0
+        if 0 < 9 * wide < len(steps):
+            raise BadFrame(
+                f"{self._path}: expected frames at an even rate, found {wide} gaps: some are lost "
+                "(if its rate varies, ffmpeg -i … -c copy out.mp4 counts its frames)"
+            )
+
+
+def _stated_end(container: Any, stream: Any) -> float:
+    """Seconds to which a header says that the video goes on; 0 where it says nothing."""
+    clock = stream.metadata.get("DURATION", "")  # of Matroska: 00:00:06.000000000
+    if clock:
+        hours, minutes, seconds = clock.split(":")
+        return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
+    if len(container.streams) > 1 or container.duration is None:
+        return 0.0
+    return float(container.duration / av.time_base)
+
+
+def _pixels(frame: Any, notes: list[str]) -> np.ndarray:
+    """Pixels [H, W] or [H, W, 3] (blue first) of a decoded frame, turned as the file says."""
+    bits = max(component.bits for component in frame.format.components)
+    is_grey = len(frame.format.components) == 1
+    if is_grey and frame.format.name.startswith("gray"):
+        image = frame.to_ndarray()
+        _note(notes, bits > 8, f"{bits} bits a pixel")
+    elif bits > 8:
+        image = frame.to_ndarray(format="gray16le")
+        _note(notes, True, f"luminance of {bits} bits, scaled to 16")
+    else:
+        image = frame.to_ndarray(format="bgr24")
+    turns = round(frame.rotation / 90) % 4
+    _note(notes, turns != 0, f"turned by {90 * turns}° as the file says")
+    _note(
+        notes, frame.interlaced_frame, "interlaced: ffmpeg -vf yadif separates fields"
+    )
+    return np.rot90(image, turns)
+
+
+def _note(notes: list[str], condition: bool, text: str) -> None:
+    if condition and text not in notes:
+        notes.append(text)

@@ -171,12 +171,12 @@ def _classes(
 
 
 def _check_alike(recording: Recording, other: Recording) -> None:
-    first = (recording.shape, recording.dtype)
-    second = (other.shape, other.dtype)
+    first = (recording.frame_shape, recording.dtype)
+    second = (other.frame_shape, other.dtype)
     if first != second:
         raise ValueError(
-            f"--test: expected frames {recording.shape} {recording.dtype} as in the first "
-            f"recording, found {other.shape} {other.dtype}"
+            f"--test: expected frames {recording.frame_shape} {recording.dtype} as in the first "
+            f"recording, found {other.frame_shape} {other.dtype}"
         )
     if recording.values is not None:
         if other.values is None or other.value_names != recording.value_names:

@@ -65,7 +65,7 @@ def compare(
     judged = Judged.of(ours[0], theirs, scores)
     result: dict[str, Any] = {
         "frames": len(recording),
-        "shape": list(recording.shape),
+        "shape": list(recording.frame_shape),
         "chosen_by": _how_chosen(len(made), how, len(parts.chosen_on)),
         "published": judged.published.name,
         "chosen": judged.chosen.name,

@@ -42,6 +42,8 @@ def _head(result: Mapping[str, Any]) -> str:
     else:
         learnt = f"{len(result['classes'])} classes"
     lines = [f"{result['frames']} frames, {learnt}, {size(result['shape'])}"]
+    if result.get("notes"):
+        lines.append(f"read: {'; '.join(result['notes'])}")
     chosen_by = result["chosen_by"]
     lines.append(f"chosen by {chosen_by}" if chosen_by else advice.UNCHOSEN)
     for test in result["tests"]:

@@ -170,7 +170,7 @@ def test_images_are_answered_before_arrays_and_these_before_videos(tmp_path):
     assert [(answer["file"], answer["values"]["x"]) for answer in found] == [
         (str(wide), 0.0),
         (str(image), 7.0),
-        (f"{array}, frame 0", 50.0),
+        (str(array), 50.0),
         (f"{film} at 0.000 s", pytest.approx(10, abs=3)),
         (f"{film} at 0.100 s", pytest.approx(90, abs=3)),
     ]

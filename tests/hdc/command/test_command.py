@@ -527,11 +527,17 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
         ("nicegui", ["live", "--folder", "FOLDER"], "live"),
         ("fastapi", ["live", "--folder", "FOLDER"], "live"),
         ("sklearn", ["compare", "FOLDER"], "compare"),
+        ("av", ["train", "film.mp4", "-o", "m"], "files"),
+        ("h5py", ["train", "stack.h5", "-o", "m"], "files"),
+        ("tifffile", ["train", "stack.tif", "-o", "m"], "files"),
+        ("pyarrow", ["train", "rows.parquet", "-o", "m"], "files"),
         ("matplotlib", ["compare", "FOLDER", "-o", "curve.svg"], "compare"),
     ],
 )
 def test_a_missing_package_names_its_extra(folder, tmp_path, name, words, extra):
     code = f"import sys; sys.modules[{name!r}] = None\nfrom hdc.command import main; main()"
+    for file in ("film.mp4", "stack.h5", "stack.tif", "rows.parquet"):
+        (tmp_path / file).write_bytes(b"x")
     words = [str(folder) if word == "FOLDER" else word for word in words]
     command = [sys.executable, "-c", code, *words]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)

@@ -116,7 +116,8 @@ def hdc(capsys):
 def test_tables_and_json_have_every_model(hdc, archive, tmp_path):
     status, out, err = hdc("compare", archive, "--draws", 1)
     assert (status, err) == (0, "")
-    assert out.startswith("36 frames, 3 classes, 16 × 16 pixels\nchosen by cross-valid")
+    assert out.startswith("36 frames, 3 classes, 16 × 16 pixels\nread: ")
+    assert "as frame, height, width\nchosen by cross-valid" in out
     for name in ("median", "quantile", "levels", "reference"):
         assert f"\n {name} " in out
     for name in ("mean image", "ridge", "1-NN", "3-NN"):

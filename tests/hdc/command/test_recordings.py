@@ -182,7 +182,7 @@ def test_a_table_of_vectors(hdc, tmp_path):
         for label, frame, f in zip(labels, frames.tolist(), force, strict=True):
             table.writerow([label, *frame, 0, f])
     recording = open_recording("s.csv", value_columns=["force"])
-    assert recording.shape == (40,)
+    assert recording.shape == (30, 40)
     assert np.array_equal(recording.frames(np.arange(30)), frames)
     assert recording.names == labels.tolist()
     assert recording.values[:, 0].tolist() == force.tolist()
@@ -255,7 +255,10 @@ def test_a_table_of_values_of_a_video(hdc, tmp_path):
             "frame,force\n1,1\n1,2\n",
             "line 3: expected a number of a frame from 0, each once",
         ),
-        ("image,force\n1,1\n", "different columns, with frame, found"),
+        (
+            "image,force\n1,1\n",
+            "expected a column frame, or start_s, end_s and label, found image",
+        ),
         ("frame,force\n1,1\n2,\n", "line 3: expected a number in force, found ''"),
     ]:
         (tmp_path / "t.csv").write_text(text)
@@ -321,7 +324,7 @@ def test_a_recording_is_opened_as_a_model_was_trained(tmp_path):
     (tmp_path / "t.csv").write_text("\n".join(rows))
     source = {"table": None, "value_columns": ()}
     found = work.frames_for(model, Window(), tmp_path / "t.csv", source)
-    assert (found.value_names, found.shape) == (("20",), (20,))
+    assert (found.value_names, found.shape) == (("20",), (3, 20))
     source["value_columns"] = ("3",)
     found = work.frames_for(model, Window(), tmp_path / "t.csv", source)
     assert found.value_names == ("3",)
@@ -336,6 +339,10 @@ def test_the_line_to_type_has_every_option_that_was_given(tmp_path):
         "table": None,
         "value_columns": (),
         "image_column": "image",
+        "labels": None,
+        "axes": None,
+        "skip_damaged": False,
+        "skip_missing": False,
     }
     plain = work.command_line(Path("r"), Window(), source, "median", "lda")
     end = "--readout lda -o model.safetensors"
@@ -345,11 +352,16 @@ def test_the_line_to_type_has_every_option_that_was_given(tmp_path):
         "table": Path("t.csv"),
         "value_columns": ("x", "y 2"),
         "image_column": "file",
+        "labels": "kind",
+        "axes": ("height", "width", "frame"),
+        "skip_damaged": True,
+        "skip_missing": True,
     }
     window = Window((1, 2, 30, 40), 5)
     assert work.command_line(Path("my r"), window, source, "levels", "lda") == (
         "hdc train 'my r' --template '{label}/*.png' --values t.csv --column x --column 'y 2' "
-        f"--image-column file --crop 1 2 30 40 --subsample 5 --encoder levels {end}"
+        "--image-column file --labels kind --axes height,width,frame --skip-damaged --skip-missing "
+        f"--crop 1 2 30 40 --subsample 5 --encoder levels {end}"
     )
 
 
@@ -449,8 +461,14 @@ def test_links_to_folders_are_refused(hdc, tmp_path):
     )  # the folder that is named may be one
 
 
-@pytest.mark.parametrize(("name", "code"), [("v.mkv", "FFV1"), ("v.avi", "MJPG")])
-def test_a_video_that_is_cut_off_is_refused_by_predict(hdc, tmp_path, name, code):
+@pytest.mark.parametrize(
+    ("name", "code", "said"),
+    [
+        ("v.mkv", "FFV1", "expected 6 s as its header says, found"),
+        ("v.avi", "MJPG", "expected a whole video, found: "),
+    ],
+)
+def test_a_video_that_is_cut_off_is_refused_by_predict(hdc, tmp_path, name, code, said):
     """cracks: 30 of 60 frames, and exit 0."""
     write(tmp_path / "r" / "a" / "0.png", image(0))
     write(tmp_path / "r" / "b" / "0.png", image(1))
@@ -464,7 +482,7 @@ def test_a_video_that_is_cut_off_is_refused_by_predict(hdc, tmp_path, name, code
     (tmp_path / name).write_bytes(whole[: len(whole) // 2])
     status, out, (line,) = hdc("predict", "m", name)
     assert (status, out) == (1, [])
-    assert f"{name}: expected 60 frames as its header says, found" in line
+    assert f"{name}: {said}" in line
 
 
 def test_intervals_of_numbers_and_their_coverage(hdc, tmp_path):
@@ -509,3 +527,43 @@ def test_intervals_of_numbers_and_their_coverage(hdc, tmp_path):
     info = json.loads("".join(hdc("info", "m")[1]))
     size = (tmp_path / "m").stat().st_size
     assert info["bits a pixel and value"] == pytest.approx(8 * size / 288, abs=0.01)
+
+
+def test_axes_that_two_readings_fit_are_named_on_the_command_line(hdc, tmp_path):
+    """cracks: a MATLAB cube [H, W, N] with H = N was taken as [N, H, W]."""
+    cube = RNG.integers(0, 256, (12, 9, 12)).astype(np.uint8)
+    np.savez("r.npz", frames=cube, labels=np.array([0, 1] * 6))
+    status, out, (line,) = hdc("train", "r.npz", "-o", "m")
+    assert (status, out) == (1, [])
+    both = ("--axes frame,height,width", "--axes height,width,frame")
+    assert all(words in line for words in both)
+    read = {}
+    for words in both:
+        status, out, _ = hdc("train", "r.npz", "-o", "m", *words.split())
+        assert status == 0
+        axes = words.removeprefix("--axes ").replace(",", ", ")
+        assert out[-1] == f"read: r.npz[frames] (12, 9, 12) as {axes}"
+        read[words] = out[0]
+    assert read[both[0]] == "m: 12 frames, 2 classes, 12 × 9 pixels"
+    assert read[both[1]] == "m: 12 frames, 2 classes, 9 × 12 pixels"
+
+
+def test_damaged_and_missing_images_are_counted_and_left_out_when_asked(hdc, tmp_path):
+    rows = ["image,label"]
+    for k in range(8):
+        write(tmp_path / "r" / f"{k}.png", image(k % 2))
+        rows.append(f"{k}.png,{'ab'[k % 2]}")
+    rows += ["8.png,a", "9.png,b"]
+    (tmp_path / "r" / "t.csv").write_text("\n".join(rows))
+    whole = (tmp_path / "r" / "7.png").read_bytes()
+    (tmp_path / "r" / "7.png").write_bytes(whole[: len(whole) // 2])
+    words = ("train", "r", "--values", "t.csv", "-o", "m")
+    (line,) = hdc(*words)[2]
+    assert "2 of 10 images are missing, the first 8.png" in line
+    assert "--skip-missing" in line
+    line = hdc(*words, "--skip-missing")[2][-1]
+    assert "1 of 8 images are damaged; --skip-damaged" in line
+    status, out, _ = hdc(*words, "--skip-missing", "--skip-damaged")
+    assert (status, out[0].split(",")[0]) == (0, "m: 7 frames")
+    assert "2 of 10 images are missing" in out[-1]
+    assert "1 of 8 images are damaged" in out[-1]

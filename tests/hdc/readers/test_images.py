@@ -30,7 +30,7 @@ def test_a_folder_is_a_recording(folder, pixels, settings):
     assert recording.classes == ("a", "b", "c")
     assert recording.labels.tolist() == [0] * 4 + [1] * 4 + [2] * 4
     assert recording.names[4:6] == ["b", "b"]
-    assert recording.shape == (20, 30)
+    assert recording.frame_shape == (20, 30)
     assert recording.order.tolist() == list(range(12))
     assert recording.samples["file"][:2].tolist() == ["a/1.png", "a/2.png"]
     order = np.random.default_rng(1).permutation(12)
@@ -77,11 +77,7 @@ def test_colour_becomes_luminance(tmp_path, suffix, dtype):
     alpha = np.dstack([image, rng.integers(0, 255, (9, 8)).astype(dtype)])
     for name in "ab":
         write(tmp_path / "alpha" / name / f"x{suffix}", alpha)
-    if suffix == ".tif":
-        with pytest.raises(BadFrame, match="without alpha, found RGBA"):
-            open_recording(tmp_path / "alpha")
-    else:
-        assert np.array_equal(all_of(open_recording(tmp_path / "alpha")), frames)
+    assert np.array_equal(all_of(open_recording(tmp_path / "alpha")), frames)
 
 
 def test_fingerprints_are_of_contents_not_of_places(folder, tmp_path, pixels):
@@ -132,6 +128,12 @@ def bomb(side):
 NOISE = np.random.default_rng(0).integers(0, 256, (20, 30), dtype=np.uint8)
 
 
+def palette():
+    stream = io.BytesIO()
+    Image.fromarray(NOISE).quantize(16).save(stream, "TIFF")
+    return stream.getvalue()
+
+
 @pytest.mark.parametrize(
     ("data", "suffix", "message"),
     [
@@ -139,18 +141,13 @@ NOISE = np.random.default_rng(0).integers(0, 256, (20, 30), dtype=np.uint8)
         (encoded(NOISE)[:-1], ".png", "whole image"),
         (encoded(NOISE, ".jpg")[:-40], ".jpg", "whole image"),
         (encoded(NOISE, ".bmp")[:-1], ".bmp", "whole image"),
-        (encoded(NOISE, ".tif")[:-100], ".tif", "whole image"),
+        (encoded(NOISE, ".tif")[:-100], ".tif", "whole TIFF"),
         (bytes(9), ".png", "found other data"),
-        (saved("PNG", NOISE, NOISE), ".png", "expected a single image, found 2"),
+        (saved("PNG", NOISE, NOISE), ".png", "a single image, found an animation"),
         (saved("TIFF", NOISE, NOISE), ".tif", "expected a single image, found 2"),
-        (bomb(40_000), ".png", "decompression bomb"),
+        (bomb(40_000), ".png", "at most 268435456 pixels"),
         (saved("GIF", NOISE), ".png", "found other data"),
-        (
-            saved("TIFF", NOISE.astype(np.float32)),
-            ".tif",
-            "expected a grey TIFF, .* found F",
-        ),
-        (encoded(np.zeros((9, 9, 3), np.uint16), ".tif"), ".tif", "colour of 8 bits"),
+        (palette(), ".tif", "expected grey or RGB, found PALETTE"),
     ],
 )
 def test_images_that_would_be_learnt_wrongly_are_refused(
@@ -220,23 +217,6 @@ def test_a_tiff_of_one_bit_may_leave_out_what_is_the_default(tmp_path):
     path = tmp_path / "1.tif"
     path.write_bytes(data)
     assert decode(path).tolist() == [[255] * 4 + [0] * 4, [0] * 7 + [255]]
-
-
-def test_a_plain_png_is_left_to_opencv(tmp_path, monkeypatch):
-    """Pillow is asked about others alone: it would take 6 % of the time."""
-
-    def refuse(*_, **__):
-        raise AssertionError("Pillow was asked")
-
-    monkeypatch.setattr(Image, "open", refuse)
-    large = np.zeros((4096, 1024), np.uint8)
-    write(tmp_path / "1.png", large)
-    assert np.array_equal(decode(tmp_path / "1.png"), large)
-    (tmp_path / "2.png").write_bytes(saved("PNG", NOISE, NOISE))  # an animation
-    write(tmp_path / "3.bmp", NOISE)
-    for name in ("2.png", "3.bmp"):
-        with pytest.raises(BadFrame, match="Pillow was asked"):
-            decode(tmp_path / name)
 
 
 def test_the_digest_of_images_is_that_of_their_digests(folder):

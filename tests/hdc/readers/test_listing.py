@@ -32,8 +32,16 @@ def test_folders_as_they_are(folder, pixels):
     assert recording.classes == ("a", "b", "c")
     assert recording.names == ["a"] * 4 + ["b"] * 6 + ["c"] * 4
     assert recording.samples["file"][8:10].tolist() == ["b/deep/9.png", "b/deep/10.png"]
-    assert recording.other_files == ("a/meta.json", "loose.png", "README.txt")
-    assert recording.left_out(2) == "left out 3 other files: a/meta.json, loose.png, …"
+    assert set(recording.other_files) == {
+        ".cache/",
+        "a/meta.json",
+        "empty/",
+        "loose.png",
+        "README.txt",
+    }
+    assert recording.left_out(2) == (
+        "left out 5 other files and folders: .cache/, a/meta.json, …"
+    )
 
 
 def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
@@ -77,7 +85,7 @@ def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
         ),
         ({"template": "{label}/{label}.png"}, "template: expected fields among"),
         ({"template": "{label/x}.png"}, "template: expected fields among"),
-        ({"template": "a/{order}.png"}, "expected a label of each image, or numbers"),
+        ({"template": "a/{order}.png"}, "expected a label of each frame, or numbers"),
         (
             {"template": "{label}.jpg"},
             r"as the template says, found 12 other files, a/1",
@@ -153,7 +161,10 @@ def test_a_manifest_says_what_belongs_to_the_recording(folder, pixels):
         ("file,label\na/1.png\n", "line 2: expected 2 values, found 1"),
         ("file,label\na/1.png,\nb/1.png,y\n", "line 2: expected a label"),
         ("file,label\na/1.png,x\na/./1.png,y\n", "line 3: expected each file once"),
-        ("file,label\na/1.png,x\nb/9.png,y\n", "b/9.png: expected a readable file"),
+        (
+            "file,label\na/1.png,x\nb/9.png,y\n",
+            "expected every image, found that 1 of 2 images are missing, the first b/9.png",
+        ),
         (
             "file,label\na/1.png,x\nb/1.png,x\n",
             "expected two classes or more, found only 'x'",
@@ -423,7 +434,7 @@ def test_the_order_of_frames_is_part_of_the_fingerprint(folder):
     ("rows", "message"),
     [
         ("image,x\n", "expected images in .*, found none$"),
-        ("image,note\na/1.png,u\n", "expected a label of each image, or numbers"),
+        ("image,note\na/1.png,u\n", "expected a label of each frame, or numbers"),
         ("image,x,order\na/1.png,1,?\n", "expected 1 numbers in the column order"),
         ("image,x\n,1\n", "line 2: expected a image, found none"),
     ],

@@ -1,0 +1,128 @@
+"""Which axis of an array is which."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hdc.readers.files import Ambiguous, SettingError
+from hdc.readers.recording import Window, check_finite
+
+ALONG = ("label", "order", "session", "group", "value", "frame")
+"""Axes of an array whose places say something of a frame; ``frame`` says its number only."""
+INSIDE = ("height", "width", "channel", "feature")
+"""Axes of one frame; channels are red, green and blue."""
+READINGS = {
+    2: ("frame,feature", "feature,frame"),
+    3: ("frame,height,width", "height,width,frame"),
+    4: (
+        "frame,height,width,channel",
+        "frame,channel,height,width",
+        "height,width,channel,frame",
+    ),
+}
+
+
+def reading(
+    where: str, shape: Sequence[int], n: int | None, frames_last: bool
+) -> list[str]:
+    """The reading of an array's axes that its shape and the number of labels leave.
+
+    Raises:
+        Ambiguous: two are left.
+        SettingError: none is left.
+    """
+    possible = [r.split(",") for r in READINGS.get(len(shape), ())]
+    possible = [axes for axes in possible if _fits(axes, shape)]
+    if n is None:
+        if frames_last:
+            possible = possible[::-1]
+        possible = possible[:1]
+    else:
+        possible = [axes for axes in possible if shape[axes.index("frame")] == n]
+    if not possible:
+        wanted = "shape [N, H, W] or [N, D]"
+        if n is not None:
+            wanted += f" with N = {n}, as there are labels or values"
+        raise SettingError(
+            f"{where}: expected {wanted}, found {tuple(shape)} (--axes names them)"
+        )
+    if len(possible) > 1:
+        choices = [f"--axes {','.join(axes)}" for axes in possible]
+        raise Ambiguous(f"{where} {tuple(shape)} for {n} labels", choices)
+    return possible[0]
+
+
+def _fits(axes: list[str], shape: Sequence[int]) -> bool:
+    return "channel" not in axes or shape[axes.index("channel")] in (1, 3)
+
+
+class Frames:
+    """Frames [H, W] or [D] of an array whose axes have names, as this machine's kind of numbers.
+
+    Attributes:
+        shape: (H, W) or (D,) before the window.
+        counts: lengths of the axes along the frames.
+    """
+
+    def __init__(
+        self, path: Path, array: Any, axes: Sequence[str], window: Window
+    ) -> None:
+        self._path, self._array, self._window = path, array, window
+        self._along = [k for k, axis in enumerate(axes) if axis in ALONG]
+        inside = [axis for axis in axes if axis in INSIDE]
+        self._order = [inside.index(axis) for axis in INSIDE if axis in inside]
+        self._check(axes, inside)
+        self.counts = [array.shape[k] for k in self._along]
+        lengths = dict(zip(axes, array.shape, strict=True))
+        self._has_channels = "channel" in inside
+        self.shape = [lengths[axis] for axis in INSIDE if axis in inside][:2]
+        self.dtype = array.dtype.newbyteorder("=")
+
+    def _check(self, axes: Sequence[str], inside: Sequence[str]) -> None:
+        sides = set(inside) - {"channel"}
+        fits = (
+            len(axes) == len(self._array.shape) == len({*axes})
+            and len(self._along) + len(inside) == len(axes)
+            and len(self._along) > 0
+            and sides in ({"height", "width"}, {"feature"})
+        )
+        if not fits:
+            n = len(self._array.shape)
+            wanted = (
+                f"{n} different names among {', '.join(ALONG)}, then height and width"
+            )
+            raise SettingError(f"axes: expected {wanted}, found {list(axes)}")
+
+    def __len__(self) -> int:
+        return math.prod(self.counts)
+
+    def place(self, i: int) -> str:
+        return f"{self._path}, frame {i}" if len(self) > 1 else str(self._path)
+
+    def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
+        for i in index:
+            kept = self._window.of(self._frame(i))
+            if self._has_channels:
+                kept = _luminance(kept)
+            frame = np.ascontiguousarray(kept, dtype=self.dtype)
+            yield check_finite(self.place(i), frame)
+
+    def _frame(self, i: int) -> np.ndarray:
+        key: list[Any] = [slice(None)] * len(self._array.shape)
+        places = np.unravel_index(i, self.counts)
+        for axis, place in zip(self._along, places, strict=True):
+            key[axis] = int(place)
+        frame = np.asarray(self._array[tuple(key)])
+        return frame.transpose(self._order)
+
+
+def _luminance(frame: np.ndarray) -> np.ndarray:
+    """[H, W] of [H, W, 1 or 3], red first."""
+    from hdc.readers.images import grey
+
+    return grey(frame[..., ::-1].astype(frame.dtype.newbyteorder("=")))

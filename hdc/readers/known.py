@@ -1,0 +1,255 @@
+"""What belongs to each frame of an array: arrays of the same file, or columns of a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hdc.readers.axes import ALONG
+from hdc.readers.columns import Columns, check_times, class_indices, natural_ranks
+from hdc.readers.files import SettingError, columns_of, read_csv
+from hdc.readers.stores import Store
+
+LABELS = ("labels", "label")
+"""Arrays that are taken for labels by their name."""
+
+
+class Known:
+    """Labels, values and samples of the frames: arrays of the file, or columns of a table.
+
+    Attributes:
+        count: how many frames they are of; None where nothing says so.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        store: Store,
+        labels: str | None,
+        table: Path | None,
+        fewest_classes: int,
+    ) -> None:
+        self._path, self._store, self._fewest = path, store, fewest_classes
+        self._arrays = {
+            name: _vector(array, store.frames_last)
+            for name, array in store.arrays.items()
+        }
+        own = [labels] if labels else [k for k in LABELS if k in self._arrays]
+        if labels is not None and labels not in self._arrays:
+            listed = ", ".join(self._arrays) or "no array"
+            raise SettingError(f"labels: expected one of {listed}, found {labels!r}")
+        self._labels = self._arrays.pop(own[0]) if own else None
+        self._table = table
+        beside = path.with_suffix(".csv")
+        has_own = self._labels is not None or "values" in self._arrays
+        if table is None and not has_own and "label" in columns_of(beside):
+            self._table = beside
+        self._columns = None if self._table is None else _columns(self._table)
+        self.count = self._count()
+
+    def _count(self) -> int | None:
+        if self._columns is not None:
+            return len(self._columns.places)
+        for array in (self._labels, self._arrays.get("values")):
+            if array is not None and array.shape:
+                return int(array.shape[0])
+        return None
+
+    def about(
+        self,
+        n: int,
+        axes: Sequence[str],
+        counts: Sequence[int],
+        value_columns: Sequence[str] | None,
+    ) -> dict[str, Any]:
+        """Classes, labels, samples and values of N frames, as a recording takes them."""
+        path = self._path
+        if self._columns is not None and self._table is not None:
+            return _of_table(self._table, self._columns, n, self._fewest, value_columns)
+        value_columns = value_columns or ()
+        if axes[0] != "frame" or len(counts) > 1:
+            self._take_places(axes, counts)
+            if "value" in axes and not value_columns:
+                value_columns = ("value",)
+        classes, labels = self._class_labels(n)
+        named, units = _named_values(path, self._arrays, n)
+        if labels is None:
+            value_columns = value_columns or tuple(named)
+            self._check_learnt(value_columns, n)
+        known = self._arrays | named
+        samples = _samples(known, n)
+        check_times(path, {"order": np.arange(n), **samples}, n)
+        return {
+            "classes": classes,
+            "labels": labels,
+            "samples": samples,
+            "values": _values(path, known, value_columns, n),
+            "value_names": tuple(value_columns),
+            "value_units": tuple(units.get(name, "") for name in value_columns),
+        }
+
+    def _take_places(self, axes: Sequence[str], counts: Sequence[int]) -> None:
+        """Place along each axis of frames, of every frame [N]; that along label: the label."""
+        along = [axis for axis in axes if axis in ALONG]
+        places = np.indices(counts).reshape(len(along), -1)
+        for axis, place in zip(along, places, strict=True):
+            if axis == "label":
+                self._labels = place
+            elif axis != "frame":
+                self._arrays[axis] = place
+
+    def _check_learnt(self, value_columns: Sequence[str], n: int) -> None:
+        """Raise a ValueError where there is nothing to learn, and something is needed."""
+        if self._fewest == 0 or value_columns:
+            return
+        fitting = [k for k, array in self._arrays.items() if array.shape == (n,)]
+        advice = f"--labels FILE.csv with a row for each of {n} frames"
+        if fitting:
+            advice = f"--labels {fitting[0]}, or --column {fitting[0]} for numbers"
+        raise ValueError(
+            f"{self._path}: expected arrays frames and labels, found no labels ({advice})"
+            f"{self._store.advice()}"
+        )
+
+    def _class_labels(self, n: int) -> tuple[tuple[str, ...], np.ndarray | None]:
+        """Class names, and the index of each frame's [N]; integers count the names in classes."""
+        labels, where = self._labels, f"{self._path}[labels]"
+        names = self._arrays.get("classes")
+        if labels is None:
+            return (), None
+        if labels.dtype.kind == "f" and (labels == np.round(labels)).all():
+            labels = labels.astype(np.int64)  # MATLAB's numbers are floats
+        if labels.shape != (n,) or labels.dtype.kind not in "iuU":
+            found = f"{labels.dtype} {labels.shape}"
+            raise ValueError(
+                f"{where}: expected integers or strings ({n},), found {found}"
+            )
+        classes = None if names is None else _texts(names)
+        if classes is not None and len(set(classes)) < len(classes):
+            raise ValueError(
+                f"{self._path}[classes]: expected different names, found {classes}"
+            )
+        by_number = dict(enumerate(classes or ()))
+        texts = [str(by_number.get(label, label)) for label in labels.tolist()]
+        return class_indices(texts, where, self._fewest, classes)
+
+
+def _vector(array: Any, of_matlab: bool) -> Any:
+    """A column or a row of MATLAB as a vector [N], in memory; other arrays as they are."""
+    if len(array.shape) == 1:
+        return np.asarray(array[:])
+    if of_matlab and len(array.shape) == 2 and 1 in array.shape:
+        return np.asarray(array[:, :]).ravel()
+    return array
+
+
+def _columns(table: Path) -> Columns:
+    """Rows of a table, in the order of the frames; a column ``frame`` numbers them from 0."""
+    places, rows = [], []
+    for place, row in read_csv(table, ()):
+        places.append(place)
+        rows.append(row)
+    if not rows:
+        raise ValueError(f"{table}: expected a row per frame, found none")
+    return Columns.of(places, rows)
+
+
+def _of_table(
+    table: Path,
+    columns: Columns,
+    n: int,
+    fewest_classes: int,
+    value_columns: Sequence[str] | None,
+) -> dict[str, Any]:
+    """What a table with a row per frame says of each."""
+    if len(columns.places) != n:
+        raise ValueError(
+            f"{table}: expected {n} rows, one per frame, found {len(columns.places)}"
+        )
+    if "frame" in columns.texts:
+        numbers = columns.numbers("frame").astype(int)
+        if sorted(numbers) != list(range(n)):
+            raise ValueError(
+                f"{table}: expected each number of a frame from 0 to {n - 1} in the column frame, "
+                f"found {int(numbers.min())} to {int(numbers.max())}"
+            )
+        columns = columns.at(np.argsort(numbers))
+        del columns.texts["frame"]
+    return columns.about(table, fewest_classes, value_columns)
+
+
+def _named_values(
+    path: Path, arrays: dict[str, np.ndarray], n: int
+) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Columns [N] of the array ``values`` and their units, by name; taken out of the arrays."""
+    values = arrays.pop("values", None)
+    names = arrays.pop("value_names", None)
+    units = arrays.pop("value_units", None)
+    if values is None:
+        return {}, {}
+    values = np.asarray(values[...])
+    if values.ndim not in (1, 2) or len(values) != n:
+        found = f"{values.dtype} {values.shape}"
+        raise ValueError(f"{path}[values]: expected shape ({n}, k), found {found}")
+    columns = values.reshape(n, -1).T
+    titles = _numbered(len(columns)) if names is None else _texts(names)
+    if len(titles) != len(columns) or len(set(titles)) < len(titles):
+        wanted = f"{len(columns)} different names, one a column of values"
+        raise ValueError(f"{path}[value_names]: expected {wanted}, found {titles}")
+    by_name = dict(zip(titles, columns, strict=True))
+    if units is None:
+        return by_name, {}
+    symbols = _texts(units)
+    if len(symbols) != len(columns):
+        wanted = f"{len(columns)} units, one a column of values"
+        raise ValueError(f"{path}[value_units]: expected {wanted}, found {symbols}")
+    return by_name, dict(zip(titles, symbols, strict=True))
+
+
+def _texts(array: np.ndarray) -> list[str]:
+    return [str(text) for text in np.ravel(array).tolist()]
+
+
+def _numbered(n: int) -> list[str]:
+    """Names of columns that have none."""
+    return ["value"] if n == 1 else [f"value_{k}" for k in range(n)]
+
+
+def _values(
+    path: Path, arrays: dict[str, np.ndarray], columns: Sequence[str], n: int
+) -> np.ndarray | None:
+    """The chosen columns of numbers, float64 [N, k]; None of no columns."""
+    if not columns:
+        return None
+    fitting = {name for name, array in arrays.items() if array.shape == (n,)}
+    wrong = [name for name in columns if name not in fitting]
+    if wrong:
+        raise SettingError(
+            f"value_columns: expected arrays [{n}], found no {', '.join(wrong)}"
+        )
+    for name in columns:
+        kind = arrays[name].dtype
+        if kind.kind not in "iuf":
+            raise ValueError(f"{path}[{name}]: expected numbers, found {kind}")
+        finite = np.isfinite(arrays[name])
+        if not finite.all():
+            first = int(finite.argmin())
+            found = f"{arrays[name][first]} for frame {first}"
+            raise ValueError(f"{path}[{name}]: expected finite numbers, found {found}")
+    return np.stack([arrays[name].astype(float) for name in columns], axis=1)
+
+
+def _samples(arrays: dict[str, np.ndarray], n: int) -> dict[str, np.ndarray]:
+    """What is kept of the frames: an order and a session in any case, and arrays [N]."""
+    samples = {}
+    for name, array in arrays.items():
+        fits = array.shape == (n,) and array.dtype.kind in "iufU"
+        if fits or name in ("order", "session"):
+            samples[name] = array
+        if fits and name in ("session", "group") and array.dtype.kind == "U":
+            samples[f"{name}_name"] = array
+            samples[name] = natural_ranks(array.tolist())
+    return samples

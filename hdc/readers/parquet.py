@@ -1,0 +1,161 @@
+"""A parquet file with a column of encoded images, as collections of robot touches are published.
+
+Other columns of numbers and text are read as those of a table of images: ``label``, ``order``,
+``session`` and ``group`` are known by name. A group of rows is in memory at a time.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from hdc.readers.columns import Columns
+from hdc.readers.files import Ambiguous, BadFrame, file_digest
+from hdc.readers.images import decoded, frame_of
+from hdc.readers.recording import Recording, Window
+
+
+def open_parquet(
+    path: Path,
+    window: Window,
+    labels: str | None,
+    value_columns: Sequence[str],
+    fewest_classes: int,
+    image_column: str = "image",
+) -> Recording:
+    """Open the images [N, H, W] of a parquet file; see the module's description.
+
+    Args:
+        path: of the file.
+        window: pixels that are kept.
+        labels: the column of labels; by default ``label``.
+        value_columns: columns of numbers to learn; by default all where there are no labels.
+        fewest_classes: fewer are refused; 0: neither labels nor values are needed.
+        image_column: the column of images, where there are several.
+
+    Raises:
+        Ambiguous: there are several columns of images, and none has this name.
+        ValueError: the file is not as described.
+    """
+    try:
+        file = pq.ParquetFile(path)
+    except pa.ArrowException as error:
+        raise ValueError(
+            f"{path}: expected an intact parquet file, found: {error}"
+        ) from error
+    column = _image_column(path, file.schema_arrow, image_column)
+    columns = _columns(path, file, labels or "label")
+    about = columns.about(path, fewest_classes, value_columns)
+    n = file.metadata.num_rows
+    about["samples"] = {"order": np.arange(n), **about["samples"]}
+    images = _Rows(path, file, column, window)
+    return Recording(
+        frame_shape=images.shape,
+        dtype=images.dtype,
+        each=images.each,
+        place=images.place,
+        digest=cache(lambda: file_digest(path)),
+        window=window,
+        notes=(f"images of the column {column}",),
+        **about,
+    )
+
+
+def _image_column(path: Path, schema: Any, wanted: str) -> str:
+    found = [field.name for field in schema if _holds_bytes(field.type)]
+    if wanted in found:
+        return wanted
+    if not found:
+        listed = ", ".join(f"{field.name} ({field.type})" for field in schema)
+        raise ValueError(f"{path}: expected a column of encoded images, found {listed}")
+    if len(found) > 1:
+        choices = [f"--image-column {name}" for name in found]
+        raise Ambiguous(f"{path}: several columns of images", choices)
+    return found[0]
+
+
+def _holds_bytes(kind: Any) -> bool:
+    """Whether a column is of bytes, or of structs with bytes as Hugging Face writes them."""
+    if pa.types.is_struct(kind):
+        return kind.get_field_index("bytes") >= 0
+    return pa.types.is_binary(kind) or pa.types.is_large_binary(kind)
+
+
+def _columns(path: Path, file: Any, label: str) -> Columns:
+    """Columns of numbers and text; the chosen one is the label."""
+    tests = (pa.types.is_integer, pa.types.is_floating, pa.types.is_string)
+    names = [
+        field.name
+        for field in file.schema_arrow
+        if any(test(field.type) for test in tests)
+    ]
+    table = file.read(columns=names)
+    texts = {}
+    for name in names:
+        cells = table.column(name).to_pylist()
+        texts[name] = ["" if cell is None else str(cell) for cell in cells]
+    if label in texts:
+        by_number = _class_names(file.schema_arrow, label)
+        numbers = texts.pop(label)
+        texts["label"] = [by_number.get(number, number) for number in numbers]
+    elif label != "label":
+        raise ValueError(
+            f"labels: {path}: expected one of {', '.join(names)}, found {label!r}"
+        )
+    places = [f"{path}, row {i}" for i in range(len(table))]
+    return Columns(places, texts)
+
+
+def _class_names(schema: Any, label: str) -> dict[str, str]:
+    """Names of numbered classes, where the file's makers state them for Hugging Face."""
+    stated = json.loads((schema.metadata or {}).get(b"huggingface", b"{}"))
+    feature = stated.get("info", {}).get("features", {}).get(label, {})
+    return {str(number): name for number, name in enumerate(feature.get("names", ()))}
+
+
+class _Rows:
+    """Images of one size and depth, row by row."""
+
+    def __init__(self, path: Path, file: Any, column: str, window: Window) -> None:
+        self._path, self._file, self._column, self._window = path, file, column, window
+        groups = range(file.num_row_groups)
+        counts = [file.metadata.row_group(group).num_rows for group in groups]
+        self._ends = np.cumsum(counts)
+        first = next(self._decoded(np.arange(1)))
+        self._size, self.dtype = first.shape[:2], first.dtype
+        self.shape = frame_of(self.place(0), first, window).shape
+
+    def place(self, i: int) -> str:
+        return f"{self._path}, row {i}"
+
+    def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
+        for i, image in zip(index, self._decoded(index), strict=True):
+            found = image.shape[:2], image.dtype
+            if found != (self._size, self.dtype):
+                raise BadFrame(
+                    f"{self.place(i)}: expected {self._size} {self.dtype} as in the first image, "
+                    f"found {found[0]} {found[1]}"
+                )
+            yield frame_of(self.place(i), image, self._window)
+
+    def _decoded(self, index: np.ndarray) -> Iterator[np.ndarray]:
+        held, cells = -1, None
+        for i in index:
+            group = int(np.searchsorted(self._ends, i, side="right"))
+            if group != held:
+                held = group
+                cells = self._file.read_row_group(group, [self._column]).column(0)
+            assert cells is not None
+            start = self._ends[group] - len(cells)
+            cell = cells[int(i - start)].as_py()
+            data = cell["bytes"] if isinstance(cell, dict) else cell
+            if data is None:
+                raise BadFrame(f"{self.place(i)}: expected an image, found none")
+            yield decoded(self.place(i), data)
